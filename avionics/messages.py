@@ -1,0 +1,624 @@
+"""Every message that crosses a module border of the flight computer, declared once.
+
+Each field's docstring begins with its unit (``-`` for none). Earth axes are NED, body axes FRD; SI and radians,
+another unit only as a suffix of the name. Time stamps are microseconds since boot. The type of a field is
+its width in the log: ``float`` is 8 bytes, the aliases below name the others.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+from typing import Annotated, Any, NamedTuple
+
+
+class Wire(NamedTuple):
+    """The protobuf scalar a field is logged as, and the length of an array (0 for a single value)."""
+
+    scalar: str
+    length: int = 0
+
+
+Time = Annotated[int, Wire("fixed64")]
+Counts = Annotated[int, Wire("sfixed32")]
+Number = Annotated[int, Wire("fixed32")]
+Single = Annotated[float, Wire("float")]
+BURST_LENGTH = 60
+Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
+
+
+# --- what the sensors say -------------------------------------------------------------------------------
+
+
+class ImuSample(NamedTuple):
+    """One sample of accelerometer, gyroscope and magnetometer in body axes."""
+
+    time_us: Time
+    """us; since boot"""
+    accel_x: float
+    """m/s^2; specific force along FRD x (forward)"""
+    accel_y: float
+    """m/s^2; specific force along FRD y (right)"""
+    accel_z: float
+    """m/s^2; specific force along FRD z (down), -9.81 at rest"""
+    gyro_x: float
+    """rad/s; roll rate"""
+    gyro_y: float
+    """rad/s; pitch rate"""
+    gyro_z: float
+    """rad/s; yaw rate"""
+    mag_x: float
+    """gauss; magnetic field along FRD x"""
+    mag_y: float
+    """gauss; magnetic field along FRD y"""
+    mag_z: float
+    """gauss; magnetic field along FRD z"""
+
+
+class EncoderSample(NamedTuple):
+    """Quadrature counts of the wing encoders, accumulated since power-on."""
+
+    time_us: Time
+    """us; since boot"""
+    left_counts: Counts
+    """counts; left wing, positive with the wing up"""
+    right_counts: Counts
+    """counts; right wing, positive with the wing up"""
+
+
+class PressureSample(NamedTuple):
+    """Raw readings of the barometer and of the pitot's differential pressure sensor."""
+
+    time_us: Time
+    """us; since boot"""
+    static_counts: Counts
+    """counts; static pressure"""
+    differential_counts: Counts
+    """counts; pitot minus static"""
+    temperature_counts: Counts
+    """counts; air temperature"""
+
+
+class AdcBurst(NamedTuple):
+    """Sixty samples of supply voltage and current at 6 kHz: three periods of the servos' 300 Hz PWM."""
+
+    time_us: Time
+    """us; since boot, at the last sample"""
+    voltage_counts: Burst
+    """counts; supply voltage behind the divider"""
+    current_counts: Burst
+    """counts; current sensor shared by the wing drive"""
+
+
+class TorqueSample(NamedTuple):
+    """Raw readings of the strain gauges on the wing drives (instrumented vehicles only)."""
+
+    time_us: Time
+    """us; since boot"""
+    left_counts: Counts
+    """counts; left drive, positive when it drives the wing up"""
+    right_counts: Counts
+    """counts; right drive, positive when it drives the wing up"""
+
+
+class GpsFix(NamedTuple):
+    """One fix of the GPS receiver."""
+
+    time_us: Time
+    """us; since boot, when the fix arrived"""
+    latitude: float
+    """rad; WGS-84"""
+    longitude: float
+    """rad; WGS-84"""
+    altitude: float
+    """m; above mean sea level"""
+    v_north: float
+    """m/s; ground velocity"""
+    v_east: float
+    """m/s; ground velocity"""
+    v_down: float
+    """m/s; ground velocity"""
+    horizontal_accuracy: float
+    """m; one sigma as told by the receiver"""
+    vertical_accuracy: float
+    """m; one sigma as told by the receiver"""
+    fix_type: Number
+    """-; 0 none, 2 two-, 3 three-dimensional"""
+    satellites: Number
+    """-; used in the fix"""
+
+
+class SensorFrame(NamedTuple):
+    """All that the board delivers in one tick; what was not sampled in this tick is None."""
+
+    time_us: int
+    """us; since boot, of the IMU sample"""
+    imu: ImuSample
+    encoder: EncoderSample | None = None
+    pressures: PressureSample | None = None
+    adc: AdcBurst | None = None
+    torque: TorqueSample | None = None
+    gps: GpsFix | None = None
+
+
+# --- what enters from the ground ------------------------------------------------------------------------
+
+
+class PilotInput(NamedTuple):
+    """The pilot's sticks, from MANUAL_CONTROL or a receiver."""
+
+    time_us: Time
+    """us; since boot, when it was applied"""
+    pitch: float
+    """-; -1 nose down to 1 nose up"""
+    roll: float
+    """-; -1 left to 1 right"""
+    yaw: float
+    """-; -1 left to 1 right"""
+    throttle: float
+    """-; 0 to 1 flapping"""
+
+
+class CommandKind(IntEnum):
+    """What a `Command` asks for."""
+
+    ARM = 1
+    DISARM = 2
+    SET_MODE = 3
+    SET_PARAMETER = 4
+    SET_MISSION = 5
+    SET_CURRENT_ITEM = 6
+    EXCITE = 7
+    LINK_LOST = 8
+    LINK_REGAINED = 9
+
+
+class Command(NamedTuple):
+    """One input from outside, applied at the start of the tick it is logged with."""
+
+    time_us: int
+    """us; since boot, the tick at which it is applied"""
+    kind: CommandKind
+    """-; what is asked"""
+    name: str = ""
+    """-; the parameter's name, the mode's name, or empty"""
+    value: float = 0.0
+    """-; the parameter's value, the item's number, or 0"""
+    payload: Any = None
+    """-; a tuple of mission items for SET_MISSION, an excitation item for EXCITE"""
+    source: str = ""
+    """-; who asked: a link's name, "script" or "pilot\""""
+
+
+# --- what the flight computer believes ------------------------------------------------------------------
+
+
+class Attitude(NamedTuple):
+    """Attitude, body rates and gyro bias from the AHRS."""
+
+    time_us: Time
+    """us; since boot"""
+    roll: float
+    """rad; right wing down is positive"""
+    pitch: float
+    """rad; nose up is positive"""
+    yaw: float
+    """rad; clockwise from magnetic-corrected north, -pi to pi"""
+    roll_rate: float
+    """rad/s; about FRD x, bias removed"""
+    pitch_rate: float
+    """rad/s; about FRD y, bias removed"""
+    yaw_rate: float
+    """rad/s; about FRD z, bias removed"""
+    quaternion_w: float
+    """-; of r_ned_from_frd"""
+    quaternion_x: float
+    """-; of r_ned_from_frd"""
+    quaternion_y: float
+    """-; of r_ned_from_frd"""
+    quaternion_z: float
+    """-; of r_ned_from_frd"""
+    bias_x: float
+    """rad/s; gyro bias"""
+    bias_y: float
+    """rad/s; gyro bias"""
+    bias_z: float
+    """rad/s; gyro bias"""
+    accel_down: float
+    """m/s^2; acceleration along NED z (gravity removed), unfiltered"""
+    tilt_error: float
+    """rad; size of the last gravity correction before its gain"""
+    heading_error: float
+    """rad; last magnetic correction before its gain"""
+    window: float
+    """s; over which the specific force was averaged; 0 before the first average"""
+
+
+class WingState(NamedTuple):
+    """Wing motion from the encoders; angles are positive with the wing up."""
+
+    time_us: Time
+    """us; since boot"""
+    angle_left: float
+    """rad; flap angle"""
+    angle_right: float
+    """rad; flap angle"""
+    rate_left: float
+    """rad/s; flap rate"""
+    rate_right: float
+    """rad/s; flap rate"""
+    phase: float
+    """rad; of the mean of both wings, 0 to 2 pi, 0 at the upward crossing of the stroke's middle"""
+    frequency: float
+    """Hz; of the last full stroke, 0 when not flapping"""
+    amplitude_left: float
+    """rad; half the peak-to-peak angle of the last stroke"""
+    amplitude_right: float
+    """rad; half the peak-to-peak angle of the last stroke"""
+    mean_angle: float
+    """rad; middle of the last stroke, both wings"""
+    downstroke_ratio: float
+    """-; downstroke's share of the last stroke"""
+    strokes: Number
+    """-; full strokes since boot"""
+    flapping: Number
+    """-; 1 while a stroke is measured, 0 otherwise"""
+
+
+class PowerState(NamedTuple):
+    """Supply of the wing drives, averaged over whole PWM periods."""
+
+    time_us: Time
+    """us; since boot, end of the averaging window"""
+    voltage: float
+    """V; mean over the burst"""
+    current: float
+    """A; mean over the burst"""
+    power: float
+    """W; mean of the product V I over the burst, not the product of the means"""
+    charge: float
+    """C; drawn since boot"""
+    energy: float
+    """J; drawn since boot"""
+    energy_per_stroke: float
+    """J; of the last full stroke"""
+    battery_remaining: float
+    """-; 0 to 1, from the charge drawn"""
+
+
+class DriveTorque(NamedTuple):
+    """Torque of the wing drives from the strain gauges."""
+
+    time_us: Time
+    """us; since boot"""
+    left: float
+    """N m; positive when it drives the wing up"""
+    right: float
+    """N m; positive when it drives the wing up"""
+
+
+class AirData(NamedTuple):
+    """Airspeed and pressure altitude."""
+
+    time_us: Time
+    """us; since boot"""
+    airspeed: float
+    """m/s; true"""
+    airspeed_rate: float
+    """m/s^2; filtered"""
+    dynamic_pressure: float
+    """Pa; pitot minus static, filtered"""
+    static_pressure: float
+    """Pa; ambient"""
+    temperature: float
+    """K; ambient"""
+    density: float
+    """kg/m^3; of the air"""
+    pressure_altitude: float
+    """m; above the altitude at boot, unfiltered"""
+
+
+class Altitude(NamedTuple):
+    """Altitude and climb rate from barometer and accelerometer."""
+
+    time_us: Time
+    """us; since boot"""
+    altitude: float
+    """m; above the altitude at boot, positive up"""
+    climb_rate: float
+    """m/s; positive up"""
+    accel_bias: float
+    """m/s^2; of the vertical acceleration"""
+    altitude_variance: float
+    """m^2; of the altitude"""
+    climb_variance: float
+    """m^2/s^2; of the climb rate"""
+    innovation: float
+    """m; last barometer innovation"""
+
+
+class Position(NamedTuple):
+    """Horizontal position, ground velocity and wind."""
+
+    time_us: Time
+    """us; since boot"""
+    north: float
+    """m; from home"""
+    east: float
+    """m; from home"""
+    v_north: float
+    """m/s; ground velocity"""
+    v_east: float
+    """m/s; ground velocity"""
+    wind_north: float
+    """m/s; velocity of the air over ground"""
+    wind_east: float
+    """m/s; velocity of the air over ground"""
+    latitude: float
+    """rad; WGS-84, 0 before the first fix"""
+    longitude: float
+    """rad; WGS-84, 0 before the first fix"""
+    position_variance: float
+    """m^2; of north and of east"""
+    valid: Number
+    """-; 1 once a fix set home"""
+
+
+# --- what it intends ------------------------------------------------------------------------------------
+
+
+class Mode(IntEnum):
+    """Flight modes; the values are part of the log and of the parameters, never renumber."""
+
+    MANUAL = 1
+    STABILIZED = 2
+    ALTITUDE_HOLD = 3
+    AUTO = 4
+    RETURN = 5
+    LAND = 6
+
+
+class Stage(IntEnum):
+    """Where the flight is, from the hand to the ground."""
+
+    ON_GROUND = 0
+    WAIT_LAUNCH = 1
+    CLIMB_OUT = 2
+    EN_ROUTE = 3
+    APPROACH = 4
+    FLARE = 5
+    LANDED = 6
+
+
+class NavigationStatus(NamedTuple):
+    """What the navigation asks for and why."""
+
+    time_us: Time
+    """us; since boot"""
+    mode: Annotated[Mode, Wire("fixed32")]
+    """-; flight mode"""
+    stage: Annotated[Stage, Wire("fixed32")]
+    """-; stage of the flight"""
+    armed: Number
+    """-; 1 when the wings may move"""
+    item: Number
+    """-; mission item being flown"""
+    distance: float
+    """m; to the item's place"""
+    cross_track: float
+    """m; off the leg, positive to the right of it"""
+    altitude_setpoint: float
+    """m; above the altitude at boot"""
+    heading_setpoint: float
+    """rad; course to fly, -pi to pi"""
+    frozen: Number
+    """-; 1 while the altitude and pitch loops are frozen for an excitation"""
+
+
+class AltitudeStatus(NamedTuple):
+    """Altitude and climb loops: altitude -> climb -> flapping and pitch setpoint."""
+
+    time_us: Time
+    """us; since boot"""
+    altitude_error: float
+    """m; setpoint minus estimate"""
+    climb_setpoint: float
+    """m/s; positive up"""
+    climb_error: float
+    """m/s; setpoint minus estimate"""
+    integral: float
+    """-; of the climb loop, in throttle"""
+    throttle: float
+    """-; 0 to 1, flapping"""
+    pitch_setpoint: float
+    """rad; nose up is positive"""
+    saturated: Number
+    """-; 1 when the throttle is at a limit"""
+
+
+class HeadingStatus(NamedTuple):
+    """Heading loop: heading -> roll setpoint."""
+
+    time_us: Time
+    """us; since boot"""
+    heading: float
+    """rad; what is steered: the course over ground, or the yaw without a position"""
+    heading_error: float
+    """rad; setpoint minus measured, -pi to pi"""
+    roll_setpoint: float
+    """rad; right wing down is positive"""
+    saturated: Number
+    """-; 1 when the bank is at its limit"""
+
+
+class PitchStatus(NamedTuple):
+    """Pitch loop: pitch setpoint -> elevator."""
+
+    time_us: Time
+    """us; since boot"""
+    pitch_setpoint: float
+    """rad; nose up is positive"""
+    pitch_error: float
+    """rad; setpoint minus measured"""
+    proportional: float
+    """rad; of elevator"""
+    integral: float
+    """rad; of elevator"""
+    damping: float
+    """rad; of elevator"""
+    elevator: float
+    """rad; positive pitches the nose up"""
+    saturated: Number
+    """-; 1 when the elevator is at a limit"""
+
+
+class RollStatus(NamedTuple):
+    """Roll loop: roll setpoint -> tail rudder and wing asymmetry."""
+
+    time_us: Time
+    """us; since boot"""
+    roll_setpoint: float
+    """rad; right wing down is positive"""
+    roll_error: float
+    """rad; setpoint minus measured"""
+    proportional: float
+    """-; of roll command"""
+    integral: float
+    """-; of roll command"""
+    damping: float
+    """-; of roll command"""
+    roll_command: float
+    """-; -1 to 1, positive rolls right"""
+    saturated: Number
+    """-; 1 when the roll command is at a limit"""
+
+
+class ExcitationStatus(NamedTuple):
+    """The identification input as applied."""
+
+    time_us: Time
+    """us; since boot"""
+    active: Number
+    """-; 1 while a manoeuvre runs, its settling time included"""
+    manoeuvre: Number
+    """-; counts the manoeuvres since boot"""
+    elevator: float
+    """rad; added to the elevator"""
+    throttle: float
+    """-; added to the throttle"""
+    rudder: float
+    """rad; added to the rudder"""
+    aborted: Number
+    """-; 1 when an envelope limit ended the manoeuvre"""
+
+
+class FlapCommand(NamedTuple):
+    """The stroke asked of the wing drives."""
+
+    time_us: Time
+    """us; since boot"""
+    frequency: float
+    """Hz; flapping"""
+    amplitude: float
+    """rad; half the peak-to-peak stroke"""
+    mean_angle: float
+    """rad; middle of the stroke"""
+    phase: float
+    """rad; of the commanded stroke, 0 to 2 pi"""
+    asymmetry: float
+    """-; share by which the right wing's stroke is smaller and the left wing's larger"""
+
+
+class ActuatorCommand(NamedTuple):
+    """What goes to the servos and the motor."""
+
+    time_us: Time
+    """us; since boot: the sensor time it answers"""
+    wing_left: float
+    """rad; commanded flap angle of the left wing servo (servo drives)"""
+    wing_right: float
+    """rad; commanded flap angle of the right wing servo (servo drives)"""
+    throttle: float
+    """-; 0 to 1, motor of a geared drive"""
+    elevator: float
+    """rad; positive pitches the nose up"""
+    rudder: float
+    """rad; positive yaws the nose right"""
+    armed: Number
+    """-; 1 when the wings may move"""
+
+
+# --- about the flight computer itself -------------------------------------------------------------------
+
+
+class Severity(IntEnum):
+    """MAVLink's severities."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+    DEBUG = 7
+
+
+class Event(NamedTuple):
+    """Something that happened, for people: STATUSTEXT on the link, a log line in the file."""
+
+    time_us: int
+    """us; since boot"""
+    severity: Severity
+    """-; MAVLink severity"""
+    source: str
+    """-; the module that speaks"""
+    text: str
+    """-; one line"""
+
+
+class Failsafe(IntFlag):
+    """Failures that are present."""
+
+    NONE = 0
+    LINK_LOST = 1
+    GPS_LOST = 2
+    BATTERY_LOW = 4
+    IMU_FAULT = 8
+    FENCE = 16
+
+
+class Health(NamedTuple):
+    """Failures, and counts of what was refused."""
+
+    time_us: Time
+    """us; since boot"""
+    failsafe: Annotated[int, Wire("fixed32")]
+    """-; flags of `Failsafe`"""
+    rejected_samples: Number
+    """-; sensor samples that were not finite or out of range"""
+    ticks: Number
+    """-; since boot"""
+
+
+class TaskTiming(NamedTuple):
+    """Run times of one processor over the last second, as the board measured them."""
+
+    time_us: Time
+    """us; since boot"""
+    processor: Number
+    """-; 0 attitude, 1 power, 2 main, 3 logger"""
+    mean_us: float
+    """us; mean run time of a tick"""
+    worst_us: float
+    """us; longest run time of a tick"""
+    overruns: Number
+    """-; ticks longer than their period"""
+
+
+class Text(NamedTuple):
+    """A document in the log: an input, a State snapshot; not of fixed layout."""
+
+    time_us: int
+    """us; since boot"""
+    text: str
+    """-; JSON"""

@@ -1,0 +1,179 @@
+"""Values with a unit, a range and a source: what vehicle files and messages are declared with.
+
+A leaf module: it imports nothing of Wingbeat, so that the flight computer and the simulated world read
+their (different) vehicle files with the same reader.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+INFINITY = float("inf")
+
+
+class BadInput(ValueError):
+    """Something a user supplied cannot be used; its text is one clear line for the terminal."""
+
+
+class Quantity(NamedTuple):
+    """Unit and allowed range of a number in a vehicle file, used as ``Annotated[float, Quantity("m", 0, 2)]``."""
+
+    unit: str
+    low: float = -INFINITY
+    high: float = INFINITY
+
+
+class Source(NamedTuple):
+    """Where a value comes from: ``kind`` is published, identified or chosen; ``text`` says which or why."""
+
+    kind: str
+    text: str
+
+
+class VehicleFile(NamedTuple):
+    """A vehicle file as read: sections as NamedTuples, and the source of every value by ``section.key``."""
+
+    name: str
+    title: str
+    path: Path
+    text: str
+    sections: dict[str, Any]
+    sources: dict[str, Source]
+    fitted: dict[str, str]
+
+
+SOURCE_KINDS = ("published", "identified", "chosen")
+
+
+def read_vehicle_file(path: Path, schema: Mapping[str, type[Any]]) -> VehicleFile:
+    """Read a TOML vehicle file against ``schema`` (section name to NamedTuple class).
+
+    Every value is written ``key = { value = 0.359, unit = "kg", source = "published: Gerdes Table 4" }``; a
+    list of numbers is allowed where the field is a tuple. ``fitted = "check"`` marks a chosen value that was
+    fitted to a published figure.
+
+    Raises:
+        BadInput: unreadable file, unknown or missing key, wrong unit, value out of range, source missing.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read vehicle file {path}: {error}") from None
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    sources: dict[str, Source] = {}
+    fitted: dict[str, str] = {}
+    sections: dict[str, Any] = {}
+    for key in document:
+        if key not in schema and key not in ("name", "title"):
+            raise BadInput(f"{path}: unknown section [{key}]; known: {', '.join(schema)}")
+    for section, record in schema.items():
+        if section not in document:
+            raise BadInput(f"{path}: section [{section}] is missing")
+        if not isinstance(document[section], dict):
+            raise BadInput(f"{path}: {section} must be a section of keys")
+        sections[section] = _section(path, section, document[section], record, sources, fitted)
+    return VehicleFile(
+        str(document.get("name", path.stem)),
+        str(document.get("title", path.stem)),
+        path,
+        text,
+        sections,
+        sources,
+        fitted,
+    )
+
+
+def _section(
+    path: Path,
+    section: str,
+    table: Mapping[str, Any],
+    record: type[Any],
+    sources: dict[str, Source],
+    fitted: dict[str, str],
+) -> Any:
+    hints = get_type_hints(record, include_extras=True)
+    defaults: dict[str, Any] = getattr(record, "_field_defaults", {})
+    for key in table:
+        if key not in hints:
+            raise BadInput(f"{path}: unknown key {section}.{key}; known: {', '.join(hints)}")
+    values: dict[str, Any] = {}
+    for key, hint in hints.items():
+        name = f"{section}.{key}"
+        if key not in table:
+            if key in defaults:
+                continue
+            raise BadInput(f"{path}: key {name} is missing ({_expectation(hint)})")
+        entry = table[key]
+        if not isinstance(entry, dict) or "value" not in entry:
+            raise BadInput(f"{path}: {name} must be a table with value, unit and source")
+        unknown = set(entry) - {"value", "unit", "source", "fitted"}
+        if unknown:
+            raise BadInput(f"{path}: {name} has unknown parts: {', '.join(sorted(unknown))}")
+        values[key] = _value(path, name, entry, hint)
+        sources[name] = _source(path, name, entry)
+        if "fitted" in entry:
+            fitted[name] = str(entry["fitted"])
+    return record(**values)
+
+
+def _expectation(hint: Any) -> str:
+    base, quantity = _unwrap(hint)
+    if quantity is None:
+        return getattr(base, "__name__", str(base))
+    return f"{quantity.low:g} to {quantity.high:g} {quantity.unit}"
+
+
+def _unwrap(hint: Any) -> tuple[Any, Quantity | None]:
+    if get_origin(hint) is Annotated:
+        base, *extras = get_args(hint)
+        return base, next((extra for extra in extras if isinstance(extra, Quantity)), None)
+    return hint, None
+
+
+def _source(path: Path, name: str, entry: Mapping[str, Any]) -> Source:
+    kind, _, text = str(entry.get("source", "")).partition(":")
+    if kind not in SOURCE_KINDS or not text.strip():
+        raise BadInput(f'{path}: {name} needs source = "published|identified|chosen: which or why"')
+    return Source(kind, text.strip())
+
+
+def _value(path: Path, name: str, entry: Mapping[str, Any], hint: Any) -> Any:
+    base, quantity = _unwrap(hint)
+    value = entry["value"]
+    unit = entry.get("unit", "")
+    if quantity is not None and unit != quantity.unit:
+        raise BadInput(f'{path}: {name} must be in "{quantity.unit}", not "{unit}"')
+    if get_origin(base) is tuple:
+        length = len(get_args(base))
+        if not isinstance(value, list):
+            raise BadInput(f"{path}: {name} must be a list of {length} numbers")
+        variable = get_args(base)[-1] is Ellipsis
+        if not variable and len(value) != length:
+            raise BadInput(f"{path}: {name} must have {length} numbers, not {len(value)}")
+        return tuple(_number(path, name, item, float, quantity) for item in value)
+    if base is str:
+        if not isinstance(value, str):
+            raise BadInput(f"{path}: {name} must be text")
+        return value
+    if base is bool:
+        if not isinstance(value, bool):
+            raise BadInput(f"{path}: {name} must be true or false")
+        return value
+    return _number(path, name, value, base, quantity)
+
+
+def _number(path: Path, name: str, value: Any, base: Any, quantity: Quantity | None) -> float | int:
+    if isinstance(value, bool) or not isinstance(value, int | float) or (base is int and value != int(value)):
+        kind = "a whole number" if base is int else "a number"
+        raise BadInput(f"{path}: {name} must be {kind}, not {value!r}")
+    low, high = (quantity.low, quantity.high) if quantity else (-INFINITY, INFINITY)
+    if not low <= value <= high:
+        unit = quantity.unit if quantity else ""
+        raise BadInput(f"{path}: {name} = {value:g} is outside {low:g} to {high:g} {unit}".rstrip())
+    return int(value) if base is int else float(value)

@@ -1,0 +1,68 @@
+"""The table of topics: what the recorder, the reader, telemetry and ``log info`` go by."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from avionics import messages as m
+
+
+class Topic(NamedTuple):
+    """One stream of messages."""
+
+    name: str
+    """path in the log, ``/processor/what``"""
+    message: type[Any]
+    """the NamedTuple it carries; `m.Event` and `m.Text` are event topics without a fixed layout"""
+    channel: int
+    """number in the log: below 1000 the flight computer's, from 1000 the world's, from 2000 for viewers"""
+    rate: float
+    """Hz; nominal, 0 for events"""
+    telemetry_rate: float = 0.0
+    """Hz; default on a ground link, 0 for never"""
+    logged: bool = True
+    deterministic: bool = True
+    """the same seed and inputs give the same bytes"""
+
+
+IMU = Topic("/sensors/imu", m.ImuSample, 1, 200.0)
+ENCODER = Topic("/sensors/encoder", m.EncoderSample, 2, 200.0)
+PRESSURES = Topic("/sensors/pressures", m.PressureSample, 3, 50.0)
+ADC = Topic("/sensors/adc", m.AdcBurst, 4, 100.0)
+TORQUE_RAW = Topic("/sensors/torque", m.TorqueSample, 5, 100.0)
+GPS = Topic("/sensors/gps", m.GpsFix, 6, 5.0, 2.0)
+PILOT = Topic("/inputs/pilot", m.PilotInput, 7, 0.0)
+
+ATTITUDE = Topic("/attitude/ahrs", m.Attitude, 20, 200.0, 10.0)
+POWER = Topic("/power/state", m.PowerState, 21, 100.0, 2.0)
+WING = Topic("/main/wing", m.WingState, 22, 200.0, 10.0)
+DRIVE_TORQUE = Topic("/main/drive_torque", m.DriveTorque, 23, 100.0)
+AIR_DATA = Topic("/main/air_data", m.AirData, 24, 50.0, 5.0)
+ALTITUDE = Topic("/main/altitude", m.Altitude, 25, 50.0, 5.0)
+POSITION = Topic("/main/position", m.Position, 26, 50.0, 5.0)
+
+NAVIGATION = Topic("/guidance/navigation", m.NavigationStatus, 40, 20.0, 2.0)
+ALTITUDE_LOOP = Topic("/guidance/altitude", m.AltitudeStatus, 41, 50.0)
+HEADING_LOOP = Topic("/guidance/heading", m.HeadingStatus, 42, 50.0)
+EXCITATION = Topic("/guidance/excitation", m.ExcitationStatus, 43, 100.0)
+PITCH_LOOP = Topic("/stabilization/pitch", m.PitchStatus, 44, 100.0)
+ROLL_LOOP = Topic("/stabilization/roll", m.RollStatus, 45, 100.0)
+FLAP = Topic("/mixing/flap", m.FlapCommand, 46, 200.0)
+ACTUATORS = Topic("/mixing/actuators", m.ActuatorCommand, 47, 200.0, 5.0)
+
+HEALTH = Topic("/system/health", m.Health, 60, 1.0, 1.0)
+TIMING = Topic("/system/timing", m.TaskTiming, 61, 4.0, deterministic=False)
+EVENTS = Topic("/system/events", m.Event, 62, 0.0)
+INPUTS = Topic("/system/inputs", m.Text, 63, 0.0)
+"""every `m.Command` with the tick at which it was applied"""
+SNAPSHOTS = Topic("/system/snapshots", m.Text, 64, 0.1)
+"""the whole State of the autopilot every ten seconds"""
+LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False)
+"""what the ground links did, on the wall clock"""
+
+TOPICS: tuple[Topic, ...] = (
+    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT,
+    ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
+    NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
+    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS,
+)  # fmt: skip
