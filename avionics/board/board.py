@@ -1,4 +1,4 @@
-"""What the flight code needs of the hardware it runs on; a simulator, a serial board or a test injects one."""
+"""What the flight code needs of its hardware; a simulator, a serial board or a test injects one."""
 
 from __future__ import annotations
 
