@@ -1,1 +1,1 @@
-"""TBD."""
+"""What the aircraft intends: modes, missions, and the outer loops from place and altitude to attitude."""

@@ -1,1 +1,1 @@
-"""TBD."""
+"""From throttle, elevator and roll command to the wing drives and the tail."""

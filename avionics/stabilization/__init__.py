@@ -1,1 +1,1 @@
-"""TBD."""
+"""The inner loops: attitude setpoints to elevator and roll command."""

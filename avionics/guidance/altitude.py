@@ -1,0 +1,161 @@
+"""Altitude and climb loops in the structure of the Paparazzi autopilot (Malladi 2007, section IV.A).
+
+altitude error -> climb setpoint -> throttle (flapping) and pitch setpoint. The throttle has a trim and a
+feed-forward, so that the integral only carries what they miss.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.limits import clip, low_pass, slew
+from avionics.messages import AltitudeStatus
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """What the altitude and climb loops are tuned with."""
+
+    proportional: Annotated[float, Quantity("1/s", 0.0, 5.0)]
+    """1/s; climb setpoint per altitude error"""
+    climb_max: Annotated[float, Quantity("m/s", 0.05, 10.0)]
+    """m/s; greatest climb setpoint"""
+    sink_max: Annotated[float, Quantity("m/s", 0.05, 10.0)]
+    """m/s; greatest sink setpoint, positive"""
+    climb_rate_limit: Annotated[float, Quantity("m/s^2", 0.05, 50.0)]
+    """m/s^2; how fast the climb setpoint may change"""
+    throttle_trim: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; throttle of level flight"""
+    throttle_climb: Annotated[float, Quantity("s/m", 0.0, 1.0)]
+    """s/m; feed-forward, throttle per climb setpoint"""
+    throttle_error: Annotated[float, Quantity("s/m", 0.0, 2.0)]
+    """s/m; throttle per climb error"""
+    throttle_integral: Annotated[float, Quantity("1/m", 0.0, 2.0)]
+    """1/m; throttle per second and climb error"""
+    integral_max: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; greatest share of the integral in the throttle"""
+    throttle_min: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; least throttle in flight"""
+    throttle_max: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; greatest throttle in flight"""
+    throttle_rate: Annotated[float, Quantity("1/s", 0.05, 20.0)]
+    """1/s; how fast the throttle may change"""
+    pitch_trim: Annotated[float, Quantity("rad", -0.5, 1.2)]
+    """rad; pitch of level flight"""
+    pitch_climb: Annotated[float, Quantity("rad s/m", -1.0, 1.0)]
+    """rad s/m; pitch setpoint per climb setpoint"""
+    pitch_min: Annotated[float, Quantity("rad", -1.0, 1.2)]
+    """rad; least pitch setpoint"""
+    pitch_max: Annotated[float, Quantity("rad", -1.0, 1.4)]
+    """rad; greatest pitch setpoint"""
+    pitch_rate: Annotated[float, Quantity("rad/s", 0.01, 10.0)]
+    """rad/s; how fast the pitch setpoint may change"""
+    airspeed_min: Annotated[float, Quantity("m/s", 0.0, 20.0)]
+    """m/s; below it the nose is lowered"""
+    airspeed_pitch: Annotated[float, Quantity("rad s/m", 0.0, 1.0)]
+    """rad s/m; pitch setpoint taken off per missing airspeed"""
+    trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
+    """s; time constant of the mean throttle that a frozen loop holds"""
+
+
+class State(NamedTuple):
+    """What the altitude and climb loops remember."""
+
+    climb_setpoint: float = 0.0
+    """m/s; last"""
+    integral: float = 0.0
+    """-; in throttle"""
+    throttle: float = 0.0
+    """-; last"""
+    pitch_setpoint: float = 0.0
+    """rad; last"""
+    throttle_mean: float = 0.0
+    """-; low-passed throttle"""
+
+
+class Measured(NamedTuple):
+    """What the loops look at."""
+
+    altitude: float
+    """m; positive up"""
+    climb_rate: float
+    """m/s; positive up"""
+    airspeed: float
+    """m/s; true"""
+
+
+def initial(gains: Gains, throttle: float = 0.0) -> State:
+    """State that continues from ``throttle`` and the trim pitch without a jump."""
+    return State(0.0, 0.0, throttle, gains.pitch_trim, gains.throttle_trim)
+
+
+def step(
+    gains: Gains, state: State, time_us: int, dt: float, altitude_setpoint: float, measured: Measured
+) -> tuple[State, AltitudeStatus]:
+    """One step of both loops; ``dt`` in s, ``altitude_setpoint`` in m."""
+    altitude_error = altitude_setpoint - measured.altitude
+    wanted = clip(gains.proportional * altitude_error, -gains.sink_max, gains.climb_max)
+    climb_setpoint = slew(state.climb_setpoint, wanted, gains.climb_rate_limit, dt)
+    climb_error = climb_setpoint - measured.climb_rate
+    integral, throttle, saturated = _throttle(gains, state, dt, climb_setpoint, climb_error)
+    pitch_setpoint = _pitch_setpoint(gains, state, dt, climb_setpoint, measured.airspeed)
+    mean = low_pass(state.throttle_mean, throttle, gains.trim_time, dt)
+    status = AltitudeStatus(
+        time_us, altitude_error, climb_setpoint, climb_error, integral, throttle, pitch_setpoint, saturated
+    )
+    return State(climb_setpoint, integral, throttle, pitch_setpoint, mean), status
+
+
+def _throttle(
+    gains: Gains, state: State, dt: float, climb_setpoint: float, climb_error: float
+) -> tuple[float, float, int]:
+    """Throttle of the climb loop; the integral stops while it would push further into a limit."""
+    forward = gains.throttle_trim + gains.throttle_climb * climb_setpoint + gains.throttle_error * climb_error
+    grown = state.integral + gains.throttle_integral * climb_error * dt
+    integral = clip(grown, -gains.integral_max, gains.integral_max)
+    wanted = forward + integral
+    saturated = not gains.throttle_min <= wanted <= gains.throttle_max
+    if saturated and (wanted > gains.throttle_max) == (climb_error > 0.0):
+        integral = state.integral
+    limited = clip(forward + integral, gains.throttle_min, gains.throttle_max)
+    return integral, slew(state.throttle, limited, gains.throttle_rate, dt), int(saturated)
+
+
+def _pitch_setpoint(gains: Gains, state: State, dt: float, climb_setpoint: float, airspeed: float) -> float:
+    missing = gains.airspeed_min - airspeed
+    wanted = gains.pitch_trim + gains.pitch_climb * climb_setpoint
+    if missing > 0.0:
+        wanted -= gains.airspeed_pitch * missing
+    return slew(state.pitch_setpoint, clip(wanted, gains.pitch_min, gains.pitch_max), gains.pitch_rate, dt)
+
+
+def hold(state: State, time_us: int, altitude_setpoint: float, measured: Measured) -> tuple[State, AltitudeStatus]:
+    """Frozen for an excitation: the mean throttle, the last pitch setpoint, the integral kept."""
+    held = state._replace(throttle=state.throttle_mean)
+    return held, AltitudeStatus(
+        time_us,
+        altitude_setpoint - measured.altitude,
+        state.climb_setpoint,
+        state.climb_setpoint - measured.climb_rate,
+        state.integral,
+        held.throttle,
+        state.pitch_setpoint,
+        0,
+    )
+
+
+class Asked(NamedTuple):
+    """Throttle and pitch setpoint that come from a stick, from the flare, or from the ground."""
+
+    throttle: float
+    """-; 0 to 1"""
+    pitch_setpoint: float
+    """rad; nose up is positive"""
+
+
+def follow(gains: Gains, state: State, time_us: int, dt: float, asked: Asked) -> tuple[State, AltitudeStatus]:
+    """Pass on what was asked, so that the loops take over from there without a jump."""
+    throttle = slew(state.throttle, clip(asked.throttle, 0.0, 1.0), gains.throttle_rate, dt)
+    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, gains.pitch_rate, dt)
+    followed = State(0.0, 0.0, throttle, pitch_setpoint, gains.throttle_trim)
+    return followed, AltitudeStatus(time_us, 0.0, 0.0, 0.0, 0.0, throttle, pitch_setpoint, 0)

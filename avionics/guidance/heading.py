@@ -1,0 +1,78 @@
+"""Heading loop: course or heading error -> roll setpoint (Malladi 2007, section IV.A: proportional)."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from avionics.limits import clip, slew, wrap
+from avionics.messages import HeadingStatus
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """What the heading loop is tuned with."""
+
+    proportional: Annotated[float, Quantity("-", 0.0, 5.0)]
+    """-; roll setpoint per heading error"""
+    integral: Annotated[float, Quantity("1/s", 0.0, 2.0)]
+    """1/s; roll setpoint per second and heading error"""
+    integral_max: Annotated[float, Quantity("rad", 0.0, 0.5)]
+    """rad; greatest share of the integral"""
+    roll_max: Annotated[float, Quantity("rad", 0.05, 1.2)]
+    """rad; greatest bank asked for"""
+    roll_rate: Annotated[float, Quantity("rad/s", 0.05, 10.0)]
+    """rad/s; how fast the roll setpoint may change"""
+    course_speed: Annotated[float, Quantity("m/s", 0.0, 20.0)]
+    """m/s; ground speed from which the course over ground is steered instead of the yaw"""
+
+
+class State(NamedTuple):
+    """What the heading loop remembers."""
+
+    integral: float = 0.0
+    """rad; of roll setpoint"""
+    roll_setpoint: float = 0.0
+    """rad; last"""
+
+
+class Measured(NamedTuple):
+    """What the loop looks at."""
+
+    yaw: float
+    """rad; of the nose"""
+    v_north: float
+    """m/s; over ground"""
+    v_east: float
+    """m/s; over ground"""
+    valid: int
+    """-; 1 when the ground velocity can be trusted"""
+
+
+def course(gains: Gains, measured: Measured) -> float:
+    """What is steered (rad): the course over ground, or the yaw while slow or without a position."""
+    fast = math.hypot(measured.v_north, measured.v_east) >= gains.course_speed
+    return math.atan2(measured.v_east, measured.v_north) if measured.valid and fast else measured.yaw
+
+
+def step(
+    gains: Gains, state: State, time_us: int, dt: float, heading_setpoint: float, measured: Measured
+) -> tuple[State, HeadingStatus]:
+    """One step; ``dt`` in s, ``heading_setpoint`` in rad. The integral rests while the bank is limited."""
+    heading = course(gains, measured)
+    error = wrap(heading_setpoint - heading)
+    grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
+    wanted = gains.proportional * error + grown
+    saturated = abs(wanted) > gains.roll_max
+    integral = state.integral if saturated and wanted * error > 0.0 else grown
+    limited = clip(wanted, -gains.roll_max, gains.roll_max)
+    roll_setpoint = slew(state.roll_setpoint, limited, gains.roll_rate, dt)
+    return State(integral, roll_setpoint), HeadingStatus(time_us, heading, error, roll_setpoint, int(saturated))
+
+
+def follow(
+    gains: Gains, state: State, time_us: int, dt: float, roll_asked: float, measured: Measured
+) -> tuple[State, HeadingStatus]:
+    """Pass on a bank (rad) from the stick or from the flare, at the loop's own rate."""
+    roll_setpoint = slew(state.roll_setpoint, roll_asked, gains.roll_rate, dt)
+    return State(0.0, roll_setpoint), HeadingStatus(time_us, course(gains, measured), 0.0, roll_setpoint, 0)

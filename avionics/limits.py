@@ -1,0 +1,43 @@
+"""Limits that every loop shares: clipping, slewing, wrapping, low-pass, a map between points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+TWO_PI = 2.0 * math.pi
+
+
+def clip(value: float, low: float, high: float) -> float:
+    """``value`` held between ``low`` and ``high``; a NaN gives ``low``."""
+    if value > high:
+        return high
+    return value if value > low else low
+
+
+def slew(previous: float, wanted: float, rate: float, dt: float) -> float:
+    """Move from ``previous`` toward ``wanted`` by at most ``rate`` per second over ``dt`` s."""
+    step = rate * dt
+    return clip(wanted, previous - step, previous + step)
+
+
+def wrap(angle: float) -> float:
+    """The same angle (rad) between -pi and pi."""
+    if -math.pi <= angle <= math.pi:
+        return angle
+    return (angle + math.pi) % TWO_PI - math.pi
+
+
+def low_pass(previous: float, value: float, time_constant: float, dt: float) -> float:
+    """First-order lag of ``time_constant`` s, stepped by ``dt`` s (backward Euler, so stable for every dt)."""
+    return previous + (value - previous) * dt / (time_constant + dt)
+
+
+def between_points(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
+    """Linear interpolation of (``xs`` rising, ``ys``), held at both ends."""
+    if x <= xs[0]:
+        return ys[0]
+    for i in range(1, len(xs)):
+        if x <= xs[i]:
+            return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1])
+    return ys[-1]

@@ -1,0 +1,83 @@
+"""Elevator and roll command -> tail servos and wing asymmetry."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.limits import clip, slew
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """Shares and limits of the tail."""
+
+    rudder_share: Annotated[float, Quantity("rad", -1.5, 1.5)]
+    """rad; rudder at full roll command"""
+    yaw_share: Annotated[float, Quantity("rad", -1.5, 1.5)]
+    """rad; rudder at full yaw stick"""
+    asymmetry_share: Annotated[float, Quantity("-", -0.5, 0.5)]
+    """-; stroke asymmetry at full roll command (servo drives)"""
+    elevator_min: Annotated[float, Quantity("rad", -1.5, 0.0)]
+    """rad; most nose-down travel"""
+    elevator_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
+    """rad; most nose-up travel"""
+    rudder_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
+    """rad; travel to either side"""
+    servo_rate: Annotated[float, Quantity("rad/s", 0.5, 100.0)]
+    """rad/s; how fast the tail may be commanded"""
+
+
+class State(NamedTuple):
+    """What the tail mixer remembers."""
+
+    elevator: float = 0.0
+    """rad; last commanded"""
+    rudder: float = 0.0
+    """rad; last commanded"""
+
+
+class Asked(NamedTuple):
+    """What the loops, the pilot and the excitation ask of the tail."""
+
+    elevator: float
+    """rad; of the pitch loop"""
+    roll_command: float
+    """-; -1 to 1, positive rolls right"""
+    yaw_stick: float
+    """-; -1 to 1, positive yaws right"""
+    added_elevator: float
+    """rad; of an excitation"""
+    added_rudder: float
+    """rad; of an excitation"""
+
+
+class Tail(NamedTuple):
+    """What the tail is told, and how much of an excitation is in it."""
+
+    elevator: float
+    """rad; positive pitches the nose up"""
+    rudder: float
+    """rad; positive yaws the nose right"""
+    asymmetry: float
+    """-; share by which the left stroke is larger"""
+    applied_elevator: float
+    """rad; of the excitation, after limits and rate"""
+    applied_rudder: float
+    """rad; of the excitation, after limits and rate"""
+
+
+def step(gains: Gains, state: State, dt: float, asked: Asked) -> tuple[State, Tail]:
+    """One step; ``dt`` in s."""
+    rudder_alone = gains.rudder_share * asked.roll_command + gains.yaw_share * asked.yaw_stick
+    wanted_elevator = clip(asked.elevator + asked.added_elevator, gains.elevator_min, gains.elevator_max)
+    wanted_rudder = clip(rudder_alone + asked.added_rudder, -gains.rudder_max, gains.rudder_max)
+    elevator = slew(state.elevator, wanted_elevator, gains.servo_rate, dt)
+    rudder = slew(state.rudder, wanted_rudder, gains.servo_rate, dt)
+    tail = Tail(
+        elevator,
+        rudder,
+        gains.asymmetry_share * asked.roll_command,
+        elevator - asked.elevator if asked.added_elevator else 0.0,
+        rudder - rudder_alone if asked.added_rudder else 0.0,
+    )
+    return State(elevator, rudder), tail

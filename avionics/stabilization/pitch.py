@@ -1,0 +1,116 @@
+"""Pitch loop: pitch setpoint -> elevator (Malladi 2007, section IV.A: inner pitch attitude loop).
+
+Proportional, integral, and damping on the pitch rate, both measurements freed of the flapping by a notch.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.limits import clip, low_pass
+from avionics.messages import PitchStatus
+from avionics.quantities import Quantity
+from avionics.stabilization import stroke_filter
+
+
+class Gains(NamedTuple):
+    """What the pitch loop is tuned with."""
+
+    proportional: Annotated[float, Quantity("-", 0.0, 10.0)]
+    """-; elevator per pitch error"""
+    integral: Annotated[float, Quantity("1/s", 0.0, 10.0)]
+    """1/s; elevator per second and pitch error"""
+    damping: Annotated[float, Quantity("s", 0.0, 3.0)]
+    """s; elevator taken off per pitch rate"""
+    integral_max: Annotated[float, Quantity("rad", 0.0, 1.0)]
+    """rad; greatest share of the integral in the elevator"""
+    elevator_trim: Annotated[float, Quantity("rad", -1.0, 1.0)]
+    """rad; elevator of level flight"""
+    elevator_min: Annotated[float, Quantity("rad", -1.5, 0.0)]
+    """rad; most nose-down elevator the loop asks for"""
+    elevator_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
+    """rad; most nose-up elevator the loop asks for"""
+    notch_width: Annotated[float, Quantity("-", 0.0, 2.0)]
+    """-; damping ratio of the notch at the wing frequency, 0 for none"""
+    rate_lag: Annotated[float, Quantity("s", 0.0, 1.0)]
+    """s; time constant of a low-pass on the pitch rate, 0 for none"""
+    trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
+    """s; time constant of the mean elevator that a frozen loop holds"""
+    stick_pitch: Annotated[float, Quantity("rad", 0.0, 1.2)]
+    """rad; change of the pitch setpoint at full stick (stabilized)"""
+
+
+class State(NamedTuple):
+    """What the pitch loop remembers."""
+
+    integral: float = 0.0
+    """rad; of elevator"""
+    elevator_mean: float = 0.0
+    """rad; low-passed elevator"""
+    rate: float = 0.0
+    """rad/s; filtered pitch rate"""
+    pitch: float = 0.0
+    """rad; filtered pitch"""
+    pitch_notch: stroke_filter.State = stroke_filter.State()
+    rate_notch: stroke_filter.State = stroke_filter.State()
+
+
+class Measured(NamedTuple):
+    """What the loop looks at."""
+
+    pitch: float
+    """rad; nose up is positive"""
+    pitch_rate: float
+    """rad/s"""
+    wing_frequency: float
+    """Hz; 0 when not flapping"""
+
+
+def initial(gains: Gains) -> State:
+    """State at the trim elevator."""
+    return State(elevator_mean=gains.elevator_trim)
+
+
+def step(
+    gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
+) -> tuple[State, PitchStatus]:
+    """One step; ``dt`` in s, ``setpoint`` in rad. The integral rests while it would push further into a limit."""
+    state = _observe(gains, state, dt, measured)
+    error = setpoint - state.pitch
+    proportional, damping = gains.proportional * error, -gains.damping * state.rate
+    grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
+    wanted = gains.elevator_trim + proportional + grown + damping
+    saturated = not gains.elevator_min <= wanted <= gains.elevator_max
+    if saturated and (wanted > gains.elevator_max) == (error > 0.0):
+        grown = state.integral
+    elevator = clip(gains.elevator_trim + proportional + grown + damping, gains.elevator_min, gains.elevator_max)
+    mean = low_pass(state.elevator_mean, elevator, gains.trim_time, dt)
+    status = PitchStatus(time_us, setpoint, error, proportional, grown, damping, elevator, int(saturated))
+    return state._replace(integral=grown, elevator_mean=mean), status
+
+
+def hold(
+    gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
+) -> tuple[State, PitchStatus]:
+    """Frozen for an excitation: the mean elevator; the filters go on, the integral is kept."""
+    state = _observe(gains, state, dt, measured)
+    elevator = clip(state.elevator_mean, gains.elevator_min, gains.elevator_max)
+    return state, PitchStatus(time_us, setpoint, setpoint - state.pitch, 0.0, state.integral, 0.0, elevator, 0)
+
+
+def follow(
+    gains: Gains, state: State, time_us: int, dt: float, elevator: float, measured: Measured
+) -> tuple[State, PitchStatus]:
+    """The pilot's elevator (rad), so that the loop takes over from its trim."""
+    state = _observe(gains, state, dt, measured)._replace(integral=0.0, elevator_mean=gains.elevator_trim)
+    limited = clip(elevator, gains.elevator_min, gains.elevator_max)
+    return state, PitchStatus(time_us, state.pitch, 0.0, 0.0, 0.0, 0.0, limited, 0)
+
+
+def _observe(gains: Gains, state: State, dt: float, measured: Measured) -> State:
+    frequency, width = measured.wing_frequency, gains.notch_width
+    pitch_notch, pitch = stroke_filter.step(state.pitch_notch, measured.pitch, frequency, width, dt)
+    rate_notch, rate = stroke_filter.step(state.rate_notch, measured.pitch_rate, frequency, width, dt)
+    if gains.rate_lag > 0.0:
+        rate = low_pass(state.rate, rate, gains.rate_lag, dt)
+    return State(state.integral, state.elevator_mean, rate, pitch, pitch_notch, rate_notch)
