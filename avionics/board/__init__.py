@@ -1,1 +1,1 @@
-"""TBD."""
+"""The hardware, as the flight code sees it: sensors in, actuators out."""

@@ -1,0 +1,183 @@
+"""The generated MAVLink module: Wingbeat's own messages and the standard ones that are used, nothing else.
+
+pymavlink's generator writes the module at first use into the user's cache, under a name that is a hash of
+everything that shapes it; later starts only import it. The ids and CRC_EXTRA are those of the full dialects,
+because the definitions are copied from pymavlink's own XML files unchanged.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import io
+import os
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pymavlink
+
+_NAMES = """
+    HEARTBEAT PROTOCOL_VERSION SYS_STATUS SYSTEM_TIME PING SET_MODE AUTOPILOT_VERSION STATUSTEXT TIMESYNC
+    PARAM_REQUEST_READ PARAM_REQUEST_LIST PARAM_VALUE PARAM_SET PARAM_ERROR
+    MISSION_ITEM MISSION_ITEM_INT MISSION_REQUEST MISSION_REQUEST_INT MISSION_REQUEST_LIST MISSION_COUNT
+    MISSION_CLEAR_ALL MISSION_ACK MISSION_CURRENT MISSION_SET_CURRENT MISSION_ITEM_REACHED
+    MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST
+    COMMAND_LONG COMMAND_INT COMMAND_ACK MESSAGE_INTERVAL REQUEST_DATA_STREAM DATA_STREAM
+    AVAILABLE_MODES CURRENT_MODE AVAILABLE_MODES_MONITOR
+    ATTITUDE ATTITUDE_QUATERNION ATTITUDE_TARGET VFR_HUD GLOBAL_POSITION_INT LOCAL_POSITION_NED GPS_RAW_INT
+    GPS_GLOBAL_ORIGIN HOME_POSITION SET_HOME_POSITION EXTENDED_SYS_STATE BATTERY_STATUS WIND_COV
+    SERVO_OUTPUT_RAW NAV_CONTROLLER_OUTPUT ALTITUDE VIBRATION ESTIMATOR_STATUS POWER_STATUS RC_CHANNELS
+    RC_CHANNELS_RAW RC_CHANNELS_OVERRIDE RADIO_STATUS SCALED_IMU SCALED_IMU2 SCALED_IMU3 RAW_IMU HIGHRES_IMU
+    SCALED_PRESSURE SCALED_PRESSURE2 SCALED_PRESSURE3 POSITION_TARGET_GLOBAL_INT POSITION_TARGET_LOCAL_NED
+    DISTANCE_SENSOR FENCE_STATUS ODOMETRY ACTUATOR_OUTPUT_STATUS UTM_GLOBAL_POSITION MANUAL_CONTROL
+    NAMED_VALUE_FLOAT NAMED_VALUE_INT DEBUG DEBUG_VECT FILE_TRANSFER_PROTOCOL SETUP_SIGNING
+    HIL_SENSOR HIL_GPS HIL_ACTUATOR_CONTROLS HIL_STATE_QUATERNION HIL_CONTROLS
+"""
+STANDARD_MESSAGES = frozenset(_NAMES.split())
+"""Copied from the standard dialects; both the flight computer and the ground station read with this module."""
+
+_SOURCES = ("minimal", "standard", "common", "development")
+_OWN_XML = Path(__file__).with_name("wingbeat.xml")
+
+_RETIRED = """
+<mavlink><messages>
+  <message id="300" name="PROTOCOL_VERSION">
+    <field type="uint16_t" name="version"/>
+    <field type="uint16_t" name="min_version"/>
+    <field type="uint16_t" name="max_version"/>
+    <field type="uint8_t[8]" name="spec_version_hash"/>
+    <field type="uint8_t[8]" name="library_version_hash"/>
+  </message>
+</messages></mavlink>
+"""
+"""Messages that recent definitions dropped and ground stations still ask for."""
+
+
+def standard_definitions() -> Path:
+    """Folder of pymavlink's XML files."""
+    return Path(pymavlink.__file__).parent / "dialects" / "v20"
+
+
+def slim_definition() -> ET.Element:
+    """One MAVLink definition without includes: the standard messages in use, their enums, and our own."""
+    enums: dict[str, ET.Element] = {}
+    messages: dict[str, ET.Element] = {}
+    own = ET.parse(_OWN_XML).getroot()
+    wanted = STANDARD_MESSAGES | {message.get("name") for message in own.iter("message")}
+    for tree in (*_standard_trees(), ET.fromstring(_RETIRED), own):
+        _strip_descriptions(tree)
+        _add_enums(enums, tree)
+        for message in tree.iter("message"):
+            if message.get("name") in wanted:
+                messages.setdefault(str(message.get("name")), message)
+    used = {field.get("enum") for message in messages.values() for field in message.iter("field")}
+    root = ET.Element("mavlink")
+    ET.SubElement(root, "version").text = "3"
+    chosen = ET.SubElement(root, "enums")
+    chosen.extend(enum for name, enum in enums.items() if name in used)
+    ET.SubElement(root, "messages").extend(messages.values())
+    return root
+
+
+def _standard_trees() -> list[ET.Element]:
+    return [ET.parse(standard_definitions() / f"{source}.xml").getroot() for source in _SOURCES]
+
+
+def _strip_descriptions(tree: ET.Element) -> None:
+    # Prose is half of the generated module's size and import time; the XML files keep it.
+    for element in tree.iter():
+        if element.tag in ("description", "field"):
+            element.text = ""
+
+
+def _add_enums(enums: dict[str, ET.Element], tree: ET.Element) -> None:
+    for enum in tree.iter("enum"):
+        slim = deepcopy(enum)
+        for entry in slim.iter("entry"):
+            _remove_all(entry, ("param", "deprecated", "superseded", "wip"))
+        known = enums.setdefault(str(enum.get("name")), slim)
+        if known is not slim:
+            present = {entry.get("name") for entry in known.iter("entry")}
+            known.extend(entry for entry in slim.iter("entry") if entry.get("name") not in present)
+
+
+def _remove_all(element: ET.Element, tags: tuple[str, ...]) -> None:
+    for tag in tags:
+        for child in element.findall(tag):
+            element.remove(child)
+
+
+def fingerprint() -> str:
+    """Hash of all that shapes the generated module: our XML, the list of messages, the version of pymavlink."""
+    digest = hashlib.sha256(_OWN_XML.read_bytes())
+    digest.update(Path(__file__).read_bytes())
+    digest.update(str(pymavlink.__version__).encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Where the generated module is kept: ``WINGBEAT_CACHE``, or the platform's cache folder of the user."""
+    chosen = os.environ.get("WINGBEAT_CACHE")
+    if chosen:
+        return Path(chosen) / "dialect"
+    if sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "wingbeat" / "dialect"
+
+
+def generate(folder: Path) -> Path:
+    """Write the module into ``folder`` and return its path; safe when several processes do it at once.
+
+    Each writes into a folder of its own and moves the finished file into place in one step.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    from pymavlink.generator import mavgen
+
+    target = folder / f"wingbeat_dialect_{fingerprint()}.py"
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix="generating-") as scratch:
+        definition = Path(scratch) / "wingbeat_slim.xml"
+        ET.ElementTree(slim_definition()).write(definition, encoding="utf-8", xml_declaration=True)
+        output = Path(scratch) / target.name
+        options = mavgen.Opts(str(output), wire_protocol="2.0", language="Python3", validate=False)
+        with contextlib.redirect_stdout(io.StringIO()):
+            mavgen.mavgen(options, [str(definition)])
+        output.replace(target)
+    return target
+
+
+def load_dialect() -> Any:
+    """Import the generated module, writing it first where the cache does not hold a sound one."""
+    path = cache_folder() / f"wingbeat_dialect_{fingerprint()}.py"
+    try:
+        return _load(path if path.exists() else generate(path.parent))
+    except (OSError, ImportError, SyntaxError, ValueError, AttributeError):
+        # An unwritable or damaged cache must not keep the aircraft on the ground.
+        with tempfile.TemporaryDirectory(prefix="wingbeat-dialect-") as folder:
+            return _load(generate(Path(folder)))
+
+
+def _load(path: Path) -> Any:
+    specification = importlib.util.spec_from_file_location("wingbeat_dialect", path)
+    if specification is None or specification.loader is None:
+        raise ImportError(f"cannot load {path}")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    if not hasattr(module, "MAVLink_wingbeat_end_message") or not hasattr(module, "MAVLink"):
+        raise ImportError(f"{path} is incomplete")
+    return module
+
+
+mavlink: Any = load_dialect()
+"""The generated module. It has no types: this is the one place where it enters typed code."""

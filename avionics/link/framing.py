@@ -1,0 +1,177 @@
+"""MAVLink frames cut out of a stream of bytes, and made.
+
+pymavlink's stream parser throws a whole would-be frame away when its checksum is wrong, and waits for the rest
+of one that is only noise; a lockstep partner then waits for ever. This reader drops one byte and looks again, so
+noise costs the noise alone.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, NamedTuple
+
+from avionics.link.dialect import mavlink
+
+MARKER_V1 = 0xFE
+MARKER_V2 = 0xFD
+_HEADER_V1 = 6
+_HEADER_V2 = 10
+_CHECKSUM = 2
+_SIGNATURE = 13
+_SIGNED = 0x01
+_PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
+
+CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
+"""CRC_EXTRA of every known message, as the byte that is appended before the checksum."""
+
+
+class Frame(NamedTuple):
+    """One frame with a correct checksum; the payload still lacks the zeros that MAVLink 2 cuts off."""
+
+    message_id: int
+    system: int
+    component: int
+    payload: bytes
+    raw: bytes
+
+
+def checksum(data: bytes) -> int:
+    """CRC-16/MCRF4XX of ``data``, MAVLink's checksum."""
+    crc: int = mavlink.x25crc(data).crc
+    return crc
+
+
+def build_frame(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
+    """One unsigned MAVLink 2 frame around a payload in wire order."""
+    payload = payload.rstrip(b"\0") or payload[:1]
+    header = _PACK_HEADER(
+        MARKER_V2,
+        len(payload),
+        0,
+        0,
+        sequence & 0xFF,
+        system,
+        component,
+        message_id & 0xFFFF,
+        message_id >> 16,
+    )
+    body = header + payload
+    return body + checksum(body[1:] + CRC_EXTRA[message_id]).to_bytes(2, "little")
+
+
+def decode(frame: Frame) -> Any:
+    """The generated message object of a frame.
+
+    Raises:
+        mavlink.MAVError: the payload does not fit the message.
+    """
+    return _DECODER.decode(bytearray(frame.raw))
+
+
+_DECODER = mavlink.MAVLink(None)
+
+
+class FrameReader:
+    """Cuts frames out of one stream; ``bad_bytes``, ``frames`` and ``unknown`` count what went by."""
+
+    def __init__(self, version_1: bool = True) -> None:
+        """``version_1`` False takes MAVLink 1's marker for noise, as the bridge does, which never speaks it."""
+        self._markers = (MARKER_V2, MARKER_V1) if version_1 else (MARKER_V2,)
+        self.bad_bytes = 0
+        self.frames = 0
+        self.unknown = 0
+        self._pending = b""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """All frames that are complete with ``data``; the tail waits for the next call."""
+        buffer = self._pending + data if self._pending else data
+        found: list[Frame] = []
+        position = self._scan(buffer, found)
+        self._pending = buffer[position:]
+        self.frames += len(found)
+        return found
+
+    def give_up(self) -> list[Frame]:
+        """Take what looks like the beginning of a frame for noise, and look for frames behind it.
+
+        For a lockstep partner whose wait ran out, and for the end of a datagram.
+        """
+        found: list[Frame] = []
+        while self._pending:
+            self.bad_bytes += 1
+            rest, self._pending = self._pending[1:], b""
+            found += self.feed(rest)
+        return found
+
+    def _scan(self, buffer: bytes, found: list[Frame]) -> int:
+        position = 0
+        end = len(buffer)
+        while position < end:
+            marker = buffer[position]
+            if marker == MARKER_V2:
+                size = self._version_2(buffer, position, found)
+            elif marker in self._markers:
+                size = self._version_1(buffer, position, found)
+            else:
+                size = self._noise(buffer, position)
+                self.bad_bytes += size
+            if not size:
+                break
+            position += size
+        return position
+
+    def _version_2(self, buffer: bytes, position: int, found: list[Frame]) -> int:
+        """Size taken at ``position``: of a frame, 1 for a false marker, 0 to wait for more."""
+        if len(buffer) - position < _HEADER_V2:
+            return 0
+        flags = buffer[position + 2]
+        message_id = int.from_bytes(buffer[position + 7 : position + 10], "little")
+        body = position + _HEADER_V2 + buffer[position + 1]
+        stop = body + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0)
+        extra = CRC_EXTRA.get(message_id)
+        if flags > _SIGNED:
+            return self._bad_byte()
+        if extra is None:
+            return self._unknown(buffer, position, stop)
+        if stop > len(buffer):
+            return 0
+        if checksum(buffer[position + 1 : body] + extra) != int.from_bytes(buffer[body : body + 2], "little"):
+            return self._bad_byte()
+        payload = buffer[position + _HEADER_V2 : body]
+        raw = buffer[position:stop]
+        found.append(Frame(message_id, buffer[position + 5], buffer[position + 6], payload, raw))
+        return stop - position
+
+    def _version_1(self, buffer: bytes, position: int, found: list[Frame]) -> int:
+        if len(buffer) - position < _HEADER_V1:
+            return 0
+        message_id = buffer[position + 5]
+        body = position + _HEADER_V1 + buffer[position + 1]
+        stop = body + _CHECKSUM
+        extra = CRC_EXTRA.get(message_id)
+        if extra is None:
+            return self._unknown(buffer, position, stop)
+        if stop > len(buffer):
+            return 0
+        if checksum(buffer[position + 1 : body] + extra) != int.from_bytes(buffer[body:stop], "little"):
+            return self._bad_byte()
+        payload = buffer[position + _HEADER_V1 : body]
+        raw = buffer[position:stop]
+        found.append(Frame(message_id, buffer[position + 3], buffer[position + 4], payload, raw))
+        return stop - position
+
+    def _unknown(self, buffer: bytes, position: int, stop: int) -> int:
+        # Without its CRC_EXTRA a foreign message cannot be checked: believe it where the next frame, or
+        # nothing, follows its end.
+        if stop == len(buffer) or (stop < len(buffer) and buffer[stop] in self._markers):
+            self.unknown += 1
+            return stop - position
+        return self._bad_byte()
+
+    def _bad_byte(self) -> int:
+        self.bad_bytes += 1
+        return 1
+
+    def _noise(self, buffer: bytes, position: int) -> int:
+        found = [place for marker in self._markers if (place := buffer.find(marker, position)) >= 0]
+        return (min(found) if found else len(buffer)) - position

@@ -1,0 +1,551 @@
+"""Bytes in and out: UDP, TCP and serial, with own sockets.
+
+Ground links are `Transport`: they never block, never raise because of what a peer does, and may have several
+peers. A lockstep partner is a `Stream`: one peer, every wait bounded.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import time
+from collections.abc import Hashable
+from typing import Any, NamedTuple, Protocol
+
+from avionics.link.urls import LinkUrl, parse_url
+from avionics.quantities import BadInput
+
+Peer = Hashable
+MOST_PEERS = 16
+"""A link serves no more than this many; the one that was silent longest makes room."""
+_CHUNK = 65536
+_BACKLOG = 1 << 18
+
+
+class Packet(NamedTuple):
+    """Bytes from one peer; empty when the peer has gone."""
+
+    data: bytes
+    peer: Peer
+
+
+class Transport(Protocol):
+    """A ground link's bytes."""
+
+    url: LinkUrl
+    datagrams: bool
+    """frames do not continue from one packet to the next"""
+    dropped: int
+    """frames that could not be sent"""
+
+    def receive(self, now: float) -> list[Packet]:
+        """All that has arrived; ``now`` is wall-clock time in s."""
+
+    def welcome(self, peer: Peer) -> None:
+        """A valid frame came from ``peer``: it may be sent to from now on."""
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send to one peer, or to all."""
+
+    def close(self) -> None:
+        """Release the port."""
+
+
+def open_transport(url: str | LinkUrl) -> Transport:
+    """Open a ground link.
+
+    Raises:
+        BadInput: not a link address, the port is in use, the device is missing, the host has no address.
+    """
+    parsed = url if isinstance(url, LinkUrl) else parse_url(url)
+    if parsed.kind == "udpin":
+        return UdpServer(parsed)
+    if parsed.kind == "udpout":
+        return UdpClient(parsed)
+    if parsed.kind == "tcpin":
+        return TcpServer(parsed)
+    if parsed.kind == "tcp":
+        return TcpClient(parsed)
+    return SerialTransport(parsed)
+
+
+def _resolve(url: LinkUrl, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
+    try:
+        family, _, _, _, address = socket.getaddrinfo(url.host, url.port, type=kind)[0]
+    except (OSError, UnicodeError) as error:
+        raise BadInput(f"{url}: no address for host {url.host!r} ({error})") from None
+    return family, address
+
+
+def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
+    family, address = _resolve(url, kind)
+    port = socket.socket(family, kind)
+    try:
+        if kind == socket.SOCK_STREAM and os.name == "posix":
+            port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        port.bind(address)
+        if kind == socket.SOCK_STREAM:
+            port.listen(MOST_PEERS)
+    except OSError as error:
+        port.close()
+        reason = error.strerror or str(error)
+        raise BadInput(f"{url}: cannot listen on port {url.port} of {url.host}: {reason}") from None
+    return port
+
+
+class UdpServer:
+    """``udpin``: waits for ground stations and answers each that sent a valid frame."""
+
+    datagrams = True
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.url = url
+        self.dropped = 0
+        self._heard: dict[Any, float] = {}
+        self._now = 0.0
+        self._socket = _bound(url, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def receive(self, now: float) -> list[Packet]:
+        """All datagrams that have arrived."""
+        self._now = now
+        return _datagrams(self._socket)
+
+    def welcome(self, peer: Peer) -> None:
+        """Remember where a valid frame came from."""
+        if peer not in self._heard and len(self._heard) >= MOST_PEERS:
+            del self._heard[min(self._heard, key=lambda known: self._heard[known])]
+        self._heard[peer] = self._now
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send to one ground station, or to all that were heard."""
+        for address in tuple(self._heard) if peer is None else (peer,):
+            self.dropped += not _sent(self._socket, data, address)
+
+    def close(self) -> None:
+        """Release the port."""
+        self._socket.close()
+
+
+class UdpClient:
+    """``udpout``: speaks to one ground station that listens, whether or not it is there yet."""
+
+    datagrams = True
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.url = url
+        self.dropped = 0
+        family, self._address = _resolve(url, socket.SOCK_DGRAM)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def receive(self, now: float) -> list[Packet]:
+        """All datagrams that have arrived."""
+        return _datagrams(self._socket)
+
+    def welcome(self, peer: Peer) -> None:
+        """Nothing to remember: there is one ground station."""
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send to the ground station."""
+        self.dropped += not _sent(self._socket, data, self._address if peer is None else peer)
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._socket.close()
+
+
+def _datagrams(port: socket.socket) -> list[Packet]:
+    packets: list[Packet] = []
+    while len(packets) < 1000:
+        try:
+            data, address = port.recvfrom(_CHUNK)
+        except ConnectionError:
+            continue  # an earlier datagram found nobody there: not the next one's fault
+        except OSError:
+            break
+        if data:
+            packets.append(Packet(data, address))
+    return packets
+
+
+def _sent(port: socket.socket, data: bytes, address: Any) -> bool:
+    try:
+        port.sendto(data, address)
+    except OSError:
+        return False
+    return True
+
+
+class _Connection:
+    """One non-blocking TCP connection with a bounded queue of bytes still to be sent."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        connected.setblocking(False)
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.socket = connected
+        self.gone = False
+        self._queue = b""
+
+    def receive(self) -> bytes:
+        """What has arrived; sets ``gone`` when the peer closed."""
+        try:
+            data = self.socket.recv(_CHUNK)
+        except (BlockingIOError, InterruptedError):
+            return b""
+        except OSError:
+            data = b""
+        self.gone = not data
+        return data
+
+    def send(self, data: bytes) -> bool:
+        """Send or queue one frame; False when the queue is full, so that a frame is sent whole or not at all."""
+        if len(self._queue) + len(data) > _BACKLOG:
+            self.flush()
+            if len(self._queue) + len(data) > _BACKLOG:
+                return False
+        self._queue += data
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Send what the peer's window takes now."""
+        try:
+            while self._queue:
+                self._queue = self._queue[self.socket.send(self._queue) :]
+        except (BlockingIOError, InterruptedError):
+            pass
+        except OSError:
+            self.gone = True
+            self._queue = b""
+
+
+class TcpServer:
+    """``tcpin``: any number of ground stations connect to one port."""
+
+    datagrams = False
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.url = url
+        self.dropped = 0
+        self._socket = _bound(url, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._connections: dict[Any, _Connection] = {}
+
+    def receive(self, now: float) -> list[Packet]:
+        """What has arrived, after letting in who waits at the door."""
+        self._accept()
+        packets: list[Packet] = []
+        for peer, connection in tuple(self._connections.items()):
+            connection.flush()
+            data = connection.receive()
+            if connection.gone:
+                connection.socket.close()
+                del self._connections[peer]
+            if data or connection.gone:
+                packets.append(Packet(data, peer))
+        return packets
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while len(self._connections) < MOST_PEERS:
+                connected, address = self._socket.accept()
+                self._connections[address] = _Connection(connected)
+
+    def welcome(self, peer: Peer) -> None:
+        """Who is connected is welcome."""
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send to one ground station, or to all that are connected."""
+        for address, connection in self._connections.items():
+            if peer is None or peer == address:
+                self.dropped += not connection.send(data)
+
+    def close(self) -> None:
+        """Hang up and release the port."""
+        for connection in self._connections.values():
+            connection.socket.close()
+        self._connections.clear()
+        self._socket.close()
+
+
+class TcpClient:
+    """``tcp``: connects to a ground station, and again after a second whenever it is gone."""
+
+    datagrams = False
+    retry = 1.0
+    """s; between two attempts"""
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.url = url
+        self.dropped = 0
+        self._family, self._address = _resolve(url, socket.SOCK_STREAM)
+        self._connecting: socket.socket | None = None
+        self._connection: _Connection | None = None
+        self._next_attempt = -float("inf")
+
+    def receive(self, now: float) -> list[Packet]:
+        """What has arrived; keeps the connection up."""
+        if self._connection is None:
+            self._connect(now)
+            return []
+        self._connection.flush()
+        data = self._connection.receive()
+        if self._connection.gone:
+            self._connection.socket.close()
+            self._connection = None
+            return [Packet(b"", self._address)]
+        return [Packet(data, self._address)] if data else []
+
+    def _connect(self, now: float) -> None:
+        if self._connecting is None and now >= self._next_attempt:
+            self._next_attempt = now + self.retry
+            self._connecting = socket.socket(self._family, socket.SOCK_STREAM)
+            self._connecting.setblocking(False)
+            self._connecting.connect_ex(self._address)
+        elif self._connecting is not None and (_writable(self._connecting) or now >= self._next_attempt):
+            attempt, self._connecting = self._connecting, None
+            if _connected(attempt):
+                self._connection = _Connection(attempt)
+            else:
+                attempt.close()
+
+    def welcome(self, peer: Peer) -> None:
+        """Nothing to remember: there is one ground station."""
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send when connected; a ground station that is not there misses it."""
+        if self._connection is None or not self._connection.send(data):
+            self.dropped += 1
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._connecting is not None:
+            self._connecting.close()
+        if self._connection is not None:
+            self._connection.socket.close()
+        self._connecting = self._connection = None
+        self._next_attempt = float("inf")
+
+
+def _writable(attempt: socket.socket) -> bool:
+    _, ready, failed = select.select([], [attempt], [attempt], 0.0)
+    return bool(ready or failed)
+
+
+def _connected(attempt: socket.socket) -> bool:
+    if attempt.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+        return False
+    try:
+        attempt.getpeername()
+    except OSError:
+        return False
+    return True
+
+
+def _open_serial(url: LinkUrl) -> Any:
+    import serial
+
+    try:
+        return serial.Serial(
+            url.host, url.port, timeout=0, write_timeout=0, exclusive=True if os.name == "posix" else None
+        )
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{url}: cannot open serial device {url.host}: {error}") from None
+
+
+class SerialTransport:
+    """``serial``: a telemetry radio or a cable."""
+
+    datagrams = False
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.url = url
+        self.dropped = 0
+        self._port = _open_serial(url)
+
+    def receive(self, now: float) -> list[Packet]:
+        """What has arrived; a device that was pulled out stays silent."""
+        try:
+            data = bytes(self._port.read(_CHUNK))
+        except (OSError, TypeError):
+            return []
+        return [Packet(data, self.url.host)] if data else []
+
+    def welcome(self, peer: Peer) -> None:
+        """Nothing to remember: there is one wire."""
+
+    def send(self, data: bytes, peer: Peer | None = None) -> None:
+        """Send; a frame that the device does not take whole is counted as dropped."""
+        try:
+            taken = self._port.write(data)
+        except OSError:
+            taken = 0
+        self.dropped += taken != len(data)
+
+    def close(self) -> None:
+        """Release the device."""
+        self._port.close()
+
+
+# --- one lockstep partner ----------------------------------------------------------------------------------
+
+
+class Stream(Protocol):
+    """The bytes of one lockstep partner."""
+
+    name: str
+
+    def read(self, timeout: float) -> bytes | None:
+        """Bytes as soon as there are some; empty after ``timeout`` s without any, None when the peer has gone."""
+
+    def write(self, data: bytes) -> bool:
+        """Send; False when the peer has gone or takes nothing for `WRITE_PATIENCE`."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+WRITE_PATIENCE = 5.0
+"""s; how long a lockstep partner may leave its receive buffer full."""
+
+
+class SocketStream:
+    """A TCP connection with Nagle's delay off."""
+
+    def __init__(self, connected: socket.socket, name: str) -> None:
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.name = name
+        self._socket = connected
+        self._timeout: float | None = None
+
+    def read(self, timeout: float) -> bytes | None:
+        """Bytes as soon as there are some."""
+        try:
+            self._wait_at_most(timeout)
+            return self._socket.recv(_CHUNK) or None
+        except TimeoutError:
+            return b""
+        except OSError:
+            return None
+
+    def write(self, data: bytes) -> bool:
+        """Send all of it."""
+        try:
+            self._wait_at_most(WRITE_PATIENCE)
+            self._socket.sendall(data)
+        except OSError:
+            return False
+        return True
+
+    def _wait_at_most(self, timeout: float) -> None:
+        if timeout != self._timeout:
+            self._socket.settimeout(max(timeout, 1e-6))
+            self._timeout = timeout
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+
+class SerialStream:
+    """A serial line to a microcontroller that speaks the bridge's messages."""
+
+    def __init__(self, url: LinkUrl) -> None:
+        self.name = str(url)
+        self._port = _open_serial(url)
+        self._port.write_timeout = WRITE_PATIENCE
+
+    def read(self, timeout: float) -> bytes | None:
+        """Bytes as soon as there are some."""
+        try:
+            self._port.timeout = timeout
+            first = bytes(self._port.read(1))
+            return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
+        except (OSError, TypeError):
+            return None
+
+    def write(self, data: bytes) -> bool:
+        """Send all of it."""
+        try:
+            return bool(self._port.write(data) == len(data))
+        except OSError:
+            return False
+
+    def close(self) -> None:
+        """Release the device."""
+        self._port.close()
+
+
+class Listener:
+    """Waits at a TCP port for one lockstep partner."""
+
+    def __init__(self, url: str | LinkUrl) -> None:
+        """Bind ``tcp:HOST:PORT`` or ``tcpin:HOST:PORT``.
+
+        Raises:
+            BadInput: another kind of address, or the port is in use.
+        """
+        self.url = url if isinstance(url, LinkUrl) else parse_url(url)
+        if self.url.kind not in ("tcp", "tcpin"):
+            raise BadInput(f"{self.url}: a world listens on tcp:HOST:PORT")
+        self._socket = _bound(self.url, socket.SOCK_STREAM)
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on."""
+        return int(self._socket.getsockname()[1])
+
+    def accept(self, timeout: float) -> SocketStream | None:
+        """The partner's connection, or None when nobody came for ``timeout`` s."""
+        self._socket.settimeout(timeout)
+        try:
+            connected, address = self._socket.accept()
+        except TimeoutError:
+            return None
+        return SocketStream(connected, f"{address[0]}:{address[1]}")
+
+    def close(self) -> None:
+        """Release the port."""
+        self._socket.close()
+
+
+def open_stream(url: str | LinkUrl, patience: float) -> Stream | None:
+    """Reach a lockstep partner; None when it did not answer for ``patience`` s.
+
+    ``tcp`` connects and tries again while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
+
+    Raises:
+        BadInput: not an address of these kinds, the host has no address, the device is missing.
+    """
+    parsed = url if isinstance(url, LinkUrl) else parse_url(url)
+    if parsed.kind == "serial":
+        return SerialStream(parsed)
+    if parsed.kind == "tcpin":
+        listener = Listener(parsed)
+        try:
+            return listener.accept(patience)
+        finally:
+            listener.close()
+    if parsed.kind != "tcp":
+        raise BadInput(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
+    return _connect_stream(parsed, patience)
+
+
+def _connect_stream(url: LinkUrl, patience: float) -> SocketStream | None:
+    family, address = _resolve(url, socket.SOCK_STREAM)
+    deadline = time.monotonic() + patience
+    while True:
+        attempt = socket.socket(family, socket.SOCK_STREAM)
+        attempt.settimeout(max(0.05, deadline - time.monotonic()))
+        try:
+            attempt.connect(address)
+        except OSError:
+            attempt.close()
+            if time.monotonic() >= deadline:
+                return None
+            time.sleep(0.02)
+        else:
+            return SocketStream(attempt, str(url))

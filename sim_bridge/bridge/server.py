@@ -1,0 +1,271 @@
+"""Plays a world to a flight computer: PX4's simulator interface with Wingbeat's raw sensors beside it.
+
+The flight computer connects over TCP and sends HEARTBEAT. Our own is in lockstep from the first frame, so that a
+flight is the same at any speed. PX4 is not: the world runs freely until the first HIL_ACTUATOR_CONTROLS, and afterwards
+waits only a moment for each, because PX4 does not promise one reply per sensor frame.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from avionics.link import codec
+from avionics.link.dialect import mavlink
+from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.transport import Listener, Stream
+from avionics.messages import ActuatorCommand, SensorFrame
+from sim_bridge.bridge.pace import Pacer
+from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
+from sim_bridge.bridge.world import NEUTRAL, World
+
+DEFAULT_URL = "tcp:127.0.0.1:4560"
+"""Where PX4 looks for its simulator."""
+
+
+class FlightComputerSilent(RuntimeError):
+    """The flight computer did not connect, speak or answer within the bounded wait; the text says which."""
+
+
+class Patience(NamedTuple):
+    """How long the world waits for the flight computer."""
+
+    connect: float = 60.0
+    """s; for the connection"""
+    hello: float = 10.0
+    """s; for its first HEARTBEAT"""
+    reply: float = 5.0
+    """s; for the answer to a sensor frame, of a partner in lockstep"""
+    moment: float = 0.010
+    """s; for the answer of one that promises none (PX4), once armed"""
+    noise: float = 0.05
+    """s; for the rest of something that began like a message"""
+
+
+class EndReason(IntEnum):
+    """Why the world stopped; the values of WINGBEAT_END_REASON."""
+
+    FINISHED = 0
+    STALLED = 1
+    STOPPED = 2
+
+
+class Tally(NamedTuple):
+    """What went over the bridge."""
+
+    frames: int = 0
+    """sensor frames sent"""
+    misses: int = 0
+    """sensor frames without an answer in time"""
+    stale: int = 0
+    """answers that carried the time of another sensor frame, and were dropped"""
+    rejected: int = 0
+    """answers with a control that is not a finite number, and were dropped"""
+    bad_bytes: int = 0
+    """bytes that were no part of a message"""
+    ended: str = ""
+    """why it ended, one line"""
+
+
+class BridgeServer:
+    """Owns the port; `serve` plays one flight."""
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        speed: float | None = None,
+        patience: Patience | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Listen.
+
+        Args:
+            url: ``tcp:HOST:PORT``.
+            speed: times real time; None for as fast as possible.
+            patience: bounds of all waits.
+            clock: wall clock in s.
+
+        Raises:
+            BadInput: not such an address, or the port is in use.
+        """
+        self._listener = Listener(url)
+        self._speed = speed
+        self._patience = patience or Patience()
+        self._clock = clock
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on."""
+        return self._listener.port
+
+    def serve(self, world: World) -> Tally:
+        """Wait for a flight computer and fly until the world is finished or the flight computer hangs up.
+
+        Raises:
+            FlightComputerSilent: it never came, never said HEARTBEAT, or left a sensor frame unanswered.
+        """
+        stream = self._listener.accept(self._patience.connect)
+        if stream is None:
+            raise FlightComputerSilent(
+                f"no flight computer connected to {self._listener.url} for {self._patience.connect:g} s"
+            )
+        session = Session(stream, world, self._patience, Pacer(self._speed, self._clock), self._clock)
+        try:
+            return session.fly()
+        finally:
+            session.close()
+
+    def close(self) -> None:
+        """Release the port."""
+        self._listener.close()
+
+
+class Session:
+    """One flight computer on the other end of the bridge."""
+
+    def __init__(
+        self, stream: Stream, world: World, patience: Patience, pacer: Pacer, clock: Callable[[], float]
+    ) -> None:
+        self._stream = stream
+        self._world = world
+        self._patience = patience
+        self._pacer = pacer
+        self._clock = clock
+        self._reader = FrameReader(version_1=False)
+        self._writer = codec.FrameWriter(1, 200)
+        self._autopilot: int | None = None
+        self._answered = False
+        self._hung_up = False
+        self._truth_interval_us = 0
+        self._next_truth_us = 0
+        self._tally = Tally()
+
+    def fly(self) -> Tally:
+        """Exchange frames until the world is finished or the partner hangs up.
+
+        Raises:
+            FlightComputerSilent: it never said HEARTBEAT, or left a sensor frame unanswered.
+        """
+        self._await_hello()
+        command = NEUTRAL
+        ended = "the simulation finished"
+        while not self._world.finished:
+            frame = self._world.step(command)
+            self._pacer.hold(frame.time_us)
+            self._send(frame)
+            command = self._await_answer(frame.time_us, command)
+            if self._hung_up:
+                ended = "the flight computer hung up"
+                break
+        self._say_end(EndReason.FINISHED)
+        return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
+
+    @property
+    def _lockstep(self) -> bool:
+        return bool(self._autopilot != mavlink.MAV_AUTOPILOT_PX4)
+
+    def _await_hello(self) -> None:
+        deadline = self._clock() + self._patience.hello
+        while self._autopilot is None and not self._hung_up:
+            for frame in self._receive(self._patience.noise):
+                self._listen(frame)
+            if self._clock() >= deadline and self._autopilot is None:
+                raise FlightComputerSilent(
+                    f"the flight computer at {self._stream.name} connected and sent no HEARTBEAT"
+                    f" for {self._patience.hello:g} s"
+                )
+        if not self._lockstep and self._pacer.speed is None:
+            # A partner that is not in lockstep keeps its own clock.
+            self._pacer.speed = 1.0
+
+    def _send(self, frame: SensorFrame) -> None:
+        data = self._writer.sensors(frame)
+        if self._truth_interval_us and frame.time_us >= self._next_truth_us:
+            self._next_truth_us = frame.time_us + self._truth_interval_us
+            payload = encode_truth(self._world.truth(), self._world.origin)
+            data = self._writer.frame(HIL_STATE_QUATERNION, payload) + data
+        self._hung_up |= not self._stream.write(data)
+        self._tally = self._tally._replace(frames=self._tally.frames + 1)
+
+    def _await_answer(self, time_us: int, last: ActuatorCommand) -> ActuatorCommand:
+        limit = self._limit(last)
+        deadline = self._clock() + limit
+        while not self._hung_up:
+            for frame in self._receive(min(limit, self._patience.noise)):
+                command = self._answer(frame, time_us)
+                if command is not None:
+                    return command
+            if self._clock() >= deadline:
+                break
+        return last if self._hung_up else self._missed(time_us, limit, last)
+
+    def _limit(self, last: ActuatorCommand) -> float:
+        if self._lockstep:
+            return self._patience.reply
+        return self._patience.moment if self._answered and last.armed else 0.0
+
+    def _missed(self, time_us: int, limit: float, last: ActuatorCommand) -> ActuatorCommand:
+        if self._lockstep:
+            self._say_end(EndReason.STALLED)
+            raise FlightComputerSilent(
+                f"the flight computer at {self._stream.name} did not answer the sensor frame"
+                f" of t = {time_us / 1e6:.3f} s for {limit:g} s"
+            )
+        if self._answered:
+            self._tally = self._tally._replace(misses=self._tally.misses + 1)
+        return last
+
+    def _answer(self, frame: Frame, time_us: int) -> ActuatorCommand | None:
+        if frame.message_id != codec.HIL_ACTUATOR_CONTROLS:
+            self._listen(frame)
+            return None
+        reply = codec.decode_actuators(frame.payload)
+        if reply is None:
+            self._tally = self._tally._replace(rejected=self._tally.rejected + 1)
+            return None
+        if self._lockstep and reply.command.time_us != time_us:
+            self._tally = self._tally._replace(stale=self._tally.stale + 1)
+            return None
+        self._answered = True
+        return reply.command
+
+    def _receive(self, timeout: float) -> list[Frame]:
+        data = self._stream.read(timeout)
+        if data is None:
+            self._hung_up = True
+            return []
+        if data:
+            return self._reader.feed(data)
+        return self._reader.give_up() if timeout >= self._patience.noise else []
+
+    def _listen(self, frame: Frame) -> None:
+        """What is no actuator command: HEARTBEAT, and requests for truth."""
+        message = decode(frame)
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self._autopilot = message.autopilot
+        elif kind == "COMMAND_LONG":
+            accepted = self._command(message)
+            result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_UNSUPPORTED
+            ack = mavlink.MAVLink_command_ack_message(message.command, result)
+            self._hung_up |= not self._stream.write(self._writer.pack(ack))
+
+    def _command(self, message: Any) -> bool:
+        if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL or message.param1 != HIL_STATE_QUATERNION:
+            return False
+        interval = message.param2
+        self._truth_interval_us = int(interval) if 0.0 < interval < 1e9 else 0
+        if interval == 0.0:
+            self._truth_interval_us = self._world.tick_us
+        self._next_truth_us = 0
+        return True
+
+    def _say_end(self, reason: EndReason) -> None:
+        end = mavlink.MAVLink_wingbeat_end_message(0, int(reason))
+        self._stream.write(self._writer.pack(end))
+
+    def close(self) -> None:
+        """Hang up."""
+        self._stream.close()
