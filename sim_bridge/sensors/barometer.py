@@ -1,0 +1,72 @@
+"""MS5611-class barometer with its thermometer."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import Quantity
+from sim_bridge.sensors.noise import gauss_markov_step, normal_rows, split
+
+
+class BarometerSpec(NamedTuple):
+    """MS5611-01BA03 (Measurement Specialties) as compensated by its driver; Gerdes Table 1 lists no barometer.
+
+    10 to 1200 mbar, delivered as counts of 0.01 Pa and 0.01 K. The data sheet's noise is 1.2 Pa rms at an
+    oversampling of 4096; the flow past the open port of a flapping fuselage makes it about 3 Pa. Absolute
+    accuracy +-150 Pa and +-0.8 K; the drift stands for weather and warming.
+    """
+
+    lowest: Annotated[float, Quantity("Pa", 0.0, 1e5)]
+    """where it saturates"""
+    highest: Annotated[float, Quantity("Pa", 1e4, 1e6)]
+    """where it saturates"""
+    resolution: Annotated[float, Quantity("Pa", 1e-4, 100.0)]
+    """of one count"""
+    noise: Annotated[float, Quantity("Pa", 0.0, 100.0)]
+    """standard deviation of one reading"""
+    drift_sigma: Annotated[float, Quantity("Pa", 0.0, 500.0)]
+    """of the slow drift once it has settled; it starts at 0"""
+    drift_time_constant: Annotated[float, Quantity("s", 1.0, 1e5)]
+    """of the slow drift"""
+    offset_sigma: Annotated[float, Quantity("Pa", 0.0, 1000.0)]
+    """of the units' absolute errors"""
+    temperature_resolution: Annotated[float, Quantity("K", 1e-4, 5.0)]
+    """of one count"""
+    temperature_noise: Annotated[float, Quantity("K", 0.0, 10.0)]
+    """standard deviation of one reading"""
+    temperature_offset_sigma: Annotated[float, Quantity("K", 0.0, 20.0)]
+    """of the units' absolute errors"""
+
+
+class BarometerErrors(NamedTuple):
+    """What this one unit has wrong for the whole flight."""
+
+    pressure: float
+    """Pa"""
+    temperature: float
+    """K"""
+
+
+class Barometer:
+    """One unit: call at its own rate, every ``period`` s."""
+
+    def __init__(self, spec: BarometerSpec, seed: np.random.SeedSequence, period: float) -> None:
+        unit, flight = split(seed)
+        pressure, temperature = unit.standard_normal(2).tolist()
+        self.errors = BarometerErrors(spec.offset_sigma * pressure, spec.temperature_offset_sigma * temperature)
+        self._spec = spec
+        self._decay, self._drive = gauss_markov_step(period, spec.drift_time_constant)
+        self._normals = normal_rows(flight, 3)
+        self._drift = 0.0
+
+    def read(self, static_pressure: float, temperature: float) -> tuple[int, int]:
+        """Counts of pressure and of temperature for the ambient ones in Pa and K."""
+        spec, errors = self._spec, self.errors
+        white, slow, warm = next(self._normals)
+        self._drift = self._decay * self._drift + self._drive * slow
+        pressure = static_pressure + errors.pressure + spec.drift_sigma * self._drift + spec.noise * white
+        pressure = min(max(pressure, spec.lowest), spec.highest)
+        kelvin = temperature + errors.temperature + spec.temperature_noise * warm
+        return round(pressure / spec.resolution), max(round(kelvin / spec.temperature_resolution), 0)

@@ -1,0 +1,72 @@
+"""ITG-3200 three-axis gyroscope."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import Quantity
+from sim_bridge.observation import Vector
+from sim_bridge.sensors.low_pass import corner, low_pass
+from sim_bridge.sensors.noise import normal_rows, split
+from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
+
+
+class GyroscopeSpec(NamedTuple):
+    """ITG-3200 (InvenSense PS-ITG-3200A) with its 98 Hz digital low pass.
+
+    Range +-2000 deg/s (Gerdes Table 1), 14.375 LSB per deg/s, total noise 0.38 deg/s rms. The zero-rate output
+    (+-40 deg/s new) is what is left after averaging at rest before take-off, and walks slowly with temperature.
+    """
+
+    range_deg_s: Annotated[float, Quantity("deg/s", 10.0, 10000.0)]
+    """either way"""
+    sensitivity: Annotated[float, Quantity("LSB s/deg", 0.1, 1e5)]
+    """of the data sheet; the driver divides by it"""
+    noise_deg_s: Annotated[float, Quantity("deg/s", 0.0, 20.0)]
+    """standard deviation of each axis"""
+    bandwidth: Annotated[float, Quantity("Hz", 0.0, 1000.0)]
+    """of the low pass in the sensor; 0 for none"""
+    bias_sigma_deg_s: Annotated[float, Quantity("deg/s", 0.0, 50.0)]
+    """of the units' biases at power-on, after calibration"""
+    bias_walk_deg_s: Annotated[float, Quantity("deg/s/sqrt(s)", 0.0, 1.0)]
+    """random walk of the bias: its standard deviation after one second"""
+    scale_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
+    """of the units' relative scale errors"""
+    misalignment_sigma_deg: Annotated[float, Quantity("deg", 0.0, 5.0)]
+    """of the mounting, about each axis"""
+
+
+class Gyroscope:
+    """One unit: call once a tick."""
+
+    def __init__(self, spec: GyroscopeSpec, seed: np.random.SeedSequence, period: float) -> None:
+        unit, flight = split(seed)
+        noise_stream, walk_stream = flight.spawn(2)
+        self.errors = draw_errors(
+            unit,
+            math.radians(spec.bias_sigma_deg_s),
+            spec.scale_sigma,
+            math.radians(spec.misalignment_sigma_deg),
+        )
+        limit = round(spec.range_deg_s * spec.sensitivity)
+        noise = spec.noise_deg_s * spec.sensitivity
+        conversion = Conversion(math.degrees(spec.sensitivity), -limit, limit, (noise, noise, noise))
+        self._triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), noise_stream)
+        self._walk_step = math.radians(spec.bias_walk_deg_s) * math.sqrt(period)
+        self._walk_normals = normal_rows(walk_stream, 3)
+        self._walk: Vector = ZERO
+
+    @property
+    def bias(self) -> Vector:
+        """True bias at this moment in rad/s: the unit's plus what it walked."""
+        (ox, oy, oz), (wx, wy, wz) = self.errors.offset, self._walk
+        return ox + wx, oy + wy, oz + wz
+
+    def read(self, omega_frd: Vector) -> Vector:
+        """Reading in rad/s of the angular velocity in rad/s, body axes."""
+        (x, y, z), (nx, ny, nz), step = self._walk, next(self._walk_normals), self._walk_step
+        self._walk = (x + step * nx, y + step * ny, z + step * nz)
+        return self._triad.read(omega_frd, self._walk)

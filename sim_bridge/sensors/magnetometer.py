@@ -1,0 +1,68 @@
+"""HMC5883L three-axis magnetometer."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import Quantity
+from sim_bridge.environment.magnetic import MagneticField, field_ned
+from sim_bridge.observation import Vector
+from sim_bridge.sensors.low_pass import low_pass
+from sim_bridge.sensors.noise import split
+from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
+
+
+class MagnetometerSpec(NamedTuple):
+    """HMC5883L (Honeywell data sheet, form 900405) at its least gain.
+
+    Range +-8.1 G (Gerdes Table 1: +-8 G), 230 LSB/G = 4.35 mG/LSB, noise floor 2 mG, output rate up to 75 Hz.
+    Hard iron (the drives' magnets, the battery's leads) is what is left after a calibration turn.
+    """
+
+    range_gauss: Annotated[float, Quantity("gauss", 0.5, 100.0)]
+    """either way"""
+    sensitivity: Annotated[float, Quantity("LSB/gauss", 1.0, 1e6)]
+    """of the data sheet; the driver divides by it"""
+    noise_mg: Annotated[float, Quantity("mgauss", 0.0, 200.0)]
+    """standard deviation of each axis"""
+    hard_iron_sigma_mg: Annotated[float, Quantity("mgauss", 0.0, 500.0)]
+    """of the residual field of the vehicle itself, each axis"""
+    scale_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
+    """of the units' relative scale errors"""
+    misalignment_sigma_deg: Annotated[float, Quantity("deg", 0.0, 5.0)]
+    """of the mounting, about each axis"""
+
+
+class Magnetometer:
+    """One unit in one place's field: call at its own output rate."""
+
+    def __init__(self, spec: MagnetometerSpec, seed: np.random.SeedSequence, field: MagneticField) -> None:
+        unit, flight = split(seed)
+        self.errors = draw_errors(
+            unit, spec.hard_iron_sigma_mg * 1e-3, spec.scale_sigma, math.radians(spec.misalignment_sigma_deg)
+        )
+        limit = round(spec.range_gauss * spec.sensitivity)
+        noise = spec.noise_mg * 1e-3 * spec.sensitivity
+        conversion = Conversion(spec.sensitivity, -limit, limit, (noise, noise, noise))
+        self._triad = Triad(conversion, self.errors, low_pass(0.0, 1.0), flight)
+        self._field_ned = field_ned(field)
+
+    def read(self, quaternion: tuple[float, float, float, float]) -> Vector:
+        """Reading in gauss, body axes, at the attitude ``quaternion`` (w, x, y, z) of r_ned_from_frd."""
+        return self._triad.read(frd_from_ned(quaternion, self._field_ned))
+
+
+def frd_from_ned(quaternion: tuple[float, float, float, float], v_ned: Vector) -> Vector:
+    """Turn a vector from NED into body axes; the quaternion of r_ned_from_frd need not be of unit length."""
+    w, x, y, z = quaternion
+    a, b, c = v_ned
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    tx, ty, tz = s * (y * c - z * b), s * (z * a - x * c), s * (x * b - y * a)
+    return (
+        a - w * tx + y * tz - z * ty,
+        b - w * ty + z * tx - x * tz,
+        c - w * tz + x * ty - y * tx,
+    )

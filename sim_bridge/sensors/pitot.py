@@ -1,0 +1,89 @@
+"""HSCMRRN001ND2A5 differential pressure sensor behind a pitot tube."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import Quantity
+from sim_bridge.observation import Vector
+from sim_bridge.sensors.low_pass import low_pass
+from sim_bridge.sensors.noise import normal_rows, split
+
+
+class PitotSpec(NamedTuple):
+    """Honeywell TruStability HSCMRRN001ND2A5: +-1 inch of water (+-248.84 Pa, Gerdes Table 1), digital.
+
+    14-bit word, transfer function A: 10 % of 2^14 (1638) at the lower end of the range, 90 % (14746) at the
+    upper. Gerdes tells 0.2 m/s of airspeed precision: rho V dV is 1.9 Pa at 7.75 m/s. The zero is what the
+    zeroing before take-off leaves; 0.25 % of full scale is the data sheet's linearity.
+    """
+
+    range: Annotated[float, Quantity("Pa", 10.0, 1e5)]
+    """either way"""
+    counts_low: Annotated[int, Quantity("counts", 0, 1 << 24)]
+    """at minus the range"""
+    counts_high: Annotated[int, Quantity("counts", 1, 1 << 24)]
+    """at plus the range"""
+    bits: Annotated[int, Quantity("-", 8, 24)]
+    """of the word, at whose ends the reading saturates"""
+    noise: Annotated[float, Quantity("Pa", 0.0, 100.0)]
+    """standard deviation of one reading"""
+    zero_sigma: Annotated[float, Quantity("Pa", 0.0, 50.0)]
+    """of the units' residual zero offsets"""
+    scale_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
+    """of the units' relative scale errors"""
+    time_constant: Annotated[float, Quantity("s", 0.0, 1.0)]
+    """of the air column in tube and hoses"""
+    incidence_deg: Annotated[float, Quantity("deg", -60.0, 60.0)]
+    """of the tube to the fuselage, nose up; along the cruising flow when negative by the angle of attack"""
+
+
+class PitotErrors(NamedTuple):
+    """What this one unit has wrong for the whole flight."""
+
+    zero: float
+    """Pa"""
+    scale: float
+    """-"""
+
+
+class Pitot:
+    """One unit: `sense` once a tick, `read` when it is polled."""
+
+    def __init__(self, spec: PitotSpec, seed: np.random.SeedSequence, period: float) -> None:
+        unit, flight = split(seed)
+        zero, scale = unit.standard_normal(2).tolist()
+        self.errors = PitotErrors(spec.zero_sigma * zero, spec.scale_sigma * scale)
+        self._spec = spec
+        self._axis = math.cos(math.radians(spec.incidence_deg)), math.sin(math.radians(spec.incidence_deg))
+        self._counts_per_pa = (spec.counts_high - spec.counts_low) / (2.0 * spec.range)
+        self._low_pass = low_pass(spec.time_constant, period)
+        self._normals = normal_rows(flight, 1)
+        self._impact: float | None = None
+        self._pressure = 0.0
+
+    def sense(self, v_air_frd: Vector, density: float) -> None:
+        """Let the air column follow the impact pressure of the flow along the tube.
+
+        ``v_air_frd`` in m/s is the vehicle's velocity through the air, ``density`` in kg/m^3. Flow across the
+        tube gives nothing, flow from behind gives suction.
+        """
+        along = v_air_frd[0] * self._axis[0] - v_air_frd[2] * self._axis[1]
+        impact = 0.5 * density * along * abs(along)
+        if self._impact is None:
+            self._pressure = impact
+        else:
+            keep, before, now = self._low_pass
+            self._pressure = keep * self._pressure + before * self._impact + now * impact
+        self._impact = impact
+
+    def read(self) -> int:
+        """Counts of the differential pressure."""
+        (normal,) = next(self._normals)
+        spec, errors = self._spec, self.errors
+        pressure = self._pressure * (1.0 + errors.scale) + errors.zero + spec.noise * normal
+        counts = round(spec.counts_low + (pressure + spec.range) * self._counts_per_pa)
+        return min(max(counts, 0), (1 << spec.bits) - 1)

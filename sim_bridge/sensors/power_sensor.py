@@ -1,0 +1,201 @@
+"""Supply voltage and current: divider and ACS723 into the ten-bit ADC of an ATMEGA328P, in bursts at 6 kHz.
+
+The servos modulate the current at 300 Hz (Gerdes p. 3). The plant tells the mean over the modulation; the burst
+puts the pulses back: with duty = current / pulse_current the current is the pulse's while it is on and nothing
+while it is off, and the voltage sags with it. The phase of the modulation runs on from burst to burst.
+
+The edges of the pulses last ``edge`` seconds (the motor's inductance). An edge as long as the spacing of the
+samples makes the mean of the sampled current exact: the sampled trapezoid is then the mean of a sharp pulse over
+each sample's own interval, whatever the phase.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from avionics.quantities import Quantity
+from sim_bridge.observation import Observation
+from sim_bridge.sensors.frame import BURST_LENGTH
+from sim_bridge.sensors.noise import normal_arrays, split
+
+SAMPLE_RATE = 6000.0
+"""Hz; of the ADC: three periods of 300 Hz in sixty samples"""
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class PowerSensorSpec(NamedTuple):
+    """ATMEGA328P ADC (Gerdes Table 1: 0 to 5 V, 4.9 mV) with ACS723LLCTR-10AB (+-10 A, 20 mA) and a divider.
+
+    The ACS723 gives half its supply, 2.5 V, at no current and 200 mV/A (Allegro data sheet, -10AB); its output
+    is linear within 0.5 V of the rails, which is the +-10 A. Two lithium cells need a divider before a 5 V ADC.
+    """
+
+    reference: Annotated[float, Quantity("V", 0.5, 10.0)]
+    """full scale of the ADC"""
+    bits: Annotated[int, Quantity("-", 6, 16)]
+    """of the ADC"""
+    divider: Annotated[float, Quantity("-", 0.001, 1.0)]
+    """of the supply voltage that reaches the ADC"""
+    voltage_noise: Annotated[float, Quantity("V", 0.0, 1.0)]
+    """standard deviation of one sample, at the ADC"""
+    current_zero: Annotated[float, Quantity("V", 0.0, 10.0)]
+    """of the current sensor's output without current"""
+    current_sensitivity: Annotated[float, Quantity("V/A", 1e-4, 10.0)]
+    """of the current sensor's output"""
+    current_range: Annotated[float, Quantity("A", 0.01, 1000.0)]
+    """either way, where its output saturates"""
+    current_noise: Annotated[float, Quantity("A", 0.0, 10.0)]
+    """standard deviation of one sample"""
+    divider_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
+    """of the units' relative errors of the divider"""
+    current_zero_sigma: Annotated[float, Quantity("A", 0.0, 5.0)]
+    """of the units' residual zero offsets"""
+    current_scale_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
+    """of the units' relative errors of the sensitivity"""
+    edge: Annotated[float, Quantity("s", 0.0, 0.01)]
+    """duration of a rising or falling edge of the current; 0 for sharp"""
+
+
+class PowerSensorErrors(NamedTuple):
+    """What this one unit has wrong for the whole flight."""
+
+    divider: float
+    """-"""
+    current_zero: float
+    """A"""
+    current_scale: float
+    """-"""
+
+
+class Supply(NamedTuple):
+    """The supply as the kernel sees it during one burst."""
+
+    duty: float
+    """-; share of the time the current is on, 1 for a smooth current"""
+    amplitude: float
+    """A; while it is on"""
+    open_circuit_voltage: float
+    """V"""
+    resistance: float
+    """ohm"""
+
+
+class Channels(NamedTuple):
+    """How the kernel turns volts and amperes into counts."""
+
+    voltage_gain: float
+    """counts/V"""
+    voltage_noise: float
+    """counts"""
+    current_zero: float
+    """counts"""
+    current_gain: float
+    """counts/A"""
+    current_noise: float
+    """counts"""
+    current_lowest: float
+    """counts; where the current sensor saturates"""
+    current_highest: float
+    """counts; where the current sensor saturates"""
+    full_scale: float
+    """counts; of the ADC"""
+
+
+class PowerSensor:
+    """One unit: call at the rate of the bursts."""
+
+    def __init__(self, spec: PowerSensorSpec, seed: np.random.SeedSequence) -> None:
+        unit, flight = split(seed)
+        a, b, c = unit.standard_normal(3).tolist()
+        self.errors = PowerSensorErrors(
+            spec.divider_sigma * a, spec.current_zero_sigma * b, spec.current_scale_sigma * c
+        )
+        self._edge = spec.edge
+        self._channels = _channels(spec, self.errors)
+        self._normals = normal_arrays(flight, 2 * BURST_LENGTH)
+        self._counts = np.zeros((2, BURST_LENGTH), dtype=np.int64)
+        self._phase = 0.0
+        self._time_us: int | None = None
+
+    def read(self, observation: Observation) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Sixty counts of voltage and of current; the last sample is taken at the observation's time."""
+        frequency = observation.pwm_frequency
+        if self._time_us is not None:
+            elapsed = (observation.time_us - self._time_us) * 1e-6
+            self._phase = math.fmod(self._phase + frequency * elapsed, 1.0)
+        self._time_us = observation.time_us
+        sample_burst(
+            np.array((self._phase, frequency / SAMPLE_RATE, frequency * self._edge)),
+            supply(observation),
+            self._channels,
+            next(self._normals),
+            self._counts,
+        )
+        voltage, current = self._counts.tolist()
+        return tuple(voltage), tuple(current)
+
+
+def supply(observation: Observation) -> Supply:
+    """Duty and amplitude of the current; a mean that no pulse can give (or a frequency of 0) is taken as smooth."""
+    current, pulse = observation.current, observation.pulse_current
+    battery = observation.open_circuit_voltage, observation.battery_resistance
+    if observation.pwm_frequency > 0.0 and 0.0 < current < pulse:
+        return Supply(current / pulse, pulse, *battery)
+    return Supply(1.0, current, *battery)
+
+
+def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:
+    per_volt = (1 << spec.bits) / spec.reference
+    swing = spec.current_range * spec.current_sensitivity
+    sensitivity = spec.current_sensitivity * (1.0 + errors.current_scale)
+    return Channels(
+        voltage_gain=per_volt * spec.divider * (1.0 + errors.divider),
+        voltage_noise=per_volt * spec.voltage_noise,
+        current_zero=per_volt * (spec.current_zero + spec.current_sensitivity * errors.current_zero),
+        current_gain=per_volt * sensitivity,
+        current_noise=per_volt * spec.current_sensitivity * spec.current_noise,
+        current_lowest=per_volt * (spec.current_zero - swing),
+        current_highest=per_volt * (spec.current_zero + swing),
+        full_scale=(1 << spec.bits) - 1.0,
+    )
+
+
+@njit(cache=True)
+def time_on(turns: float, duty: float) -> float:
+    """Time, in periods, for which a sharp pulse of ``duty`` was on from phase 0 to ``turns``."""
+    whole = math.floor(turns)
+    return whole * duty + min(turns - whole, duty)
+
+
+@njit(cache=True)
+def pulse(phase: float, duty: float, edge: float) -> float:
+    """Height, 0 to 1, of a periodic pulse of mean ``duty`` whose edges last ``edge`` periods."""
+    if edge > 0.0:
+        return (time_on(phase + 0.5 * edge, duty) - time_on(phase - 0.5 * edge, duty)) / edge
+    return 1.0 if phase - math.floor(phase) < duty else 0.0
+
+
+@njit(cache=True)
+def sample_burst(modulation: Floats, supply: Supply, channels: Channels, normals: Floats, counts: Integers) -> None:
+    """Fill ``counts`` (2, n) with n samples of voltage and of current.
+
+    ``modulation`` is the phase at the last sample, the phase from sample to sample and the duration of an edge,
+    all in periods; ``normals`` are 2 n standard normal numbers.
+    """
+    n = counts.shape[1]
+    for i in range(n):
+        on = pulse(modulation[0] - (n - 1 - i) * modulation[1], supply.duty, modulation[2])
+        amperes = on * supply.amplitude
+        volts = supply.open_circuit_voltage - supply.resistance * amperes
+        raw = volts * channels.voltage_gain + channels.voltage_noise * normals[i]
+        counts[0, i] = round(min(max(raw, 0.0), channels.full_scale))
+        raw = channels.current_zero + amperes * channels.current_gain + channels.current_noise * normals[n + i]
+        raw = min(max(raw, channels.current_lowest), channels.current_highest)
+        counts[1, i] = round(min(max(raw, 0.0), channels.full_scale))

@@ -1,0 +1,164 @@
+"""The vehicle's whole instrumentation: an Observation in, a RawFrame out, at a base tick of 200 Hz."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any, NamedTuple, get_type_hints
+
+from sim_bridge.environment.home import Home
+from sim_bridge.observation import Observation, Vector
+from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
+from sim_bridge.sensors.barometer import Barometer, BarometerSpec
+from sim_bridge.sensors.encoder import Encoder, EncoderSpec
+from sim_bridge.sensors.frame import RawAdc, RawEncoder, RawFrame, RawGps, RawImu, RawPressures, RawTorque
+from sim_bridge.sensors.gps import Gps, GpsSpec
+from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
+from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
+from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.sensors.pitot import Pitot, PitotSpec
+from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
+from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
+
+TICK_RATE = 200.0
+"""Hz; IMU and encoders are sampled at every tick"""
+MAGNETOMETER_TICKS = 3
+"""66.7 Hz: the most the HMC5883L gives is 75 Hz; its last reading is repeated in between"""
+PRESSURE_TICKS = 4
+"""50 Hz"""
+POWER_TICKS = 2
+"""100 Hz; torque cells too"""
+GPS_TICKS = 40
+"""5 Hz"""
+
+LARGEST = 1e9
+"""SI; no value of an observation is larger while the simulation makes sense"""
+
+_IMU_ON_THE_WIRE = struct.Struct("<9f")
+
+
+class SensorSpec(NamedTuple):
+    """Every sensor of a vehicle; a field is a section of the vehicle file."""
+
+    accelerometer: AccelerometerSpec
+    gyroscope: GyroscopeSpec
+    magnetometer: MagnetometerSpec
+    encoder: EncoderSpec
+    pitot: PitotSpec
+    barometer: BarometerSpec
+    power_sensor: PowerSensorSpec
+    torque_cell: TorqueCellSpec
+    gps: GpsSpec
+
+
+SECTIONS: dict[str, type[Any]] = get_type_hints(SensorSpec)
+"""Sections of a vehicle file that describe sensors, for `avionics.quantities.read_vehicle_file`."""
+
+
+class SimulationDiverged(ArithmeticError):
+    """The plant produced a value that is not a finite number, or absurdly large; the text says which and when."""
+
+
+def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
+    """The sensors' part of the sections read from a vehicle file (which may hold others too)."""
+    return SensorSpec(**{name: sections[name] for name in SensorSpec._fields})
+
+
+class SensorSuite:
+    """All sensors of one vehicle on one flight: the same spec, seed, home and observations give the same frames."""
+
+    def __init__(self, spec: SensorSpec, seed: int, home: Home) -> None:
+        """Build every sensor with a random stream of its own.
+
+        Raises:
+            BadInput: seed negative.
+        """
+        tick = 1.0 / TICK_RATE
+        # The number is the stream's name: a new sensor takes the next free one, so the others' noise stays.
+        self._accelerometer = Accelerometer(spec.accelerometer, sensor_seed(seed, 0), tick)
+        self._gyroscope = Gyroscope(spec.gyroscope, sensor_seed(seed, 1), tick)
+        self._magnetometer = Magnetometer(spec.magnetometer, sensor_seed(seed, 2), home.magnetic)
+        self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3), tick)
+        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4), PRESSURE_TICKS * tick)
+        self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5))
+        self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6))
+        self._torque_installed = spec.torque_cell.installed
+        self._gps = Gps(spec.gps, sensor_seed(seed, 7), home, GPS_TICKS * tick)
+        self._encoder = Encoder(spec.encoder)
+        self._field_frd: Vector | None = None
+
+    @property
+    def gyro_bias(self) -> Vector:
+        """True bias of the gyroscope in rad/s at this moment, for the log and for tests."""
+        return self._gyroscope.bias
+
+    def unit_errors(self) -> dict[str, Any]:
+        """What these units have wrong for the whole flight, by sensor and kind, in SI; for the log."""
+        errors: dict[str, Any] = {
+            "accelerometer": self._accelerometer.errors,
+            "gyroscope": self._gyroscope.errors,
+            "magnetometer": self._magnetometer.errors,
+            "pitot": self._pitot.errors,
+            "barometer": self._barometer.errors,
+            "power_sensor": self._power_sensor.errors,
+            "torque_cell": self._torque_cell.errors,
+        }
+        return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
+
+    def sample(self, observation: Observation, tick: int) -> RawFrame:
+        """What the sensors deliver at the ``tick``-th tick (from 0, one after the other) of 200 Hz.
+
+        Raises:
+            SimulationDiverged: a value of the observation is not finite, or above 1e9 in its unit.
+        """
+        require_finite(observation)
+        time_us = observation.time_us
+        self._pitot.sense(observation.v_air_frd, observation.density)
+        return RawFrame(
+            time_us,
+            self._imu(observation, tick),
+            RawEncoder(time_us, *self._encoder.read(observation.flap_left, observation.flap_right)),
+            self._pressures(observation) if tick % PRESSURE_TICKS == 0 else None,
+            RawAdc(time_us, *self._power_sensor.read(observation)) if tick % POWER_TICKS == 0 else None,
+            self._torque(observation) if self._torque_installed and tick % POWER_TICKS == 0 else None,
+            self._fix(observation, tick),
+        )
+
+    def _imu(self, observation: Observation, tick: int) -> RawImu:
+        if self._field_frd is None or tick % MAGNETOMETER_TICKS == 0:
+            self._field_frd = self._magnetometer.read(observation.quaternion)
+        values = _IMU_ON_THE_WIRE.pack(
+            *self._accelerometer.read(observation.specific_force_frd),
+            *self._gyroscope.read(observation.omega_frd),
+            *self._field_frd,
+        )
+        return RawImu(observation.time_us, *_IMU_ON_THE_WIRE.unpack(values))
+
+    def _pressures(self, observation: Observation) -> RawPressures:
+        static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
+        return RawPressures(observation.time_us, static, self._pitot.read(), temperature)
+
+    def _torque(self, observation: Observation) -> RawTorque:
+        counts = self._torque_cell.read(observation.torque_left, observation.torque_right)
+        return RawTorque(observation.time_us, *counts)
+
+    def _fix(self, observation: Observation, tick: int) -> RawGps | None:
+        if tick % GPS_TICKS == 0:
+            self._gps.measure(observation)
+        return self._gps.arrived(observation.time_us)
+
+
+def require_finite(observation: Observation) -> None:
+    """Check that every value of ``observation`` is a finite number of a size that physics can have.
+
+    Raises:
+        SimulationDiverged: names the first that is not.
+    """
+    # One sum finds any inf or nan among the numbers; only then is it worth asking where.
+    time_us, q, omega, force, position, v_ned, v_air, *scalars = observation
+    total = sum(q) + sum(omega) + sum(force) + sum(position) + sum(v_ned) + sum(v_air) + sum(scalars)
+    if -LARGEST < total < LARGEST:
+        return
+    for name, value in zip(observation._fields[1:], observation[1:], strict=True):
+        if not all(-LARGEST < number < LARGEST for number in (value if isinstance(value, tuple) else (value,))):
+            raise SimulationDiverged(f"the simulation diverged: {name} = {value} at {time_us * 1e-6:.3f} s")
