@@ -1,1 +1,1 @@
-"""TBD."""
+"""What the flight computer believes of attitude, altitude and position."""

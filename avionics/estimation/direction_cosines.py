@@ -1,0 +1,112 @@
+"""Rotations as direction cosine matrices on plain floats: nine numbers, row by row."""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, sin, sqrt
+
+Vector = tuple[float, float, float]
+Matrix = tuple[float, float, float, float, float, float, float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+SMALL_ANGLE_SQUARED = 1e-14
+
+
+def rotation(x: float, y: float, z: float) -> Matrix:
+    """Matrix of the rotation by ``|v|`` rad about the vector ``v = (x, y, z)``, exactly (Rodrigues)."""
+    square = x * x + y * y + z * z
+    if square < SMALL_ANGLE_SQUARED:
+        a, b = 1.0, 0.5
+    else:
+        angle = sqrt(square)
+        a = sin(angle) / angle
+        b = (1.0 - cos(angle)) / square
+    bx, by, bz = b * x, b * y, b * z
+    ax, ay, az = a * x, a * y, a * z
+    xy, xz, yz = bx * y, bx * z, by * z
+    xx, yy, zz = bx * x, by * y, bz * z
+    return (1.0 - yy - zz, xy - az, xz + ay, xy + az, 1.0 - xx - zz, yz - ax, xz - ay, yz + ax, 1.0 - xx - yy)
+
+
+def multiply(a: Matrix, b: Matrix) -> Matrix:
+    """Product ``a b``."""
+    a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
+    b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
+    return (
+        a0 * b0 + a1 * b3 + a2 * b6, a0 * b1 + a1 * b4 + a2 * b7, a0 * b2 + a1 * b5 + a2 * b8,
+        a3 * b0 + a4 * b3 + a5 * b6, a3 * b1 + a4 * b4 + a5 * b7, a3 * b2 + a4 * b5 + a5 * b8,
+        a6 * b0 + a7 * b3 + a8 * b6, a6 * b1 + a7 * b4 + a8 * b7, a6 * b2 + a7 * b5 + a8 * b8,
+    )  # fmt: skip
+
+
+def rotate(r: Matrix, v: Vector) -> Vector:
+    """``r v``: with r_ned_from_frd, a body vector in earth axes."""
+    x, y, z = v
+    return (r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z)
+
+
+def rotate_back(r: Matrix, v: Vector) -> Vector:
+    """``r' v``: with r_ned_from_frd, an earth vector in body axes."""
+    x, y, z = v
+    return (r[0] * x + r[3] * y + r[6] * z, r[1] * x + r[4] * y + r[7] * z, r[2] * x + r[5] * y + r[8] * z)
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def norm(v: Vector) -> float:
+    """Length of a vector."""
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def unit(v: Vector) -> Vector | None:
+    """``v`` at length 1; None for a vector without a direction."""
+    length = norm(v)
+    if not length > 1e-9:
+        return None
+    return (v[0] / length, v[1] / length, v[2] / length)
+
+
+def orthonormalised(r: Matrix) -> Matrix:
+    """The rotation next to ``r``: round-off is taken out of the rows (Gram-Schmidt, last row kept)."""
+    down = unit((r[6], r[7], r[8])) or (0.0, 0.0, 1.0)
+    east = unit(cross(down, (r[0], r[1], r[2]))) or (0.0, 1.0, 0.0)
+    return (*cross(east, down), *east, *down)
+
+
+def euler(r: Matrix) -> Vector:
+    """Roll, pitch and yaw in rad of r_ned_from_frd (rotations about z, y, x in this order)."""
+    return (atan2(r[7], r[8]), asin(-max(-1.0, min(1.0, r[6]))), atan2(r[3], r[0]))
+
+
+def quaternion(r: Matrix) -> Quaternion:
+    """The same rotation as (w, x, y, z) with w >= 0; the largest part comes from a root, the rest from it."""
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
+    if r0 + r4 + r8 > 0.0:
+        s = sqrt(1.0 + r0 + r4 + r8)
+        t = 0.5 / s
+        return (0.5 * s, (r7 - r5) * t, (r2 - r6) * t, (r3 - r1) * t)
+    if r0 >= r4 and r0 >= r8:
+        s = sqrt(1.0 + r0 - r4 - r8)
+        t = 0.5 / s
+        w, x, y, z = (r7 - r5) * t, 0.5 * s, (r1 + r3) * t, (r2 + r6) * t
+    elif r4 >= r8:
+        s = sqrt(1.0 - r0 + r4 - r8)
+        t = 0.5 / s
+        w, x, y, z = (r2 - r6) * t, (r1 + r3) * t, 0.5 * s, (r5 + r7) * t
+    else:
+        s = sqrt(1.0 - r0 - r4 + r8)
+        t = 0.5 / s
+        w, x, y, z = (r3 - r1) * t, (r2 + r6) * t, (r5 + r7) * t, 0.5 * s
+    return (w, x, y, z) if w >= 0.0 else (-w, -x, -y, -z)
+
+
+def from_quaternion(q: Quaternion) -> Matrix:
+    """Matrix of the unit quaternion (w, x, y, z)."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+    )  # fmt: skip
