@@ -1,0 +1,82 @@
+"""What the methods work on: plain arrays of one flight, wherever they came from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from logs.identification.results import Array
+
+
+class FlightData(NamedTuple):
+    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""
+
+    time: Array
+    """s"""
+    pitch_rate: Array
+    """rad/s; about FRD y"""
+    accel_x: Array
+    """m/s^2; specific force at the IMU along FRD x"""
+    accel_z: Array
+    """m/s^2; specific force at the IMU along FRD z, -9.81 at rest"""
+    pitch: Array
+    """rad; nose up is positive"""
+    airspeed: Array
+    """m/s; true"""
+    climb_rate: Array
+    """m/s; positive up"""
+    elevator: Array
+    """rad; commanded, held from its time stamp on"""
+    strokes: Array
+    """-; wing strokes since the first sample, never decreasing"""
+    active: Array
+    """-; 1 while a manoeuvre runs, its settling time included"""
+    manoeuvre: Array
+    """-; number of the manoeuvre"""
+    excitation: Array
+    """rad; what the manoeuvre added to the elevator"""
+    aborted: Array
+    """-; 1 where an envelope limit ended the manoeuvre"""
+
+
+class DriveData(NamedTuple):
+    """The wing drives of one flight; three time bases, all in seconds."""
+
+    power_time: Array
+    """s; (N,), end of the averaging window"""
+    current: Array
+    """A; (N,), mean over the window, of both drives"""
+    voltage: Array
+    """V; (N,), mean over the window"""
+    window: float
+    """s; length of the averaging window, 0 for instantaneous samples"""
+    torque_time: Array
+    """s; (M,)"""
+    torque_left: Array
+    """N m; (M,), positive when it drives the wing up"""
+    torque_right: Array
+    """N m; (M,), positive when it drives the wing up"""
+    wing_time: Array
+    """s; (K,)"""
+    rate_left: Array
+    """rad/s; (K,), wing up is positive"""
+    rate_right: Array
+    """rad/s; (K,), wing up is positive"""
+    strokes: Array
+    """-; (K,), wing strokes since the first sample, never decreasing"""
+
+
+class Aircraft(NamedTuple):
+    """What must be known of the aircraft beside its flight data."""
+
+    imu_x: float = 0.0
+    """m; IMU ahead of the centre of mass"""
+    imu_z: float = 0.0
+    """m; IMU below the centre of mass"""
+    tail_time_constant: float = 0.0
+    """s; first-order lag from the elevator command to the achieved tail angle"""
+    tail_delay: float = 0.0
+    """s; pure delay of the elevator command"""
+    centre_current: float | None = None
+    """A; C_D of Gerdes Eq. 12 where given, else minus the mean current per servo"""
+    centre_voltage: float | None = None
+    """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""

@@ -1,0 +1,134 @@
+"""From a log's topics to the arrays of `logs.identification.data`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from avionics import topics
+from avionics.messages import BURST_LENGTH
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.identification.data import DriveData, FlightData
+from logs.identification.results import Array
+from logs.identification.stroke import strokes_of
+from sim_bridge import topics as truth
+
+BURST_RATE = 6000.0
+"""Hz; of the ADC's samples inside a burst"""
+LEAST_SAMPLES = 20
+
+
+class ColumnSource(Protocol):
+    """A log, or anything else that gives a topic's fields as arrays."""
+
+    def columns(self, topic: Topic) -> Mapping[str, Any]:
+        """Arrays by field name; a topic that was not recorded is refused or empty."""
+
+
+class _Table:
+    """One topic's columns with its time in seconds, cleared of samples that are not finite."""
+
+    def __init__(self, source: ColumnSource, topic: Topic, *fields: str) -> None:
+        try:
+            columns = source.columns(topic)
+            arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
+        except KeyError:
+            raise BadInput(f"the log has no topic {topic.name}, which identification needs") from None
+        if len(arrays[0]) < LEAST_SAMPLES:
+            raise BadInput(f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}")
+        good = np.all(np.isfinite(arrays), axis=0)
+        good[1:] &= np.diff(np.maximum.accumulate(arrays[0])) > 0
+        if good.sum() < LEAST_SAMPLES:
+            raise BadInput(f"topic {topic.name} has too few finite samples in order of time")
+        self.time: Array = arrays[0][good] * 1e-6
+        self._fields = {field: array[good] for field, array in zip(fields, arrays[1:], strict=True)}
+
+    def __getitem__(self, field: str) -> Array:
+        return self._fields[field]
+
+    def linear(self, field: str, time: Array) -> Array:
+        """The field at ``time``, linear between samples."""
+        values: Array = np.interp(time, self.time, self._fields[field])
+        return values
+
+    def held(self, field: str, time: Array) -> Array:
+        """The field at ``time``, held since its last sample; the first sample's value before it."""
+        index = np.clip(np.searchsorted(self.time, time + 1e-7, side="right") - 1, 0, None)
+        return self._fields[field][index]
+
+
+def _strokes(source: ColumnSource) -> tuple[_Table, Array]:
+    wing = _Table(source, topics.WING, "phase", "rate_left", "rate_right")
+    return wing, strokes_of(wing["phase"])
+
+
+def _time_base(time: Array) -> Array:
+    """Equally spaced over the record, at the record's median step; gaps are filled by interpolation."""
+    step = float(np.median(np.diff(time)))
+    return time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+
+
+def flight_data(source: ColumnSource) -> FlightData:
+    """Longitudinal motion of the flight in a log.
+
+    Raises:
+        BadInput: a topic is missing, or nothing was excited.
+    """
+    excitation = _Table(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
+    if not np.any(excitation["active"]):
+        raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
+    imu = _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
+    wing, strokes = _strokes(source)
+    attitude = _Table(source, topics.ATTITUDE, "pitch", "bias_y")
+    time = _time_base(imu.time)
+    return FlightData(
+        time,
+        imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
+        imu.linear("accel_x", time),
+        imu.linear("accel_z", time),
+        attitude.linear("pitch", time),
+        _Table(source, topics.AIR_DATA, "airspeed").linear("airspeed", time),
+        _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time),
+        _Table(source, topics.ACTUATORS, "elevator").held("elevator", time),
+        np.interp(time, wing.time, strokes),
+        excitation.held("active", time),
+        excitation.held("manoeuvre", time),
+        excitation.held("elevator", time),
+        excitation.held("aborted", time),
+    )
+
+
+def drive_data(source: ColumnSource) -> DriveData:
+    """The wing drives in a log, as measured by strain gauges, encoders and power sensors.
+
+    Raises:
+        BadInput: a topic is missing.
+    """
+    torque = _Table(source, topics.DRIVE_TORQUE, "left", "right")
+    power = _Table(source, topics.POWER, "current", "voltage")
+    wing, strokes = _strokes(source)
+    return DriveData(
+        power.time, power["current"], power["voltage"], BURST_LENGTH / BURST_RATE,
+        torque.time, torque["left"], torque["right"],
+        wing.time, wing["rate_left"], wing["rate_right"], strokes,
+    )  # fmt: skip
+
+
+def true_drive_data(source: ColumnSource) -> DriveData:
+    """The wing drives in a simulated flight's log as they truly were, strokes as measured.
+
+    Raises:
+        BadInput: the log has no topic of the world's truth.
+    """
+    fields = ("current", "voltage", "torque_left", "torque_right", "rate_left", "rate_right")
+    true = _Table(source, truth.WING, *fields)
+    wing, strokes = _strokes(source)
+    return DriveData(
+        true.time, true["current"], true["voltage"], 0.0,
+        true.time, true["torque_left"], true["torque_right"],
+        true.time, true["rate_left"], true["rate_right"],
+        np.interp(true.time, wing.time, strokes),
+    )  # fmt: skip

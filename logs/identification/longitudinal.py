@@ -1,0 +1,89 @@
+"""Linear longitudinal motion of the stroke-averaged aircraft (Malladi Eq. 26-28; states u, w, q, theta).
+
+Aerodynamic forces per mass and moments per inertia are linear in the states and the tail angle:
+``f_x = X_u u + X_w w + X_q q + X_delta delta``, the same for ``f_z`` (Z) and the pitch acceleration (M); the
+rest is kinematics and gravity. Z_w is Malladi's Z_alpha / V, M_w his M_alpha / V; what the wings' apparent
+mass and downwash lag add is contained in the derivatives.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from logs.identification.data import Aircraft
+from logs.identification.manoeuvre import GRAVITY, Reference
+from logs.identification.results import Array
+
+REGRESSORS = ("u", "w", "q", "delta")
+UNITS = {
+    "X_u": "1/s", "X_w": "1/s", "X_q": "m/s/rad", "X_delta": "m/s^2/rad",
+    "Z_u": "1/s", "Z_w": "1/s", "Z_q": "m/s/rad", "Z_delta": "m/s^2/rad",
+    "M_u": "rad/s/m", "M_w": "rad/s/m", "M_q": "1/s", "M_delta": "1/s^2",
+}  # fmt: skip
+LONGITUDINAL = tuple(UNITS)
+"""all derivatives: short period and speed together"""
+SHORT_PERIOD = ("Z_w", "Z_q", "Z_delta", "M_w", "M_q", "M_delta")
+"""the speed taken as constant"""
+
+
+class Matrices(NamedTuple):
+    """State space ``x' = A x + B delta``, ``y = C x + D delta``; x = (u, w, q, theta), y = (q, a_x, a_z, theta)."""
+
+    a: Array
+    """(4, 4)"""
+    b: Array
+    """(4,)"""
+    c: Array
+    """(4, 4); a_x and a_z are specific forces at the IMU"""
+    d: Array
+    """(4,)"""
+
+
+class Discrete(NamedTuple):
+    """Exact step over one sample: ``x[k+1] = F x[k] + G0 delta[k] + G1 delta[k+1]``."""
+
+    f: Array
+    """(4, 4)"""
+    g0: Array
+    """(4,)"""
+    g1: Array
+    """(4,)"""
+
+
+def matrices(names: tuple[str, ...], values: Array, reference: Reference, aircraft: Aircraft) -> Matrices:
+    """State space of derivatives ``names`` with ``values`` (p,); derivatives that are not named are zero.
+
+    Without any X the speed is constant: the state u stays zero.
+    """
+    given = dict(zip(names, values, strict=True))
+    force = np.array([[given.get(f"{axis}_{r}", 0.0) for r in REGRESSORS] for axis in "XZM"])
+    (x, z, m), free_speed = force, any(name.startswith("X") for name in names)
+    sin, cos = np.sin(reference.pitch), np.cos(reference.pitch)
+    a, b = np.zeros((4, 4)), np.zeros(4)
+    if free_speed:
+        a[0] = [x[0], x[1], x[2] - reference.w, -GRAVITY * cos]
+        b[0] = x[3]
+    a[1] = [z[0], z[1], z[2] + reference.u, -GRAVITY * sin]
+    a[2, :3] = m[:3]
+    a[3, 2] = 1.0
+    b[1:3] = z[3], m[3]
+    at_imu_x, at_imu_z = x + aircraft.imu_z * m, z - aircraft.imu_x * m
+    c = np.array([[0, 0, 1, 0], [*at_imu_x[:3], 0], [*at_imu_z[:3], 0], [0, 0, 0, 1]], dtype=float)
+    return Matrices(a, b, c, np.array([0.0, at_imu_x[3], at_imu_z[3], 0.0]))
+
+
+def discretise(model: Matrices, step: float, held: bool) -> Discrete:
+    """Exact discretisation for an input that is ``held`` over the step, or linear within it (triangular hold)."""
+    block = np.zeros((6, 6))
+    block[:4, :4], block[:4, 4], block[4, 5] = model.a * step, model.b * step, 1.0
+    exact = expm(block)
+    whole, ramp = exact[:4, 4], exact[:4, 5]
+    return Discrete(exact[:4, :4], whole, np.zeros(4)) if held else Discrete(exact[:4, :4], whole - ramp, ramp)
+
+
+def modes_matrix(model: Matrices, names: tuple[str, ...]) -> Array:
+    """The part of A that has the modes: (u, w, q, theta), or (w, q) where the speed is constant."""
+    return model.a if any(name.startswith("X") for name in names) else model.a[1:3, 1:3]

@@ -1,0 +1,226 @@
+"""Maximum-likelihood output error: the model flies every manoeuvre again and its outputs are fitted to the measured.
+
+Gauss-Newton on the derivatives (Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar,
+Flight Vehicle System Identification, 2006, ch. 4). The model is driven with the tail angle sample by sample
+and its outputs are then averaged over the same strokes as the measured ones. Initial states and output
+biases of each manoeuvre enter linearly: they are projected out, so that the errors of the derivatives contain
+theirs. Standard errors are Cramer-Rao bounds corrected for coloured residuals.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from logs.identification.data import Aircraft
+from logs.identification.equation_error import DerivativeFit
+from logs.identification.longitudinal import Discrete, Matrices, discretise, matrices
+from logs.identification.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
+from logs.identification.regression import colour_of, coloured_information
+from logs.identification.results import Array
+
+OUTPUTS = ("q", "a_x", "a_z", "theta")
+ITERATIONS = 40
+CONVERGED = 1e-2
+"""-; largest step, in standard errors"""
+DIFFERENCE = 1e-5
+LAG_STROKES = 2.0
+WORST_CONDITION = 1e6
+
+
+class Problem(NamedTuple):
+    """What is fitted to what."""
+
+    manoeuvres: tuple[Manoeuvre, ...]
+    reference: Reference
+    aircraft: Aircraft
+    names: tuple[str, ...]
+    outputs: tuple[int, ...]
+    """-; columns of `OUTPUTS` that are fitted"""
+
+
+class Linearised(NamedTuple):
+    """All manoeuvres about the present derivatives, nuisances projected out, in standard deviations."""
+
+    residuals: list[Array]
+    """(M_i, m); measured minus model"""
+    sensitivities: list[Array]
+    """(M_i, m, p); of the model's outputs"""
+    nuisances: int
+    """-; how many were projected out"""
+
+
+@njit(cache=True)
+def _propagate(f, g0, g1, start, tail):  # type: ignore[no-untyped-def]
+    """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]`` from ``start`` (n,)."""
+    states = np.zeros((len(tail), len(start)))
+    states[0] = start
+    for k in range(len(tail) - 1):
+        for i in range(len(start)):
+            total = g0[i] * tail[k] + g1[i] * tail[k + 1]
+            for j in range(len(start)):
+                total += f[i, j] * states[k, j]
+            states[k + 1, i] = total
+    return states
+
+
+class Flown(NamedTuple):
+    """The model at given derivatives, ready to fly any manoeuvre."""
+
+    model: Matrices
+    exact: Discrete
+
+    def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
+        """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
+        states = _propagate(self.exact.f, self.exact.g0, self.exact.g1, start, tail)
+        outputs: Array = (manoeuvre.averaging @ states) @ self.model.c.T
+        return outputs + np.outer(manoeuvre.averaging @ tail, self.model.d)
+
+
+def _flown(problem: Problem, values: Array) -> Flown:
+    model = matrices(problem.names, values, problem.reference, problem.aircraft)
+    first = problem.manoeuvres[0]
+    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held))
+
+
+def _responses(problem: Problem, values: Array, starts: list[Array]) -> list[Array]:
+    """Stroke-averaged outputs (M_i, m) of the model, manoeuvre by manoeuvre, from the initial states ``starts``."""
+    flown = _flown(problem, values)
+    pairs = zip(problem.manoeuvres, starts, strict=True)
+    return [flown.averages(m, start, m.tail)[:, problem.outputs] for m, start in pairs]
+
+
+def _nuisance_columns(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Array:
+    """Columns (M m, l): responses to each initial state, a bias of each output and for the pitch a drift."""
+    still = np.zeros_like(manoeuvre.tail)
+    columns = [flown.averages(manoeuvre, start, still)[:, problem.outputs] for start in np.eye(4)]
+    for index, output in enumerate(problem.outputs):
+        unit = np.zeros_like(columns[0])
+        unit[:, index] = 1.0
+        columns.append(unit)
+        if OUTPUTS[output] == "theta":
+            columns.append(unit * manoeuvre.at[:, None])
+    return np.column_stack([(column / deviation).ravel() for column in columns])
+
+
+class Projected(NamedTuple):
+    """One manoeuvre with its nuisances at their optimum."""
+
+    residuals: Array
+    """(M, m); measured minus model, in standard deviations"""
+    basis: Array
+    """(M m, l); orthonormal, of the nuisances"""
+    start: Array
+    """(4,); initial state"""
+
+
+def _project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Projected:
+    forced = flown.averages(manoeuvre, np.zeros(4), manoeuvre.tail)
+    raw = (manoeuvre.averages - forced)[:, problem.outputs] / deviation
+    columns = _nuisance_columns(problem, flown, manoeuvre, deviation)
+    norms = np.linalg.norm(columns, axis=0)
+    norms[norms == 0] = np.inf
+    left, singular, right = np.linalg.svd(columns / norms, full_matrices=False)
+    kept = singular > 1e-7 * singular[0]
+    basis, along = left[:, kept], left[:, kept].T @ raw.ravel()
+    coefficients = right[kept].T @ (along / singular[kept]) / norms
+    return Projected((raw.ravel() - basis @ along).reshape(raw.shape), basis, coefficients[:4])
+
+
+def _projections(problem: Problem, values: Array, deviation: Array) -> list[Projected]:
+    flown = _flown(problem, values)
+    return [_project(problem, flown, m, deviation) for m in problem.manoeuvres]
+
+
+def _residuals(problem: Problem, values: Array, deviation: Array) -> list[Array]:
+    return [piece.residuals for piece in _projections(problem, values, deviation)]
+
+
+def _without_nuisances(basis: Array, values: Array) -> Array:
+    flat = values.reshape(len(basis), -1)
+    rest: Array = (flat - basis @ (basis.T @ flat)).reshape(values.shape)
+    return rest
+
+
+def _linearise(problem: Problem, values: Array, deviation: Array) -> Linearised:
+    """Residuals and, by central differences at the fitted initial states, sensitivities."""
+    pieces = _projections(problem, values, deviation)
+    starts = [piece.start for piece in pieces]
+    slopes: list[list[Array]] = [[] for _ in pieces]
+    for index, value in enumerate(values):
+        width = np.zeros_like(values)
+        width[index] = DIFFERENCE * max(abs(value), 0.1)
+        shifted = (_responses(problem, values + sign * width, starts) for sign in (1, -1))
+        for column, (ahead, behind) in zip(slopes, zip(*shifted, strict=True), strict=True):
+            column.append((ahead - behind) / (2 * width[index] * deviation))
+    sensitivities = [
+        _without_nuisances(piece.basis, np.stack(slope, axis=2)) for piece, slope in zip(pieces, slopes, strict=True)
+    ]
+    return Linearised([p.residuals for p in pieces], sensitivities, sum(p.basis.shape[1] for p in pieces))
+
+
+def _squares(residuals: list[Array]) -> float:
+    return float(sum(np.sum(piece**2) for piece in residuals))
+
+
+def _spread(residuals: list[Array]) -> Array:
+    spread: Array = np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0))
+    return spread
+
+
+def output_error(problem: Problem, start: Array) -> DerivativeFit:
+    """Derivatives ``problem.names`` by Gauss-Newton from ``start`` (p,), as equation error or a prior gives it.
+
+    The outputs' variances are estimated anew after every step (relaxation of the likelihood).
+    """
+    values, deviation = start.copy(), np.ones(len(problem.outputs))
+    for _ in range(3):
+        deviation = deviation * _spread(_residuals(problem, values, deviation))
+    for _ in range(ITERATIONS):
+        here = _linearise(problem, values, deviation)
+        slope = np.vstack([piece.reshape(-1, len(values)) for piece in here.sensitivities])
+        scale = np.linalg.norm(slope, axis=0)
+        if not np.all(np.isfinite(slope)) or not np.all(scale > 0) or np.linalg.cond(slope / scale) > WORST_CONDITION:
+            return _without(problem, "output error: the manoeuvres do not determine all of the model's derivatives")
+        flat = np.concatenate([piece.ravel() for piece in here.residuals])
+        step = np.linalg.lstsq(slope / scale, flat, rcond=None)[0] / scale
+        errors = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
+        if np.max(np.abs(step) / errors) < CONVERGED:
+            return _finish(problem, values, here)
+        advanced = _advance(problem, values, step, deviation, _squares(here.residuals))
+        if advanced is None:
+            break
+        values, deviation = advanced
+    return _without(problem, "output error did not converge")
+
+
+def _advance(
+    problem: Problem, values: Array, step: Array, deviation: Array, before: float
+) -> tuple[Array, Array] | None:
+    """The step, halved until the squares fall, and the outputs' new standard deviations; None where nothing helps."""
+    for halving in range(8):
+        trial = values + step * 0.5**halving
+        residuals = _residuals(problem, trial, deviation)
+        if _squares(residuals) <= before * (1 + 1e-9):
+            return trial, deviation * _spread(residuals)
+    return None
+
+
+def _finish(problem: Problem, values: Array, here: Linearised) -> DerivativeFit:
+    """Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them."""
+    information = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
+    strokes = max(m.period for m in problem.manoeuvres) / OUTPUT_STEP
+    longest = max(len(piece) for piece in here.residuals)
+    lags = int(min(max(longest / 10, LAG_STROKES * strokes), longest / 2)) + 1
+    colour = colour_of(here.residuals, [np.ones(len(piece)) for piece in here.residuals], lags)
+    inverse = np.linalg.inv(information)
+    degrees = max(colour.effective - len(values) - here.nuisances, 1.0)
+    core = coloured_information(here.sensitivities, colour) * (colour.effective / degrees)
+    return DerivativeFit(problem.names, values, inverse @ core @ inverse, degrees)
+
+
+def _without(problem: Problem, why: str) -> DerivativeFit:
+    size = len(problem.names)
+    return DerivativeFit(problem.names, np.full(size, np.nan), np.full((size, size), np.nan), 1.0, why)

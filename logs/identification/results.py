@@ -1,0 +1,61 @@
+"""What identification hands back: numbers with their intervals, and what could not be had with the reason."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+CONFIDENCE = 0.95
+
+
+class Estimate(NamedTuple):
+    """One identified number with its 95 % interval."""
+
+    name: str
+    """-; the symbol in the source's equation"""
+    unit: str
+    """-; its unit"""
+    value: float
+    """as `unit`"""
+    standard_error: float
+    """as `unit`"""
+    low: float
+    """as `unit`; of the 95 % interval"""
+    high: float
+    """as `unit`; of the 95 % interval"""
+
+    def contains(self, truth: float) -> bool:
+        """Whether ``truth`` lies inside the interval."""
+        return self.low <= truth <= self.high
+
+
+class Unidentified(NamedTuple):
+    """A number that this data does not give, and why."""
+
+    name: str
+    """-; the symbol in the source's equation"""
+    reason: str
+    """-; one clause"""
+
+
+def student_factor(degrees: float) -> float:
+    """Half width of the 95 % interval in standard errors for ``degrees`` of freedom (at least one)."""
+    return float(stats.t.ppf(0.5 + CONFIDENCE / 2, max(degrees, 1.0)))
+
+
+def estimate(name: str, unit: str, value: float, standard_error: float, degrees: float = math.inf) -> Estimate:
+    """An `Estimate` with Student's interval for ``degrees`` of freedom."""
+    half = student_factor(degrees) * standard_error
+    return Estimate(name, unit, value, standard_error, value - half, value + half)
+
+
+def estimates(names: dict[str, str], values: Array, covariance: Array, degrees: float) -> tuple[Estimate, ...]:
+    """One `Estimate` per entry of ``names`` (name to unit), in the order of ``values`` (p,) and ``covariance`` (p, p)."""
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    rows = zip(names.items(), values, errors, strict=True)
+    return tuple(estimate(name, unit, float(value), float(error), degrees) for (name, unit), value, error in rows)

@@ -1,0 +1,129 @@
+"""A flapping aircraft with known derivatives, flown in the tests: linear longitudinal motion under the wing's shaking."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.data import Aircraft, FlightData
+from logs.identification.longitudinal import LONGITUDINAL, Matrices, matrices
+from logs.identification.manoeuvre import GRAVITY, Reference
+from logs.identification.results import Array
+
+REFERENCE = Reference(7.5, 1.6, 0.25, 7.67)
+AIRCRAFT = Aircraft(imu_x=0.05, imu_z=0.0, tail_time_constant=0.04)
+TRUTH = dict(
+    zip(
+        LONGITUDINAL,
+        (-0.6, 0.5, 0.0, 0.0, -1.6, -4.5, -0.5, -3.0, 0.3, -9.0, -7.0, 60.0),
+        strict=True,
+    )
+)
+STEP = 0.005
+
+
+class Flight(NamedTuple):
+    """How a test flight differs from the standard one."""
+
+    seed: int = 0
+    doublets: int = 6
+    amplitude: float = 0.15
+    width: float = 0.2
+    settle: float = 1.2
+    noise: float = 1.0
+    shaking: float = 1.0
+    modulation: float = 0.0
+    aircraft: Aircraft = AIRCRAFT
+    truth: dict[str, float] = TRUTH
+
+
+def model_of(flight: Flight) -> Matrices:
+    names = tuple(flight.truth)
+    return matrices(names, np.array([flight.truth[n] for n in names]), REFERENCE, flight.aircraft)
+
+
+def doublets(flight: Flight) -> tuple[Array, Array, Array]:
+    """Excitation, active and number at every sample; a second of calm between the manoeuvres."""
+    one = int(flight.width / STEP)
+    settle, calm = int(flight.settle / STEP), int(1.0 / STEP)
+    wave = np.concatenate((np.zeros(settle), np.full(one, 1.0), np.full(one, -1.0), np.zeros(settle), np.zeros(calm)))
+    on = np.concatenate((np.ones(2 * settle + 2 * one), np.zeros(calm)))
+    signs = [(-1.0) ** k for k in range(flight.doublets)]
+    start = np.zeros(calm)
+    excitation = np.concatenate([start, *[sign * wave for sign in signs]]) * flight.amplitude
+    active = np.concatenate([start, *[on for _ in signs]])
+    number = np.cumsum(np.diff(active, prepend=0.0) > 0).astype(float)
+    return excitation, active, number
+
+
+def wing_strokes(rng: np.random.Generator, count: int, jitter: float) -> Array:
+    """Strokes at 4 Hz whose rate wanders by the relative ``jitter`` with a correlation of a quarter second."""
+    white = rng.normal(size=count)
+    wander = np.zeros(count)
+    pole = np.exp(-STEP / 0.25)
+    for k in range(1, count):
+        wander[k] = pole * wander[k - 1] + np.sqrt(1 - pole**2) * jitter * white[k]
+    return rng.uniform() + np.cumsum(4.0 * (1 + wander)) * STEP
+
+
+def fly(flight: Flight) -> FlightData:
+    """Fly it: the linear model, a shaking locked to the wing's phase, and sensors with noise and biases."""
+    rng = np.random.default_rng(flight.seed)
+    excitation, active, number = doublets(flight)
+    count = len(excitation)
+    time = np.arange(count) * STEP
+    strokes = wing_strokes(rng, count, 0.01 * flight.shaking)
+    trim = 0.05
+    command = trim + excitation
+    states, tail = _motion(flight, command - trim, strokes)
+    model = model_of(flight)
+    outputs = states @ model.c.T + np.outer(tail, model.d)
+    outputs += flight.shaking * _shaking(2 * np.pi * strokes)
+    noise = flight.noise * rng.normal(size=(4, count))
+    return FlightData(
+        time,
+        outputs[:, 0] + 0.0066 * noise[0] + 0.004,
+        outputs[:, 1] + 0.15 * noise[1] + GRAVITY * np.sin(REFERENCE.pitch),
+        outputs[:, 2] + 0.15 * noise[2] - GRAVITY * np.cos(REFERENCE.pitch) + 0.05,
+        outputs[:, 3] + REFERENCE.pitch,
+        REFERENCE.airspeed + states[:, 0] + 0.1 * noise[3],
+        np.full(count, REFERENCE.airspeed * np.sin(REFERENCE.pitch - np.arctan2(REFERENCE.w, REFERENCE.u))),
+        command,
+        strokes,
+        active,
+        number,
+        excitation,
+        np.zeros(count),
+    )  # fmt: skip
+
+
+def _shaking(phase: Array) -> Array:
+    """Pitch rate, specific forces and pitch at the flapping frequency and two harmonics: (N, 4)."""
+    harmonics = np.column_stack([f(n * phase + 0.3 * n) for n in (1, 2, 3) for f in (np.sin, np.cos)])
+    q = harmonics @ [1.2, 0.3, 0.4, -0.2, 0.1, 0.05]
+    a_x = harmonics @ [3.0, 1.0, 4.0, 1.0, 0.5, 0.2]
+    a_z = harmonics @ [-20.0, 8.0, 5.0, 3.0, 2.0, 1.0]
+    pitch = harmonics @ [0.012, -0.048, 0.004, -0.008, 0.0, -0.001]
+    return np.column_stack((q, a_x, a_z, pitch))
+
+
+def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array]:
+    """States (N, 4) and tail angle (N,), ten explicit steps a sample; derivatives of Z and M swing with the stroke."""
+    model, aircraft = model_of(flight), flight.aircraft
+    rng = np.random.default_rng(flight.seed + 10_000)
+    fine = 10
+    dt = STEP / fine
+    x, tail = np.array([*rng.normal(0, 0.05, 3) * [1, 1, 0.2], 0.0]), 0.0
+    states, tails = np.zeros((len(command), 4)), np.zeros(len(command))
+    for k, wanted in enumerate(command):
+        states[k], tails[k] = x, tail
+        swing = 1 + flight.modulation * np.sin(2 * np.pi * strokes[k])
+        a = model.a.copy()
+        a[1:3, 1] *= swing
+        a[2, 2] *= swing
+        for _ in range(fine):
+            tail += dt * (wanted - tail) / aircraft.tail_time_constant
+            half = x + dt / 2 * (a @ x + model.b * tail)
+            x = x + dt * (a @ half + model.b * tail)
+    return states, tails
