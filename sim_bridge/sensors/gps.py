@@ -17,6 +17,8 @@ from sim_bridge.sensors.noise import gauss_markov_step, normal_rows, split
 
 THREE_DIMENSIONAL = 3
 """-; fix type"""
+DEGREES_E7 = 1e7 * 180.0 / math.pi
+"""1/rad; HIL_GPS carries angles in 1e-7 deg"""
 
 
 class GpsSpec(NamedTuple):
@@ -68,7 +70,7 @@ class Gps:
             observation.time_us + self._latency_us,
             _degrees_e7(latitude),
             _degrees_e7(longitude),
-            round(altitude * 1e3) / 1e3,
+            round(altitude * 1e3) * 1e-3,
             _centi(v_north + sigma * normals[6]),
             _centi(v_east + sigma * normals[7]),
             _centi(v_down + sigma * normals[8]),
@@ -94,8 +96,8 @@ class Gps:
 
 
 def _degrees_e7(angle: float) -> float:
-    return math.radians(round(math.degrees(angle) * 1e7) / 1e7)
+    return round(angle * DEGREES_E7) / DEGREES_E7
 
 
 def _centi(value: float) -> float:
-    return round(value * 1e2) / 1e2
+    return round(value * 1e2) * 1e-2

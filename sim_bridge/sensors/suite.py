@@ -31,7 +31,7 @@ POWER_TICKS = 2
 GPS_TICKS = 40
 """5 Hz"""
 
-LARGEST = 1e9
+LARGEST = 1e6
 """SI; no value of an observation is larger while the simulation makes sense"""
 
 _IMU_ON_THE_WIRE = struct.Struct("<9f")
@@ -109,7 +109,7 @@ class SensorSuite:
         """What the sensors deliver at the ``tick``-th tick (from 0, one after the other) of 200 Hz.
 
         Raises:
-            SimulationDiverged: a value of the observation is not finite, or above 1e9 in its unit.
+            SimulationDiverged: a value of the observation is not finite, or above 1e6 in its unit.
         """
         require_finite(observation)
         time_us = observation.time_us
