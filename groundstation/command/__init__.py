@@ -1,1 +1,1 @@
-"""TBD."""
+"""The ``wingbeat`` command: one file for each subcommand."""

@@ -1,0 +1,60 @@
+# Wingbeat on a fresh machine: Python 3.11 or newer, and make.
+#
+#   make fly       fly, record, identify          (make fly ARGS="--vehicle arizona_100cm --seed 7")
+#   make test      every check
+#   make bench     how fast it is
+#   make validate  the long studies
+#   make clean     remove the environment and the caches; recordings stay
+#
+# PYTHON=python3.12 chooses another interpreter for the environment.
+
+PYTHON ?= python3
+ARGS ?=
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input
+
+.PHONY: help fly test lint bench validate clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+fly: $(VENV)/.installed
+	@$(BIN)/wingbeat fly $(ARGS)
+
+test: lint
+	$(BIN)/python -m pytest -q -n 2 -m "not bench and not validate"
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -s -m bench tests
+
+validate: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -s -m validate tests
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+	    { echo 'wingbeat needs Python 3.11 or newer as $(PYTHON); choose one with: make PYTHON=python3.12' >&2; exit 2; }
+	@echo 'creating $(VENV)'
+	@$(PYTHON) -m venv $(VENV) || \
+	    { rm -rf $(VENV); echo 'cannot create $(VENV): is the venv module of $(PYTHON) installed (python3-venv)?' >&2; exit 2; }
+
+# Installed once for each state of pyproject.toml; the developer's set contains the flyer's.
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	@echo 'installing wingbeat (once)'
+	@$(PIP) -e .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	@echo 'installing wingbeat and its checks (once)'
+	@$(PIP) -e '.[dev]'
+	@touch $(VENV)/.installed $@
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	find avionics sim_bridge logs groundstation tests -name __pycache__ -type d -prune -exec rm -rf {} +

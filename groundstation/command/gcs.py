@@ -1,0 +1,254 @@
+"""``wingbeat gcs``: watch and command any MAVLink vehicle."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.quantities import BadInput
+from groundstation.command import options
+from groundstation.link import client, modes, waypoints
+from groundstation.link.answers import NoAnswer
+from groundstation.link.connection import AnyExchange, Connection
+from groundstation.views import monitor, tables
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
+
+FORCE = 21196.0
+"""MAVLink's magic number that disarms in flight"""
+
+EXAMPLES = (
+    "wingbeat gcs udpin:0.0.0.0:14550 monitor",
+    "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
+    "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_GAIN 0.8",
+    "wingbeat gcs tcp:127.0.0.1:5760 mission download flight.waypoints",
+)
+JSON_KEYS = {
+    "monitor": "one object a line, as status",
+    "status": "the telemetry by name, SI and radians, null where nothing was heard; mode, modes",
+    "arm, disarm, mode": "done, mode, armed",
+    "param list": "parameters: list of {name, value, type}",
+    "param get, set": "name, value, type",
+    "mission": "items: list of {frame, command, parameters, x, y, z}; file where one was written",
+}
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    parser = options.build_parser("gcs", "Watch and command any MAVLink vehicle.", EXAMPLES, JSON_KEYS)
+    parser.add_argument("url", metavar="URL", help="udpin:HOST:PORT, udpout:, tcp:, tcpin: or serial:DEVICE,BAUD")
+    parser.add_argument(
+        "--timeout", type=options.positive, default=5.0, metavar="S", help="wait for a heartbeat (5 s)"
+    )
+    options.add_json(parser)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=_VerbParser)
+    verbs.add_parser("monitor", help="live view of the flight, until Ctrl-C")
+    verbs.add_parser("status", help="listen for two seconds, print what the vehicle says")
+    verbs.add_parser("arm", help="let the wings move")
+    verbs.add_parser("disarm", help="stop the wings").add_argument(
+        "--force", action="store_true", help="even in flight"
+    )
+    verbs.add_parser("mode", help="change the flight mode").add_argument("name", metavar="NAME")
+    _add_parameter_verbs(verbs.add_parser("param", help="list, get or set parameters"))
+    _add_mission_verbs(verbs.add_parser("mission", help="show, download or upload the mission"))
+    return parser
+
+
+class _VerbParser(options.Parser):
+    """A verb's parser; the common options may stand behind the verb too."""
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        self.add_argument("--timeout", type=options.positive, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+
+
+def _add_parameter_verbs(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|set", parser_class=_VerbParser)
+    actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
+    actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")
+    setting = actions.add_parser("set", help="change one parameter")
+    setting.add_argument("name", metavar="NAME")
+    setting.add_argument("value", metavar="VALUE", type=_value)
+
+
+def _add_mission_verbs(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(
+        dest="action", required=True, metavar="show|download|upload", parser_class=_VerbParser
+    )
+    actions.add_parser("show", help="print the vehicle's mission")
+    actions.add_parser("download", help="write it to a new file").add_argument("file", type=Path, metavar="FILE")
+    actions.add_parser("upload", help="send a mission file").add_argument("file", type=Path, metavar="FILE")
+
+
+def _value(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Do what one command line asks for.
+
+    Raises:
+        BadInput: bad address, unknown mode, malformed or existing file.
+        NoAnswer: no vehicle, a refusal, or silence.
+    """
+    chosen = build_parser().parse_args(arguments)
+    items = _check_files(chosen)
+    connection = Connection(chosen.url)
+    try:
+        if chosen.verb == "monitor":
+            return monitor.watch(connection, as_json=chosen.json)
+        connection.find_vehicle(chosen.timeout)
+        if chosen.verb == "mission":
+            _mission(connection, chosen, items)
+        else:
+            VERBS[chosen.verb](connection, chosen)
+    finally:
+        connection.close()
+    return 0
+
+
+def _check_files(chosen: argparse.Namespace) -> tuple[client.Item, ...]:
+    """Read or refuse files before the vehicle is spoken to."""
+    if chosen.verb != "mission" or chosen.action == "show":
+        return ()
+    if chosen.action == "upload":
+        return waypoints.read(chosen.file)
+    if chosen.file.exists():
+        raise BadInput(f"{chosen.file} exists already; choose another name")
+    if not chosen.file.absolute().parent.is_dir():
+        raise BadInput(f"folder {chosen.file.absolute().parent} does not exist")
+    return ()
+
+
+def _run(connection: Connection, exchange: AnyExchange, label: str, chosen: argparse.Namespace) -> AnyExchange:
+    with ProgressBar(label, quiet=chosen.json) as bar:
+        return connection.run(exchange, lambda now: bar.show(*now.progress()))
+
+
+def _status(connection: Connection, chosen: argparse.Namespace) -> None:
+    names = _ask_mode_names(connection, chosen)
+    connection.listen(2.0)
+    state = connection.state._replace(mode_names=tuple(names.items()))
+    if chosen.json:
+        print_document(monitor.state_record(state))
+    else:
+        monitor.print_once(connection.url, state)
+
+
+def _ask_mode_names(connection: Connection, chosen: argparse.Namespace) -> dict[int, str]:
+    exchange = _run(connection, client.request_mode_names(connection.target), "asking for modes", chosen)
+    return dict(exchange.names)
+
+
+def _arm(connection: Connection, chosen: argparse.Namespace) -> None:
+    arming = chosen.verb == "arm"
+    force = FORCE if getattr(chosen, "force", False) else 0.0
+    command = client.CommandExchange(connection.target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(arming), force))
+    _run(connection, command, chosen.verb, chosen)
+    connection.listen(3.0, lambda state: state.armed == arming)
+    if connection.state.armed != arming:
+        raise NoAnswer(f"the vehicle accepted to {chosen.verb}, but its heartbeat does not show it")
+    _done(connection, chosen, "armed" if arming else "disarmed")
+
+
+def _mode(connection: Connection, chosen: argparse.Namespace) -> None:
+    names = _ask_mode_names(connection, chosen)
+    known = modes.known_modes(connection.state._replace(mode_names=tuple(names.items())))
+    wanted = chosen.name.upper().replace(" ", "_").replace("-", "_")
+    if wanted not in known:
+        raise BadInput(
+            f"the vehicle has no mode {chosen.name!r}; it has {', '.join(sorted(known)) or 'none it names'}"
+        )
+    change = client.change_mode(connection.target, known[wanted], modes.uses_main_and_sub(connection.state))
+    _run(connection, change, f"mode {wanted}", chosen)
+    _done(connection, chosen, f"mode {wanted}")
+
+
+def _done(connection: Connection, chosen: argparse.Namespace, text: str) -> None:
+    if chosen.json:
+        state = connection.state
+        print_document({"done": text, "mode": modes.mode_name(state), "armed": state.armed})
+    else:
+        print(text)
+
+
+def _param(connection: Connection, chosen: argparse.Namespace) -> None:
+    bytewise = connection.state.autopilot == modes.PX4
+    if chosen.action == "list":
+        download = client.ParameterDownload(connection.target, bytewise)
+        listed = sorted(_run(connection, download, "parameters", chosen).values.values())
+        wanted = [parameter for parameter in listed if chosen.pattern.lower() in parameter.name.lower()]
+        _print_parameters(wanted, chosen)
+        return
+    read = client.ParameterRead(connection.target, chosen.name, bytewise)
+    known = _run(connection, read, chosen.name, chosen).value
+    if known is None:
+        raise NoAnswer(f"no answer about parameter {chosen.name}")
+    if chosen.action == "set":
+        _check_value(known, chosen.value, bytewise)
+        write = client.ParameterWrite(connection.target, known, chosen.value, bytewise)
+        known = _run(connection, write, chosen.name, chosen).answer or known
+    if chosen.json:
+        print_document(tables.parameter_record(known))
+    else:
+        print(f"{known.name} = {known.value:.7g}")
+
+
+def _check_value(known: client.Parameter, value: float, bytewise: bool) -> None:
+    try:
+        client.encode_value(value, known.kind, bytewise)
+    except ValueError as error:
+        raise BadInput(f"parameter {known.name}: {error}") from None
+
+
+def _print_parameters(wanted: Sequence[client.Parameter], chosen: argparse.Namespace) -> None:
+    if chosen.json:
+        print_document({"parameters": [tables.parameter_record(parameter) for parameter in wanted]})
+        return
+    for parameter in wanted:
+        print(f"{parameter.name:<16}  {parameter.value:.7g}")
+    if not wanted:
+        print(f"no parameter's name contains {chosen.pattern!r}", file=sys.stderr)
+
+
+def _mission(connection: Connection, chosen: argparse.Namespace, items: tuple[client.Item, ...]) -> None:
+    if chosen.action == "upload":
+        _run(connection, client.MissionUpload(connection.target, items), "sending the mission", chosen)
+        _report_mission(items, f"sent {len(items)} items", None, chosen)
+        return
+    items = _run(connection, client.MissionDownload(connection.target), "reading the mission", chosen).items
+    if chosen.action == "download":
+        waypoints.write(chosen.file, items)
+        _report_mission(items, f"{len(items)} items written to {chosen.file}", chosen.file, chosen)
+        return
+    _report_mission(items, "", None, chosen)
+
+
+def _report_mission(items: Sequence[client.Item], text: str, file: Path | None, chosen: argparse.Namespace) -> None:
+    if chosen.json:
+        print_document({"items": [item._asdict() for item in items], "file": None if file is None else str(file)})
+    elif text:
+        print(text)
+    else:
+        tables.print_mission(items)
+
+
+VERBS: dict[str, Callable[[Connection, argparse.Namespace], None]] = {
+    "status": _status,
+    "arm": _arm,
+    "disarm": _arm,
+    "mode": _mode,
+    "param": _param,
+}

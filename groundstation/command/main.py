@@ -1,0 +1,111 @@
+"""``wingbeat``: finds the subcommand, imports that one alone, and turns every failure into one line and a code.
+
+Exit codes: 0 done; 1 the vehicle refused or did not answer; 2 the input cannot be used; 130 stopped with Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from avionics.quantities import BadInput
+from groundstation.link.answers import NoAnswer
+
+REFUSED = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+class Subcommand(NamedTuple):
+    """One subcommand: a module with ``run(arguments: list[str]) -> int``, and a line of help."""
+
+    module: str
+    summary: str
+
+
+SUBCOMMANDS: dict[str, Subcommand] = {
+    "fly": Subcommand("groundstation.command.fly", "fly a modelled ornithopter: world, flight computer, view, log"),
+    "sim": Subcommand("groundstation.command.sim", "the world alone, waiting for a flight computer"),
+    "avionics": Subcommand("groundstation.command.avionics", "the flight computer alone, on a board"),
+    "gcs": Subcommand("groundstation.command.gcs", "watch and command any MAVLink vehicle"),
+    "log": Subcommand("groundstation.command.log", "look into a log, export it, repair it"),
+    "replay": Subcommand("groundstation.command.replay", "run recorded sensors through the flight code"),
+    "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
+    "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
+}
+
+
+def overview() -> str:
+    """The help of the command as a whole."""
+    rows = "\n".join(f"  {name:<9} {subcommand.summary}" for name, subcommand in SUBCOMMANDS.items())
+    return (
+        "usage: wingbeat COMMAND [OPTIONS]\n\n"
+        "Flight software, simulation and system identification for flapping-wing aircraft.\n\n"
+        f"commands:\n{rows}\n\n"
+        "examples:\n"
+        "  wingbeat fly\n"
+        "  wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550\n"
+        "  wingbeat log info recordings/flight.mcap\n\n"
+        "wingbeat COMMAND --help says more about each."
+    )
+
+
+def dispatch(arguments: Sequence[str]) -> int:
+    """Run one subcommand and return its exit code.
+
+    Raises:
+        BadInput: there is no such subcommand, or what it was given cannot be used.
+    """
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(overview())
+        return 0
+    if arguments[0] == "--version":
+        from importlib.metadata import version
+
+        print(f"wingbeat {version('wingbeat')}")
+        return 0
+    name = arguments[0]
+    if name not in SUBCOMMANDS:
+        raise BadInput(f"there is no command {name!r}; commands: {', '.join(SUBCOMMANDS)}")
+    code: int = importlib.import_module(SUBCOMMANDS[name].module).run(list(arguments[1:]))
+    return code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of the console script; never lets a traceback of a foreseen failure through."""
+    try:
+        code = dispatch(sys.argv[1:] if arguments is None else arguments)
+        sys.stdout.flush()
+        return code
+    except BadInput as error:
+        return _complain(error, BAD_INPUT)
+    except NoAnswer as error:
+        return _complain(error, REFUSED)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except SystemExit as leaving:  # argparse, after --help
+        return int(leaving.code or 0)
+    except BrokenPipeError:
+        # The reader of our output left, as in `wingbeat log info FILE | head`: nobody is there to be told.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _complain(_file_failure(error), BAD_INPUT)
+
+
+def _file_failure(error: OSError) -> str:
+    place = f"{error.filename}: " if error.filename else ""
+    return f"{place}{error.strerror or error}"
+
+
+def _complain(error: object, code: int) -> int:
+    line = " ".join(str(error).split())
+    print(f"wingbeat: {line}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""The ground's end of a link: frames in and out, our heartbeat, and the loop that drives an exchange."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from avionics.link.dialect import mavlink
+from avionics.link.framing import FrameReader, decode
+from avionics.link.transport import Packet, Peer, Transport, open_transport
+from avionics.quantities import BadInput
+from groundstation.link.answers import NoAnswer
+from groundstation.link.client import COMPONENT, SYSTEM, Exchange, Target
+from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
+
+AnyExchange = TypeVar("AnyExchange", bound=Exchange)
+PAUSE = 0.01
+"""s; between two looks at a silent link"""
+
+
+class Connection:
+    """One link to one vehicle; keeps its `VehicleState` up to date with everything heard.
+
+    A ``passive`` connection only listens: the vehicle cannot tell that it is there.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        passive: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        pause: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Open the link.
+
+        Raises:
+            BadInput: not a link's address, port in use, device missing.
+        """
+        self.url = url
+        self.state = VehicleState()
+        self._transport: Transport = open_transport(url)
+        self._passive = passive
+        self._clock = clock
+        self._pause = pause
+        self._readers: dict[Peer, FrameReader] = {}
+        self._packer = mavlink.MAVLink(None, SYSTEM, COMPONENT)
+        self._beaten_at = float("-inf")
+        self._component = 1
+        self._background: Exchange | None = None
+
+    @property
+    def target(self) -> Target:
+        """Whom commands go to: the autopilot heard on this link."""
+        return Target(self.state.system or 1, self._component)
+
+    def receive(self) -> list[Any]:
+        """Every message that has arrived, without waiting; sends our heartbeat when it is due."""
+        now = self._clock()
+        if not self._passive and now - self._beaten_at >= 1.0:
+            self._beaten_at = now
+            self.send(_heartbeat())
+        messages = [message for packet in self._transport.receive(now) for message in self._decode(packet)]
+        for message in messages:
+            self.state = receive(self.state, message, now)
+            if message.get_type() == "HEARTBEAT" and is_autopilot(message):
+                self._component = message.get_srcComponent()
+        self._advance_background(messages, now)
+        return messages
+
+    def begin(self, exchange: Exchange) -> None:
+        """Let an exchange run beside whatever else happens; whether it succeeds is not asked."""
+        self._background = exchange
+
+    def _advance_background(self, messages: list[Any], now: float) -> None:
+        exchange = self._background
+        if exchange is None:
+            return
+        for message in (*messages, None):
+            exchange, outgoing = exchange.step(now, message)
+            self._send_all(outgoing)
+        self._background = None if exchange.finished else exchange
+
+    def listen(self, duration: float, enough: Callable[[VehicleState], bool] = lambda state: False) -> None:
+        """Hear what comes for ``duration`` (s), or until the state is ``enough``."""
+        deadline = self._clock() + duration
+        while self._clock() < deadline and not enough(self.state):
+            if not self.receive():
+                self.wait()
+
+    def _decode(self, packet: Packet) -> list[Any]:
+        reader = self._readers.setdefault(packet.peer, FrameReader())
+        frames = reader.feed(packet.data)
+        if self._transport.datagrams or not packet.data:
+            frames += reader.give_up()
+        messages = []
+        for frame in frames:
+            try:
+                messages.append(decode(frame))
+            except mavlink.MAVError:
+                continue  # a frame with a sound checksum that is none of its message: another dialect's
+        if messages:
+            self._transport.welcome(packet.peer)
+        return messages
+
+    def send(self, message: Any) -> None:
+        """Send one message to the vehicle."""
+        self._transport.send(message.pack(self._packer))
+
+    def wait(self) -> None:
+        """Let a little time pass."""
+        self._pause(PAUSE)
+
+    def find_vehicle(self, patience: float = 5.0) -> VehicleState:
+        """Wait for the first heartbeat of an autopilot.
+
+        Raises:
+            NoAnswer: none came within ``patience`` (s).
+        """
+        deadline = self._clock() + patience
+        while self.state.system is None:
+            if self._clock() >= deadline:
+                raise NoAnswer(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s")
+            self.receive()
+            self.wait()
+        return self.state
+
+    def run(
+        self,
+        exchange: AnyExchange,
+        watch: Callable[[AnyExchange], None] | None = None,
+        patience: float = 120.0,
+    ) -> AnyExchange:
+        """Drive an exchange to its end; ``watch`` sees it after every step.
+
+        Raises:
+            NoAnswer: it failed, or took longer than ``patience`` (s).
+        """
+        deadline = self._clock() + patience
+        while not exchange.finished:
+            for message in self.receive():
+                exchange, outgoing = exchange.step(self._clock(), message)
+                self._send_all(outgoing)
+            exchange, outgoing = exchange.step(self._clock(), None)
+            self._send_all(outgoing)
+            if watch is not None:
+                watch(exchange)
+            if self._clock() >= deadline:
+                raise NoAnswer(f"{exchange.progress().note or 'the vehicle'}: not finished after {patience:g} s")
+            if not exchange.finished:
+                self.wait()
+        if exchange.failure:
+            raise NoAnswer(exchange.failure)
+        return exchange
+
+    def _send_all(self, outgoing: tuple[Any, ...]) -> None:
+        for message in outgoing:
+            self.send(message)
+
+    def close(self) -> None:
+        """Release the port."""
+        self._transport.close()
+
+
+def _heartbeat() -> Any:
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+    )
+
+
+def listen_locally(first: int = 14600, last: int = 14999) -> Connection:
+    """A passive connection on a free UDP port of the loopback interface.
+
+    Raises:
+        BadInput: every port of the range is taken.
+    """
+    for port in range(first, last):
+        try:
+            return Connection(f"udpin:127.0.0.1:{port}", passive=True)
+        except BadInput:
+            continue
+    raise BadInput(f"no free UDP port between {first} and {last}")

@@ -1,0 +1,48 @@
+"""Names of flight modes: what the vehicle announced, else what its autopilot is known to use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from avionics.link.vehicle import PX4_STYLE
+from groundstation.link.vehicle_state import VehicleState
+
+ARDUPILOT = 3
+PX4 = 12
+
+
+def known_modes(state: VehicleState) -> dict[str, int]:
+    """Upper-case names to custom modes; empty where neither the vehicle nor its kind says."""
+    if state.mode_names:
+        return {name.upper().replace(" ", "_"): number for number, name in state.mode_names}
+    if state.autopilot == ARDUPILOT:
+        return _ardupilot(state.vehicle_type or 0)
+    if state.autopilot == PX4:
+        return _px4()
+    return {numbers.mode.name: numbers.custom_mode for numbers in PX4_STYLE}
+
+
+def mode_name(state: VehicleState) -> str:
+    """Name of the present mode, or its number; empty before the first heartbeat."""
+    if state.custom_mode is None:
+        return ""
+    names: Mapping[int, str] = {number: name for name, number in known_modes(state).items()}
+    return names.get(state.custom_mode, f"mode {state.custom_mode}").replace("_", " ")
+
+
+def uses_main_and_sub(state: VehicleState) -> bool:
+    """Whether DO_SET_MODE takes main and sub mode apart, as PX4 does and we do."""
+    return state.autopilot != ARDUPILOT
+
+
+def _ardupilot(vehicle_type: int) -> dict[str, int]:
+    from pymavlink import mavutil
+
+    names = mavutil.mode_mapping_byname(vehicle_type) or {}
+    return {str(name): int(number) for name, number in names.items()}
+
+
+def _px4() -> dict[str, int]:
+    from pymavlink import mavutil
+
+    return {name: main << 16 | sub << 24 for name, (_, main, sub) in mavutil.px4_map.items()}

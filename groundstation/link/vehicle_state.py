@@ -1,0 +1,303 @@
+"""Telemetry of any MAVLink vehicle, collected into one immutable state: SI and radians, as everywhere.
+
+``receive(state, message, now)`` returns the next state; a table gives one small function to each MAVLink message.
+A quantity that was never heard is None, so a view can say so instead of showing a zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics.messages import Severity, Stage
+
+EVENTS_KEPT = 200
+_UNKNOWN_U16 = 65535
+_ARMED = 128
+_TYPE_GROUND_STATION = 6
+_AUTOPILOT_INVALID = 8
+
+
+class Heard(NamedTuple):
+    """One line the vehicle said."""
+
+    time: float | None
+    """s; of the vehicle since boot, None before its first time stamp"""
+    severity: Severity
+    """-; MAVLink severity"""
+    text: str
+    """-; one line"""
+
+
+class VehicleState(NamedTuple):
+    """What the ground knows of a vehicle; None where nothing was heard."""
+
+    system: int | None = None
+    """-; MAVLink system id"""
+    autopilot: int | None = None
+    """-; MAV_AUTOPILOT"""
+    vehicle_type: int | None = None
+    """-; MAV_TYPE"""
+    custom_mode: int | None = None
+    """-; as in HEARTBEAT"""
+    armed: bool | None = None
+    """-; True when the wings may move"""
+    time: float | None = None
+    """s; of the vehicle since boot"""
+    heard_at: float | None = None
+    """s; of the ground's monotonic clock, the last message"""
+    messages: int = 0
+    """-; messages heard"""
+    roll: float | None = None
+    """rad; right wing down is positive"""
+    pitch: float | None = None
+    """rad; nose up is positive"""
+    yaw: float | None = None
+    """rad; clockwise from north"""
+    airspeed: float | None = None
+    """m/s; true"""
+    groundspeed: float | None = None
+    """m/s; over ground"""
+    altitude: float | None = None
+    """m; above home"""
+    climb_rate: float | None = None
+    """m/s; positive up"""
+    throttle: float | None = None
+    """-; 0 to 1"""
+    latitude: float | None = None
+    """rad; WGS-84"""
+    longitude: float | None = None
+    """rad; WGS-84"""
+    north: float | None = None
+    """m; from home"""
+    east: float | None = None
+    """m; from home"""
+    satellites: int | None = None
+    """-; used in the fix"""
+    fix_type: int | None = None
+    """-; 0 none, 2 two-, 3 three-dimensional"""
+    voltage: float | None = None
+    """V; supply"""
+    current: float | None = None
+    """A; supply"""
+    power: float | None = None
+    """W; mean"""
+    energy: float | None = None
+    """J; drawn since boot"""
+    battery_remaining: float | None = None
+    """-; 0 to 1"""
+    flap_frequency: float | None = None
+    """Hz; 0 when not flapping"""
+    flap_angle: float | None = None
+    """rad; mean of both wings, up is positive"""
+    flap_amplitude: float | None = None
+    """rad; half the peak-to-peak stroke, mean of both wings"""
+    stage: Stage | None = None
+    """-; stage of the flight"""
+    item: int | None = None
+    """-; mission item being flown"""
+    distance: float | None = None
+    """m; to the item's place"""
+    altitude_setpoint: float | None = None
+    """m; above home"""
+    heading_setpoint: float | None = None
+    """rad; course to fly"""
+    exciting: bool | None = None
+    """-; True while an identification input runs"""
+    events: tuple[Heard, ...] = ()
+    """what the vehicle said, oldest first, at most `EVENTS_KEPT`"""
+    said: int = 0
+    """-; lines the vehicle said since the link was opened"""
+    mode_names: tuple[tuple[int, str], ...] = ()
+    """custom modes the vehicle announced with AVAILABLE_MODES"""
+    sentence: tuple[int, str] | None = None
+    """id and text so far of a STATUSTEXT that comes in chunks"""
+
+
+def new_events(state: VehicleState, said: int) -> tuple[Heard, ...]:
+    """What was said since the count of lines was ``said``."""
+    return state.events[-(state.said - said) :] if state.said > said else ()
+
+
+Receiver = Callable[[VehicleState, Any], VehicleState]
+
+
+def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
+    """Take one decoded MAVLink message, heard at ``now`` (s, any monotonic clock).
+
+    The first autopilot heard is the vehicle; other systems and other ground stations on the link are ignored.
+    """
+    kind = message.get_type()
+    if kind == "BAD_DATA" or message.get_srcSystem() != (state.system or message.get_srcSystem()):
+        return state
+    if kind == "HEARTBEAT" and not is_autopilot(message):
+        return state
+    receiver = RECEIVERS.get(kind)
+    state = state._replace(messages=state.messages + 1, heard_at=now)
+    if receiver is None:
+        return state
+    milliseconds = getattr(message, "time_boot_ms", None)
+    if milliseconds:
+        state = state._replace(time=milliseconds * 1e-3)
+    return receiver(state, message)
+
+
+def is_autopilot(heartbeat: Any) -> bool:
+    """Whether a HEARTBEAT comes from an autopilot, not from a ground station, a gimbal or a router."""
+    return bool(heartbeat.type != _TYPE_GROUND_STATION and heartbeat.autopilot != _AUTOPILOT_INVALID)
+
+
+def _heartbeat(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(
+        system=message.get_srcSystem(),
+        autopilot=message.autopilot,
+        vehicle_type=message.type,
+        custom_mode=message.custom_mode,
+        armed=bool(message.base_mode & _ARMED),
+    )
+
+
+def _attitude(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(roll=message.roll, pitch=message.pitch, yaw=message.yaw)
+
+
+def _hud(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(
+        airspeed=message.airspeed,
+        groundspeed=message.groundspeed,
+        climb_rate=message.climb,
+        throttle=message.throttle / 100.0,
+    )
+
+
+def _global_position(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(
+        latitude=math.radians(message.lat * 1e-7),
+        longitude=math.radians(message.lon * 1e-7),
+        altitude=message.relative_alt * 1e-3,
+    )
+
+
+def _local_position(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(north=message.x, east=message.y, altitude=-message.z)
+
+
+def _gps(state: VehicleState, message: Any) -> VehicleState:
+    satellites = message.satellites_visible
+    return state._replace(fix_type=message.fix_type, satellites=None if satellites == 255 else satellites)
+
+
+def _battery(state: VehicleState, message: Any) -> VehicleState:
+    voltages = [cell for cell in message.voltages if cell != _UNKNOWN_U16]
+    return _supply(
+        state,
+        sum(voltages) * 1e-3 if voltages else None,
+        message.current_battery * 1e-2 if message.current_battery >= 0 else None,
+        message.battery_remaining,
+    )
+
+
+def _system_status(state: VehicleState, message: Any) -> VehicleState:
+    voltage = message.voltage_battery
+    current = message.current_battery
+    return _supply(
+        state,
+        voltage * 1e-3 if voltage != _UNKNOWN_U16 else None,
+        current * 1e-2 if current >= 0 else None,
+        message.battery_remaining,
+    )
+
+
+def _supply(state: VehicleState, voltage: float | None, current: float | None, percent: int) -> VehicleState:
+    voltage = state.voltage if voltage is None else voltage
+    current = state.current if current is None else current
+    power = state.power
+    if state.energy is None and voltage is not None and current is not None:
+        power = voltage * current  # what a vehicle without our dialect lets us know
+    return state._replace(
+        voltage=voltage,
+        current=current,
+        power=power,
+        battery_remaining=percent / 100.0 if percent >= 0 else state.battery_remaining,
+    )
+
+
+def _power(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(
+        voltage=message.voltage,
+        current=message.current,
+        power=message.power,
+        energy=message.energy,
+        battery_remaining=message.battery_remaining,
+    )
+
+
+def _wing(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(
+        flap_frequency=message.frequency,
+        flap_angle=0.5 * (message.angle_left + message.angle_right),
+        flap_amplitude=0.5 * (message.amplitude_left + message.amplitude_right),
+    )
+
+
+def _navigation(state: VehicleState, message: Any) -> VehicleState:
+    known = message.stage in Stage._value2member_map_
+    return state._replace(
+        stage=Stage(message.stage) if known else None,
+        item=message.item,
+        distance=message.distance,
+        altitude_setpoint=message.altitude_setpoint,
+        heading_setpoint=message.heading_setpoint,
+    )
+
+
+def _excitation(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(exciting=bool(message.active))
+
+
+def _mission_current(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(item=message.seq)
+
+
+def _status_text(state: VehicleState, message: Any) -> VehicleState:
+    """Join the chunks of a long STATUSTEXT; a chunk shorter than 50 characters is the last."""
+    text = message.text if isinstance(message.text, str) else message.text.decode("utf-8", "replace")
+    text = text.partition("\0")[0]
+    number = getattr(message, "id", 0)
+    if number:
+        started, so_far = state.sentence or (number, "")
+        text = (so_far if started == number else "") + text
+        if len(message.text) == 50 and "\0" not in message.text:
+            return state._replace(sentence=(number, text))
+    clean = "".join(letter if letter.isprintable() else " " for letter in text).strip()
+    heard = Heard(state.time, Severity(min(max(message.severity, 0), 7)), clean)
+    return state._replace(events=(*state.events, heard)[-EVENTS_KEPT:], said=state.said + 1, sentence=None)
+
+
+def _available_mode(state: VehicleState, message: Any) -> VehicleState:
+    name = str(message.mode_name).partition("\0")[0].strip()
+    if not name:
+        return state
+    others = tuple(entry for entry in state.mode_names if entry[0] != message.custom_mode)
+    return state._replace(mode_names=(*others, (message.custom_mode, name)))
+
+
+RECEIVERS: dict[str, Receiver] = {
+    "HEARTBEAT": _heartbeat,
+    "ATTITUDE": _attitude,
+    "VFR_HUD": _hud,
+    "GLOBAL_POSITION_INT": _global_position,
+    "LOCAL_POSITION_NED": _local_position,
+    "GPS_RAW_INT": _gps,
+    "BATTERY_STATUS": _battery,
+    "SYS_STATUS": _system_status,
+    "MISSION_CURRENT": _mission_current,
+    "STATUSTEXT": _status_text,
+    "AVAILABLE_MODES": _available_mode,
+    "WINGBEAT_WING_STATE": _wing,
+    "WINGBEAT_POWER": _power,
+    "WINGBEAT_NAVIGATION": _navigation,
+    "WINGBEAT_EXCITATION": _excitation,
+}
+"""MAVLink message to the function that takes it."""

@@ -1,0 +1,37 @@
+"""What a plot remembers of the telemetry: a bounded number of points, thinner the longer it watches."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from groundstation.link.vehicle_state import VehicleState
+
+POINTS = 400
+
+
+class History(NamedTuple):
+    """Altitude and track, oldest first."""
+
+    altitude: tuple[tuple[float, float], ...] = ()
+    """(s, m); time of the vehicle and altitude above home"""
+    track: tuple[tuple[float, float], ...] = ()
+    """(m, m); east and north of home"""
+    spacing: float = 0.2
+    """s; between points"""
+
+
+def remember(history: History, state: VehicleState) -> History:
+    """Add a point once `History.spacing` went by; at `POINTS` every second point is dropped."""
+    if state.time is None or state.altitude is None:
+        return history
+    if history.altitude and state.time < history.altitude[-1][0]:
+        history = History()  # the vehicle was restarted
+    if history.altitude and state.time - history.altitude[-1][0] < history.spacing:
+        return history
+    altitude = (*history.altitude, (state.time, state.altitude))
+    track = history.track
+    if state.east is not None and state.north is not None:
+        track = (*track, (state.east, state.north))
+    if len(altitude) > POINTS:
+        return History(altitude[::2], track[::2], 2.0 * history.spacing)
+    return history._replace(altitude=altitude, track=track)

@@ -1,0 +1,47 @@
+"""A progress bar for work that takes over a second, on a terminal; silence everywhere else."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+
+APPEARS_AFTER = 1.0
+"""s; shorter work stays silent"""
+
+
+class ProgressBar:
+    """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself."""
+
+    def __init__(self, label: str, quiet: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
+        self._label = label
+        self._clock = clock
+        self._began = clock()
+        self._shown = not quiet and sys.stderr.isatty()
+        self._bar: Progress | None = None
+        self._task = TaskID(0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, done: float, total: float, note: str = "") -> None:
+        """Tell how far the work is; ``total`` 0 while that is unknown."""
+        if not self._shown or self._clock() - self._began < APPEARS_AFTER:
+            return
+        if self._bar is None:
+            columns = (TextColumn("{task.description}"), BarColumn(40), TextColumn("{task.percentage:3.0f} %"))
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task(self._label, total=total or None)
+            self._bar.start()
+        self._bar.update(self._task, completed=done, total=total or None, description=note or self._label)

@@ -1,0 +1,115 @@
+"""A scripted MAVLink vehicle on a link that loses, and a clock that costs no time."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from groundstation.link.client import Exchange, Item
+
+STEP = 0.05
+
+
+class LossyVehicle:
+    """Answers as the MAVLink services ask for; every message is lost with probability ``loss``, both ways."""
+
+    def __init__(self, loss: float = 0.0, seed: int = 1) -> None:
+        self.loss = loss
+        self.random = random.Random(seed)
+        self.values = {f"GAIN_{number}": float(number) for number in range(40)}
+        self.mission: list[Item] = []
+        self.custom_mode = 65536
+        self.results: dict[int, int] = {}
+        self.says: list[str] = []
+        self.requests: list[str] = []
+        self.limits: dict[str, float] = {}
+        self.wanted_items = 0
+        self.incoming: list[Item] = []
+
+    def lost(self) -> bool:
+        return self.random.random() < self.loss
+
+    def answers(self, message: Any) -> list[Any]:
+        kind = message.get_type()
+        self.requests.append(kind)
+        answer = getattr(self, f"_{kind.lower()}", None)
+        return [] if answer is None else answer(message)
+
+    def _command_long(self, message: Any) -> list[Any]:
+        said = [mavlink.MAVLink_statustext_message(4, text.encode()) for text in self.says]
+        result = self.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if message.command == mavlink.MAV_CMD_DO_SET_MODE and result == mavlink.MAV_RESULT_ACCEPTED:
+            self.custom_mode = int(message.param2) << 16 | int(message.param3) << 24
+        return [mavlink.MAVLink_command_ack_message(message.command, result), *said]
+
+    def _value(self, name: str) -> Any:
+        index = list(self.values).index(name)
+        return mavlink.MAVLink_param_value_message(name.encode(), self.values[name], 9, len(self.values), index)
+
+    def _param_request_list(self, message: Any) -> list[Any]:
+        return [self._value(name) for name in self.values]
+
+    def _param_request_read(self, message: Any) -> list[Any]:
+        name = message.param_id.decode() if isinstance(message.param_id, bytes) else message.param_id
+        if message.param_index >= 0:
+            name = list(self.values)[message.param_index]
+        if name not in self.values:
+            return [mavlink.MAVLink_param_error_message(255, 190, name.encode(), -1, 1)]
+        return [self._value(name)]
+
+    def _param_set(self, message: Any) -> list[Any]:
+        name = message.param_id.decode() if isinstance(message.param_id, bytes) else message.param_id
+        self.values[name] = min(message.param_value, self.limits.get(name, message.param_value))
+        return [self._value(name)]
+
+    def _mission_request_list(self, message: Any) -> list[Any]:
+        return [mavlink.MAVLink_mission_count_message(255, 190, len(self.mission))]
+
+    def _mission_request_int(self, message: Any) -> list[Any]:
+        item = self.mission[message.seq]
+        head = (255, 190, message.seq, item.frame, item.command, 0, 1)
+        return [mavlink.MAVLink_mission_item_int_message(*head, *item.parameters, item.x, item.y, item.z)]
+
+    def _mission_count(self, message: Any) -> list[Any]:
+        self.wanted_items, self.incoming = message.count, []
+        return [mavlink.MAVLink_mission_request_int_message(255, 190, 0)]
+
+    def _mission_item_int(self, message: Any) -> list[Any]:
+        if message.seq == len(self.incoming):
+            parameters = (message.param1, message.param2, message.param3, message.param4)
+            place = (message.x, message.y, message.z)
+            self.incoming.append(Item(message.frame, message.command, parameters, *place))
+        return self.ask_again()
+
+    def ask_again(self) -> list[Any]:
+        """What a vehicle repeats by itself while an upload is under way."""
+        if not self.wanted_items:
+            return []
+        if len(self.incoming) == self.wanted_items:
+            self.mission = self.incoming
+            return [mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED)]
+        return [mavlink.MAVLink_mission_request_int_message(255, 190, len(self.incoming))]
+
+    def heartbeat(self) -> Any:
+        return mavlink.MAVLink_heartbeat_message(16, 0, 1, self.custom_mode, 4, 3)
+
+
+def converse(exchange: Any, vehicle: LossyVehicle, limit: float = 60.0) -> Any:
+    """Play ``exchange`` against ``vehicle`` until it ends, on a clock of our own; fails after ``limit`` s of it."""
+    now = 0.0
+    inbox: list[Any] = []
+    running: Exchange = exchange
+    while not running.finished:
+        now += STEP
+        if round(now / STEP) % 20 == 0:
+            inbox += [vehicle.heartbeat(), *vehicle.ask_again()]
+        outgoing: list[Any] = []
+        for message in [message for message in inbox if not vehicle.lost()]:
+            running, sent = running.step(now, message)
+            outgoing += sent
+        running, sent = running.step(now, None)
+        outgoing += sent
+        inbox = [answer for message in outgoing if not vehicle.lost() for answer in vehicle.answers(message)]
+        assert now < limit, f"still running after {limit} s: {running.progress()}"
+    return running
