@@ -1,1 +1,1 @@
-"""TBD."""
+"""The memory: flights recorded to MCAP, read back as columns, joined, repaired and exported."""

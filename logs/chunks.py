@@ -1,0 +1,207 @@
+"""Unpacks chunks and takes the messages of a channel out of them as rows of a NumPy record type."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.stream_reader import get_chunk_data_stream
+from numpy.typing import NDArray
+
+from logs.records import HEAD, Buffer, Damage, Span, expected, record_at
+
+LARGEST_CHUNK = 1 << 30
+"""Bytes; a chunk that claims more is taken for damaged rather than allocated."""
+ENTRY_TYPE = np.dtype([("time", "<u8"), ("offset", "<u8")])
+"""An entry of a message index: log time in ns, offset in the chunk in bytes."""
+MESSAGE_HEAD = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<u8", "<u8"],
+        "offsets": [0, 1, 9, 11, 15, 23],
+        "itemsize": 31,
+    }
+)
+"""A message record up to its data."""
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_MESSAGE = struct.Struct("<BQHIQ")
+_INDEX_HEAD = struct.Struct("<HI")
+
+Entries = NDArray[np.void]
+
+
+class ChunkSpan(NamedTuple):
+    """Place of a chunk in the file and what its header says."""
+
+    span: Span
+    data_offset: int
+    data_size: int
+    """bytes as stored"""
+    size: int
+    """bytes when unpacked"""
+    crc: int
+    """of the unpacked bytes, 0 for none"""
+    compression: str
+    start_ns: int
+    """log time of the first message"""
+    end_ns: int
+    """log time of the last message"""
+    indexes: dict[int, Span]
+    """message index records by channel, when the summary told them"""
+    entries: dict[int, Entries]
+    """message indexes by channel, when the chunk was walked through"""
+
+    @property
+    def channels(self) -> set[int]:
+        """Numbers of the channels it has messages of."""
+        return set(self.indexes) | set(self.entries)
+
+
+class Contents(NamedTuple):
+    """What lies in an unpacked chunk."""
+
+    definitions: list[Span]
+    """schema and channel records"""
+    entries: dict[int, Entries]
+
+
+def chunk_at(data: Buffer, span: Span) -> ChunkSpan:
+    """The chunk at ``span``, still packed.
+
+    Raises:
+        Damage: its header contradicts its length.
+    """
+    try:
+        start, end, size, crc, name_size = _CHUNK_HEAD.unpack_from(data, span.body)
+        place = span.body + _CHUNK_HEAD.size + name_size
+        name = bytes(data[place - name_size : place]).decode("ascii")
+        (data_size,) = struct.unpack_from("<Q", data, place)
+    except (struct.error, UnicodeDecodeError, OverflowError):
+        raise Damage(f"chunk at byte {span.offset} cannot be read") from None
+    if place + 8 + data_size != span.end or size > LARGEST_CHUNK:
+        raise Damage(f"chunk at byte {span.offset} has lengths that contradict each other")
+    return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, {}, {})
+
+
+def loose_messages(start: int, end: int) -> ChunkSpan:
+    """Messages that stand in the file outside of any chunk, from byte ``start`` to ``end``."""
+    return ChunkSpan(Span(0, start, end - start), start, end - start, end - start, 0, "", 0, 0, {}, {})
+
+
+def unpack(data: Buffer, chunk: ChunkSpan) -> bytes:
+    """The records in a chunk, checked against its CRC.
+
+    Raises:
+        Damage: they cannot be unpacked or do not match.
+    """
+    packed = bytes(data[chunk.data_offset : chunk.data_offset + chunk.data_size])
+    try:
+        content = _decompress(packed, chunk)
+    except (zstandard.ZstdError, McapError, RuntimeError, ValueError, MemoryError) as error:
+        raise Damage(f"chunk at byte {chunk.span.offset} cannot be unpacked ({error})") from None
+    if len(content) != chunk.size or (chunk.crc and zlib.crc32(content) != chunk.crc):
+        raise Damage(f"chunk at byte {chunk.span.offset} does not match its checksum")
+    return content
+
+
+def _decompress(packed: bytes, chunk: ChunkSpan) -> bytes:
+    if not chunk.compression:
+        return packed
+    if chunk.compression == "zstd":
+        declared = zstandard.get_frame_parameters(packed).content_size
+        if declared not in (chunk.size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError("its length differs from the header's")
+        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=chunk.size)
+    record = Chunk(chunk.compression, packed, chunk.end_ns, chunk.start_ns, 0, chunk.size)
+    stream, length = get_chunk_data_stream(record)
+    return stream.read(length)
+
+
+def walk(content: bytes) -> Contents:
+    """Find the records in an unpacked chunk one by one.
+
+    Raises:
+        Damage: they do not fill it.
+    """
+    found: dict[int, list[tuple[int, int]]] = {}
+    definitions = []
+    position, stop = 0, len(content)
+    while position < stop:
+        span = record_at(content, position, stop)
+        if span is None:
+            raise Damage(f"a chunk's records end at byte {position} of {stop}")
+        if span.opcode == Opcode.MESSAGE and span.length >= MESSAGE_HEAD.itemsize:
+            _, _, channel, _, time = _MESSAGE.unpack_from(content, position)
+            found.setdefault(channel, []).append((time, position))
+        elif span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            definitions.append(span)
+        position = span.end
+    return Contents(definitions, {channel: np.array(pairs, ENTRY_TYPE) for channel, pairs in found.items()})
+
+
+def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | None:
+    """The message index of one channel as the file has it, unchecked; None when it cannot be read."""
+    if channel in chunk.entries:
+        return chunk.entries[channel]
+    try:
+        return _stored_entries(data, chunk.indexes[channel])
+    except Damage:
+        return None
+
+
+def entries_of(data: Buffer, chunk: ChunkSpan, content: bytes, channel: int) -> Entries:
+    """The message index of one channel, each entry checked against opcode, channel, time and length in the chunk.
+
+    An index that fails the check is not used: the chunk, which its CRC vouches for, is walked through instead.
+
+    Raises:
+        Damage: the chunk's records do not fill it.
+    """
+    entries = listed_entries(data, chunk, channel)
+    if entries is None or not _agree(content, entries, channel):
+        return walk(content).entries.get(channel, np.empty(0, ENTRY_TYPE))
+    return entries
+
+
+def _stored_entries(data: Buffer, place: Span) -> Entries:
+    span = expected(data, Opcode.MESSAGE_INDEX, place.offset, len(data))
+    _, size = _INDEX_HEAD.unpack_from(data, span.body)
+    if size % ENTRY_TYPE.itemsize or span.body + _INDEX_HEAD.size + size != span.end:
+        raise Damage(f"message index at byte {span.offset} has lengths that contradict each other")
+    return np.frombuffer(bytes(data[span.end - size : span.end]), ENTRY_TYPE)
+
+
+def _agree(content: bytes, entries: Entries, channel: int) -> bool:
+    offsets = entries["offset"]
+    last = len(content) - MESSAGE_HEAD.itemsize
+    if len(offsets) and (last < 0 or int(offsets.max()) > last):
+        return False
+    heads = rows_at(content, offsets, MESSAGE_HEAD)
+    return bool(
+        np.all(heads["opcode"] == int(Opcode.MESSAGE))
+        and np.all(heads["channel"] == channel)
+        and np.all(heads["log_time"] == entries["time"])
+        and np.all(heads["length"] >= MESSAGE_HEAD.itemsize - HEAD.size)
+        and np.all(heads["length"] + HEAD.size <= len(content) - offsets)
+    )
+
+
+def rows_at(content: bytes, offsets: NDArray[np.uint64], kind: np.dtype[np.void]) -> Entries:
+    """Rows of type ``kind`` that begin at ``offsets``, copied out of ``content``; all must lie inside it."""
+    if not len(offsets):
+        return np.empty(0, kind)
+    count = len(content) - kind.itemsize + 1
+    windows: Entries = np.ndarray((count,), np.dtype((np.void, kind.itemsize)), content, strides=(1,))
+    return windows[offsets.astype(np.int64)].view(kind)
+
+
+def bodies(content: bytes, entries: Entries) -> list[bytes]:
+    """Encoded messages at ``entries``."""
+    spans = (record_at(content, int(offset), len(content)) for offset in entries["offset"])
+    return [content[span.offset + MESSAGE_HEAD.itemsize : span.end] for span in spans if span is not None]

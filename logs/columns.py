@@ -1,0 +1,164 @@
+"""Messages as columns: rows of fixed layout are decoded by NumPy, everything else one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from logs.chunks import MESSAGE_HEAD
+from logs.layout import Field, Layout
+from logs.schema import layout_from_schema
+
+Array = NDArray[Any]
+Stamped = tuple[int, dict[str, Any]]
+"""Log time in ns and the values of one message."""
+_BLOCK = 8192
+"""Rows checked at a time: they stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Columns(Mapping[str, Array]):
+    """A topic as columns: ``columns["pitch"]`` is an array with one row per message, in order of log time.
+
+    Whole numbers come as int64 (uint64 only for values beyond it), so that differences cannot wrap. A packed array
+    of n values is a column of shape (messages, n).
+    """
+
+    topic: str
+    fields: dict[str, Array]
+    units: dict[str, str]
+    """by field, ``-`` for none"""
+    log_time_ns: NDArray[np.int64]
+    """ns; MCAP's log time"""
+    boot_ns: int
+    """ns; log time at which the vehicle's clock was zero"""
+    labels: dict[str, dict[int, str]] = field(default_factory=dict)
+    """names of enumerations' values, by field"""
+    descriptions: dict[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Array:
+        return self.fields[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fields)
+
+    def __len__(self) -> int:
+        """Count the fields; the number of messages is ``len(columns.time)``."""
+        return len(self.fields)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """s; since boot, of every message."""
+        if "time_us" in self.fields:
+            return np.asarray(self.fields["time_us"] * 1e-6, np.float64)
+        return np.asarray((self.log_time_ns - self.boot_ns) * 1e-9, np.float64)
+
+
+class RowType(NamedTuple):
+    """A whole message record of fixed layout, head included."""
+
+    kind: np.dtype[np.void]
+    """fields by their names, the record's own behind a slash"""
+    mask: NDArray[np.uint8]
+    """255 at the bytes that are the same in every record of a channel: opcode, length, channel, tags"""
+    pattern: NDArray[np.uint8]
+    """what these bytes are, 0 elsewhere"""
+
+    def fits(self, rows: Array, times: NDArray[np.uint64]) -> bool:
+        """Whether all rows (of bytes ``kind.itemsize`` long) are such records with these log times in ns."""
+        raw = rows.view(np.uint8).reshape(len(rows), self.kind.itemsize)
+        blocks = (raw[start : start + _BLOCK] for start in range(0, len(raw), _BLOCK))
+        if not all(np.array_equal(block & self.mask, np.broadcast_to(self.pattern, block.shape)) for block in blocks):
+            return False
+        return np.array_equal(rows.view(self.kind)["/log_time"], times)
+
+
+def layout_in_file(channel: Channel, schema: Schema | None) -> Layout | None:
+    """Layout of a channel's messages as the file declares it, None where they differ in length."""
+    if schema is None or schema.encoding != "protobuf" or channel.message_encoding != "protobuf":
+        return None
+    return layout_from_schema(schema.name, schema.data, channel.metadata)
+
+
+def row_type(layout: Layout, channel: int) -> RowType:
+    """NumPy type of the message records of a channel."""
+    body = layout.record_type(before=MESSAGE_HEAD.itemsize)
+    places = body.fields or {}
+    head = MESSAGE_HEAD.fields or {}
+    fields = {name: place[:2] for name, place in places.items()} | {
+        f"/{name}": place[:2] for name, place in head.items()
+    }
+    described: dict[str, Any] = {
+        "names": list(fields),
+        "formats": [kind for kind, _ in fields.values()],
+        "offsets": [offset for _, offset in fields.values()],
+        "itemsize": body.itemsize,
+    }
+    pattern, mask = np.zeros(body.itemsize, np.uint8), np.zeros(body.itemsize, np.uint8)
+    constants = [(0, bytes([Opcode.MESSAGE])), (1, (body.itemsize - 9).to_bytes(8, "little"))]
+    constants += [(9, channel.to_bytes(2, "little"))]
+    constants += [(places[item.name][1] - len(item.tag), item.tag) for item in layout.fields]
+    for offset, data in constants:
+        pattern[offset : offset + len(data)] = list(data)
+        mask[offset : offset + len(data)] = 255
+    return RowType(np.dtype(described), mask, pattern)
+
+
+def fixed_columns(topic: str, boot_ns: int, layout: Layout, rows: NDArray[np.void]) -> Columns:
+    """Columns from rows that fit their `RowType`."""
+    times = rows["/log_time"].astype(np.int64)
+    if np.any(times[1:] < times[:-1]):
+        order = np.argsort(times, kind="stable")
+        rows, times = rows[order], times[order]
+    fields = {item.name: _column(rows[item.name], item) for item in layout.fields}
+    return _columns(topic, boot_ns, layout, times, fields)
+
+
+def _column(values: Array, kind: Field) -> Array:
+    beyond = kind.scalar == "fixed64" and len(values) and int(values.max()) > np.iinfo(np.int64).max
+    if beyond or kind.scalar in ("double", "float"):
+        return np.ascontiguousarray(values)
+    return values.astype(np.int64)
+
+
+def free_columns(topic: str, boot_ns: int, layout: Layout | None, messages: Sequence[Stamped]) -> Columns:
+    """Columns from decoded messages; a field that is not a number in all of them is a column of objects."""
+    messages = sorted(messages, key=lambda message: message[0])
+    names = list(dict.fromkeys(name for _, values in messages for name in values))
+    if layout is not None and not messages:
+        names = [item.name for item in layout.fields]
+    fields = {name: _gathered([values.get(name) for _, values in messages]) for name in names}
+    return _columns(topic, boot_ns, layout, np.array([time for time, _ in messages], np.int64), fields)
+
+
+def _gathered(values: list[Any]) -> Array:
+    if all(isinstance(value, int | float) for value in values):
+        return np.array(values)
+    lengths = {len(value) if isinstance(value, list) else -1 for value in values}
+    if len(lengths) == 1 and lengths != {-1} and all(isinstance(v, int | float) for value in values for v in value):
+        return np.array(values)
+    out = np.empty(len(values), object)
+    for row, value in enumerate(values):
+        out[row] = value
+    return out
+
+
+def _columns(
+    topic: str, boot_ns: int, layout: Layout | None, times: NDArray[np.int64], fields: dict[str, Array]
+) -> Columns:
+    known = {item.name: item for item in layout.fields} if layout else {}
+    return Columns(
+        topic,
+        fields,
+        {name: known[name].unit if name in known else "-" for name in fields},
+        times,
+        boot_ns,
+        {name: dict(known[name].labels) for name in fields if name in known and known[name].labels},
+        {name: known[name].description if name in known else "" for name in fields},
+    )

@@ -1,0 +1,219 @@
+"""Writes the MCAP container: records one after another, chunks, indexes, summary (https://mcap.dev/spec).
+
+The records themselves are the `mcap` package's. Its `Writer` is not used because it numbers channels itself, and
+because joining and repairing files copies chunks without unpacking them.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable, Mapping
+from typing import IO, NamedTuple, Protocol
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+from avionics.quantities import BadInput
+
+LIBRARY = "wingbeat"
+ENTRY = struct.Struct("<QQ")
+"""An entry of a message index: log time in ns, offset in the chunk in bytes."""
+_RECORD = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<BQQQQII4sQ")
+_INDEX = struct.Struct("<BQHI")
+
+
+class RawChunk(NamedTuple):
+    """A chunk as it stands in a file."""
+
+    record: bytes
+    """the whole record, compressed messages included"""
+    indexes: Mapping[int, bytes]
+    """whole message index records by channel"""
+    start_ns: int
+    """log time of the first message"""
+    end_ns: int
+    """log time of the last message"""
+    compression: str
+    compressed_size: int
+    """bytes"""
+    uncompressed_size: int
+    """bytes"""
+
+
+class _Indexed(Protocol):
+    def write(self, stream: RecordBuilder) -> None: ...
+
+
+def pack_chunk(content: bytes, entries: Mapping[int, bytes], compressor: zstandard.ZstdCompressor) -> RawChunk:
+    """Compress records into a chunk; ``entries`` are the packed `ENTRY` lists of its messages by channel."""
+    times = [entry[0] for packed in entries.values() for entry in ENTRY.iter_unpack(packed)]
+    start, end = min(times, default=0), max(times, default=0)
+    data = compressor.compress(content)
+    body = _CHUNK.size - _RECORD.size + len(data)
+    crc = zlib.crc32(content)
+    head = _CHUNK.pack(Opcode.CHUNK, body, start, end, len(content), crc, 4, b"zstd", len(data))
+    indexes = {channel: pack_index(channel, packed) for channel, packed in entries.items()}
+    return RawChunk(head + data, indexes, start, end, "zstd", len(data), len(content))
+
+
+def pack_index(channel: int, entries: bytes) -> bytes:
+    """A message index record for packed `ENTRY` values."""
+    return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
+
+
+def encode(record: McapRecord) -> bytes:
+    """Bytes of one record."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
+
+
+class Container:
+    """An MCAP file being written to an unbuffered stream; what has been written is always whole records.
+
+    Every method that writes raises `OSError` when the disk refuses.
+    """
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._crc = 0
+        self.size = 0
+        """bytes of whole records written"""
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        self._write(MCAP0_MAGIC + encode(Header(profile="", library=LIBRARY)))
+
+    def define(self, schema: Schema | None, channel: Channel) -> None:
+        """Declare a channel before its first chunk; the same declaration again does nothing.
+
+        Raises:
+            BadInput: another channel or schema has this number.
+        """
+        known = self._channels.get(channel.id)
+        if known is not None and known != channel:
+            raise BadInput(
+                f"channel {channel.id} is both {known.topic} and {channel.topic} (or differs in its schema)"
+            )
+        if schema is not None and self._schemas.get(schema.id, schema) != schema:
+            raise BadInput(f"schema {schema.id} is both {self._schemas[schema.id].name} and {schema.name}")
+        if schema is not None and schema.id not in self._schemas:
+            self._write(encode(schema))
+            self._schemas[schema.id] = schema
+        if known is None:
+            self._write(encode(channel))
+            self._channels[channel.id] = channel
+
+    def chunk(self, chunk: RawChunk) -> None:
+        """Append a chunk and its message indexes."""
+        start = self.size
+        offset = start + len(chunk.record)
+        offsets: dict[int, int] = {}
+        for channel, record in chunk.indexes.items():
+            offsets[channel] = offset
+            offset += len(record)
+        self._write(b"".join((chunk.record, *chunk.indexes.values())))
+        for channel, record in chunk.indexes.items():
+            self._counts[channel] = self._counts.get(channel, 0) + (len(record) - _INDEX.size) // ENTRY.size
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=len(chunk.record),
+                chunk_start_offset=start,
+                compression=chunk.compression,
+                compressed_size=chunk.compressed_size,
+                message_end_time=chunk.end_ns,
+                message_index_length=offset - start - len(chunk.record),
+                message_index_offsets=offsets,
+                message_start_time=chunk.start_ns,
+                uncompressed_size=chunk.uncompressed_size,
+            )
+        )
+
+    def attachment(self, record: bytes, index: AttachmentIndex) -> None:
+        """Append an attachment record; the offset and length in ``index`` are set here."""
+        index.offset, index.length = self.size, len(record)
+        self._write(record)
+        self._attachments.append(index)
+
+    def metadata(self, record: bytes, name: str) -> None:
+        """Append a metadata record."""
+        index = MetadataIndex(offset=self.size, length=len(record), name=name)
+        self._write(record)
+        self._metadata.append(index)
+
+    def finish(self) -> None:
+        """Write the summary and the footer."""
+        self._write(encode(DataEnd(self._crc)))
+        start = self.size
+        summary = self._summary(start)
+        offset_start = start + len(summary)
+        summary += b"".join(encode(offset) for offset in self._offsets)
+        head = _RECORD.pack(Opcode.FOOTER, 20) + struct.pack("<QQ", start, offset_start)
+        footer = Footer(
+            summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(summary + head)
+        )
+        self._write(summary + encode(footer) + MCAP0_MAGIC)
+
+    def _summary(self, start: int) -> bytes:
+        groups: Iterable[tuple[Opcode, Iterable[_Indexed]]] = (
+            (Opcode.SCHEMA, self._schemas.values()),
+            (Opcode.CHANNEL, self._channels.values()),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attachments),
+            (Opcode.METADATA_INDEX, self._metadata),
+        )
+        builder = RecordBuilder()
+        self._offsets: list[SummaryOffset] = []
+        for opcode, records in groups:
+            before = builder.count
+            for record in records:
+                record.write(builder)
+            if builder.count > before:
+                self._offsets.append(SummaryOffset(opcode, start + before, builder.count - before))
+        return builder.end()
+
+    def _statistics(self) -> Statistics:
+        filled = [chunk for chunk in self._chunks if chunk.message_index_offsets]
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_end_time=max((chunk.message_end_time for chunk in filled), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in filled), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+
+    def _write(self, data: bytes) -> None:
+        """Write all of ``data``: an unbuffered file may take less, and says why on the next attempt."""
+        rest = memoryview(data)
+        while rest:
+            written = self._stream.write(rest)
+            if not written:
+                raise OSError("the disk takes no more data")
+            rest = rest[written:]
+        self._crc = zlib.crc32(data, self._crc)
+        self.size += len(data)

@@ -1,0 +1,253 @@
+"""Finds what an MCAP file holds: from its summary, or record by record where the summary is missing or wrong.
+
+A file that was cut off gives what lies before the cut; a damaged record is stepped over by looking for the next
+whole chunk.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, Metadata, MetadataIndex, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC
+
+from logs.chunks import ChunkSpan, chunk_at, loose_messages, unpack, walk
+from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
+
+_FOOTER_SIZE = HEAD.size + 20
+_ZSTD_NAME = b"\x04\x00\x00\x00zstd"
+_NAME_OFFSET = HEAD.size + 28
+"""Bytes between the start of a chunk record and the name of its compression."""
+
+_SELF_CONTAINED = (Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL)
+_FIRST_PRIVATE = 0x80
+
+
+@dataclass
+class Index:
+    """What a file holds."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkSpan] = field(default_factory=list)
+    attachments: list[Span] = field(default_factory=list)
+    metadata: list[Span] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
+    """messages by channel"""
+    complete: bool = True
+    """the file ends as a finished recording does"""
+    damage: list[str] = field(default_factory=list)
+    """what is wrong with the file, one line each"""
+    dropped: list[tuple[int, int]] = field(default_factory=list)
+    """byte ranges (start, end) that hold nothing which can be read"""
+
+
+def read_index(data: Buffer) -> Index:
+    """Index of a file that begins with MCAP's magic, by its summary if that is whole, else record by record."""
+    try:
+        index = _by_summary(data)
+    except Damage:
+        index = None
+    return index if index is not None else scan(data)
+
+
+# --- by the summary -------------------------------------------------------------------------------------
+
+
+def _by_summary(data: Buffer) -> Index | None:
+    """Index by the summary; None where there is none or it leaves something out."""
+    end = len(data) - len(MCAP0_MAGIC)
+    offset = end - _FOOTER_SIZE
+    span = record_at(data, offset, end) if offset > 0 else None
+    if span is None or span.opcode != Opcode.FOOTER or span.end != end or data[end:] != MCAP0_MAGIC:
+        return None
+    footer = parse(Footer, data, span)
+    if not 0 < footer.summary_start <= offset:
+        return None
+    if footer.summary_crc and footer.summary_crc != zlib.crc32(data[footer.summary_start : end - 4]):
+        return None
+    return _from_summary(data, footer.summary_start, offset)
+
+
+def _from_summary(data: Buffer, start: int, stop: int) -> Index | None:
+    index = Index()
+    statistics: Statistics | None = None
+    position = start
+    for span in records(data, start, stop):
+        position = span.end
+        if span.opcode == Opcode.STATISTICS:
+            statistics = parse(Statistics, data, span)
+        else:
+            _take_summary_record(index, data, span, start)
+    if position != stop or statistics is None or not _covers(index, statistics):
+        return None
+    index.counts = {channel: count for channel, count in statistics.channel_message_counts.items() if count}
+    return index
+
+
+def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> None:
+    if span.opcode == Opcode.CHUNK_INDEX:
+        index.chunks.append(_indexed_chunk(data, parse(ChunkIndex, data, span), stop))
+    elif span.opcode == Opcode.ATTACHMENT_INDEX:
+        place = parse(AttachmentIndex, data, span)
+        index.attachments.append(expected(data, Opcode.ATTACHMENT, place.offset, stop))
+    elif span.opcode == Opcode.METADATA_INDEX:
+        index.metadata.append(expected(data, Opcode.METADATA, parse(MetadataIndex, data, span).offset, stop))
+    else:
+        _define(index, data, span)
+
+
+def _covers(index: Index, statistics: Statistics) -> bool:
+    """Whether the summary repeats everything, which the format leaves to the writer."""
+    known = set(index.channels)
+    return (
+        statistics.chunk_count == len(index.chunks)
+        and statistics.attachment_count == len(index.attachments)
+        and statistics.metadata_count == len(index.metadata)
+        and statistics.channel_count == len(known)
+        and statistics.message_count == sum(statistics.channel_message_counts.values())
+        and all(chunk.indexes and set(chunk.indexes) <= known for chunk in index.chunks)
+        and (bool(index.chunks) or not statistics.message_count)
+    )
+
+
+def _indexed_chunk(data: Buffer, entry: ChunkIndex, stop: int) -> ChunkSpan:
+    chunk = chunk_at(data, expected(data, Opcode.CHUNK, entry.chunk_start_offset, stop))
+    for channel, offset in entry.message_index_offsets.items():
+        chunk.indexes[channel] = expected(data, Opcode.MESSAGE_INDEX, offset, stop)
+    # The header of a chunk is under no CRC of its own, the summary is.
+    return chunk._replace(start_ns=entry.message_start_time, end_ns=entry.message_end_time)
+
+
+def _define(index: Index, data: Buffer, span: Span) -> None:
+    if span.opcode == Opcode.SCHEMA:
+        schema = parse(Schema, data, span)
+        index.schemas[schema.id] = schema
+    elif span.opcode == Opcode.CHANNEL:
+        channel = parse(Channel, data, span)
+        index.channels[channel.id] = channel
+
+
+# --- record by record -----------------------------------------------------------------------------------
+
+
+def scan(data: Buffer) -> Index:
+    """Index of a file by walking over all it holds; torn and damaged bytes are listed, never raised.
+
+    Every chunk is unpacked and checked; message indexes, which no CRC guards, are made anew.
+    """
+    index = Index(complete=False)
+    position, stop = len(MCAP0_MAGIC), len(data)
+    while position < stop and not index.complete:
+        position = _take_records(index, data, position, stop)
+        if not index.complete and position < stop:
+            position = _skip(index, data, position, stop)
+    if not index.complete:
+        index.damage.append("the file was cut off before its end")
+    _walk_chunks(index, data)
+    return index
+
+
+def _take_records(index: Index, data: Buffer, position: int, stop: int) -> int:
+    """Enter whole records from ``position`` on; return where they end.
+
+    After damage inside a record whose length can be trusted the next one follows; else nothing is known to follow.
+    """
+    for span in records(data, position, stop):
+        if span.opcode == Opcode.FOOTER and data[span.end : stop] == MCAP0_MAGIC:
+            index.complete = True
+            return stop
+        try:
+            _take(index, data, span)
+        except Damage as damage:
+            if span.opcode not in _SELF_CONTAINED:
+                return span.offset
+            _drop(index, span.offset, span.end, str(damage))
+        position = span.end
+    return position
+
+
+def _skip(index: Index, data: Buffer, position: int, stop: int) -> int:
+    """Step over bytes that are no record, to the next whole chunk or the end."""
+    following = _next_chunk(data, position + 1, stop)
+    _drop(index, position, following, f"bytes {position} to {following} cannot be read")
+    return following
+
+
+def _drop(index: Index, start: int, end: int, reason: str) -> None:
+    index.damage.append(reason)
+    index.dropped.append((start, end))
+
+
+def _next_chunk(data: Buffer, start: int, stop: int) -> int:
+    """Offset of the next compressed chunk whose content matches its checksum, ``stop`` when there is none."""
+    name = data.find(_ZSTD_NAME, start + _NAME_OFFSET)
+    while name >= 0:
+        span = record_at(data, name - _NAME_OFFSET, stop)
+        if span is not None and span.opcode == Opcode.CHUNK and _is_whole(data, span):
+            return span.offset
+        name = data.find(_ZSTD_NAME, name + 1)
+    return stop
+
+
+def _is_whole(data: Buffer, span: Span) -> bool:
+    try:
+        unpack(data, chunk_at(data, span))
+    except Damage:
+        return False
+    return True
+
+
+def _take(index: Index, data: Buffer, span: Span) -> None:
+    """Enter one record of the data section."""
+    if span.opcode == Opcode.CHUNK:
+        index.chunks.append(chunk_at(data, span))
+    elif span.opcode == Opcode.MESSAGE:
+        _take_loose_message(index, span)
+    elif span.opcode == Opcode.ATTACHMENT:
+        attachment_at(data, span)
+        index.attachments.append(span)
+    elif span.opcode == Opcode.METADATA:
+        parse(Metadata, data, span)
+        index.metadata.append(span)
+    elif Opcode.DATA_END < span.opcode < _FIRST_PRIVATE:
+        raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
+    else:
+        _define(index, data, span)
+
+
+def _take_loose_message(index: Index, span: Span) -> None:
+    """Messages outside of chunks: a run of them is read as one chunk without compression."""
+    last = index.chunks[-1].span if index.chunks else None
+    if last is not None and last.opcode != Opcode.CHUNK and last.end == span.offset:
+        index.chunks[-1] = loose_messages(last.offset, span.end)
+    else:
+        index.chunks.append(loose_messages(span.offset, span.end))
+
+
+def _walk_chunks(index: Index, data: Buffer) -> None:
+    """Look into every chunk for definitions and messages; drop the chunks that are damaged."""
+    whole = []
+    for chunk in index.chunks:
+        try:
+            whole.append(_walked(index, data, chunk))
+        except Damage as damage:
+            _drop(index, chunk.span.offset, chunk.span.end, str(damage))
+    index.chunks = whole
+    index.dropped.sort()
+    for chunk in whole:
+        for channel, entries in chunk.entries.items():
+            index.counts[channel] = index.counts.get(channel, 0) + len(entries)
+
+
+def _walked(index: Index, data: Buffer, chunk: ChunkSpan) -> ChunkSpan:
+    content = unpack(data, chunk)
+    contents = walk(content)
+    for span in contents.definitions:
+        _define(index, content, span)
+    times = [entries["time"] for entries in contents.entries.values()]
+    start, end = (int(np.concatenate(times).min()), int(np.concatenate(times).max())) if times else (0, 0)
+    return chunk._replace(entries=contents.entries, start_ns=start, end_ns=end)

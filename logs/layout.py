@@ -1,0 +1,195 @@
+"""From a message class to its constant layout: protobuf fields, packing format, NumPy record type.
+
+Every field of a data topic is written always and has a fixed width, so the protobuf encoding of a message has a
+constant length with the tags at constant places. `struct` then produces the bytes of the protobuf library, and
+a NumPy structured type with the tags as padding reads them. Encoding: https://protobuf.dev/programming-guides/encoding
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import struct
+import sys
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from avionics.messages import Wire
+
+VARINT, FIXED64, DELIMITED, FIXED32 = 0, 1, 2, 5
+
+
+class Scalar(NamedTuple):
+    """A protobuf scalar of fixed width."""
+
+    wire_type: int
+    code: str
+    """of the `struct` module; NumPy understands the same letters behind ``<``"""
+    width: int
+    """bytes"""
+
+
+SCALARS: Mapping[str, Scalar] = {
+    "double": Scalar(FIXED64, "d", 8),
+    "float": Scalar(FIXED32, "f", 4),
+    "fixed32": Scalar(FIXED32, "I", 4),
+    "sfixed32": Scalar(FIXED32, "i", 4),
+    "fixed64": Scalar(FIXED64, "Q", 8),
+    "sfixed64": Scalar(FIXED64, "q", 8),
+}
+
+
+class Field(NamedTuple):
+    """One field of a message as it stands in the log."""
+
+    name: str
+    number: int
+    """of the protobuf field, from 1"""
+    scalar: str
+    """one of `SCALARS`"""
+    length: int = 0
+    """values of a packed array, 0 for a single value"""
+    unit: str = "-"
+    description: str = ""
+    labels: Mapping[int, str] = {}
+    """names of an enumeration's values"""
+
+    @property
+    def tag(self) -> bytes:
+        """Bytes before the value: the key, and for an array its length in bytes."""
+        scalar = SCALARS[self.scalar]
+        if not self.length:
+            return varint(self.number << 3 | scalar.wire_type)
+        return varint(self.number << 3 | DELIMITED) + varint(self.length * scalar.width)
+
+    @property
+    def code(self) -> str:
+        """Format of the value for the `struct` module."""
+        return f"{self.length or ''}{SCALARS[self.scalar].code}"
+
+
+class Layout(NamedTuple):
+    """A message whose encoding has a constant length."""
+
+    name: str
+    """full protobuf name, ``wingbeat.<folder>.<class>``"""
+    description: str
+    fields: tuple[Field, ...]
+
+    @property
+    def format(self) -> str:
+        """Format for `struct`: a tag as bytes and a value, field after field, little endian."""
+        return "<" + "".join(f"{len(field.tag)}s{field.code}" for field in self.fields)
+
+    @property
+    def size(self) -> int:
+        """Bytes of an encoded message."""
+        return struct.calcsize(self.format)
+
+    def arguments(self, message: tuple[Any, ...]) -> Iterator[Any]:
+        """Tags and values in the order of `format`."""
+        for field, value in zip(self.fields, message, strict=True):
+            yield field.tag
+            if field.length:
+                yield from value
+            else:
+                yield value
+
+    def encode(self, message: tuple[Any, ...]) -> bytes:
+        """Protobuf bytes of one message (the recorder has a faster way with the same result).
+
+        Raises:
+            struct.error: a value does not fit its scalar, or an array has another length than declared.
+        """
+        return struct.pack(self.format, *self.arguments(message))
+
+    def record_type(self, before: int = 0) -> np.dtype[np.void]:
+        """NumPy type of an encoded message preceded by ``before`` bytes; the tags are padding."""
+        names: list[str] = []
+        formats: list[Any] = []
+        offsets: list[int] = []
+        position = before
+        for field in self.fields:
+            position += len(field.tag)
+            names.append(field.name)
+            code = f"<{SCALARS[field.scalar].code}"
+            formats.append((code, (field.length,)) if field.length else code)
+            offsets.append(position)
+            position += struct.calcsize("<" + field.code)
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": position})
+
+
+def varint(value: int) -> bytes:
+    """Protobuf's variable-length encoding of a number that is not negative."""
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+@functools.cache
+def layout_of(message: type[Any]) -> Layout:
+    """Layout of a NamedTuple class: scalars from its annotations, units and descriptions from its docstrings.
+
+    Raises:
+        TypeError: a field is neither ``float`` nor annotated with `avionics.messages.Wire`.
+    """
+    hints = get_type_hints(message, include_extras=True)
+    texts = _field_texts(message.__module__).get(message.__name__, {})
+    fields = tuple(
+        _field(message, number, name, hints[name], texts.get(name, "-"))
+        for number, name in enumerate(message._fields, 1)
+    )
+    folder = message.__module__.partition(".")[0]
+    return Layout(f"wingbeat.{folder}.{message.__name__}", inspect.cleandoc(message.__doc__ or ""), fields)
+
+
+def _field(message: type[Any], number: int, name: str, hint: Any, text: str) -> Field:
+    base, wire = _unwrap(hint)
+    if wire is None or wire.scalar not in SCALARS:
+        raise TypeError(f"{message.__name__}.{name}: {hint!r} has no fixed width in the log")
+    unit, description = split_unit(text)
+    labels = {int(member.value): member.name for member in base} if _is_enumeration(base) else {}
+    return Field(name, number, wire.scalar, wire.length, unit, description, labels)
+
+
+def _is_enumeration(base: Any) -> bool:
+    return isinstance(base, type) and issubclass(base, Enum)
+
+
+def _unwrap(hint: Any) -> tuple[Any, Wire | None]:
+    if get_origin(hint) is Annotated:
+        base, *extras = get_args(hint)
+        return base, next((extra for extra in extras if isinstance(extra, Wire)), None)
+    return hint, Wire("double") if hint is float else None
+
+
+def split_unit(text: str) -> tuple[str, str]:
+    """Unit and description of a field's docstring, ``rad/s; about FRD x``; the description may be missing."""
+    unit, _, description = text.partition(";")
+    return " ".join(unit.split()), " ".join(description.split())
+
+
+@functools.cache
+def _field_texts(module: str) -> dict[str, dict[str, str]]:
+    """Docstrings of the fields of every class in a module: Python keeps them in the source alone."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    return {node.name: dict(_texts_of(node)) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+
+
+def _texts_of(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    for field, after in zip(node.body, node.body[1:], strict=False):
+        if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+            continue
+        if (
+            isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+            and isinstance(after.value.value, str)
+        ):
+            yield field.target.id, after.value.value

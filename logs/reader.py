@@ -1,0 +1,360 @@
+"""Reads logs: topics as NumPy columns, events, documents, attachments."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
+
+from avionics.messages import Event, Text
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, rows_at, unpack
+from logs.codecs import decode_event, decode_text, value_decoder
+from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
+from logs.index import Index, read_index
+from logs.layout import Layout
+from logs.recorder import RECORDING
+from logs.records import Damage, attachment_at, parse
+
+Result = TypeVar("Result")
+EVENT_SCHEMA = "foxglove.Log"
+TEXT_SCHEMA = "wingbeat.avionics.Text"
+
+
+class TopicInfo(NamedTuple):
+    """What a log knows of a topic."""
+
+    name: str
+    channel: int
+    schema: str
+    """full name of the message"""
+    encoding: str
+    messages: int
+    rate: float | None
+    """Hz; nominal, 0 for events, None when the file does not say"""
+    deterministic: bool | None
+    """None when the file does not say"""
+    layout: Layout | None
+    """None when messages differ in length"""
+
+
+class _Rows:
+    """Rows of one channel while they are taken out of the chunks."""
+
+    def __init__(self, kind: RowType) -> None:
+        self.kind = kind
+        self.rows: list[Any] = []
+        self.times: list[Any] = []
+        self.fits = True
+
+    def take(self, content: bytes, entries: Entries) -> None:
+        """Copy the records at ``entries`` as they are; whether they fit is asked of all of them at once."""
+        offsets = entries["offset"]
+        if len(offsets) and int(offsets.max()) > len(content) - self.kind.kind.itemsize:
+            self.fits = False
+        elif len(offsets):
+            self.rows.append(rows_at(content, offsets, np.dtype((np.void, self.kind.kind.itemsize))))
+            self.times.append(entries["time"])
+
+    def checked(self) -> NDArray[np.void] | None:
+        """All rows, None if one of them has another layout or is not where the message index says."""
+        if not self.rows:
+            return np.empty(0, self.kind.kind) if self.fits else None
+        rows = np.concatenate(self.rows)
+        if not self.fits or not self.kind.fits(rows, np.concatenate(self.times)):
+            return None
+        return rows.view(self.kind.kind)
+
+
+class Log:
+    """An open log; opened by `open_log`, closed by the garbage collector or ``close``."""
+
+    def __init__(self, path: Path, data: mmap.mmap, index: Index) -> None:
+        self.path = path
+        self._data = data
+        self._index = index
+        self.damage: tuple[str, ...] = tuple(index.damage)
+        """what is wrong with the file, one line each; empty for a whole one"""
+        self.topics: dict[str, TopicInfo] = {}
+        for channel in sorted(index.channels.values(), key=lambda channel: channel.id):
+            self.topics.setdefault(channel.topic, self._info(channel))
+
+    def close(self) -> None:
+        """Release the file; nothing can be read afterwards."""
+        self._data.close()
+
+    def __enter__(self) -> Log:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file ends as a finished recording does."""
+        return self._index.complete
+
+    @property
+    def start_ns(self) -> int:
+        """ns; log time of the first message, 0 for a log without any."""
+        return min((chunk.start_ns for chunk in self._chunks()), default=0)
+
+    @property
+    def end_ns(self) -> int:
+        """ns; log time of the last message, 0 for a log without any."""
+        return max((chunk.end_ns for chunk in self._chunks()), default=0)
+
+    @property
+    def duration(self) -> float:
+        """s; from the first to the last message."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def boot_ns(self) -> int:
+        """ns; log time at which the vehicle's clock was zero; the first message's where the file does not say."""
+        text = self.metadata.get(RECORDING, {}).get("start_epoch_ns", "")
+        return int(text) if text.isdecimal() else self.start_ns
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Metadata by name; records of the same name are joined, the later one wins.
+
+        Raises:
+            BadInput: a record is damaged.
+        """
+        out: dict[str, dict[str, str]] = {}
+        for span in self._index.metadata:
+            record = self._checked(partial(parse, Metadata, self._data, span))
+            out.setdefault(record.name, {}).update(record.metadata)
+        return out
+
+    @property
+    def attachments(self) -> list[Attachment]:
+        """Files stored beside the messages.
+
+        Raises:
+            BadInput: one is damaged.
+        """
+        return [self._checked(partial(attachment_at, self._data, span)) for span in self._index.attachments]
+
+    def attachment(self, name: str) -> bytes:
+        """Content of the attachment ``name``, the latest if there are several.
+
+        Raises:
+            BadInput: there is none, or it is damaged.
+        """
+        attachments = self.attachments
+        found = [attachment.data for attachment in attachments if attachment.name == name]
+        if not found:
+            names = ", ".join(attachment.name for attachment in attachments) or "none"
+            raise BadInput(f"{self.path} has no attachment {name}; it has: {names}")
+        return found[-1]
+
+    def columns(self, topic: str | Topic, start: float | None = None, end: float | None = None) -> Columns:
+        """One topic as columns; see `tables`."""
+        name = topic if isinstance(topic, str) else topic.name
+        return self.tables([name], start, end)[name]
+
+    def tables(
+        self, topics: Iterable[str | Topic] | None = None, start: float | None = None, end: float | None = None
+    ) -> dict[str, Columns]:
+        """Topics (all by default) as columns in one pass over the file.
+
+        Args:
+            topics: names or `Topic` values.
+            start: s since boot; messages logged earlier are left out.
+            end: s since boot; messages logged at or after it are left out.
+
+        Raises:
+            BadInput: the log has no such topic, or a part of the file is damaged.
+        """
+        chosen = self.topics if topics is None else topics
+        names = list(dict.fromkeys(topic if isinstance(topic, str) else topic.name for topic in chosen))
+        window = self._window(start, end)
+        channels = {channel.id: channel for name in names for channel in self._channels(name)}
+        rows = self._checked(lambda: self._rows(channels, window))
+        boot = self.boot_ns
+        return {name: self._table(name, boot, window, rows) for name in names}
+
+    def events(self) -> list[Event]:
+        """Events of all topics that carry them, in order of log time.
+
+        Raises:
+            BadInput: a part of the file is damaged.
+        """
+        names = [name for name, info in self.topics.items() if info.schema == EVENT_SCHEMA]
+        return self._checked(lambda: self._read_events(names))
+
+    def texts(self, topic: str | Topic) -> list[Text]:
+        """Documents of a topic that carries `Text`, in order of log time.
+
+        Raises:
+            BadInput: the log has no such topic, it carries something else, or a part of the file is damaged.
+        """
+        name = topic if isinstance(topic, str) else topic.name
+        self._channels(name)
+        if self.topics[name].schema != TEXT_SCHEMA:
+            raise BadInput(f"{self.path}: {name} carries {self.topics[name].schema}, no texts")
+        return self._checked(lambda: [decode_text(data) for _, data in self._messages(name)])
+
+    def verify(self) -> list[str]:
+        """Read everything against its checksums; return what is wrong, one line each."""
+        wrong = list(self.damage)
+        for chunk in self._index.chunks:
+            try:
+                unpack(self._data, chunk)
+            except Damage as damage:
+                wrong.append(str(damage))
+        for span in self._index.attachments:
+            try:
+                attachment_at(self._data, span)
+            except Damage as damage:
+                wrong.append(str(damage))
+        return wrong
+
+    # --- inside -----------------------------------------------------------------------------------------
+
+    def _chunks(self) -> list[ChunkSpan]:
+        return [chunk for chunk in self._index.chunks if chunk.channels]
+
+    def _info(self, channel: Channel) -> TopicInfo:
+        schema = self._index.schemas.get(channel.schema_id)
+        rate, deterministic = channel.metadata.get("rate"), channel.metadata.get("deterministic")
+        same = [other.id for other in self._index.channels.values() if other.topic == channel.topic]
+        return TopicInfo(
+            channel.topic,
+            channel.id,
+            schema.name if schema else "",
+            channel.message_encoding,
+            sum(self._index.counts.get(number, 0) for number in same),
+            _number(rate),
+            None if deterministic is None else deterministic == "true",
+            layout_in_file(channel, schema),
+        )
+
+    def _channels(self, topic: str) -> list[Channel]:
+        found = [channel for channel in self._index.channels.values() if channel.topic == topic]
+        if not found:
+            raise BadInput(f"{self.path} has no topic {topic}; it has: {', '.join(self.topics) or 'none'}")
+        return found
+
+    def _read_events(self, topics: list[str]) -> list[Event]:
+        found = sorted((pair for name in topics for pair in self._messages(name)), key=lambda pair: pair[0])
+        return [decode_event(data) for _, data in found]
+
+    def _window(self, start: float | None, end: float | None) -> tuple[int, int]:
+        """Log times in ns, from the first to before the second."""
+        boot = self.boot_ns
+        low = self.start_ns if start is None else boot + round(start * 1e9)
+        return low, self.end_ns + 1 if end is None else boot + round(end * 1e9)
+
+    def _rows(self, channels: Mapping[int, Channel], window: tuple[int, int]) -> dict[int, _Rows]:
+        """Rows of the channels of fixed layout, by channel, in one pass over the chunks."""
+        layouts = {number: layout_in_file(channel, self._schema(channel)) for number, channel in channels.items()}
+        found = {number: _Rows(row_type(layout, number)) for number, layout in layouts.items() if layout is not None}
+        for chunk in self._between(window):
+            wanted = chunk.channels & found.keys()
+            content = unpack(self._data, chunk) if wanted else b""
+            for number in wanted:
+                entries = listed_entries(self._data, chunk, number)
+                if entries is None:
+                    found[number].fits = False
+                else:
+                    found[number].take(content, _inside(entries, chunk, window))
+        return found
+
+    def _table(self, name: str, boot: int, window: tuple[int, int], rows: Mapping[int, _Rows]) -> Columns:
+        channels = self._channels(name)
+        layout = layout_in_file(channels[0], self._schema(channels[0]))
+        parts = [rows[channel.id].checked() if channel.id in rows else None for channel in channels]
+        fixed = [part for part in parts if part is not None]
+        if layout is not None and len(fixed) == len(parts) and len({part.dtype for part in fixed}) == 1:
+            return fixed_columns(name, boot, layout, np.concatenate(fixed))
+        return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
+
+    def _decoded(self, channels: list[Channel], window: tuple[int, int]) -> list[Stamped]:
+        """Messages decoded one by one, with their log times in ns."""
+        out: list[Stamped] = []
+        for channel in channels:
+            decode = value_decoder(channel, self._schema(channel))
+            out += [(time, decode(data)) for time, data in self._encoded(channel, window)]
+        return out
+
+    def _encoded(self, channel: Channel, window: tuple[int, int]) -> Iterator[tuple[int, bytes]]:
+        """Log times in ns and encoded messages of a channel, every one found by a checked message index."""
+        for chunk in self._between(window):
+            if channel.id in chunk.channels:
+                content = unpack(self._data, chunk)
+                entries = _inside(entries_of(self._data, chunk, content, channel.id), chunk, window)
+                yield from zip(entries["time"].tolist(), bodies(content, entries), strict=True)
+
+    def _messages(self, topic: str) -> list[tuple[int, bytes]]:
+        """Encoded messages of a topic with their log times in ns, in order of these."""
+        window = self._window(None, None)
+        pairs = [pair for channel in self._channels(topic) for pair in self._encoded(channel, window)]
+        return sorted(pairs, key=lambda pair: pair[0])
+
+    def _between(self, window: tuple[int, int]) -> Iterator[ChunkSpan]:
+        return (chunk for chunk in self._chunks() if chunk.start_ns < window[1] and chunk.end_ns >= window[0])
+
+    def _schema(self, channel: Channel) -> Schema | None:
+        return self._index.schemas.get(channel.schema_id)
+
+    def _checked(self, read: Callable[[], Result]) -> Result:
+        try:
+            return read()
+        except Damage as damage:
+            raise BadInput(f"{self.path}: {damage} (wingbeat log recover keeps what is whole)") from None
+
+
+def open_log(path: Path | str) -> Log:
+    """Open an MCAP file; one that was cut off or is damaged gives what is whole, and says so in ``damage``.
+
+    Raises:
+        BadInput: the file cannot be read, is empty or is not MCAP.
+    """
+    path = Path(path)
+    data = map_file(path)
+    return Log(path, data, read_index(data))
+
+
+def map_file(path: Path) -> mmap.mmap:
+    """Bytes of a file that begins with MCAP's magic.
+
+    Raises:
+        BadInput: the file cannot be read, is empty or is not MCAP.
+    """
+    try:
+        with path.open("rb") as file:
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError:
+        raise BadInput(f"{path} is empty") from None
+    if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
+        data.close()
+        raise BadInput(f"{path} is not an MCAP log")
+    return data
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
+def _inside(entries: Entries, chunk: ChunkSpan, window: tuple[int, int]) -> Entries:
+    """Entries with log times in the window."""
+    if window[0] <= chunk.start_ns and chunk.end_ns < window[1]:
+        return entries
+    times = entries["time"]
+    return entries[(times >= max(window[0], 0)) & (times < max(window[1], 0))]

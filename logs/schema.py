@@ -1,0 +1,115 @@
+"""Layouts as protobuf descriptors, and back: what makes a log readable without Wingbeat."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from google.protobuf.descriptor_pb2 import (
+    DescriptorProto,
+    FieldDescriptorProto,
+    FileDescriptorProto,
+    FileDescriptorSet,
+    SourceCodeInfo,
+)
+from google.protobuf.message import DecodeError
+
+from logs.layout import SCALARS, Field, Layout, split_unit
+
+_TYPES = {name: FieldDescriptorProto.Type.Value(f"TYPE_{name.upper()}") for name in SCALARS}
+_NAMES = {number: name for name, number in _TYPES.items()}
+# Places in a FileDescriptorProto, which source comments are attached to: message_type = 4, its field = 2.
+_MESSAGE_PATH = (4, 0)
+_FIELD_PATH = (4, 0, 2)
+
+
+def descriptor_set(layout: Layout) -> bytes:
+    """Serialised FileDescriptorSet with the one file of ``layout``; its comments carry units and descriptions."""
+    package, _, name = layout.name.rpartition(".")
+    file = FileDescriptorProto(name=f"{layout.name.replace('.', '/')}.proto", package=package, syntax="proto3")
+    message = file.message_type.add(name=name)
+    _comment(file.source_code_info, _MESSAGE_PATH, layout.description)
+    for index, field in enumerate(layout.fields):
+        _add_field(message, field)
+        _comment(file.source_code_info, (*_FIELD_PATH, index), f"{field.unit}; {field.description}".rstrip("; "))
+    return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
+
+
+def _add_field(message: DescriptorProto, field: Field) -> None:
+    added = message.field.add(name=field.name, number=field.number, type=_TYPES[field.scalar])
+    if field.length:
+        added.label = FieldDescriptorProto.LABEL_REPEATED
+        return
+    # `optional` in proto3 is a oneof with one member, so that a zero is written too.
+    added.label = FieldDescriptorProto.LABEL_OPTIONAL
+    added.proto3_optional = True
+    added.oneof_index = len(message.oneof_decl)
+    message.oneof_decl.add(name=f"_{field.name}")
+
+
+def _comment(info: SourceCodeInfo, path: tuple[int, ...], text: str) -> None:
+    line = len(info.location)
+    info.location.add(path=path, span=(line, 0, 1), leading_comments=f" {text}\n")
+
+
+def channel_metadata(layout: Layout) -> dict[str, str]:
+    """What a protobuf schema has no place for, as JSON: labels of enumerations and lengths of arrays."""
+    labels = {f.name: {str(value): label for value, label in f.labels.items()} for f in layout.fields if f.labels}
+    lengths = {field.name: field.length for field in layout.fields if field.length}
+    return {key: json.dumps(value) for key, value in (("labels", labels), ("lengths", lengths)) if value}
+
+
+def layout_from_schema(name: str, data: bytes, metadata: Mapping[str, str]) -> Layout | None:
+    """Layout of a message as a log's own schema declares it, None where its length is not constant.
+
+    ``data`` is a FileDescriptorSet, ``name`` the message in it, ``metadata`` that of the channel.
+    """
+    try:
+        files = FileDescriptorSet.FromString(data).file
+    except DecodeError:
+        return None
+    lengths, labels = _table(metadata, "lengths"), _table(metadata, "labels")
+    for file in files:
+        for index, message in enumerate(file.message_type):
+            if f"{file.package}.{message.name}".lstrip(".") == name:
+                return _layout(name, message, _comments(file, index), lengths, labels)
+    return None
+
+
+def _table(metadata: Mapping[str, str], key: str) -> dict[str, Any]:
+    """A JSON object of the channel's metadata; empty where there is none, or another writer means something else."""
+    try:
+        table = json.loads(metadata.get(key, "{}"))
+    except ValueError:
+        return {}
+    return table if isinstance(table, dict) else {}
+
+
+def _comments(file: FileDescriptorProto, message: int) -> dict[tuple[int, ...], str]:
+    """Comments of a message by their path inside it: () is the message, (2, i) its i-th field."""
+    prefix = (4, message)
+    return {
+        tuple(location.path)[2:]: location.leading_comments
+        for location in file.source_code_info.location
+        if tuple(location.path)[:2] == prefix
+    }
+
+
+def _layout(
+    name: str,
+    message: DescriptorProto,
+    comments: Mapping[tuple[int, ...], str],
+    lengths: Mapping[str, Any],
+    labels: Mapping[str, Any],
+) -> Layout | None:
+    fields = []
+    for index, field in enumerate(message.field):
+        repeated = field.label == FieldDescriptorProto.LABEL_REPEATED
+        length = int(lengths.get(field.name, 0)) if repeated else 0
+        if field.type not in _NAMES or (repeated and not length) or not (repeated or field.proto3_optional):
+            return None
+        unit, text = split_unit(comments.get((2, index), "-"))
+        names = {int(value): label for value, label in labels.get(field.name, {}).items()}
+        fields.append(Field(field.name, field.number, _NAMES[field.type], length, unit, text, names))
+    return Layout(name, " ".join(comments.get((), "").split()), tuple(fields))
