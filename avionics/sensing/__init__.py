@@ -1,1 +1,1 @@
-"""TBD."""
+"""From raw counts to physical quantities: power, wing angle, air data."""
