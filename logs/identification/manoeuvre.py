@@ -28,6 +28,8 @@ class Manoeuvre(NamedTuple):
     """s; (N,), of the raw samples, from 0"""
     tail: Array
     """rad; (N,), achieved tail angle minus its value at the start"""
+    tail_rate: Array
+    """rad/s; (N,)"""
     held: bool
     """-; the tail angle jumps at the samples (no lag) and is held between them"""
     raw: Array
@@ -134,9 +136,10 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int
     raw = np.column_stack([c[reach] for c in (data.pitch_rate, data.accel_x, data.accel_z, data.pitch)])
     zero, held = time[0], aircraft.tail_time_constant <= 0
     averaging = averaging_matrix(time, period, at)
+    rate = np.gradient(tail, data.time[1] - data.time[0])
     number = int(data.manoeuvre[first])
     return Manoeuvre(
-        number, time - zero, tail[reach] - tail[first], held, raw, at - zero, averaging, averaging @ raw,
+        number, time - zero, tail[reach] - tail[first], rate[reach], held, raw, at - zero, averaging, averaging @ raw,
         float(np.mean(period)),
     )  # fmt: skip
 

@@ -16,7 +16,7 @@ from numba import njit
 
 from logs.identification.data import Aircraft
 from logs.identification.equation_error import DerivativeFit
-from logs.identification.longitudinal import Discrete, Matrices, discretise, matrices
+from logs.identification.longitudinal import TAIL_DELAY, Discrete, Matrices, discretise, matrices
 from logs.identification.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
 from logs.identification.regression import colour_of, coloured_information
 from logs.identification.results import Array
@@ -71,6 +71,12 @@ class Flown(NamedTuple):
 
     model: Matrices
     exact: Discrete
+    delay: float
+    """s; of the tail beyond what is known of it"""
+
+    def driven(self, manoeuvre: Manoeuvre, start: Array) -> Array:
+        """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by the manoeuvre's tail angle."""
+        return self.averages(manoeuvre, start, manoeuvre.tail - self.delay * manoeuvre.tail_rate)
 
     def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
@@ -80,16 +86,18 @@ class Flown(NamedTuple):
 
 
 def _flown(problem: Problem, values: Array) -> Flown:
-    model = matrices(problem.names, values, problem.reference, problem.aircraft)
+    given = dict(zip(problem.names, values, strict=True))
+    delay = float(given.pop(TAIL_DELAY, 0.0))
+    model = matrices(tuple(given), np.array(list(given.values())), problem.reference, problem.aircraft)
     first = problem.manoeuvres[0]
-    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held))
+    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held), delay)
 
 
 def _responses(problem: Problem, values: Array, starts: list[Array]) -> list[Array]:
     """Stroke-averaged outputs (M_i, m) of the model, manoeuvre by manoeuvre, from the initial states ``starts``."""
     flown = _flown(problem, values)
     pairs = zip(problem.manoeuvres, starts, strict=True)
-    return [flown.averages(m, start, m.tail)[:, problem.outputs] for m, start in pairs]
+    return [flown.driven(m, start)[:, problem.outputs] for m, start in pairs]
 
 
 def _nuisance_columns(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Array:
@@ -117,7 +125,7 @@ class Projected(NamedTuple):
 
 
 def _project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Projected:
-    forced = flown.averages(manoeuvre, np.zeros(4), manoeuvre.tail)
+    forced = flown.driven(manoeuvre, np.zeros(4))
     raw = (manoeuvre.averages - forced)[:, problem.outputs] / deviation
     columns = _nuisance_columns(problem, flown, manoeuvre, deviation)
     norms = np.linalg.norm(columns, axis=0)

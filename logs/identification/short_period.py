@@ -10,7 +10,7 @@ import numpy as np
 
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.equation_error import DerivativeFit, equation_error
-from logs.identification.longitudinal import LONGITUDINAL, UNITS, matrices, modes_matrix
+from logs.identification.longitudinal import LONGITUDINAL, TAIL_DELAY, UNITS, matrices, modes_matrix
 from logs.identification.manoeuvre import Reference, find_manoeuvres, reference_of
 from logs.identification.output_error import Problem, output_error
 from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
@@ -113,6 +113,7 @@ def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Air
     def system(values: Array) -> Array:
         return modes_matrix(matrices(fit.names, values, reference, aircraft), fit.names)
 
+
     derivatives = estimates({n: UNITS[n] for n in fit.names}, fit.values, fit.covariance, fit.degrees)
     eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(fit.values)))
     try:
@@ -147,11 +148,12 @@ def identify_modes(
     """
     manoeuvres = find_manoeuvres(data, aircraft)
     reference = reference_of(data, manoeuvres)
-    first = equation_error(manoeuvres, reference, aircraft, names)
+    first = equation_error(manoeuvres, reference, aircraft, tuple(name for name in names if name != TAIL_DELAY))
     if first.failure:
         second = first._replace(failure="output error has no starting values: equation error failed")
     else:
-        second = output_error(Problem(manoeuvres, reference, aircraft, names, outputs), first.values)
+        start = np.concatenate((first.values, np.zeros(len(names) - len(first.names))))
+        second = output_error(Problem(manoeuvres, reference, aircraft, names, outputs), start)
     modes = (
         mode_of("output error", second, reference, aircraft),
         mode_of("equation error, frequency domain", first, reference, aircraft),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.longitudinal import LONGITUDINAL, Matrices, matrices
@@ -108,22 +109,33 @@ def _shaking(phase: Array) -> Array:
     return np.column_stack((q, a_x, a_z, pitch))
 
 
-def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array]:
-    """States (N, 4) and tail angle (N,), ten explicit steps a sample; derivatives of Z and M swing with the stroke."""
-    model, aircraft = model_of(flight), flight.aircraft
-    rng = np.random.default_rng(flight.seed + 10_000)
+@njit(cache=True)
+def _integrate(a, b, command, strokes, start, constant, modulation):  # type: ignore[no-untyped-def]
+    """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
     fine = 10
     dt = STEP / fine
-    x, tail = np.array([*rng.normal(0, 0.05, 3) * [1, 1, 0.2], 0.0]), 0.0
+    half, whole = np.exp(-dt / 2 / constant), np.exp(-dt / constant)
+    x, tail = start.copy(), 0.0
     states, tails = np.zeros((len(command), 4)), np.zeros(len(command))
-    for k, wanted in enumerate(command):
+    for k in range(len(command)):
         states[k], tails[k] = x, tail
-        swing = 1 + flight.modulation * np.sin(2 * np.pi * strokes[k])
-        a = model.a.copy()
-        a[1:3, 1] *= swing
-        a[2, 2] *= swing
+        swing = 1 + modulation * np.sin(2 * np.pi * strokes[k])
+        now = a.copy()
+        now[1:3, 1] *= swing
+        now[2, 2] *= swing
         for _ in range(fine):
-            tail += dt * (wanted - tail) / aircraft.tail_time_constant
-            half = x + dt / 2 * (a @ x + model.b * tail)
-            x = x + dt * (a @ half + model.b * tail)
+            middle = x + dt / 2 * (now @ x + b * tail)
+            between = command[k] + (tail - command[k]) * half
+            x = x + dt * (now @ middle + b * between)
+            tail = command[k] + (tail - command[k]) * whole
+    return states, tails
+
+
+def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array]:
+    """States (N, 4) and tail angle (N,)."""
+    rng = np.random.default_rng(flight.seed + 10_000)
+    start = np.array([*rng.normal(0, 0.05, 3) * [1, 1, 0.2], 0.0])
+    model = model_of(flight)
+    constant = flight.aircraft.tail_time_constant
+    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation)
     return states, tails
