@@ -58,7 +58,8 @@ class AhrsGains(NamedTuple):
     flapping_tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
     """s; time constant of the tilt correction while flapping; gusts and manoeuvres fall in it"""
     tilt_limit: Annotated[float, Quantity("rad", 0.01, 3.2)] = 0.1
-    """rad; a larger disagreement counts as this: acceleration is likelier than so wrong an attitude"""
+    """rad; a larger disagreement counts as this, acceleration being likelier than so wrong an attitude, until it has
+    lasted for the time constant of the correction"""
     settling: Annotated[float, Quantity("s", 0.0, 60.0)] = 5.0
     """s; after the start, in which the limit is not applied and no bias is learned from corrections"""
     gravity_tolerance: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.2
@@ -117,14 +118,16 @@ class Correction(NamedTuple):
 
     bias: Vector = ZERO
     """rad/s; gyro bias, body axes"""
-    length: float = 0.0
-    """s; of the last block, 0 before there was one"""
+    joined: float = 0.0
+    """s; length of the last block, 0 when the next cannot be joined to it"""
     force: Vector = ZERO
     """m/s; integral of the last block's specific force, weighted by a ramp from 0 to 1, earth axes"""
     velocity: Vector = ZERO
     """m/s; mean velocity through the air over the last block, earth axes"""
     age: float = 0.0
     """s; in closed blocks since the start"""
+    doubt: float = 0.0
+    """s; for which the disagreement has exceeded its limit"""
     field: Vector = ZERO
     """reference of the magnetic field: strength in gauss (0: no magnetometer), dip in rad, 0"""
     refused: Vector = ZERO
@@ -133,6 +136,8 @@ class Correction(NamedTuple):
     """rad; last disagreement of the mean specific force with down"""
     heading_error: float = 0.0
     """rad; last disagreement of the field with magnetic north"""
+    window: float = 0.0
+    """s; length of the last block"""
 
 
 class AhrsState(NamedTuple):
@@ -218,7 +223,7 @@ def step(
 
 def _resumed(state: AhrsState) -> AhrsState:
     """The state after a gap: a block with a hole is no mean."""
-    return state._replace(block=Block(), correction=state.correction._replace(length=0.0))
+    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0))
 
 
 def _turn(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Matrix:
@@ -263,9 +268,9 @@ def _corrected(
     age = last.age + length
     rising = _scaled(block.force_moment, 1.0 / length)
     velocity = _scaled(block.travel, 1.0 / length)
-    gravity = _gravity(last, block, rising, velocity)
-    x, y, share = _tilt(gains, gravity, age > gains.settling)
     time = gains.flapping_tilt_time if flapping else gains.tilt_time
+    trusting = age > gains.settling and last.doubt < time
+    x, y, share = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
     gain = share * _gain(length, time, age)
     tilt = rotation(gain * x, gain * y, 0.0)
     field = rotate(tilt, _scaled(block.field, 1.0 / length))
@@ -280,9 +285,12 @@ def _corrected(
     else:
         error = (x * share / time, y * share / time, heading_error / gains.heading_time)
         bias = _sum(last.bias, _scaled(rotate_back(r, error), -length / gains.bias_time))
+    doubt = last.doubt + length if share > 0.0 and hypot(x, y) >= gains.tilt_limit else 0.0
+    # A block seen through a grossly wrong matrix cannot be joined to the next one.
+    joined = length if gain * hypot(x, y) < gains.tilt_limit else 0.0
     corrected = Correction(
-        _limited(bias, gains.bias_limit), length, rotate(turn, rotate(tilt, rising)),
-        rotate(turn, rotate(tilt, velocity)), age, reference, refused, hypot(x, y), heading_error,
+        _limited(bias, gains.bias_limit), joined, rotate(turn, rotate(tilt, rising)),
+        rotate(turn, rotate(tilt, velocity)), age, doubt, reference, refused, hypot(x, y), heading_error, length,
     )  # fmt: skip
     return r, corrected
 
@@ -294,9 +302,9 @@ def _gravity(last: Correction, block: Block, rising: Vector, velocity: Vector) -
     the acceleration is, by parts, the difference of the two blocks' mean velocities.
     """
     fx, fy, fz = block.force
-    if last.length == 0.0:
+    if last.joined == 0.0:
         return _scaled(block.force, 1.0 / block.span)
-    whole = 0.5 * (last.length + block.span)
+    whole = 0.5 * (last.joined + block.span)
     (ax, ay, az), (bx, by, bz) = last.force, rising
     (ux, uy, uz), (vx, vy, vz) = last.velocity, velocity
     return (
@@ -306,7 +314,7 @@ def _gravity(last: Correction, block: Block, rising: Vector, velocity: Vector) -
     )
 
 
-def _tilt(gains: AhrsGains, gravity: Vector, settled: bool) -> tuple[float, float, float]:
+def _tilt(gains: AhrsGains, gravity: Vector, trusting: bool) -> tuple[float, float, float]:
     """Rotation about north and east in rad that turns ``gravity`` up, limited; and its weight from 0 to 1."""
     north, east, down = gravity
     level = hypot(north, east)
@@ -315,14 +323,14 @@ def _tilt(gains: AhrsGains, gravity: Vector, settled: bool) -> tuple[float, floa
     share = max(0.0, 1.0 - abs(strength / GRAVITY - 1.0) / gains.gravity_tolerance)
     if level == 0.0:
         return 0.0, 0.0, share
-    if settled:
+    if trusting:
         angle = min(angle, gains.tilt_limit)
     return -east / level * angle, north / level * angle, share
 
 
 def _gain(length: float, time: float, age: float) -> float:
-    """Share of an error to take off after ``length`` seconds: of a plain mean at first, of a low-pass later."""
-    return max(1.0 - exp(-length / time), length / age)
+    """Share of an error to take off after ``length`` s: of a mean that forgets at first, of a low-pass later."""
+    return max(1.0 - exp(-length / time), min(1.0, 2.0 * length / age))
 
 
 def _field_test(gains: AhrsGains, last: Correction, field: Vector, length: float) -> tuple[Vector, Vector]:
@@ -387,5 +395,5 @@ def attitude(state: AhrsState) -> Attitude:
     bx, by, bz = correction.bias
     return Attitude(
         state.time_us, roll, pitch, yaw, rates[0] - bx, rates[1] - by, rates[2] - bz, w, x, y, z, bx, by, bz,
-        state.force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.length,
+        state.force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
     )  # fmt: skip

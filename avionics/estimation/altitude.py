@@ -1,0 +1,145 @@
+"""Altitude and climb rate from pressure altitude and vertical acceleration: a Kalman filter at 50 Hz.
+
+State x = (altitude in m, climb rate in m/s, bias of the vertical acceleration in m/s^2). Between two barometer
+samples the acceleration is averaged, so that nothing of the flapping is aliased; the velocity that flapping gives
+the fuselage (about 1 m/s either way) is real, and is taken out of the message by a mean over the wing's period.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from filterpy.kalman import predict, update
+from numpy.typing import NDArray
+
+from avionics.messages import AirData, Altitude
+from avionics.quantities import Quantity
+
+LONGEST_STEP = 0.5
+"""s; between updates"""
+LONGEST_MEMORY = 1.3
+"""s; of climb rates kept for the mean over a wing period"""
+
+Array = NDArray[np.float64]
+Vector3 = tuple[float, float, float]
+
+
+class Gains(NamedTuple):
+    """Noise of the sensors and the gate."""
+
+    baro_noise: Annotated[float, Quantity("m", 0.01, 50.0)] = 0.35
+    """m; one sigma of a pressure altitude"""
+    accel_noise: Annotated[float, Quantity("m/s^2", 0.001, 50.0)] = 0.6
+    """m/s^2; one sigma of the averaged vertical acceleration, errors of the attitude included"""
+    bias_walk: Annotated[float, Quantity("m/s^2.5", 0.0, 10.0)] = 0.03
+    """m/s^2 in the root of a second; random walk of the acceleration's bias"""
+    gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
+    """-; innovations beyond this many sigma are refused"""
+    gate_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
+    """s; of refused innovations after which the barometer is believed again"""
+
+
+class State(NamedTuple):
+    """What the filter remembers."""
+
+    time_us: int = -1
+    """us; of the last update, -1 before the first"""
+    x: Vector3 = (0.0, 0.0, 0.0)
+    """altitude, climb rate, acceleration bias"""
+    p: tuple[Vector3, Vector3, Vector3] = ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
+    """covariance of x"""
+    accel_sum: float = 0.0
+    """m/s^2; sum of the upward accelerations since the last update"""
+    accel_count: int = 0
+    """-; of them"""
+    refused: float = 0.0
+    """s; since an innovation was last accepted"""
+    innovation: float = 0.0
+    """m; last one"""
+    climbs: tuple[float, ...] = ()
+    """m/s; climb rates of the last updates, newest last"""
+
+
+def accumulate(state: State, accel_down: float) -> State:
+    """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS."""
+    time_us, x, p, total, count, refused, innovation, climbs = state
+    return State(time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs)
+
+
+def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:
+    """One pressure altitude on.
+
+    Args:
+        gains: tuning.
+        state: with the accelerations since the last step in it, see `accumulate`.
+        air: pressure altitude; the filter starts at the first one.
+        frequency: Hz; of the wings, 0 when they rest.
+    """
+    if state.time_us < 0:
+        x = (air.pressure_altitude, 0.0, 0.0)
+        started = State(air.time_us, x, _start_covariance(gains), climbs=(0.0,))
+        return started, _message(started, 0.0)
+    dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
+    if dt <= 0.0:
+        return state, _message(state, state.x[1])
+    accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
+    x, p = predict(
+        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt), u=accel, B=_input(dt)
+    )
+    innovation = air.pressure_altitude - float(x[0])
+    variance = float(p[0, 0]) + gains.baro_noise**2
+    refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
+    if refused > gains.gate_patience:
+        # Believed again: then it is the altitude that must be doubted.
+        p[0, 0] += innovation**2
+        refused = 0.0
+    if refused == 0.0:
+        x, p = update(x, p, air.pressure_altitude, gains.baro_noise**2, H=_PRESSURE)[:2]
+    keep = round(LONGEST_MEMORY / dt)
+    climbs = (*state.climbs[-keep:], float(x[1]))
+    rows = (0.5 * (p + p.T)).tolist()
+    covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
+    state = State(air.time_us, tuple(x.tolist()), covariance, 0.0, 0, refused, innovation, climbs)
+    return state, _message(state, _mean_over_period(climbs, frequency, dt))
+
+
+_PRESSURE = np.array([[1.0, 0.0, 0.0]])
+
+
+def _transition(dt: float) -> Array:
+    return np.array([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+
+
+def _input(dt: float) -> Array:
+    return np.array([0.5 * dt * dt, dt, 0.0])
+
+
+def _noise(gains: Gains, dt: float) -> Array:
+    """Covariance of one step: an acceleration constant over it, and the walk of its bias."""
+    gain = _input(dt)
+    q = np.outer(gain, gain) * gains.accel_noise**2
+    q[2, 2] = gains.bias_walk**2 * dt
+    return q
+
+
+def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:
+    """At the first pressure altitude: its own noise, standing still within 0.3 m/s, bias within 0.3 m/s^2."""
+    return ((gains.baro_noise**2, 0.0, 0.0), (0.0, 0.09, 0.0), (0.0, 0.0, 0.09))
+
+
+def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) -> float:
+    """Mean over the last wing period by the trapezoid rule, the oldest interval cut to length."""
+    intervals = 1.0 / (frequency * dt) if frequency > 0.0 else 0.0
+    whole = int(intervals)
+    if whole < 1 or whole + 2 > len(climbs):
+        return climbs[-1]
+    recent = climbs[-whole - 1 :]
+    total = sum(recent) - 0.5 * (recent[0] + recent[-1])
+    share = intervals - whole
+    cut = recent[0] + share * (climbs[-whole - 2] - recent[0])
+    return (total + 0.5 * share * (recent[0] + cut)) / intervals
+
+
+def _message(state: State, climb_rate: float) -> Altitude:
+    return Altitude(state.time_us, state.x[0], climb_rate, state.x[2], state.p[0][0], state.p[1][1], state.innovation)

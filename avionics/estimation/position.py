@@ -1,0 +1,216 @@
+"""Position, ground velocity and wind from airspeed, attitude and GPS: a Kalman filter at 50 Hz.
+
+State x = (north, east, wind north, wind east) in m and m/s from home. Between fixes the velocity through the air
+(airspeed along the heading) and the wind carry the position on; a fix corrects the position by its place and the
+wind by its velocity. Without fixes this is dead reckoning, and the variance says so.
+"""
+
+from __future__ import annotations
+
+from math import cos, isfinite, sin, sqrt
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from filterpy.kalman import predict, update
+from numpy.typing import NDArray
+
+from avionics.estimation.geodesy import to_geodetic, to_local
+from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
+from avionics.quantities import Quantity
+
+Vector4 = tuple[float, float, float, float]
+Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]
+Array = NDArray[np.float64]
+
+LONGEST_STEP = 0.5
+"""s; between predictions"""
+STEEPEST_COSINE = 0.3
+"""-; of the path's angle to the horizon, whatever the climb rate"""
+NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
+THREE_DIMENSIONAL = 3
+"""-; fix type that sets home"""
+TWO_DIMENSIONAL = 2
+"""-; least fix type that is used"""
+
+
+class Gains(NamedTuple):
+    """Noise of model and receiver, and the gate."""
+
+    air_velocity_noise: Annotated[float, Quantity("m/s^0.5", 0.0, 50.0)] = 0.5
+    """m/s times the root of a second; random walk of the position for errors of airspeed and heading"""
+    wind_walk: Annotated[float, Quantity("m/s^1.5", 0.0, 50.0)] = 0.3
+    """m/s in the root of a second; random walk of the wind, gusts and errors of airspeed and heading included"""
+    wind_start: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 3.0
+    """m/s; one sigma of each component before the first fix"""
+    least_position_noise: Annotated[float, Quantity("m", 0.01, 100.0)] = 2.0
+    """m; one sigma of a fix, each axis, however good the receiver says it is"""
+    gps_velocity_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.5
+    """m/s; one sigma of the wind that a fix tells: errors of receiver, airspeed and heading"""
+    gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
+    """s; from measurement to arrival of a fix (MTK3339: solution and serial line)"""
+    gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
+    """-; a fix off by more than this many sigma in any component is refused"""
+    gate_patience: Annotated[float, Quantity("s", 0.0, 600.0)] = 3.0
+    """s; of refused fixes after which the receiver is believed again"""
+
+
+class State(NamedTuple):
+    """What the filter remembers."""
+
+    time_us: int = -1
+    """us; of the last prediction, -1 before the first"""
+    x: Vector4 = (0.0, 0.0, 0.0, 0.0)
+    """north, east, wind north, wind east"""
+    p: Matrix4 = (NOTHING, NOTHING, NOTHING, NOTHING)
+    """covariance of x"""
+    home: tuple[float, float] = (0.0, 0.0)
+    """rad; latitude and longitude of the first three-dimensional fix"""
+    valid: int = 0
+    """-; 1 once home is set"""
+    refused_since_us: int = -1
+    """us; of the first of the fixes refused in a row, -1 for none"""
+    fix_us: int = -1
+    """us; of the last fix that was looked at"""
+    slow_variance: float = 0.0
+    """m^2; of the receiver's own slow error, each axis, which no number of fixes averages away"""
+    past: tuple[tuple[float, float], ...] = ()
+    """m/s; velocities through the air since the moment of which a fix that arrives now tells, oldest first"""
+
+
+class Motion(NamedTuple):
+    """What carries the position on."""
+
+    time_us: int
+    """us; since boot"""
+    airspeed: float
+    """m/s; true"""
+    yaw: float
+    """rad; heading"""
+    climb_rate: float
+    """m/s; positive up"""
+
+
+def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
+    """The motion that three messages tell of, at the time of the air data."""
+    return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate)
+
+
+def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
+    """One interval on, and the fix that arrived in it, if any.
+
+    Args:
+        gains: tuning.
+        state: what the last step returned, ``State()`` at boot.
+        now: motion; one that is not later than the last moves nothing.
+        fix: GPS; one seen before, without a position, or not finite is passed over.
+    """
+    v_air = _air_velocity(now)
+    if state.time_us < 0:
+        state = _started(gains, now.time_us)
+    dt = min(LONGEST_STEP, (now.time_us - state.time_us) * 1e-6)
+    if dt > 0.0:
+        x, p = np.array(state.x), np.array(state.p)
+        x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, dt), u=np.array(v_air), B=_input(dt))
+        past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
+        state = _stored(state._replace(time_us=now.time_us, past=past), x, p)
+    if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
+        state = _corrected(gains, state, fix)
+    return state, _message(state, v_air)
+
+
+def _started(gains: Gains, time_us: int) -> State:
+    wind = gains.wind_start**2
+    return State(time_us, p=(NOTHING, NOTHING, (0.0, 0.0, wind, 0.0), (0.0, 0.0, 0.0, wind)))
+
+
+def _air_velocity(now: Motion) -> tuple[float, float]:
+    """North and east of the velocity through the air, climb taken off, no sideslip."""
+    speed = now.airspeed
+    level = sqrt(max(speed * speed - now.climb_rate * now.climb_rate, (STEEPEST_COSINE * speed) ** 2))
+    return level * cos(now.yaw), level * sin(now.yaw)
+
+
+def _transition(dt: float) -> Array:
+    f = np.eye(4)
+    f[0, 2] = f[1, 3] = dt
+    return f
+
+
+def _input(dt: float) -> Array:
+    b = np.zeros((4, 2))
+    b[0, 0] = b[1, 1] = dt
+    return b
+
+
+def _noise(gains: Gains, dt: float) -> Array:
+    place, wind = gains.air_velocity_noise**2 * dt, gains.wind_walk**2 * dt
+    return np.diag([place, place, wind, wind])
+
+
+def _stored(state: State, x: Array, p: Array) -> State:
+    rows = (0.5 * (p + p.T)).tolist()
+    covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]), tuple(rows[3]))
+    return state._replace(x=tuple(x.tolist()), p=covariance)
+
+
+def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
+    """The state with a fix in it; the fix tells of `Gains.gps_delay` ago and is carried on by its own velocity."""
+    if not isfinite(sum(fix)):
+        return state
+    slow = 0.5 * fix.horizontal_accuracy**2
+    noise = max(slow, gains.least_position_noise**2)
+    if not state.valid:
+        if fix.fix_type < THREE_DIMENSIONAL:
+            return state
+        state = _at_home(state, fix, noise)
+    state = state._replace(fix_us=fix.time_us, slow_variance=slow)
+    v_air = state.past[0] if state.past else (fix.v_north, fix.v_east)
+    north, east = to_local(state.home, fix.latitude, fix.longitude)
+    measured = np.array([
+        north + fix.v_north * gains.gps_delay,
+        east + fix.v_east * gains.gps_delay,
+        fix.v_north - v_air[0],
+        fix.v_east - v_air[1],
+    ])  # fmt: skip
+    velocity = gains.gps_velocity_noise**2
+    return _updated(gains, state, fix.time_us, measured, np.array([noise, noise, velocity, velocity]))
+
+
+def _at_home(state: State, fix: GpsFix, variance: float) -> State:
+    """Home is where the first fix is: the dead reckoning before it is dropped, the wind kept."""
+    covariance = ((variance, 0.0, 0.0, 0.0), (0.0, variance, 0.0, 0.0), state.p[2], state.p[3])
+    _, _, wind_north, wind_east = state.x
+    return state._replace(
+        x=(0.0, 0.0, wind_north, wind_east), p=_without_ties(covariance), home=(fix.latitude, fix.longitude), valid=1
+    )
+
+
+def _without_ties(p: Matrix4) -> Matrix4:
+    """A covariance without the ties between place and wind."""
+    return p[0], p[1], (0.0, 0.0, p[2][2], p[2][3]), (0.0, 0.0, p[3][2], p[3][3])
+
+
+def _updated(gains: Gains, state: State, time_us: int, measured: Array, noise: Array) -> State:
+    """The update behind the gate; refused for long enough, the measurement is believed and the state doubted."""
+    x, p = np.array(state.x), np.array(state.p)
+    squares = (measured - x) ** 2
+    if np.all(squares <= gains.gate**2 * (np.diag(p) + noise)):
+        state = state._replace(refused_since_us=-1)
+    elif state.refused_since_us < 0:
+        return state._replace(refused_since_us=time_us)
+    elif (time_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
+        return state
+    else:
+        p = p + np.diag(squares)
+        state = state._replace(refused_since_us=-1)
+    x, p = update(x, p, measured, np.diag(noise), H=np.eye(4))[:2]
+    return _stored(state, x, p)
+
+
+def _message(state: State, v_air: tuple[float, float]) -> Position:
+    north, east, wind_north, wind_east = state.x
+    latitude, longitude = to_geodetic(state.home, north, east) if state.valid else (0.0, 0.0)
+    return Position(
+        state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,
+        latitude, longitude, max(state.p[0][0], state.p[1][1]) + state.slow_variance, state.valid,
+    )  # fmt: skip

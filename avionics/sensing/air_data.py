@@ -1,0 +1,142 @@
+"""Airspeed and pressure altitude from the raw counts of barometer and pitot.
+
+The pitot is a Honeywell HSC of +-1 inch of water (HSCMRRN001ND2A5, Gerdes et al. 2017 Table 1): 10 % of 2^14 counts
+at the lower end of its range, 90 % at the upper. Its zero wanders by more than the dynamic pressure of slow flight,
+so it is learned on the ground, within a limit that keeps a breeze from becoming a zero. Flapping shakes the flow
+along the tube: the pressure, not the speed, is low-passed, since the mean of a root is not the root of the mean.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Annotated, NamedTuple
+
+from avionics.messages import AirData, PressureSample
+from avionics.quantities import Quantity
+
+AIR_GAS_CONSTANT = 287.05287
+"""J/(kg K); ISO 2533"""
+SEA_LEVEL_PRESSURE = 101325.0
+"""Pa; ISO 2533"""
+SEA_LEVEL_TEMPERATURE = 288.15
+"""K; ISO 2533"""
+LAPSE_RATE = 0.0065
+"""K/m; ISO 2533, troposphere"""
+LAPSE_EXPONENT = AIR_GAS_CONSTANT * LAPSE_RATE / 9.80665
+"""-; of the pressure ratio in the troposphere"""
+LEAST_TEMPERATURE = 180.0
+"""K; a thermometer that tells less is broken, and the standard's temperature is taken"""
+LONGEST_STEP = 0.5
+"""s; between samples"""
+
+
+class Gains(NamedTuple):
+    """Transfer functions of the sensors and filter times."""
+
+    static_scale: Annotated[float, Quantity("Pa", 1e-6, 1000.0)] = 0.01
+    """Pa; of one count of static pressure"""
+    temperature_scale: Annotated[float, Quantity("K", 1e-6, 10.0)] = 0.01
+    """K; of one count of temperature"""
+    differential_low: Annotated[float, Quantity("counts", 0.0, 1.7e7)] = 1638.0
+    """counts; at minus the range: 10 % of 2^14"""
+    differential_high: Annotated[float, Quantity("counts", 1.0, 1.7e7)] = 14746.0
+    """counts; at plus the range: 90 % of 2^14"""
+    differential_range: Annotated[float, Quantity("Pa", 1.0, 1e5)] = 248.84
+    """Pa; either way"""
+    zero_limit: Annotated[float, Quantity("Pa", 0.0, 50.0)] = 3.0
+    """Pa; largest zero of the pitot that is learned on the ground"""
+    reference_time: Annotated[float, Quantity("s", 0.02, 60.0)] = 1.0
+    """s; after boot, over which the static pressure at boot is averaged"""
+    zero_time: Annotated[float, Quantity("s", 0.02, 60.0)] = 2.0
+    """s; time constant with which the pitot's zero is followed on the ground, a plain mean before that"""
+    pressure_time: Annotated[float, Quantity("s", 0.0, 5.0)] = 0.25
+    """s; time constant of the dynamic pressure"""
+    rate_time: Annotated[float, Quantity("s", 0.01, 5.0)] = 0.5
+    """s; time constant of the airspeed's rate"""
+
+
+class State(NamedTuple):
+    """What the measurement remembers."""
+
+    time_us: int = -1
+    """us; of the last sample, -1 before the first"""
+    reference: float = 0.0
+    """Pa; static pressure at boot"""
+    reference_span: float = 0.0
+    """s; over which it has been averaged"""
+    zero: float = 0.0
+    """Pa; of the pitot"""
+    zero_span: float = 0.0
+    """s; over which it has been averaged"""
+    dynamic_pressure: float = 0.0
+    """Pa; filtered"""
+    airspeed: float = 0.0
+    """m/s; filtered once more, for its rate"""
+    airspeed_rate: float = 0.0
+    """m/s^2"""
+
+
+def isa_altitude(pressure: float) -> float:
+    """Pressure altitude in m of a static pressure in Pa in the standard atmosphere's troposphere (ISO 2533)."""
+    ratio = max(pressure, 1.0) / SEA_LEVEL_PRESSURE
+    return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - float(ratio**LAPSE_EXPONENT))
+
+
+def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) -> tuple[State, AirData]:
+    """One sample on.
+
+    Args:
+        gains: calibration and filter times.
+        state: what the last step returned, ``State()`` at boot.
+        sample: raw counts; one that is not later than the last moves no filter.
+        on_ground: true before the launch: the zero of the pitot is learned.
+    """
+    static = sample.static_counts * gains.static_scale
+    kelvin = sample.temperature_counts * gains.temperature_scale
+    temperature = kelvin if kelvin > LEAST_TEMPERATURE else SEA_LEVEL_TEMPERATURE
+    dt = 0.0 if state.time_us < 0 else max(0.0, min(LONGEST_STEP, (sample.time_us - state.time_us) * 1e-6))
+    first = state.time_us < 0
+    reference, reference_span = _reference(gains, state, static, dt)
+    raw = _differential(gains, sample.differential_counts)
+    zero, zero_span = _zero(gains, state, raw, dt) if on_ground else (state.zero, state.zero_span)
+    pressure = _follow(state.dynamic_pressure, raw - zero, dt, gains.pressure_time, first)
+    density = static / (AIR_GAS_CONSTANT * temperature)
+    airspeed = sqrt(max(0.0, 2.0 * pressure / density)) if density > 0.0 else 0.0
+    slow = _follow(state.airspeed, airspeed, dt, gains.rate_time, first)
+    rate = (airspeed - slow) / gains.rate_time
+    time_us = max(state.time_us, sample.time_us)
+    state = State(time_us, reference, reference_span, zero, zero_span, pressure, slow, rate)
+    altitude = isa_altitude(static) - isa_altitude(reference)
+    return state, AirData(time_us, airspeed, rate, pressure, static, temperature, density, altitude)
+
+
+def _differential(gains: Gains, counts: int) -> float:
+    """Pa from counts, linear between 10 and 90 % (Honeywell HSC data sheet, transfer function A)."""
+    share = (counts - gains.differential_low) / (gains.differential_high - gains.differential_low)
+    return (2.0 * share - 1.0) * gains.differential_range
+
+
+def _reference(gains: Gains, state: State, static: float, dt: float) -> tuple[float, float]:
+    """Static pressure at boot: the mean of the samples since then, fixed after the reference time."""
+    if state.time_us < 0:
+        return static, 0.0
+    if state.reference_span >= gains.reference_time or dt == 0.0:
+        return state.reference, state.reference_span
+    span = state.reference_span + dt
+    # The first sample stands for one interval as well.
+    return state.reference + (static - state.reference) * dt / (span + dt), span
+
+
+def _zero(gains: Gains, state: State, raw: float, dt: float) -> tuple[float, float]:
+    """Zero of the pitot: a mean at first, a low-pass later, limited."""
+    if state.time_us < 0:
+        zero, span = raw, 0.0
+    else:
+        span = min(state.zero_span + dt, gains.zero_time)
+        zero = state.zero + (raw - state.zero) * dt / (span + dt) if dt > 0.0 else state.zero
+    return max(-gains.zero_limit, min(gains.zero_limit, zero)), span
+
+
+def _follow(last: float, value: float, dt: float, time: float, first: bool) -> float:
+    """First-order low-pass that starts at its first value."""
+    return value if first else last + (value - last) * dt / (time + dt if dt > 0.0 else 1.0)
