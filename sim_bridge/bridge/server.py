@@ -1,7 +1,7 @@
 """Plays a world to a flight computer: PX4's simulator interface with Wingbeat's raw sensors beside it.
 
 The flight computer connects over TCP and sends HEARTBEAT. Our own is in lockstep from the first frame, so that a
-flight is the same at any speed. PX4 is not: the world runs freely until the first HIL_ACTUATOR_CONTROLS, and afterwards
+flight is the same at any speed. PX4 is not: the world runs freely until the first HIL_ACTUATOR_CONTROLS, and then
 waits only a moment for each, because PX4 does not promise one reply per sensor frame.
 """
 

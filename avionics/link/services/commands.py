@@ -1,0 +1,191 @@
+"""COMMAND_LONG and COMMAND_INT: each gets exactly one COMMAND_ACK, and a refusal says why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics.guidance.mission import ItemKind
+from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import ItemRefused, WireItem, decode_excitation
+from avionics.link.services.mission import MissionService
+from avionics.link.services.modes import mode_command, requested_mode
+from avionics.link.services.requests import Requests
+from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.statustext import refusal_text
+from avionics.link.vehicle import Identity, VehicleView
+from avionics.messages import Command, CommandKind, Mode
+
+_ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+_DENIED = mavlink.MAV_RESULT_DENIED
+_UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+_LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+class Request(NamedTuple):
+    """A command of either form."""
+
+    command: int
+    params: tuple[float, ...]
+    """seven numbers; the fifth and sixth of a COMMAND_INT are its integers as they are"""
+    sender: Sender
+
+
+class Verdict(NamedTuple):
+    """What became of a command."""
+
+    result: int
+    outputs: tuple[Output, ...] = ()
+    reason: str = ""
+
+
+Answer = Callable[[Request], Verdict]
+
+
+class CommandService:
+    """Answers commands by a table from MAV_CMD to a method."""
+
+    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+
+    def __init__(
+        self, vehicle: VehicleView, identity: Identity, requests: Requests, missions: MissionService
+    ) -> None:
+        self._vehicle = vehicle
+        self._identity = identity
+        self._requests = requests
+        self._missions = missions
+        self._answers: dict[int, Answer] = {
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
+            mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mavlink.MAV_CMD_DO_SET_STANDARD_MODE: self._set_standard_mode,
+            mavlink.MAV_CMD_NAV_TAKEOFF: self._takeoff,
+            mavlink.MAV_CMD_NAV_LAND: lambda request: self._mode(request, Mode.LAND),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda request: self._mode(request, Mode.RETURN),
+            mavlink.MAV_CMD_MISSION_START: self._start_mission,
+            mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._no_circling,
+            mavlink.MAV_CMD_DO_REPOSITION: self._no_circling,
+            mavlink.MAV_CMD_WINGBEAT_EXCITE: self._excite,
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._fixed(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION),
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._fixed(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+            mavlink.MAV_CMD_GET_HOME_POSITION: self._fixed(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+        }
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """The acknowledgement first, then what was asked for."""
+        request = _read(message, sender)
+        answer = self._answers.get(request.command)
+        verdict = Verdict(_UNSUPPORTED) if answer is None else answer(request)
+        ack = mavlink.MAVLink_command_ack_message(
+            request.command, verdict.result, 0, 0, sender.system, sender.component
+        )
+        return [Reply(ack, sender), *refusal_text(verdict.reason, sender), *verdict.outputs]
+
+    def step(self, now: float) -> list[Output]:
+        """Nothing is due without having been asked."""
+        return []
+
+    def _ask_core(self, *commands: Command) -> Verdict:
+        """Accepted when the flight core would take the first of ``commands``; the rest follow from it."""
+        reason = self._vehicle.refusal(commands[0])
+        return Verdict(_DENIED, (), reason) if reason else Verdict(_ACCEPTED, commands)
+
+    def _command(self, kind: CommandKind, request: Request, value: float = 0.0, payload: Any = None) -> Command:
+        return Command(self._vehicle.time_us, kind, "", value, payload, request.sender.name)
+
+    def _arm(self, request: Request) -> Verdict:
+        if request.params[0] not in (0.0, 1.0):
+            return Verdict(_DENIED, (), "arm: the first parameter must be 0 or 1")
+        kind = CommandKind.ARM if request.params[0] else CommandKind.DISARM
+        return self._ask_core(self._command(kind, request))
+
+    def _mode(self, request: Request, mode: Mode | None) -> Verdict:
+        if mode is None:
+            names = ", ".join(entry.mode.name for entry in self._identity.modes)
+            return Verdict(_DENIED, (), f"no such mode; there are {names}")
+        return self._ask_core(mode_command(self._vehicle, mode, request.sender))
+
+    def _set_mode(self, request: Request) -> Verdict:
+        base = request.params[0]
+        if not (0 <= base <= 255 and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
+            return Verdict(_DENIED, (), "set mode: only custom modes are understood")
+        return self._mode(request, requested_mode(self._identity, request.params[1], request.params[2]))
+
+    def _set_standard_mode(self, request: Request) -> Verdict:
+        wanted = request.params[0]
+        known = self._identity.by_standard_mode(int(wanted)) if 0 <= wanted <= 255 else None
+        return self._mode(request, known)
+
+    def _auto_from(self, request: Request, item: int) -> Verdict:
+        select = self._command(CommandKind.SET_CURRENT_ITEM, request, float(item))
+        auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
+        reason = self._vehicle.refusal(auto) or self._vehicle.refusal(select)
+        return Verdict(_DENIED, (), reason) if reason else Verdict(_ACCEPTED, (select, auto))
+
+    def _takeoff(self, request: Request) -> Verdict:
+        kinds = [item.kind for item in self._vehicle.mission]
+        if ItemKind.TAKEOFF not in kinds:
+            return Verdict(_DENIED, (), "takeoff: the mission has no TAKEOFF item")
+        return self._auto_from(request, kinds.index(ItemKind.TAKEOFF))
+
+    def _start_mission(self, request: Request) -> Verdict:
+        if not self._vehicle.mission:
+            return Verdict(_DENIED, (), "there is no mission to start")
+        first = request.params[0] if request.params[0] > 0.0 else 0.0
+        reason = self._missions.current_refusal(_whole(first))
+        return Verdict(_DENIED, (), reason) if reason else self._auto_from(request, int(first))
+
+    def _set_current(self, request: Request) -> Verdict:
+        number = _whole(request.params[0])
+        reason = self._missions.current_refusal(number)
+        if reason:
+            return Verdict(_DENIED, (), reason)
+        return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, float(number)))
+
+    def _no_circling(self, request: Request) -> Verdict:
+        return Verdict(_UNSUPPORTED, (), "no circling at a place: upload a mission, or use ALTITUDE_HOLD")
+
+    def _excite(self, request: Request) -> Verdict:
+        params = request.params
+        item = WireItem(0, request.command, (params[0], params[1], params[2], params[3]), *params[4:7])
+        try:
+            excitation = decode_excitation(item)
+        except ItemRefused as refused:
+            return Verdict(_DENIED, (), str(refused))
+        return self._ask_core(self._command(CommandKind.EXCITE, request, payload=excitation))
+
+    def _request_message(self, request: Request) -> Verdict:
+        return self._send(request, self._requests.build(request.params[0], request.params[1], request.sender.link))
+
+    def _fixed(self, message_id: int) -> Answer:
+        return lambda request: self._send(request, self._requests.build(message_id, 0.0, request.sender.link))
+
+    def _send(self, request: Request, messages: list[Any] | None) -> Verdict:
+        if messages is None:
+            return Verdict(_UNSUPPORTED)
+        if not messages:
+            return Verdict(_LATER)
+        return Verdict(_ACCEPTED, tuple(Reply(message, request.sender) for message in messages))
+
+    def _set_interval(self, request: Request) -> Verdict:
+        message_id, interval_us = request.params[:2]
+        known = self._requests.set_interval(request.sender.link, message_id, interval_us)
+        return Verdict(_ACCEPTED if known else _UNSUPPORTED)
+
+    def _get_interval(self, request: Request) -> Verdict:
+        return self._send(request, self._requests.interval(request.sender.link, request.params[0]))
+
+
+def _whole(value: float) -> int:
+    """``value`` as a whole number, -1 when it is none."""
+    return int(value) if value == value and abs(value) < 1e6 and value == int(value) else -1
+
+
+def _read(message: Any, sender: Sender) -> Request:
+    first = (message.param1, message.param2, message.param3, message.param4)
+    if message.get_type() == "COMMAND_INT":
+        return Request(message.command, (*first, float(message.x), float(message.y), message.z), sender)
+    return Request(message.command, (*first, message.param5, message.param6, message.param7), sender)

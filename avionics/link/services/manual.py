@@ -1,0 +1,38 @@
+"""MANUAL_CONTROL: the pilot's sticks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from avionics.link.services.service import Output, Sender
+from avionics.link.vehicle import VehicleView
+from avionics.messages import PilotInput
+
+FULL = 1000.0
+"""A stick at its stop."""
+
+
+class ManualService:
+    """Turns MANUAL_CONTROL into `PilotInput`."""
+
+    handles = frozenset({"MANUAL_CONTROL"})
+
+    def __init__(self, vehicle: VehicleView, system: int) -> None:
+        self._vehicle = vehicle
+        self._system = system
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """The sticks; MAVLink's x is positive with the stick forward, which is nose down."""
+        if message.target != self._system:
+            return []
+        pitch, roll, yaw = _axis(-message.x), _axis(message.y), _axis(message.r)
+        return [PilotInput(self._vehicle.time_us, pitch, roll, yaw, max(0.0, _axis(message.z)))]
+
+    def step(self, now: float) -> list[Output]:
+        """Nothing is due without having been asked."""
+        return []
+
+
+def _axis(counts: int) -> float:
+    # 32767 marks an axis that the sender does not have.
+    return 0.0 if abs(counts) >= 32767 else max(-1.0, min(1.0, counts / FULL))

@@ -1,0 +1,225 @@
+"""Missions: upload, download, clear, choose the item, tell which was reached.
+
+A mission arrives item by item, each asked for and asked for again when it does not come; it enters the flight
+core whole or not at all. There are no fences and rally points: those lists are always empty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from avionics import topics
+from avionics.guidance.mission import Mission, MissionItem
+from avionics.link import telemetry
+from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import Addressee, ItemRefused, decode_item, encode_item, read_message, write_message
+from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.statustext import refusal_text
+from avionics.link.vehicle import LinkGains, VehicleView
+from avionics.messages import Command, CommandKind, Mode
+
+MOST_ITEMS = 500
+_MISSION = mavlink.MAV_MISSION_TYPE_MISSION
+_ALL = mavlink.MAV_MISSION_TYPE_ALL
+_ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
+
+
+@dataclass
+class _Upload:
+    sender: Sender
+    count: int
+    deadline: float
+    asked: int = 1
+    items: list[MissionItem] = field(default_factory=list)
+
+
+class _Pending(NamedTuple):
+    sender: Sender
+    mission: Mission
+    mission_type: int
+    deadline: float
+
+
+class MissionService:
+    """Answers MISSION_*."""
+
+    handles = frozenset(
+        {
+            "MISSION_COUNT",
+            "MISSION_ITEM",
+            "MISSION_ITEM_INT",
+            "MISSION_REQUEST_LIST",
+            "MISSION_REQUEST",
+            "MISSION_REQUEST_INT",
+            "MISSION_CLEAR_ALL",
+            "MISSION_SET_CURRENT",
+            "MISSION_ACK",
+            "MISSION_WRITE_PARTIAL_LIST",
+            "MISSION_REQUEST_PARTIAL_LIST",
+        }
+    )
+
+    def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
+        self._vehicle = vehicle
+        self._gains = gains
+        self._upload: _Upload | None = None
+        self._pending: list[_Pending] = []
+        self._done: tuple[Sender, int] | None = None
+        self._item = 0
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """One step of a transfer."""
+        kind = message.get_type()
+        if kind in ("MISSION_ITEM", "MISSION_ITEM_INT"):
+            return self._take_item(message, sender, now)
+        if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
+            return self._give_item(message, sender, as_int=kind == "MISSION_REQUEST_INT")
+        if kind == "MISSION_COUNT":
+            return self._begin(message, sender, now)
+        if kind == "MISSION_REQUEST_LIST":
+            return [self._count(message.mission_type, sender)]
+        if kind == "MISSION_CLEAR_ALL":
+            return self._clear(message.mission_type, sender, now)
+        if kind == "MISSION_SET_CURRENT":
+            return self._set_current(message.seq, sender)
+        if kind == "MISSION_ACK":
+            return self._cancelled(message, sender)
+        return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)]
+
+    # --- to the vehicle
+
+    def _begin(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        if message.mission_type != _MISSION:
+            empty = message.count == 0
+            result = _ACCEPTED if empty else mavlink.MAV_MISSION_UNSUPPORTED
+            return [_ack(sender, result, message.mission_type)]
+        if self._upload is not None and self._upload.sender != sender:
+            return [_ack(sender, mavlink.MAV_MISSION_DENIED), *refusal_text("another mission upload runs", sender)]
+        if message.count > MOST_ITEMS:
+            text = f"a mission has at most {MOST_ITEMS} items"
+            return [_ack(sender, mavlink.MAV_MISSION_NO_SPACE), *refusal_text(text, sender)]
+        if message.count == 0:
+            return self._install((), sender, _MISSION, now)
+        self._upload = _Upload(sender, message.count, now + self._gains.ask_again)
+        return [_request(self._upload)]
+
+    def _take_item(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        upload = self._upload
+        if upload is None or upload.sender != sender:
+            repeated = self._done is not None and self._done == (sender, message.seq)
+            return [_ack(sender, _ACCEPTED)] if repeated else []
+        if message.seq != len(upload.items):
+            return []
+        try:
+            item = decode_item(read_message(message), self._vehicle.home)
+        except ItemRefused as refused:
+            self._upload = None
+            text = f"mission item {message.seq}: {refused}"
+            return [_ack(sender, refused.result), *refusal_text(text, sender)]
+        upload.items.append(item)
+        upload.asked, upload.deadline = 1, now + self._gains.ask_again
+        if len(upload.items) < upload.count:
+            return [_request(upload)]
+        self._upload = None
+        return self._install(tuple(upload.items), sender, _MISSION, now)
+
+    def _install(self, mission: Mission, sender: Sender, mission_type: int, now: float) -> list[Output]:
+        command = Command(self._vehicle.time_us, CommandKind.SET_MISSION, "", 0.0, mission, sender.name)
+        reason = self._vehicle.refusal(command)
+        if reason:
+            return [_ack(sender, mavlink.MAV_MISSION_DENIED, mission_type), *refusal_text(reason, sender)]
+        self._pending.append(_Pending(sender, mission, mission_type, now + self._gains.confirm))
+        return [command]
+
+    def _clear(self, mission_type: int, sender: Sender, now: float) -> list[Output]:
+        if mission_type not in (_MISSION, _ALL):
+            return [_ack(sender, _ACCEPTED, mission_type)]
+        return self._install((), sender, mission_type, now)
+
+    def _set_current(self, sequence: int, sender: Sender) -> list[Output]:
+        command = Command(self._vehicle.time_us, CommandKind.SET_CURRENT_ITEM, "", float(sequence), None, sender.name)
+        reason = self.current_refusal(sequence) or self._vehicle.refusal(command)
+        if reason:
+            return list(refusal_text(reason, sender))
+        return [command, Reply(telemetry.mission_current(self._vehicle))]
+
+    def current_refusal(self, sequence: int) -> str:
+        """Why item ``sequence`` cannot be flown next; empty when it can."""
+        count = len(self._vehicle.mission)
+        return "" if 0 <= sequence < count else f"there is no mission item {sequence}, only {count} items"
+
+    def _cancelled(self, message: Any, sender: Sender) -> list[Output]:
+        if self._upload is not None and self._upload.sender == sender and message.type != _ACCEPTED:
+            self._upload = None
+        return []
+
+    # --- from the vehicle
+
+    def _count(self, mission_type: int, sender: Sender) -> Output:
+        count = len(self._vehicle.mission) if mission_type == _MISSION else 0
+        return Reply(
+            mavlink.MAVLink_mission_count_message(sender.system, sender.component, count, mission_type), sender
+        )
+
+    def _give_item(self, message: Any, sender: Sender, as_int: bool) -> list[Output]:
+        mission = self._vehicle.mission if message.mission_type == _MISSION else ()
+        if message.seq >= len(mission):
+            return [_ack(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
+        item = encode_item(mission[message.seq], self._vehicle.home)
+        navigation = self._vehicle.latest(topics.NAVIGATION)
+        current = navigation is not None and navigation.item == message.seq
+        to = Addressee(sender.system, sender.component)
+        return [Reply(write_message(item, message.seq, current, to, as_int), sender)]
+
+    # --- what is due
+
+    def step(self, now: float) -> list[Output]:
+        """Confirm what the flight core has taken, ask again for what did not come, tell what was reached."""
+        outputs: list[Output] = []
+        if self._pending:
+            outputs += self._confirm(now)
+        if self._upload is not None and now >= self._upload.deadline:
+            outputs += self._ask_again(self._upload, now)
+        navigation = self._vehicle.latest(topics.NAVIGATION)
+        if navigation is not None and navigation.item != self._item:
+            outputs += self._reached(navigation.item)
+        return outputs
+
+    def _confirm(self, now: float) -> list[Output]:
+        settled = [each for each in self._pending if self._vehicle.mission == each.mission or now >= each.deadline]
+        self._pending = [each for each in self._pending if each not in settled]
+        return [self._settle(each) for each in settled]
+
+    def _settle(self, pending: _Pending) -> Output:
+        taken = self._vehicle.mission == pending.mission
+        if taken:
+            self._done = (pending.sender, len(pending.mission) - 1)
+        return _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
+
+    def _ask_again(self, upload: _Upload, now: float) -> list[Output]:
+        if upload.asked >= self._gains.give_up:
+            self._upload = None
+            return [_ack(upload.sender, mavlink.MAV_MISSION_OPERATION_CANCELLED)]
+        upload.asked += 1
+        upload.deadline = now + self._gains.ask_again
+        return [_request(upload)]
+
+    def _reached(self, item: int) -> list[Output]:
+        before, self._item = self._item, item
+        if item < before or self._vehicle.mode != Mode.AUTO:
+            return []
+        return [Reply(mavlink.MAVLink_mission_item_reached_message(before))]
+
+
+def _request(upload: _Upload) -> Reply:
+    sender = upload.sender
+    message = mavlink.MAVLink_mission_request_int_message(
+        sender.system, sender.component, len(upload.items), _MISSION
+    )
+    return Reply(message, sender)
+
+
+def _ack(sender: Sender, result: int, mission_type: int = _MISSION) -> Reply:
+    message = mavlink.MAVLink_mission_ack_message(sender.system, sender.component, result, mission_type)
+    return Reply(message, sender)

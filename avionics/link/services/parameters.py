@@ -1,0 +1,121 @@
+"""Parameters: list, read by name or index, set.
+
+A set is answered with PARAM_VALUE in every case, once the flight core has taken the value or the time for it
+has passed: what is sent is what the vehicle flies with.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from avionics.link.dialect import mavlink
+from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.statustext import refusal_text
+from avionics.link.vehicle import LinkGains, Parameter, VehicleView
+from avionics.messages import Command, CommandKind
+
+_ROUNDING = 2e-7
+"""-; relative: PARAM_VALUE carries 24 bits"""
+
+
+class _Pending(NamedTuple):
+    number: int
+    value: float
+    deadline: float
+
+
+class ParameterService:
+    """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
+
+    handles = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
+
+    def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
+        self._vehicle = vehicle
+        self._gains = gains
+        self._index = {parameter.name: number for number, parameter in enumerate(vehicle.parameters)}
+        self._lists: dict[Sender, int] = {}
+        self._pending: list[_Pending] = []
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """Begin a list, answer a reading, or pass a set on to the flight core."""
+        kind = message.get_type()
+        if kind == "PARAM_REQUEST_LIST":
+            self._lists[sender] = 0
+            return []
+        if kind == "PARAM_REQUEST_READ":
+            return self._read(message, sender)
+        return self._set(message, sender, now)
+
+    def _read(self, message: Any, sender: Sender) -> list[Output]:
+        index = message.param_index
+        if index < 0:
+            index = self._index.get(message.param_id, -1)
+        if not 0 <= index < len(self._index):
+            return [_error(message.param_id, message.param_index, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST, sender)]
+        return [Reply(self._value(index), sender)]
+
+    def _set(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        index = self._index.get(message.param_id)
+        if index is None:
+            return [
+                _error(message.param_id, -1, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST, sender),
+                *refusal_text(f"no parameter {message.param_id}", sender),
+            ]
+        parameter = self._vehicle.parameters[index]
+        value = _within(parameter, message.param_value)
+        if value is None:
+            text = f"{parameter.name} must be within {parameter.minimum:g} and {parameter.maximum:g}"
+            return [
+                Reply(self._value(index), sender),
+                _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, sender),
+                *refusal_text(text, sender),
+            ]
+        command = Command(self._vehicle.time_us, CommandKind.SET_PARAMETER, parameter.name, value, None, sender.name)
+        reason = self._vehicle.refusal(command)
+        if reason:
+            refused = _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED, sender)
+            return [Reply(self._value(index), sender), refused, *refusal_text(reason, sender)]
+        self._pending.append(_Pending(index, value, now + self._gains.confirm))
+        return [command]
+
+    def step(self, now: float) -> list[Output]:
+        """Values that the flight core has taken, to everyone, and the next part of every list."""
+        if not self._pending and not self._lists:
+            return []
+        settled = [each for each in self._pending if self._taken(each) or now >= each.deadline]
+        self._pending = [each for each in self._pending if each not in settled]
+        replies: list[Output] = [Reply(self._value(each.number)) for each in settled]
+        for sender, begin in tuple(self._lists.items()):
+            replies += self._part(sender, begin)
+        return replies
+
+    def _part(self, sender: Sender, begin: int) -> list[Output]:
+        end = min(begin + self._gains.parameters_per_step, len(self._index))
+        self._lists[sender] = end
+        if end == len(self._index):
+            del self._lists[sender]
+        return [Reply(self._value(index), sender) for index in range(begin, end)]
+
+    def _taken(self, pending: _Pending) -> bool:
+        value = self._vehicle.parameters[pending.number].value
+        return math.isclose(value, pending.value, rel_tol=_ROUNDING, abs_tol=1e-30)
+
+    def _value(self, index: int) -> Any:
+        parameter = self._vehicle.parameters[index]
+        return mavlink.MAVLink_param_value_message(
+            parameter.name.encode(), parameter.value, mavlink.MAV_PARAM_TYPE_REAL32, len(self._index), index
+        )
+
+
+def _within(parameter: Parameter, value: float) -> float | None:
+    """``value``, or the limit that it means: a limit rounded to 24 bits may lie a little outside; None if beyond."""
+    for limit in (parameter.minimum, parameter.maximum):
+        if math.isclose(value, limit, rel_tol=_ROUNDING):
+            return limit
+    return value if parameter.minimum <= value <= parameter.maximum else None
+
+
+def _error(name: str, index: int, error: int, sender: Sender) -> Reply:
+    message = mavlink.MAVLink_param_error_message(sender.system, sender.component, name.encode(), index, error)
+    return Reply(message, sender)

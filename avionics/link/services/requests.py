@@ -1,0 +1,91 @@
+"""Messages on request, and telemetry rates: REQUEST_MESSAGE, SET_MESSAGE_INTERVAL and their elders."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.link.services import modes
+from avionics.link.services.heartbeat import heartbeat
+from avionics.link.services.service import Output, Sender
+from avionics.link.streams import Streams
+from avionics.link.vehicle import Identity, VehicleView
+
+_CAPABILITIES = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+)
+_MAVLINK_2 = 200
+
+
+def autopilot_version(identity: Identity) -> Any:
+    """AUTOPILOT_VERSION."""
+    major, minor, patch = identity.version
+    version = major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV
+    none = [0] * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        _CAPABILITIES, version, 0, 0, 0, none, none, none, 0, 0, identity.uid
+    )
+
+
+def protocol_version() -> Any:
+    """PROTOCOL_VERSION: MAVLink 1 is understood, MAVLink 2 spoken."""
+    return mavlink.MAVLink_protocol_version_message(_MAVLINK_2, 100, _MAVLINK_2, [0] * 8, [0] * 8)
+
+
+class Requests:
+    """What may be asked for, and how often it is sent unasked."""
+
+    handles = frozenset({"REQUEST_DATA_STREAM"})
+
+    def __init__(self, vehicle: VehicleView, identity: Identity, streams: Streams) -> None:
+        self._vehicle = vehicle
+        self._identity = identity
+        self._streams = streams
+
+    def build(self, message_id: float, argument: float, link: int) -> list[Any] | None:
+        """The messages asked for: empty while there is nothing to say yet, None for one that there is not."""
+        if not math.isfinite(message_id):
+            return None
+        number = int(message_id)
+        if number == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            return [autopilot_version(self._identity)]
+        if number == mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION:
+            return [protocol_version()]
+        if number == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+            index = int(argument) if math.isfinite(argument) else 0
+            return modes.available_modes(self._identity, index) or None
+        if number == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:
+            return [modes.current_mode(self._vehicle, self._identity)]
+        if number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            return [heartbeat(self._vehicle, self._identity)]
+        if number == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+            return self.interval(link, argument)
+        return self._streams.build(number)
+
+    def interval(self, link: int, message_id: float) -> list[Any] | None:
+        """MESSAGE_INTERVAL of a message on this link; None for an id that the field cannot hold."""
+        if not 0 <= message_id <= 0xFFFF:
+            return None
+        number = int(message_id)
+        return [mavlink.MAVLink_message_interval_message(number, self._streams.interval_us(link, number))]
+
+    def set_interval(self, link: int, message_id: float, interval_us: float) -> bool:
+        """SET_MESSAGE_INTERVAL; False for a message that there is not, or an interval that is not a number."""
+        if not (math.isfinite(message_id) and math.isfinite(interval_us)):
+            return False
+        return self._streams.set_interval(link, int(message_id), interval_us)
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """REQUEST_DATA_STREAM, which has no answer."""
+        rate = float(message.req_message_rate) if message.start_stop else 0.0
+        self._streams.set_group(sender.link, message.req_stream_id, rate)
+        return []
+
+    def step(self, now: float) -> list[Output]:
+        """Nothing is due without having been asked."""
+        return []

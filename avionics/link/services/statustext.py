@@ -1,0 +1,70 @@
+"""STATUSTEXT: events for people, in chunks of 50 characters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.vehicle import VehicleView
+from avionics.messages import Severity
+
+CHUNK = 50
+LONGEST = 4 * CHUNK
+"""Longer texts are cut: nobody reads more in flight."""
+MOST_AT_ONCE = 20
+"""Events sent in one step; older ones are in the log."""
+
+
+def chunks(severity: int, text: str, identifier: int) -> list[Any]:
+    """STATUSTEXT messages of one text; ``identifier`` joins the chunks and is 0 for a text of one.
+
+    A text whose length is a whole number of chunks ends with an empty one, because the receiver takes a chunk
+    without a terminating zero as not the last.
+    """
+    data = text.encode("utf-8", errors="replace")[:LONGEST]
+    if len(data) <= CHUNK:
+        return [mavlink.MAVLink_statustext_message(severity, data, 0, 0)]
+    parts = [data[start : start + CHUNK] for start in range(0, len(data), CHUNK)]
+    if len(parts[-1]) == CHUNK:
+        parts.append(b"")
+    return [
+        mavlink.MAVLink_statustext_message(severity, part, identifier, number) for number, part in enumerate(parts)
+    ]
+
+
+def refusal_text(reason: str, sender: Sender) -> list[Reply]:
+    """Why something was refused, to the one who asked."""
+    if not reason:
+        return []
+    identifier = 1 + sum(reason.encode()) % 0xFFFE
+    return [Reply(message, sender) for message in chunks(int(Severity.WARNING), reason, identifier)]
+
+
+class StatustextService:
+    """Sends every event of the vehicle to every link."""
+
+    handles: frozenset[str] = frozenset()
+
+    def __init__(self, vehicle: VehicleView) -> None:
+        self._vehicle = vehicle
+        self._told = 0
+        self._identifier = 0
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """Takes no message."""
+        return []
+
+    def step(self, now: float) -> list[Output]:
+        """STATUSTEXT of the events that are new."""
+        events = self._vehicle.events(self._told)
+        if not events:
+            return []
+        self._told += len(events)
+        latest: Sequence[Any] = events[-MOST_AT_ONCE:]
+        return [Reply(message) for event in latest for message in self._chunks(event.severity, event.text)]
+
+    def _chunks(self, severity: Severity, text: str) -> list[Any]:
+        self._identifier = self._identifier % 0xFFFE + 1
+        return chunks(int(severity), text, self._identifier)

@@ -1,0 +1,431 @@
+"""The codec's part for the ground: the vehicle's topics as MAVLink telemetry, in the wire's units.
+
+Every builder takes the vehicle and gives a message, or None while there is nothing to say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics import messages as m
+from avionics import topics as t
+from avionics.link.codec import FULL_DEFLECTION
+from avionics.link.dialect import mavlink
+from avionics.link.vehicle import VehicleView
+
+_UNKNOWN_U16 = 0xFFFF
+_COULOMB_PER_MAH = 3.6
+_JOULE_PER_HJ = 100.0
+
+
+def boot_ms(time_us: int) -> int:
+    """``time_boot_ms``: milliseconds since boot in 32 bits."""
+    return time_us // 1000 & 0xFFFFFFFF
+
+
+def clamped(value: float, low: int, high: int) -> int:
+    """``value`` as the integer nearest to it within the field; a value that is not finite becomes ``low``."""
+    return min(max(round(value), low), high) if math.isfinite(value) else low
+
+
+def _i16(value: float) -> int:
+    return clamped(value, -32768, 32767)
+
+
+def _u16(value: float) -> int:
+    return clamped(value, 0, _UNKNOWN_U16 - 1)
+
+
+def _i32(value: float) -> int:
+    return clamped(value, -(2**31), 2**31 - 1)
+
+
+def degrees_e7(angle: float) -> int:
+    """A latitude or longitude in rad as degE7."""
+    return _i32(math.degrees(angle) * 1e7)
+
+
+def heading_cdeg(yaw: float) -> int:
+    """A heading in rad as 0 to 35999 hundredths of a degree."""
+    return round(math.degrees(yaw) * 100.0) % 36000
+
+
+def attitude(vehicle: VehicleView) -> Any:
+    """ATTITUDE."""
+    now = vehicle.latest(t.ATTITUDE)
+    if now is None:
+        return None
+    return mavlink.MAVLink_attitude_message(
+        boot_ms(now.time_us), now.roll, now.pitch, now.yaw, now.roll_rate, now.pitch_rate, now.yaw_rate
+    )
+
+
+def attitude_quaternion(vehicle: VehicleView) -> Any:
+    """ATTITUDE_QUATERNION."""
+    now = vehicle.latest(t.ATTITUDE)
+    if now is None:
+        return None
+    quaternion = (now.quaternion_w, now.quaternion_x, now.quaternion_y, now.quaternion_z)
+    return mavlink.MAVLink_attitude_quaternion_message(
+        boot_ms(now.time_us), *quaternion, now.roll_rate, now.pitch_rate, now.yaw_rate
+    )
+
+
+def _mean_sea_level(vehicle: VehicleView) -> float:
+    return vehicle.home.altitude if vehicle.home is not None else 0.0
+
+
+def _throttle(vehicle: VehicleView) -> float:
+    if vehicle.mode in (m.Mode.MANUAL, m.Mode.STABILIZED):
+        pilot = vehicle.latest(t.PILOT)
+        return 0.0 if pilot is None else float(pilot.throttle)
+    loop = vehicle.latest(t.ALTITUDE_LOOP)
+    return 0.0 if loop is None else float(loop.throttle)
+
+
+def vfr_hud(vehicle: VehicleView) -> Any:
+    """VFR_HUD: m/s, whole degrees, percent, altitude above mean sea level."""
+    air, height, turn = vehicle.latest(t.AIR_DATA), vehicle.latest(t.ALTITUDE), vehicle.latest(t.ATTITUDE)
+    place = vehicle.latest(t.POSITION)
+    if air is None or height is None or turn is None:
+        return None
+    ground_speed = math.hypot(place.v_north, place.v_east) if place is not None else 0.0
+    return mavlink.MAVLink_vfr_hud_message(
+        air.airspeed,
+        ground_speed,
+        heading_cdeg(turn.yaw) // 100,
+        clamped(_throttle(vehicle) * 100.0, 0, 100),
+        _mean_sea_level(vehicle) + height.altitude,
+        height.climb_rate,
+    )
+
+
+def global_position(vehicle: VehicleView) -> Any:
+    """GLOBAL_POSITION_INT: degE7, mm, cm/s, cdeg; None before the first fix."""
+    place, height, turn = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE), vehicle.latest(t.ATTITUDE)
+    if place is None or not place.valid or height is None:
+        return None
+    return mavlink.MAVLink_global_position_int_message(
+        boot_ms(place.time_us),
+        degrees_e7(place.latitude),
+        degrees_e7(place.longitude),
+        _i32((_mean_sea_level(vehicle) + height.altitude) * 1e3),
+        _i32(height.altitude * 1e3),
+        _i16(place.v_north * 100.0),
+        _i16(place.v_east * 100.0),
+        _i16(-height.climb_rate * 100.0),
+        heading_cdeg(turn.yaw) if turn is not None else _UNKNOWN_U16,
+    )
+
+
+def local_position(vehicle: VehicleView) -> Any:
+    """LOCAL_POSITION_NED."""
+    place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
+    if place is None or not place.valid or height is None:
+        return None
+    return mavlink.MAVLink_local_position_ned_message(
+        boot_ms(place.time_us),
+        place.north,
+        place.east,
+        -height.altitude,
+        place.v_north,
+        place.v_east,
+        -height.climb_rate,
+    )
+
+
+def gps_raw(vehicle: VehicleView) -> Any:
+    """GPS_RAW_INT: accuracies in ``h_acc``, ``v_acc`` in mm; dilutions unknown."""
+    fix = vehicle.latest(t.GPS)
+    if fix is None:
+        return None
+    speed = math.hypot(fix.v_north, fix.v_east)
+    return mavlink.MAVLink_gps_raw_int_message(
+        fix.time_us,
+        fix.fix_type,
+        degrees_e7(fix.latitude),
+        degrees_e7(fix.longitude),
+        _i32(fix.altitude * 1e3),
+        _UNKNOWN_U16,
+        _UNKNOWN_U16,
+        _u16(speed * 100.0),
+        heading_cdeg(math.atan2(fix.v_east, fix.v_north)),
+        min(fix.satellites, 254),
+        h_acc=clamped(fix.horizontal_accuracy * 1e3, 0, 2**32 - 1),
+        v_acc=clamped(fix.vertical_accuracy * 1e3, 0, 2**32 - 1),
+    )
+
+
+def battery(vehicle: VehicleView) -> Any:
+    """BATTERY_STATUS: mV, cA, mAh, hJ, percent; the pack's voltage stands in the first cell."""
+    power = vehicle.latest(t.POWER)
+    if power is None:
+        return None
+    return mavlink.MAVLink_battery_status_message(
+        0,
+        mavlink.MAV_BATTERY_FUNCTION_ALL,
+        mavlink.MAV_BATTERY_TYPE_LIPO,
+        32767,
+        [_u16(power.voltage * 1e3)] + [_UNKNOWN_U16] * 9,
+        _i16(power.current * 100.0),
+        _i32(power.charge / _COULOMB_PER_MAH),
+        _i32(power.energy / _JOULE_PER_HJ),
+        clamped(power.battery_remaining * 100.0, 0, 100),
+    )
+
+
+_GYRO = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+_ACCELEROMETER = mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+_MAGNETOMETER = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+_BAROMETER = mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+_PITOT = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+_GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+_BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+_IMU = _GYRO | _ACCELEROMETER | _MAGNETOMETER
+_SENSORS = ((t.IMU, _IMU), (t.PRESSURES, _BAROMETER | _PITOT), (t.GPS, _GPS), (t.ADC, _BATTERY))
+_FAULTS = ((m.Failsafe.IMU_FAULT, _IMU), (m.Failsafe.GPS_LOST, _GPS), (m.Failsafe.BATTERY_LOW, _BATTERY))
+
+
+def sys_status(vehicle: VehicleView) -> Any:
+    """SYS_STATUS: which sensors have spoken, which of them a failsafe speaks against; mV, cA, percent."""
+    present = sum(bits for topic, bits in _SENSORS if vehicle.latest(topic) is not None)
+    state = vehicle.latest(t.HEALTH)
+    failures = state.failsafe if state is not None else 0
+    sick = sum(bits for flag, bits in _FAULTS if failures & flag)
+    power = vehicle.latest(t.POWER)
+    rejected = state.rejected_samples if state is not None else 0
+    return mavlink.MAVLink_sys_status_message(
+        present,
+        present,
+        present & ~sick,
+        0,
+        _u16(power.voltage * 1e3) if power is not None else _UNKNOWN_U16,
+        _i16(power.current * 100.0) if power is not None else -1,
+        clamped(power.battery_remaining * 100.0, 0, 100) if power is not None else -1,
+        0,
+        0,
+        min(rejected, _UNKNOWN_U16),
+        0,
+        0,
+        0,
+    )
+
+
+_LANDED = {
+    m.Stage.ON_GROUND: mavlink.MAV_LANDED_STATE_ON_GROUND,
+    m.Stage.WAIT_LAUNCH: mavlink.MAV_LANDED_STATE_ON_GROUND,
+    m.Stage.CLIMB_OUT: mavlink.MAV_LANDED_STATE_TAKEOFF,
+    m.Stage.EN_ROUTE: mavlink.MAV_LANDED_STATE_IN_AIR,
+    m.Stage.APPROACH: mavlink.MAV_LANDED_STATE_LANDING,
+    m.Stage.FLARE: mavlink.MAV_LANDED_STATE_LANDING,
+    m.Stage.LANDED: mavlink.MAV_LANDED_STATE_ON_GROUND,
+}
+
+
+def extended_sys_state(vehicle: VehicleView) -> Any:
+    """EXTENDED_SYS_STATE, from the stage of the flight."""
+    navigation = vehicle.latest(t.NAVIGATION)
+    landed = mavlink.MAV_LANDED_STATE_UNDEFINED
+    if navigation is not None:
+        landed = _LANDED.get(navigation.stage, landed)
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
+
+
+def home_position(vehicle: VehicleView) -> Any:
+    """HOME_POSITION: degE7 and mm; None before the first fix."""
+    home = vehicle.home
+    if home is None:
+        return None
+    return mavlink.MAVLink_home_position_message(
+        degrees_e7(home.latitude),
+        degrees_e7(home.longitude),
+        _i32(home.altitude * 1e3),
+        0.0,
+        0.0,
+        0.0,
+        [1.0, 0.0, 0.0, 0.0],
+        0.0,
+        0.0,
+        0.0,
+        vehicle.time_us,
+    )
+
+
+def wind(vehicle: VehicleView) -> Any:
+    """WIND_COV."""
+    place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
+    if place is None or not place.valid:
+        return None
+    nan = math.nan
+    altitude = _mean_sea_level(vehicle) + height.altitude if height is not None else nan
+    return mavlink.MAVLink_wind_cov_message(
+        place.time_us, place.wind_north, place.wind_east, nan, nan, nan, altitude, 0.0, 0.0
+    )
+
+
+def _pulse(control: float) -> int:
+    return clamped(1500.0 + 500.0 * control, 1000, 2000)
+
+
+def servo_output(vehicle: VehicleView) -> Any:
+    """SERVO_OUTPUT_RAW: 1000 to 2000 us in the order of HIL_ACTUATOR_CONTROLS; throttle is 1000 when 0."""
+    now = vehicle.latest(t.ACTUATORS)
+    if now is None:
+        return None
+    angles = (now.wing_left, now.wing_right, now.elevator, now.rudder)
+    pulses = [_pulse(angle / FULL_DEFLECTION) for angle in angles]
+    throttle = clamped(1000.0 + 1000.0 * now.throttle, 1000, 2000)
+    return mavlink.MAVLink_servo_output_raw_message(now.time_us & 0xFFFFFFFF, 0, *pulses, throttle, 0, 0, 0)
+
+
+def navigation_output(vehicle: VehicleView) -> Any:
+    """NAV_CONTROLLER_OUTPUT: degrees and metres."""
+    now = vehicle.latest(t.NAVIGATION)
+    if now is None:
+        return None
+    roll, pitch = vehicle.latest(t.HEADING_LOOP), vehicle.latest(t.ALTITUDE_LOOP)
+    bearing = heading_cdeg(now.heading_setpoint) // 100
+    return mavlink.MAVLink_nav_controller_output_message(
+        math.degrees(roll.roll_setpoint) if roll is not None else 0.0,
+        math.degrees(pitch.pitch_setpoint) if pitch is not None else 0.0,
+        bearing,
+        bearing,
+        _u16(now.distance),
+        pitch.altitude_error if pitch is not None else 0.0,
+        0.0,
+        now.cross_track,
+    )
+
+
+def mission_current(vehicle: VehicleView) -> Any:
+    """MISSION_CURRENT."""
+    now = vehicle.latest(t.NAVIGATION)
+    flying = vehicle.mode == m.Mode.AUTO
+    state = mavlink.MISSION_STATE_ACTIVE if flying else mavlink.MISSION_STATE_NOT_STARTED
+    if not vehicle.mission:
+        state = mavlink.MISSION_STATE_NO_MISSION
+    return mavlink.MAVLink_mission_current_message(
+        now.item if now is not None else 0, len(vehicle.mission), state, 1 if flying else 2
+    )
+
+
+def wing_state(vehicle: VehicleView) -> Any:
+    """WINGBEAT_WING_STATE."""
+    now = vehicle.latest(t.WING)
+    if now is None:
+        return None
+    return mavlink.MAVLink_wingbeat_wing_state_message(boot_ms(now.time_us), *now[1:])
+
+
+def power_state(vehicle: VehicleView) -> Any:
+    """WINGBEAT_POWER."""
+    now = vehicle.latest(t.POWER)
+    if now is None:
+        return None
+    return mavlink.MAVLink_wingbeat_power_message(boot_ms(now.time_us), *now[1:])
+
+
+def navigation_state(vehicle: VehicleView) -> Any:
+    """WINGBEAT_NAVIGATION."""
+    now = vehicle.latest(t.NAVIGATION)
+    if now is None:
+        return None
+    return mavlink.MAVLink_wingbeat_navigation_message(
+        boot_ms(now.time_us),
+        now.distance,
+        now.cross_track,
+        now.altitude_setpoint,
+        now.heading_setpoint,
+        now.item,
+        int(now.stage),
+        now.frozen,
+    )
+
+
+def excitation_state(vehicle: VehicleView) -> Any:
+    """WINGBEAT_EXCITATION."""
+    now = vehicle.latest(t.EXCITATION)
+    if now is None:
+        return None
+    return mavlink.MAVLink_wingbeat_excitation_message(
+        boot_ms(now.time_us), now.manoeuvre, now.elevator, now.throttle, now.rudder, now.active, now.aborted
+    )
+
+
+class Mirror(NamedTuple):
+    """A value that is also sent as NAMED_VALUE_FLOAT, for ground stations without our dialect."""
+
+    name: bytes
+    """-; at most 10 characters"""
+    topic: t.Topic
+    field: str
+
+
+MIRRORS = (
+    Mirror(b"wing_left", t.WING, "angle_left"),
+    Mirror(b"wing_right", t.WING, "angle_right"),
+    Mirror(b"flap_freq", t.WING, "frequency"),
+    Mirror(b"power_w", t.POWER, "power"),
+)
+"""rad, rad, Hz and W."""
+
+
+def mirrors(vehicle: VehicleView) -> list[Any]:
+    """NAMED_VALUE_FLOAT of every `MIRRORS` entry that there is."""
+    found = [(mirror, vehicle.latest(mirror.topic)) for mirror in MIRRORS]
+    return [
+        mavlink.MAVLink_named_value_float_message(boot_ms(now.time_us), mirror.name, getattr(now, mirror.field))
+        for mirror, now in found
+        if now is not None
+    ]
+
+
+class StreamEntry(NamedTuple):
+    """One telemetry message."""
+
+    message_id: int
+    build: Callable[[VehicleView], Any]
+    """gives a message, a list of messages, or None"""
+    rate: float
+    """Hz; by default, 0 for only when asked"""
+    groups: frozenset[int]
+    """MAV_DATA_STREAM groups of the old REQUEST_DATA_STREAM"""
+
+
+_STATUS = mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
+_PLACE = mavlink.MAV_DATA_STREAM_POSITION
+_TURN = mavlink.MAV_DATA_STREAM_EXTRA1
+_HUD = mavlink.MAV_DATA_STREAM_EXTRA2
+_MORE = mavlink.MAV_DATA_STREAM_EXTRA3
+_SERVOS = mavlink.MAV_DATA_STREAM_RC_CHANNELS
+_RAW = mavlink.MAV_DATA_STREAM_RAW_SENSORS
+
+
+def _entry(name: str, build: Callable[[VehicleView], Any], rate: float, *groups: int) -> StreamEntry:
+    return StreamEntry(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"), build, rate, frozenset(groups))
+
+
+STREAMS = (
+    _entry("ATTITUDE", attitude, 10.0, _TURN),
+    _entry("ATTITUDE_QUATERNION", attitude_quaternion, 0.0),
+    _entry("VFR_HUD", vfr_hud, 5.0, _HUD),
+    _entry("GLOBAL_POSITION_INT", global_position, 5.0, _PLACE),
+    _entry("LOCAL_POSITION_NED", local_position, 5.0, _PLACE),
+    _entry("GPS_RAW_INT", gps_raw, 2.0, _STATUS),
+    _entry("SYS_STATUS", sys_status, 1.0, _STATUS),
+    _entry("BATTERY_STATUS", battery, 1.0, _MORE),
+    _entry("EXTENDED_SYS_STATE", extended_sys_state, 1.0, _STATUS),
+    _entry("MISSION_CURRENT", mission_current, 1.0, _STATUS),
+    _entry("NAV_CONTROLLER_OUTPUT", navigation_output, 1.0, _STATUS),
+    _entry("HOME_POSITION", home_position, 0.5),
+    _entry("WIND_COV", wind, 1.0, _MORE),
+    _entry("SERVO_OUTPUT_RAW", servo_output, 5.0, _SERVOS),
+    _entry("NAMED_VALUE_FLOAT", mirrors, 5.0, _RAW),
+    _entry("WINGBEAT_WING_STATE", wing_state, 10.0, _RAW),
+    _entry("WINGBEAT_POWER", power_state, 2.0, _RAW),
+    _entry("WINGBEAT_NAVIGATION", navigation_state, 2.0, _STATUS),
+    _entry("WINGBEAT_EXCITATION", excitation_state, 2.0, _STATUS),
+)
+"""All telemetry, with the rates of a fresh link."""

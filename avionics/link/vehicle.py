@@ -1,0 +1,146 @@
+"""What the link reads of the flight computer, and who the flight computer says that it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from avionics.guidance.mission import Mission
+from avionics.link.dialect import mavlink
+from avionics.messages import Command, Event, Mode
+from avionics.topics import Topic
+
+
+class Parameter(NamedTuple):
+    """One entry of the parameter table."""
+
+    name: str
+    """-; at most 16 characters of ASCII, MAVLink's limit"""
+    value: float
+    """in its unit"""
+    minimum: float
+    """in its unit; a smaller value is refused"""
+    maximum: float
+    """in its unit; a larger value is refused"""
+
+
+class Home(NamedTuple):
+    """The place that north and east are counted from."""
+
+    latitude: float
+    """rad; WGS-84"""
+    longitude: float
+    """rad; WGS-84"""
+    altitude: float
+    """m; above mean sea level, where ``Altitude.altitude`` is 0"""
+
+
+class VehicleView(Protocol):
+    """Read access to the flight computer, always as of its last tick; the link changes nothing through it."""
+
+    @property
+    def time_us(self) -> int:
+        """us; since boot, of the last tick."""
+
+    @property
+    def mode(self) -> Mode:
+        """Flight mode."""
+
+    @property
+    def armed(self) -> bool:
+        """The wings may move."""
+
+    @property
+    def mission(self) -> Mission:
+        """The mission on board."""
+
+    @property
+    def home(self) -> Home | None:
+        """None before the first fix."""
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """The parameter table; names and order stay the same for the whole flight."""
+
+    def latest(self, topic: Topic) -> Any:
+        """The last message of ``topic``, or None before the first."""
+
+    def events(self, after: int) -> Sequence[Event]:
+        """The events since boot but for the first ``after``."""
+
+    def refusal(self, command: Command) -> str:
+        """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+
+
+class ModeNumbers(NamedTuple):
+    """How a flight mode is written on the wire."""
+
+    mode: Mode
+    custom_mode: int
+    """main mode << 16 | sub mode << 24, PX4's layout with PX4's numbers"""
+    standard_mode: int
+    """MAV_STANDARD_MODE, 0 for none"""
+    base_mode: int
+    """MAV_MODE_FLAG bits that the mode implies"""
+
+
+_MANUAL_INPUT, _STABILIZE, _GUIDED, _AUTO = 64, 16, 8, 4
+
+
+def px4_mode(main: int, sub: int = 0) -> int:
+    """PX4's custom mode."""
+    return main << 16 | sub << 24
+
+
+PX4_STYLE = (
+    ModeNumbers(Mode.MANUAL, px4_mode(1), 0, _MANUAL_INPUT),
+    ModeNumbers(Mode.STABILIZED, px4_mode(7), 0, _MANUAL_INPUT | _STABILIZE),
+    ModeNumbers(Mode.ALTITUDE_HOLD, px4_mode(2), mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, _MANUAL_INPUT | _STABILIZE),
+    ModeNumbers(Mode.AUTO, px4_mode(4, 4), mavlink.MAV_STANDARD_MODE_MISSION, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.RETURN, px4_mode(4, 5), mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.LAND, px4_mode(4, 6), mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
+)
+"""The modes of the default identity; `custom_mode_map.json` says the same to MAVProxy."""
+
+
+class Identity(NamedTuple):
+    """Who the vehicle says that it is."""
+
+    system: int = 1
+    component: int = 1
+    autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC
+    type: int = mavlink.MAV_TYPE_FLAPPING_WING
+    modes: tuple[ModeNumbers, ...] = PX4_STYLE
+    version: tuple[int, int, int] = (0, 1, 0)
+    """major, minor, patch"""
+    uid: int = 0x77696E67
+    """hardware's unique id"""
+
+    def numbers(self, mode: Mode) -> ModeNumbers:
+        """How ``mode`` is written on the wire."""
+        return next(entry for entry in self.modes if entry.mode == mode)
+
+    def by_custom_mode(self, custom_mode: int) -> Mode | None:
+        """The mode with this custom mode, or None."""
+        return next((entry.mode for entry in self.modes if entry.custom_mode == custom_mode), None)
+
+    def by_standard_mode(self, standard_mode: int) -> Mode | None:
+        """The mode with this MAV_STANDARD_MODE, or None."""
+        return next((entry.mode for entry in self.modes if 0 < entry.standard_mode == standard_mode), None)
+
+
+class LinkGains(NamedTuple):
+    """Times of the ground link."""
+
+    heartbeat: float = 1.0
+    """s; between two HEARTBEATs"""
+    silence: float = 5.0
+    """s; without a word from any ground station after one was heard, until the link counts as lost"""
+    ask_again: float = 1.0
+    """s; until an unanswered request of a mission transfer is repeated"""
+    give_up: int = 5
+    """-; requests without an answer until a mission transfer is abandoned"""
+    confirm: float = 1.0
+    """s; for the flight core to take a parameter or a mission"""
+    parameters_per_step: int = 20
+    """-; parameters sent in one go while a list is read, so that no link is flooded"""
