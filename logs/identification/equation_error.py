@@ -16,7 +16,7 @@ from logs.identification.longitudinal import REGRESSORS
 from logs.identification.manoeuvre import GRAVITY, Manoeuvre, Reference
 from logs.identification.results import Array
 
-HIGHEST = 0.7
+HIGHEST = 0.5
 """-; of the flapping frequency: the stroke average leaves little above it"""
 DRIFT_ORDER = 2
 WORST_CONDITION = 1e3
