@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 import zlib
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ _MESSAGE = struct.Struct("<BQHIQ")
 _INDEX_HEAD = struct.Struct("<HI")
 
 Entries = NDArray[np.void]
+_threads = threading.local()
 
 
 class ChunkSpan(NamedTuple):
@@ -117,10 +119,18 @@ def _decompress(packed: bytes, chunk: ChunkSpan) -> bytes:
         declared = zstandard.get_frame_parameters(packed).content_size
         if declared not in (chunk.size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError("its length differs from the header's")
-        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=chunk.size)
+        return _decompressor().decompress(packed, max_output_size=chunk.size)
     record = Chunk(chunk.compression, packed, chunk.end_ns, chunk.start_ns, 0, chunk.size)
     stream, length = get_chunk_data_stream(record)
     return stream.read(length)
+
+
+def _decompressor() -> zstandard.ZstdDecompressor:
+    """One per thread: making one costs as much as unpacking a chunk."""
+    if not hasattr(_threads, "decompressor"):
+        _threads.decompressor = zstandard.ZstdDecompressor()
+    decompressor: zstandard.ZstdDecompressor = _threads.decompressor
+    return decompressor
 
 
 def walk(content: bytes) -> Contents:

@@ -80,7 +80,7 @@ def _kind(topic: Topic) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
         return _protobuf(FoxgloveLog, _free(topic.channel, encode_event))
     if issubclass(message, Protobuf):
         return _protobuf(message, _free(topic.channel, encode_stamped))
-    layout = layout_of(topic.message)
+    layout = layout_of(topic.message)  # type: ignore[arg-type]
     encoder = fixed_encoder(layout, topic.channel)
     return "protobuf", "protobuf", layout.name, descriptor_set(layout), channel_metadata(layout), encoder
 

@@ -89,12 +89,11 @@ def layout_in_file(channel: Channel, schema: Schema | None) -> Layout | None:
 def row_type(layout: Layout, channel: int) -> RowType:
     """NumPy type of the message records of a channel."""
     body = layout.record_type(before=MESSAGE_HEAD.itemsize)
-    places = body.fields or {}
-    head = MESSAGE_HEAD.fields or {}
-    fields = {name: place[:2] for name, place in places.items()} | {
-        f"/{name}": place[:2] for name, place in head.items()
-    }
-    described: dict[str, Any] = {
+    places: Mapping[str, Any] = body.fields or {}
+    head: Mapping[str, Any] = MESSAGE_HEAD.fields or {}
+    fields = {name: place[:2] for name, place in places.items()}
+    fields |= {f"/{name}": place[:2] for name, place in head.items()}
+    described: Any = {
         "names": list(fields),
         "formats": [kind for kind, _ in fields.values()],
         "offsets": [offset for _, offset in fields.values()],

@@ -61,10 +61,18 @@ class _Indexed(Protocol):
     def write(self, stream: RecordBuilder) -> None: ...
 
 
-def pack_chunk(content: bytes, entries: Mapping[int, bytes], compressor: zstandard.ZstdCompressor) -> RawChunk:
-    """Compress records into a chunk; ``entries`` are the packed `ENTRY` lists of its messages by channel."""
-    times = [entry[0] for packed in entries.values() for entry in ENTRY.iter_unpack(packed)]
-    start, end = min(times, default=0), max(times, default=0)
+def pack_chunk(
+    content: bytes, entries: Mapping[int, bytes], window: tuple[int, int], compressor: zstandard.ZstdCompressor
+) -> RawChunk:
+    """Compress records into a chunk.
+
+    Args:
+        content: the records.
+        entries: packed `ENTRY` values of its messages by channel.
+        window: log times of the first and the last message in ns.
+        compressor: what to compress with.
+    """
+    start, end = window
     data = compressor.compress(content)
     body = _CHUNK.size - _RECORD.size + len(data)
     crc = zlib.crc32(content)
@@ -82,7 +90,12 @@ def encode(record: McapRecord) -> bytes:
     """Bytes of one record."""
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    return _taken(builder)
+
+
+def _taken(builder: RecordBuilder) -> bytes:
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
 
 
 class Container:
@@ -191,7 +204,7 @@ class Container:
                 record.write(builder)
             if builder.count > before:
                 self._offsets.append(SummaryOffset(opcode, start + before, builder.count - before))
-        return builder.end()
+        return _taken(builder)
 
     def _statistics(self) -> Statistics:
         filled = [chunk for chunk in self._chunks if chunk.message_index_offsets]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -29,7 +30,8 @@ EVENT_SCHEMA = "foxglove.Log"
 TEXT_SCHEMA = "wingbeat.avionics.Text"
 
 
-class TopicInfo(NamedTuple):
+@dataclass(frozen=True)
+class TopicInfo:
     """What a log knows of a topic."""
 
     name: str

@@ -195,7 +195,9 @@ class McapRecorder:
         for stream in filled:
             container.define(stream.codec.schema, stream.codec.channel)
         entries = {stream.topic.channel: struct.pack(f"<{len(stream.index)}Q", *stream.index) for stream in filled}
-        container.chunk(pack_chunk(bytes(self._buffer), entries, self._compressor))
+        times = [stream.index[::2] for stream in filled]
+        window = min(map(min, times)), max(map(max, times))
+        container.chunk(pack_chunk(bytes(self._buffer), entries, window, self._compressor))
         for stream in filled:
             stream.index = []
         self._buffer.clear()

@@ -1,0 +1,75 @@
+"""What a log holds, in numbers: vehicle, duration, topics with their measured rates and gaps, events."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from logs.columns import Columns
+from logs.reader import Log, TopicInfo
+
+GAP_PERIODS = 1.5
+"""A pause between two messages longer than this many periods is a gap."""
+
+
+def summary(log: Log) -> dict[str, Any]:
+    """Everything ``wingbeat log info`` shows, ready for JSON.
+
+    Keys: ``file``, ``complete``, ``damage`` (lines), ``vehicle`` (None when not noted), ``start_epoch_ns``,
+    ``duration`` (s), ``messages``, ``topics`` (see `topic_row`), ``events`` (``time`` in s, ``severity``,
+    ``source``, ``text``), ``attachments`` (``name``, ``media_type``, ``bytes``), ``metadata``.
+
+    Raises:
+        BadInput: a part of the file is damaged.
+    """
+    tables = log.tables([name for name, info in log.topics.items() if info.layout is not None])
+    rows = [topic_row(info, tables.get(name)) for name, info in log.topics.items()]
+    return {
+        "file": str(log.path),
+        "complete": log.complete,
+        "damage": list(log.damage),
+        "vehicle": vehicle(log),
+        "start_epoch_ns": log.boot_ns,
+        "duration": log.duration,
+        "messages": sum(info.messages for info in log.topics.values()),
+        "topics": rows,
+        "events": [
+            {"time": time_us * 1e-6, "severity": severity.name, "source": source, "text": text}
+            for time_us, severity, source, text in log.events()
+        ],
+        "attachments": [
+            {"name": item.name, "media_type": item.media_type, "bytes": len(item.data)} for item in log.attachments
+        ],
+        "metadata": log.metadata,
+    }
+
+
+def vehicle(log: Log) -> str | None:
+    """Name of the vehicle as noted in any metadata record under ``vehicle``."""
+    return next((values["vehicle"] for values in log.metadata.values() if "vehicle" in values), None)
+
+
+def topic_row(info: TopicInfo, columns: Columns | None) -> dict[str, Any]:
+    """One topic.
+
+    Keys: ``topic``, ``message``, ``messages``, ``nominal_rate`` and ``rate`` (Hz), ``gaps``, ``longest_gap`` (s).
+    The measured rate is that of the median period; rate and gaps are None where nothing can be said.
+    """
+    row: dict[str, Any] = {
+        "topic": info.name,
+        "message": info.schema,
+        "messages": info.messages,
+        "nominal_rate": info.rate,
+        "rate": None,
+        "gaps": None,
+        "longest_gap": None,
+    }
+    if columns is None or len(columns.time) < 2 or info.rate == 0.0:
+        return row
+    periods = np.diff(columns.time)
+    median = float(np.median(periods))
+    if median > 0.0:
+        gaps = periods[periods > GAP_PERIODS * median]
+        row |= {"rate": 1.0 / median, "gaps": len(gaps), "longest_gap": float(gaps.max(initial=0.0))}
+    return row

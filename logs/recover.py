@@ -1,0 +1,100 @@
+"""Repairs a log that was cut off or damaged."""
+
+from __future__ import annotations
+
+import fcntl
+import mmap
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from avionics.quantities import BadInput
+from logs.container import Container
+from logs.copying import Part, copy
+from logs.index import Index, scan
+from logs.placing import claim, draft, numbered, settle
+from logs.reader import map_file, open_log
+
+
+class Recovery(NamedTuple):
+    """What a repair did."""
+
+    messages: int
+    """in the file now"""
+    damage: tuple[str, ...]
+    """what was wrong, one line each; empty when nothing was and the file was left alone"""
+    torn: Path | None
+    """where the bytes are kept that could not be read"""
+    torn_bytes: int
+
+
+def recover(path: Path | str) -> Recovery:
+    """Repair a log in its place: what is whole goes to a new file that replaces the old one in one step.
+
+    The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched.
+
+    Raises:
+        BadInput: not an MCAP file, being recorded or repaired just now, or the folder cannot be written to; the
+            file is then as it was.
+    """
+    path = Path(path)
+    with _locked(path):
+        with open_log(path) as log:
+            if log.complete and not log.verify():
+                return Recovery(sum(info.messages for info in log.topics.values()), (), None, 0)
+        data = map_file(path)
+        index = scan(data)
+        torn = _keep_torn(path, data, index)
+        _replace(path, Part(data, index))
+    lost = sum(end - start for start, end in index.dropped)
+    damage = tuple(index.damage) or ("its summary did not match its content",)
+    return Recovery(sum(index.counts.values()), damage, torn, lost)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold the lock that a recorder holds on its file, on the file that has this name now."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
+                raise BadInput(f"{path} was replaced just now: try again")
+            yield
+    except BlockingIOError:
+        raise BadInput(f"{path} is being recorded or repaired: it cannot be repaired now") from None
+    except OSError as error:
+        raise BadInput(f"cannot repair {path}: {error.strerror or error}") from None
+
+
+def _keep_torn(path: Path, data: mmap.mmap, index: Index) -> Path | None:
+    """Write the bytes that cannot be read beside the log, one range after the other."""
+    if not index.dropped:
+        return None
+    for place in numbered(path.with_name(path.name + ".torn")):
+        if not place.exists():
+            break
+    with draft(place) as (file, name):
+        for start, end in index.dropped:
+            _write_all(file, data[start:end])
+        settle(file)
+        claim(name, place)
+    return place
+
+
+def _write_all(file: IO[bytes], data: bytes) -> None:
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _replace(path: Path, part: Part) -> None:
+    with draft(path) as (file, name):
+        container = Container(file)
+        copy([part], container)
+        container.finish()
+        settle(file)
+        shutil.copymode(path, name)
+        name.replace(path)
