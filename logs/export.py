@@ -104,7 +104,7 @@ def _write(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     if path.exists():
         raise BadInput(f"{path} exists: it is not overwritten")
     with draft(path) as (file, name):
-        buffered = io.BufferedWriter(file)  # type: ignore[type-var]
+        buffered = io.BufferedWriter(file)
         write(buffered)
         buffered.detach()
         settle(file)

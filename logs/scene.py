@@ -1,0 +1,369 @@
+"""For eyes: the bird flapping along its track in Foxglove, Lichtblick or Rerun.
+
+`SceneRecorder` stands between a flight and its recorder and adds `foxglove.FrameTransforms` at 50 Hz,
+`foxglove.SceneUpdate` once a second and `foxglove.LocationFix` for every GPS fix. Viewers have z up, so frames turn
+here: world NED becomes ENU, body FRD becomes FLU (x forward, y left, z up); angles keep their meaning. The time
+stamps inside these messages are epoch time, because viewers match them with the log time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from avionics import messages as m
+from avionics import topics
+from avionics.recorder import Recorder
+from avionics.topics import Topic
+from logs.codecs import Stamped
+from sim_bridge import topics as truth_topics
+from sim_bridge.vehicles import SimulatedVehicle
+
+TRANSFORMS = Topic("/view/transforms", FrameTransforms, 2000, 50.0, deterministic=False)
+SCENE = Topic("/view/scene", SceneUpdate, 2001, 1.0, deterministic=False)
+LOCATION = Topic("/view/location", LocationFix, 2002, 5.0, deterministic=False)
+ESTIMATED_TRANSFORMS = Topic("/view/estimated/transforms", FrameTransforms, 2010, 50.0, deterministic=False)
+ESTIMATED_SCENE = Topic("/view/estimated/scene", SceneUpdate, 2011, 1.0, deterministic=False)
+
+TRANSFORM_PERIOD_US = 20_000
+SCENE_PERIOD_US = 1_000_000
+TRACK_POINTS = 300
+"""Seconds of track that are shown."""
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z)"""
+_HALF_ROOT = math.sqrt(0.5)
+
+
+class Shape(NamedTuple):
+    """Outline of a vehicle in body axes FLU (x forward, y left, z up) from its centre of mass."""
+
+    semispan: float
+    """m; wing hinge to tip"""
+    chord: float
+    """m; greatest chord of a wing"""
+    hinge: Vector
+    """m; of the left wing's leading edge at its hinge"""
+    nose: float
+    """m; foremost point of the fuselage"""
+    tail: Vector
+    """m; where the tail turns"""
+    tail_span: float
+    """m; tip to tip"""
+    tail_chord: float
+    """m"""
+    fin_height: float
+    """m; 0 for none"""
+
+
+class Pose(NamedTuple):
+    """Where the vehicle is and how its parts stand, in the flight's own frames."""
+
+    time_us: int
+    """us; since boot"""
+    position_ned: Vector
+    """m; of the centre of mass from the launch place"""
+    quaternion: Quaternion
+    """-; of r_ned_from_frd"""
+    flap: tuple[float, float] = (0.0, 0.0)
+    """rad; left and right, wing up is positive"""
+    twist: tuple[float, float] = (0.0, 0.0)
+    """rad; of the tips, left and right, leading edge up is positive"""
+    elevator: float = 0.0
+    """rad; positive pitches the nose up"""
+    rudder: float = 0.0
+    """rad; positive yaws the nose right"""
+
+
+def shape_of(vehicle: SimulatedVehicle) -> Shape:
+    """Outline of a simulated vehicle; the tail is drawn as a square of its area, the fin half as high as long."""
+    wing, tail = vehicle.wing, vehicle.tail
+    side = math.sqrt(tail.horizontal_area)
+    return Shape(
+        semispan=wing.semispan,
+        chord=wing.root_chord,
+        hinge=(wing.hinge_x, wing.hinge_y, -wing.hinge_z),
+        nose=vehicle.body.contact_nose,
+        tail=(tail.position_x + side / 4.0, 0.0, 0.0),
+        tail_span=side,
+        tail_chord=side,
+        fin_height=math.sqrt(tail.vertical_area / 2.0),
+    )
+
+
+# --- frames ---------------------------------------------------------------------------------------------
+
+
+def enu_from_ned(vector: Sequence[float]) -> Vector:
+    """East, north, up from north, east, down."""
+    return vector[1], vector[0], -vector[2]
+
+
+def enu_from_flu(quaternion: Sequence[float]) -> Quaternion:
+    """Quaternion of r_enu_from_flu from that of r_ned_from_frd, both (w, x, y, z).
+
+    It is the half turn about (1, 1, 0) that makes ENU of NED, then ``quaternion``, then the half turn about x.
+    """
+    w, x, y, z = quaternion
+    return _HALF_ROOT * (w + z), _HALF_ROOT * (x + y), _HALF_ROOT * (x - y), _HALF_ROOT * (w - z)
+
+
+def wing_in_body(flap: float, twist: float, side: int) -> Quaternion:
+    """Attitude of a wing in body axes FLU: flap about x, then half the tip's twist about the span, its mean.
+
+    ``side`` is 1 for the left wing, -1 for the right one; both angles in rad.
+    """
+    a, b = 0.5 * side * flap, -0.25 * twist
+    ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+    return ca * cb, sa * cb, ca * sb, sa * sb
+
+
+def tail_in_body(elevator: float, rudder: float) -> Quaternion:
+    """Attitude of the tail in body axes FLU: rudder about z, then elevator about y, both in rad.
+
+    Nose up is trailing edge up, nose right is trailing edge right.
+    """
+    a, b = 0.5 * rudder, 0.5 * elevator
+    ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+    return ca * cb, -sa * sb, ca * sb, sa * cb
+
+
+# --- messages for viewers -------------------------------------------------------------------------------
+
+
+class Scene:
+    """Builds the viewers' messages of one vehicle from its poses."""
+
+    def __init__(self, shape: Shape, start_epoch_ns: int, name: str = "", alpha: float = 1.0) -> None:
+        """Prepare.
+
+        Args:
+            shape: outline of the vehicle.
+            start_epoch_ns: ns since 1970 at which the vehicle's clock was zero.
+            name: put before the frames' names with a slash, so that two birds can fly in one scene.
+            alpha: how opaque it is drawn, 0 to 1.
+        """
+        self.start_epoch_ns = start_epoch_ns
+        prefix = f"{name}/" if name else ""
+        self._frames = FrameTransforms()
+        left = shape.hinge
+        right = (left[0], -left[1], left[2])
+        self._add_frame("world", f"{prefix}body", (0.0, 0.0, 0.0))
+        self._add_frame(f"{prefix}body", f"{prefix}left_wing", left)
+        self._add_frame(f"{prefix}body", f"{prefix}right_wing", right)
+        self._add_frame(f"{prefix}body", f"{prefix}tail", shape.tail)
+        self._scene = SceneUpdate(entities=entities(shape, prefix, alpha))
+        self._line = self._scene.entities[-1].lines[0]
+
+    def transforms(self, pose: Pose) -> FrameTransforms:
+        """Frames of body, wings and tail; the message is reused by the next call."""
+        frames = self._frames.transforms
+        seconds, nanos = divmod(self.start_epoch_ns + pose.time_us * 1000, 1_000_000_000)
+        for frame in frames:
+            frame.timestamp.seconds = seconds
+            frame.timestamp.nanos = nanos
+        body = frames[0]
+        body.translation.x, body.translation.y, body.translation.z = enu_from_ned(pose.position_ned)
+        _turn(body, enu_from_flu(pose.quaternion))
+        _turn(frames[1], wing_in_body(pose.flap[0], pose.twist[0], 1))
+        _turn(frames[2], wing_in_body(pose.flap[1], pose.twist[1], -1))
+        _turn(frames[3], tail_in_body(pose.elevator, pose.rudder))
+        return self._frames
+
+    def update(self, pose: Pose) -> SceneUpdate:
+        """The vehicle's parts and its track so far; the message is reused by the next call."""
+        point = enu_from_ned(pose.position_ned)
+        if len(self._line.points) == TRACK_POINTS:
+            del self._line.points[0]
+        self._line.points.add(x=point[0], y=point[1], z=point[2])
+        seconds, nanos = divmod(self.start_epoch_ns + pose.time_us * 1000, 1_000_000_000)
+        for entity in self._scene.entities:
+            entity.timestamp.seconds = seconds
+            entity.timestamp.nanos = nanos
+        return self._scene
+
+    def _add_frame(self, parent: str, child: str, translation: Vector) -> None:
+        frame = self._frames.transforms.add(parent_frame_id=parent, child_frame_id=child)
+        frame.translation.x, frame.translation.y, frame.translation.z = translation
+
+
+def _turn(frame: Any, quaternion: Quaternion) -> None:
+    rotation = frame.rotation
+    rotation.w, rotation.x, rotation.y, rotation.z = quaternion
+
+
+def location(fix: m.GpsFix, start_epoch_ns: int) -> LocationFix:
+    """The fix on a map, its accuracy as a diagonal covariance in east, north, up."""
+    east, up = fix.horizontal_accuracy**2, fix.vertical_accuracy**2
+    out = LocationFix(
+        frame_id="body",
+        latitude=math.degrees(fix.latitude),
+        longitude=math.degrees(fix.longitude),
+        altitude=fix.altitude,
+        position_covariance=(east, 0.0, 0.0, 0.0, east, 0.0, 0.0, 0.0, up),
+        position_covariance_type=LocationFix.DIAGONAL_KNOWN,
+    )
+    out.timestamp.FromNanoseconds(start_epoch_ns + fix.time_us * 1000)
+    return out
+
+
+def entities(shape: Shape, prefix: str, alpha: float) -> list[SceneEntity]:
+    """Fuselage, wings and tail, each fixed to its frame, and the track, last, in the world."""
+    x, half, height = shape.tail_chord, shape.tail_span / 2.0, shape.fin_height
+    tail = [(0.0, half, 0.0), (-x, half, 0.0), (-x, -half, 0.0), (0.0, -half, 0.0)]
+    fin = [(0.0, 0.0, 0.0), (-x, 0.0, 0.0), (-x, 0.0, height), (-x / 2.0, 0.0, height)]
+    parts = [
+        _fuselage(shape, prefix, alpha),
+        _surface(f"{prefix}left_wing", [_wing(shape, 1)], (0.85, 0.33, 0.1, alpha)),
+        _surface(f"{prefix}right_wing", [_wing(shape, -1)], (0.1, 0.45, 0.75, alpha)),
+        _surface(f"{prefix}tail", [tail, fin] if height else [tail], (0.9, 0.7, 0.1, alpha)),
+    ]
+    track = SceneEntity(frame_id="world", id=f"{prefix}track")
+    line = track.lines.add(type=LinePrimitive.LINE_STRIP, thickness=2.0, scale_invariant=True)
+    line.pose.orientation.w = 1.0
+    _paint(line.color, (0.2, 0.7, 0.3, alpha))
+    return [*parts, track]
+
+
+def _wing(shape: Shape, side: int) -> list[Vector]:
+    """Corners of a wing: the spar straight to the tip, the chord full over the inner 60 % of the span."""
+    b, c = side * shape.semispan, shape.chord
+    return [(0.0, 0.0, 0.0), (-c, 0.0, 0.0), (-c, 0.6 * b, 0.0), (0.0, b, 0.0)]
+
+
+def _fuselage(shape: Shape, prefix: str, alpha: float) -> SceneEntity:
+    entity = SceneEntity(frame_id=f"{prefix}body", id=f"{prefix}fuselage", frame_locked=True)
+    length = shape.nose - shape.tail[0]
+    cube = entity.cubes.add()
+    cube.pose.position.x = 0.5 * (shape.nose + shape.tail[0])
+    cube.pose.orientation.w = 1.0
+    cube.size.x, cube.size.y, cube.size.z = length, 0.06 * length, 0.08 * length
+    _paint(cube.color, (0.25, 0.25, 0.28, alpha))
+    return entity
+
+
+def _surface(frame: str, outlines: list[list[Vector]], color: tuple[float, float, float, float]) -> SceneEntity:
+    """Four-cornered plates with both faces."""
+    entity = SceneEntity(frame_id=frame, id=frame, frame_locked=True)
+    for a, b, c, d in outlines:
+        triangles = entity.triangles.add()
+        triangles.pose.orientation.w = 1.0
+        for x, y, z in (a, b, c, a, c, d, c, b, a, d, c, a):
+            triangles.points.add(x=x, y=y, z=z)
+        _paint(triangles.color, color)
+    return entity
+
+
+def _paint(target: Any, color: tuple[float, float, float, float]) -> None:
+    target.r, target.g, target.b, target.a = color
+
+
+# --- during a flight ------------------------------------------------------------------------------------
+
+
+class SceneRecorder:
+    """A recorder that hands everything on to another and adds the viewers' topics.
+
+    It shows the truth where it is recorded (``/truth/state``, ``/truth/wing``), else, with ``estimated``, what the
+    flight computer believes; the two have topics and frames of their own and may be in one file. GPS fixes are put
+    on the map either way.
+    """
+
+    def __init__(self, inner: Recorder, shape: Shape, start_epoch_ns: int, estimated: bool = False) -> None:
+        self.inner = inner
+        self.scene = Scene(shape, start_epoch_ns, "estimated" if estimated else "", 0.4 if estimated else 1.0)
+        self._topics = (ESTIMATED_TRANSFORMS, ESTIMATED_SCENE) if estimated else (TRANSFORMS, SCENE)
+        self._pose_topic = topics.ATTITUDE.name if estimated else truth_topics.STATE.name
+        self._latest: dict[str, Any] = {}
+        self._kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
+        self._pose = _estimated_pose if estimated else _true_pose
+        self._next_us = [0, 0]
+
+    def record(self, topic: Topic, message: Any) -> None:
+        """Store one message, and what there is to see at its time."""
+        self.inner.record(topic, message)
+        if topic.name in self._kept:
+            self._latest[topic.name] = message
+            if topic.name == self._pose_topic:
+                self._show(message.time_us)
+        elif topic.name == topics.GPS.name and message.fix_type >= 2:
+            self.inner.record(LOCATION, Stamped(message.time_us, location(message, self.scene.start_epoch_ns)))
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Store a file beside the messages."""
+        self.inner.attach(name, media_type, data)
+
+    def note(self, name: str, values: dict[str, str]) -> None:
+        """Store metadata."""
+        self.inner.note(name, values)
+
+    def close(self) -> None:
+        """Finish the recording; further calls do nothing."""
+        self.inner.close()
+
+    def __enter__(self) -> SceneRecorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _show(self, time_us: int) -> None:
+        if time_us < self._next_us[0]:
+            return
+        self._next_us[0] = time_us + TRANSFORM_PERIOD_US
+        pose = self._pose(self._latest)
+        self.inner.record(self._topics[0], Stamped(time_us, self.scene.transforms(pose)))
+        if time_us >= self._next_us[1]:
+            self._next_us[1] = time_us + SCENE_PERIOD_US
+            self.inner.record(self._topics[1], Stamped(time_us, self.scene.update(pose)))
+
+
+_TRUTH_TOPICS = frozenset({truth_topics.STATE.name, truth_topics.WING.name})
+_ESTIMATED_TOPICS = frozenset(
+    topic.name for topic in (topics.ATTITUDE, topics.POSITION, topics.ALTITUDE, topics.WING, topics.ACTUATORS)
+)
+
+
+def _true_pose(latest: dict[str, Any]) -> Pose:
+    state = latest[truth_topics.STATE.name]
+    wing = latest.get(truth_topics.WING.name)
+    pose = Pose(
+        state.time_us,
+        (state.north, state.east, state.down),
+        (state.quaternion_w, state.quaternion_x, state.quaternion_y, state.quaternion_z),
+    )
+    if wing is None:
+        return pose
+    return pose._replace(
+        flap=(wing.angle_left, wing.angle_right),
+        twist=(wing.twist_left, wing.twist_right),
+        elevator=wing.elevator,
+        rudder=wing.rudder,
+    )
+
+
+def _estimated_pose(latest: dict[str, Any]) -> Pose:
+    """Position, altitude, wings and tail are at rest at the origin until they are known."""
+    attitude = latest[topics.ATTITUDE.name]
+    position, altitude = latest.get(topics.POSITION.name), latest.get(topics.ALTITUDE.name)
+    wing, actuators = latest.get(topics.WING.name), latest.get(topics.ACTUATORS.name)
+    north, east = (position.north, position.east) if position else (0.0, 0.0)
+    return Pose(
+        attitude.time_us,
+        (north, east, -altitude.altitude if altitude else 0.0),
+        (attitude.quaternion_w, attitude.quaternion_x, attitude.quaternion_y, attitude.quaternion_z),
+        (wing.angle_left, wing.angle_right) if wing else (0.0, 0.0),
+        elevator=actuators.elevator if actuators else 0.0,
+        rudder=actuators.rudder if actuators else 0.0,
+    )
