@@ -1,1 +1,1 @@
-"""TBD."""
+"""Recorded flights and recordings run through the flight code again."""
