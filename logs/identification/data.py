@@ -72,8 +72,9 @@ class Aircraft(NamedTuple):
     """m; IMU ahead of the centre of mass"""
     imu_z: float = 0.0
     """m; IMU below the centre of mass"""
-    tail_time_constant: float = 0.0
-    """s; first-order lag from the elevator command to the achieved tail angle"""
+    tail_time_constant: float | None = None
+    """s; first-order lag from the elevator command to the achieved tail angle, 0 for none; None where it is not
+    known: the lag and what delay remains beside it are then identified"""
     tail_delay: float = 0.0
     """s; pure delay of the elevator command"""
     centre_current: float | None = None

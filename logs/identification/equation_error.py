@@ -13,7 +13,7 @@ import numpy as np
 
 from logs.identification.data import Aircraft
 from logs.identification.longitudinal import REGRESSORS
-from logs.identification.manoeuvre import GRAVITY, Manoeuvre, Reference
+from logs.identification.manoeuvre import GRAVITY, Manoeuvre, Reference, lagged
 from logs.identification.results import Array
 
 HIGHEST = 0.5
@@ -33,6 +33,8 @@ class DerivativeFit(NamedTuple):
     """(p, p)"""
     degrees: float
     """-; effective degrees of freedom"""
+    scatter: Array
+    """standard deviation of the residuals of each equation or output"""
     failure: str = ""
     """-; why the numbers may not be used, empty when they may"""
 
@@ -65,7 +67,7 @@ def _integrate(rate: Array, step: float) -> Array:
 
 
 def fourier(manoeuvre: Manoeuvre, columns: Array) -> Array:
-    """Finite Fourier transform of ``columns`` (M, k) at the record's own frequencies: (2 F, k), real over imaginary."""
+    """Finite Fourier transform of ``columns`` (M, k) at the record's own frequencies: (2 F, k), real first."""
     length = manoeuvre.at[-1] - manoeuvre.at[0]
     frequencies = np.arange(1, max(int(HIGHEST / manoeuvre.period * length), 1) + 1) / length
     kernel = np.exp(-2j * np.pi * np.outer(frequencies, manoeuvre.at - manoeuvre.at[0]))
@@ -98,17 +100,18 @@ def equation_error(
     degrees = float(len(design) - sum(piece[2] for piece in pieces) - len(kept))
     scale = np.linalg.norm(design, axis=0)
     if degrees < 1 or not np.all(scale > 0) or np.linalg.cond(design / scale) > WORST_CONDITION:
-        return _failed(names, "the manoeuvres do not excite all of the model's states")
+        return failed(names, "the manoeuvres do not excite all of the model's states")
     inverse = np.linalg.inv(design.T @ design)
     values = inverse @ design.T @ response
     residuals = response - design @ values
-    covariance = np.kron(residuals.T @ residuals / degrees, inverse)
-    return DerivativeFit(names, values.T.ravel(), covariance, degrees)
+    variance = residuals.T @ residuals / degrees
+    return DerivativeFit(names, values.T.ravel(), np.kron(variance, inverse), degrees, np.sqrt(np.diag(variance)))
 
 
-def _failed(names: tuple[str, ...], why: str) -> DerivativeFit:
+def failed(names: tuple[str, ...], why: str) -> DerivativeFit:
+    """A fit without numbers, and why."""
     size = len(names)
-    return DerivativeFit(names, np.full(size, np.nan), np.full((size, size), np.nan), 1.0, why)
+    return DerivativeFit(names, np.full(size, np.nan), np.full((size, size), np.nan), 1.0, np.zeros(0), why)
 
 
 def _axes(names: tuple[str, ...]) -> list[int]:
@@ -119,3 +122,14 @@ def _kept(names: tuple[str, ...]) -> list[int]:
     return [column for column, regressor in enumerate(REGRESSORS) if f"M_{regressor}" in names]
 
 
+def likely_lag(
+    manoeuvres: tuple[Manoeuvre, ...], reference: Reference, aircraft: Aircraft, names: tuple[str, ...]
+) -> float:
+    """Time constant (s) of the tail with which the pitching-moment equation fits best, of 0 to 0.2 s."""
+
+    def scatter(constant: float) -> float:
+        tried = aircraft._replace(tail_time_constant=constant)
+        fit = equation_error(tuple(lagged(m, tried) for m in manoeuvres), reference, tried, names)
+        return float("inf") if fit.failure else float(fit.scatter[-1])
+
+    return min((0.005 * k for k in range(41)), key=scatter)

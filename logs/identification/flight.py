@@ -68,7 +68,8 @@ def _strokes(source: ColumnSource) -> tuple[_Table, Array]:
 def _time_base(time: Array) -> Array:
     """Equally spaced over the record, at the record's median step; gaps are filled by interpolation."""
     step = float(np.median(np.diff(time)))
-    return time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+    base: Array = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+    return base
 
 
 def flight_data(source: ColumnSource) -> FlightData:

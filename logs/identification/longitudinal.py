@@ -22,11 +22,11 @@ UNITS = {
     "X_u": "1/s", "X_w": "1/s", "X_q": "m/s/rad", "X_delta": "m/s^2/rad",
     "Z_u": "1/s", "Z_w": "1/s", "Z_q": "m/s/rad", "Z_delta": "m/s^2/rad",
     "M_u": "rad/s/m", "M_w": "rad/s/m", "M_q": "1/s", "M_delta": "1/s^2",
-    "tail_delay": "s",
+    "tail_delay": "s", "tail_time_constant": "s",
 }  # fmt: skip
-TAIL_DELAY = "tail_delay"
-"""delay of the tail beyond what is known of it; output error finds it to first order where it is asked for"""
-LONGITUDINAL = tuple(name for name in UNITS if name != TAIL_DELAY)
+TAIL_DELAY, TAIL_LAG = TAIL = ("tail_delay", "tail_time_constant")
+"""what the tail has beyond what is known of it; output error finds it, to first order, where it is asked for"""
+LONGITUDINAL = tuple(name for name in UNITS if name not in TAIL)
 """all derivatives: short period and speed together"""
 SHORT_PERIOD = ("Z_w", "Z_q", "Z_delta", "M_w", "M_q", "M_delta")
 """the speed taken as constant"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +21,20 @@ LEAST_STROKES = 3.0
 
 
 class Manoeuvre(NamedTuple):
-    """One input and the response to it, from half a stroke before the first average to half a stroke after the last."""
+    """One input and the response to it, from half a stroke before the first average to half one after the last."""
 
     number: int
     """-; as the log counts"""
     time: Array
     """s; (N,), of the raw samples, from 0"""
+    command: Array
+    """rad; (N,), elevator command minus its value at the start"""
     tail: Array
     """rad; (N,), achieved tail angle minus its value at the start"""
     tail_rate: Array
     """rad/s; (N,)"""
+    tail_slope: Array
+    """rad/s; (N,), change of the tail angle with the tail's time constant"""
     held: bool
     """-; the tail angle jumps at the samples (no lag) and is held between them"""
     raw: Array
@@ -63,12 +68,20 @@ def tail_angle(time: Array, command: Array, aircraft: Aircraft) -> Array:
     whole = int(aircraft.tail_delay / step)
     share = aircraft.tail_delay / step - whole
     ago = np.concatenate((np.full(whole + 1, command[0]), command))
-    delayed = (1 - share) * ago[1 : len(command) + 1] + share * ago[: len(command)]
-    if aircraft.tail_time_constant <= 0:
+    delayed: Array = (1 - share) * ago[1 : len(command) + 1] + share * ago[: len(command)]
+    if not aircraft.tail_time_constant:
         return delayed
     pole = np.exp(-step / aircraft.tail_time_constant)
     achieved: Array = lfilter([0.0, 1 - pole], [1.0, -pole], delayed, zi=[command[0]])[0]
     return achieved
+
+
+def _tail_slope(time: Array, command: Array, aircraft: Aircraft) -> Array:
+    constant = aircraft.tail_time_constant or 0.0
+    low, high = max(constant - 1e-4, 0.0), constant + 1e-4
+    ends = [tail_angle(time, command, aircraft._replace(tail_time_constant=c)) for c in (low, high)]
+    slope: Array = (ends[1] - ends[0]) / (high - low)
+    return slope
 
 
 def find_manoeuvres(data: FlightData, aircraft: Aircraft) -> tuple[Manoeuvre, ...]:
@@ -92,7 +105,7 @@ def _spans(data: FlightData) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(label)) + 1
     bounds = np.concatenate(([0], edges, [len(label)]))
     spans: list[tuple[int, int]] = []
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         if label[first] and not _aborted(data, label[first] - 1):
             spans += _pieces(data, int(first), int(last))
     return spans
@@ -108,7 +121,7 @@ def _pieces(data: FlightData, first: int, last: int) -> list[tuple[int, int]]:
     if not len(busy):
         return []
     step = data.time[1] - data.time[0]
-    lead = int(round(_mean_period(data, first, last) / step)) if last - first > 1 else 0
+    lead = round(_mean_period(data, first, last) / step) if last - first > 1 else 0
     onsets = busy[np.concatenate(([True], np.diff(busy) > 3 * lead))]
     starts = [first, *(int(onset) - lead for onset in onsets[1:])]
     return list(zip(starts, [*starts[1:], last], strict=True))
@@ -120,7 +133,7 @@ def _mean_period(data: FlightData, first: int, last: int) -> float:
 
 
 def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int]) -> Manoeuvre | None:
-    """The piece ``span`` with half a stroke more on both sides where the record has it; None where it is too short."""
+    """The piece ``span``, half a stroke longer on both sides where the record is; None where it is too short."""
     first, last = span
     if data.strokes[last - 1] - data.strokes[first] < LEAST_STROKES:
         return None
@@ -134,14 +147,23 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int
     )
     time = data.time[reach]
     raw = np.column_stack([c[reach] for c in (data.pitch_rate, data.accel_x, data.accel_z, data.pitch)])
-    zero, held = time[0], aircraft.tail_time_constant <= 0
+    zero, held = time[0], not aircraft.tail_time_constant
     averaging = averaging_matrix(time, period, at)
     rate = np.gradient(tail, data.time[1] - data.time[0])
+    slope = _tail_slope(data.time, data.elevator, aircraft)
     number = int(data.manoeuvre[first])
     return Manoeuvre(
-        number, time - zero, tail[reach] - tail[first], rate[reach], held, raw, at - zero, averaging, averaging @ raw,
-        float(np.mean(period)),
+        number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
+        held, raw, at - zero, averaging, averaging @ raw, float(np.mean(period)),
     )  # fmt: skip
+
+
+def lagged(manoeuvre: Manoeuvre, aircraft: Aircraft) -> Manoeuvre:
+    """The manoeuvre with the tail angle that another lag or delay makes of its command."""
+    tail = tail_angle(manoeuvre.time, manoeuvre.command, aircraft)
+    rate = np.gradient(tail, manoeuvre.time[1] - manoeuvre.time[0])
+    slope = _tail_slope(manoeuvre.time, manoeuvre.command, aircraft)
+    return manoeuvre._replace(tail=tail, tail_rate=rate, tail_slope=slope, held=not aircraft.tail_time_constant)
 
 
 def reference_of(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> Reference:

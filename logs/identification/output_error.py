@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 
 from logs.identification.data import Aircraft
-from logs.identification.equation_error import DerivativeFit
-from logs.identification.longitudinal import TAIL_DELAY, Discrete, Matrices, discretise, matrices
+from logs.identification.equation_error import DerivativeFit, failed
+from logs.identification.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
 from logs.identification.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
 from logs.identification.regression import colour_of, coloured_information
 from logs.identification.results import Array
@@ -73,10 +73,13 @@ class Flown(NamedTuple):
     exact: Discrete
     delay: float
     """s; of the tail beyond what is known of it"""
+    lag: float
+    """s; of the tail's time constant beyond what is known of it"""
 
     def driven(self, manoeuvre: Manoeuvre, start: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by the manoeuvre's tail angle."""
-        return self.averages(manoeuvre, start, manoeuvre.tail - self.delay * manoeuvre.tail_rate)
+        tail = manoeuvre.tail - self.delay * manoeuvre.tail_rate + self.lag * manoeuvre.tail_slope
+        return self.averages(manoeuvre, start, tail)
 
     def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
@@ -87,10 +90,10 @@ class Flown(NamedTuple):
 
 def _flown(problem: Problem, values: Array) -> Flown:
     given = dict(zip(problem.names, values, strict=True))
-    delay = float(given.pop(TAIL_DELAY, 0.0))
+    delay, lag = (float(given.pop(name, 0.0)) for name in TAIL)
     model = matrices(tuple(given), np.array(list(given.values())), problem.reference, problem.aircraft)
     first = problem.manoeuvres[0]
-    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held), delay)
+    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held), delay, lag)
 
 
 def _responses(problem: Problem, values: Array, starts: list[Array]) -> list[Array]:
@@ -191,17 +194,17 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
         slope = np.vstack([piece.reshape(-1, len(values)) for piece in here.sensitivities])
         scale = np.linalg.norm(slope, axis=0)
         if not np.all(np.isfinite(slope)) or not np.all(scale > 0) or np.linalg.cond(slope / scale) > WORST_CONDITION:
-            return _without(problem, "output error: the manoeuvres do not determine all of the model's derivatives")
+            return failed(problem.names, "the manoeuvres do not determine all derivatives")
         flat = np.concatenate([piece.ravel() for piece in here.residuals])
         step = np.linalg.lstsq(slope / scale, flat, rcond=None)[0] / scale
         errors = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
         if np.max(np.abs(step) / errors) < CONVERGED:
-            return _finish(problem, values, here)
+            return _finish(problem, values, deviation, here)
         advanced = _advance(problem, values, step, deviation, _squares(here.residuals))
         if advanced is None:
             break
         values, deviation = advanced
-    return _without(problem, "output error did not converge")
+    return failed(problem.names, "output error did not converge")
 
 
 def _advance(
@@ -216,7 +219,7 @@ def _advance(
     return None
 
 
-def _finish(problem: Problem, values: Array, here: Linearised) -> DerivativeFit:
+def _finish(problem: Problem, values: Array, deviation: Array, here: Linearised) -> DerivativeFit:
     """Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them."""
     information = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
     strokes = max(m.period for m in problem.manoeuvres) / OUTPUT_STEP
@@ -226,9 +229,4 @@ def _finish(problem: Problem, values: Array, here: Linearised) -> DerivativeFit:
     inverse = np.linalg.inv(information)
     degrees = max(colour.effective - len(values) - here.nuisances, 1.0)
     core = coloured_information(here.sensitivities, colour) * (colour.effective / degrees)
-    return DerivativeFit(problem.names, values, inverse @ core @ inverse, degrees)
-
-
-def _without(problem: Problem, why: str) -> DerivativeFit:
-    size = len(problem.names)
-    return DerivativeFit(problem.names, np.full(size, np.nan), np.full((size, size), np.nan), 1.0, why)
+    return DerivativeFit(problem.names, values, inverse @ core @ inverse, degrees, deviation)

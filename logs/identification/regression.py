@@ -14,6 +14,8 @@ import numpy as np
 
 from logs.identification.results import Array
 
+WORST_CONDITION = 1e10
+
 
 class Fit(NamedTuple):
     """Outcome of a linear regression."""
@@ -81,32 +83,35 @@ def coloured_information(sensitivities: list[Array], colour: Colour) -> Array:
     return total
 
 
-def regress(regressors: Array, response: Array, used: Array, least_lags: int = 1) -> Fit:
-    """Weighted least squares of ``response`` (N,) on ``regressors`` (N, p) where ``used`` (N,) is 1.
+def regress(
+    regressors: Array, response: Array, used: Array, least_lags: int = 1, instruments: Array | None = None
+) -> Fit:
+    """Least squares of ``response`` (N,) on ``regressors`` (N, p) where ``used`` (N,) is 1.
 
-    The lag window spans a tenth of the record and at least ``least_lags`` samples.
+    ``instruments`` (N, p), where given, follow the regressors but do not share their noise; the values are then
+    free of the attenuation that noise in the regressors causes. The lag window spans a tenth of the record and
+    at least ``least_lags`` samples.
 
     Raises:
         numpy.linalg.LinAlgError: the regressors are linearly dependent.
     """
-    design = regressors * used[:, None]
-    information = design.T @ design
-    if np.linalg.cond(design) > 1e10:
+    design = (regressors if instruments is None else instruments) * used[:, None]
+    if np.linalg.cond(design) > WORST_CONDITION:
         raise np.linalg.LinAlgError("the regressors are linearly dependent")
-    inverse = np.linalg.inv(information)
+    inverse = np.linalg.inv(design.T @ (regressors * used[:, None]))
     values = inverse @ (design.T @ (response * used))
     residuals = (response - regressors @ values) * used
     lags = max(int(len(used) / 10), least_lags, 1)
     colour = colour_of([residuals[:, None]], [used], lags)
     degrees = max(colour.effective - len(values), 1.0)
     core = coloured_information([design[:, None, :]], colour)
-    covariance = inverse @ core @ inverse * (colour.effective / degrees)
-    return Fit(values, _not_below_white(covariance, inverse, residuals, used), residuals, degrees)
+    white = inverse @ (design.T @ design) @ inverse.T * (residuals @ residuals) / max(used.sum() - len(values), 1.0)
+    covariance = inverse @ core @ inverse.T * (colour.effective / degrees)
+    return Fit(values, _not_below_white(covariance, white), residuals, degrees)
 
 
-def _not_below_white(covariance: Array, inverse: Array, residuals: Array, used: Array) -> Array:
+def _not_below_white(covariance: Array, white: Array) -> Array:
     """Scale up to the white-residual standard errors: a short record must not promise more than they do."""
-    white = np.diag(inverse) * (residuals @ residuals) / max(used.sum() - len(inverse), 1.0)
-    ratio = np.sqrt(np.maximum(white / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     scaled: Array = covariance * np.outer(ratio, ratio)
     return scaled

@@ -55,7 +55,7 @@ def estimate(name: str, unit: str, value: float, standard_error: float, degrees:
 
 
 def estimates(names: dict[str, str], values: Array, covariance: Array, degrees: float) -> tuple[Estimate, ...]:
-    """One `Estimate` per entry of ``names`` (name to unit), in the order of ``values`` (p,) and ``covariance`` (p, p)."""
+    """One `Estimate` per entry of ``names`` (name to unit), from ``values`` (p,) and ``covariance`` (p, p)."""
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rows = zip(names.items(), values, errors, strict=True)
     return tuple(estimate(name, unit, float(value), float(error), degrees) for (name, unit), value, error in rows)

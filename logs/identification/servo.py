@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from avionics.quantities import BadInput
@@ -22,6 +23,7 @@ from logs.identification.regression import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.stroke import interval_mean, stroke_cuts, stroke_means
 
+Mask = NDArray[np.bool_]
 LEAST_SAMPLES = 40
 FINE = 8
 """-; instants inside a burst at which the torque's size is taken"""
@@ -30,7 +32,12 @@ MARGIN = 0.04
 HIGHEST_INFLATION = 25.0
 """-; a regressor that is explained by the others so well (variance inflation) is not identifiable"""
 TERMS = {"C_A": "W", "C_B": "W/A", "C_C": "W/V", "C_F": "W/A/V", "C_G": "W/A^2", "C_H": "W/V^2"}
-MEANING = {"C_C": "voltage", "C_F": "product of current and voltage", "C_G": "current squared", "C_H": "voltage squared"}
+MEANING = {
+    "C_C": "voltage",
+    "C_F": "product of current and voltage",
+    "C_G": "current squared",
+    "C_H": "voltage squared",
+}
 
 
 class ServoModel(NamedTuple):
@@ -62,18 +69,21 @@ class _Bursts(NamedTuple):
 
     current: Array
     """A; (N,)"""
+    expected: Array
+    """A; (N,), mean of the bursts before and after: the same current without the burst's own noise"""
     left: Array
     """N m; (N, FINE), size"""
     right: Array
     """N m; (N, FINE), size"""
     gap: Array
     """N m; (N,), largest difference of the two sizes"""
-    steady: Array
+    steady: Mask
     """-; (N,), True where neither torque changes its sign around the burst"""
 
 
 def _bursts(data: DriveData) -> _Bursts:
     inside = (data.power_time - data.window >= data.torque_time[0]) & (data.power_time <= data.torque_time[-1])
+    inside[[0, -1]] = False
     end = data.power_time[inside]
     instants = end[:, None] - data.window * (1 - (np.arange(FINE) + 0.5) / FINE)
     around = end[:, None] + np.array([-2.0, -1.0, 0.0, 1.0]) * max(data.window, 0.005)
@@ -83,7 +93,8 @@ def _bursts(data: DriveData) -> _Bursts:
         steady &= np.abs(signs.sum(axis=1)) == signs.shape[1]
         sides.append(np.abs(CubicSpline(data.torque_time, torque)(instants)))
     left, right = sides
-    return _Bursts(data.current[inside], left, right, np.max(np.abs(left - right), axis=1), steady)
+    expected = (np.roll(data.current, 1) + np.roll(data.current, -1)) / 2
+    return _Bursts(data.current[inside], expected[inside], left, right, np.max(np.abs(left - right), axis=1), steady)
 
 
 def identify_torque(data: DriveData) -> ServoModel:
@@ -106,7 +117,7 @@ def identify_torque(data: DriveData) -> ServoModel:
         raise BadInput(
             f"both drive servos are loaded in only {int(used.sum())} samples; the torque model needs {LEAST_SAMPLES}"
         )
-    return _torque_model(bursts.current, torque, used.astype(float))
+    return _torque_model(bursts, torque, used.astype(float))
 
 
 def _idle(current: Array) -> float:
@@ -114,26 +125,30 @@ def _idle(current: Array) -> float:
     return float(np.quantile(current, 0.005))
 
 
-def _preliminary(current: Array, torque: Array, steady: Array) -> tuple[float, float, float]:
+def _preliminary(current: Array, torque: Array, steady: Mask) -> tuple[float, float, float]:
     """Floor, slope and offset from the upper half of the currents, where both servos are surely loaded."""
     high = steady & (current > np.quantile(current, 0.6))
     if high.sum() < LEAST_SAMPLES or np.ptp(current) <= 0:
-        raise BadInput("the drive current does not vary: no flapping in this log from which to learn the torque model")
+        raise BadInput(
+            "the drive current does not vary: no flapping in this log from which to learn the torque model"
+        )
     slope, offset = (float(c) for c in np.polyfit(current[high], torque[high], 1))
     return offset + slope * _idle(current), slope, offset
 
 
-def _loaded(bursts: _Bursts, slope: float, offset: float, floor: float) -> Array:
+def _loaded(bursts: _Bursts, slope: float, offset: float, floor: float) -> Mask:
     """Where the weaker servo, half the difference below the mean that the current tells, is above its floor."""
-    weaker = offset + slope * bursts.current - bursts.gap / 2
-    loaded: Array = bursts.steady & (weaker > floor + MARGIN)
+    weaker = offset + slope * bursts.expected - bursts.gap / 2
+    loaded: Mask = bursts.steady & (weaker > floor + MARGIN)
     return loaded
 
 
-def _torque_model(current: Array, torque: Array, used: Array) -> ServoModel:
-    centre = float(np.average(current, weights=used))
-    regressors = np.column_stack((np.ones_like(current), current - centre))
-    fit = regress(regressors, torque, used, least_lags=50)
+def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> ServoModel:
+    centre = float(np.average(bursts.current, weights=used))
+    regressors, instruments = (
+        np.column_stack((np.ones(len(torque)), current - centre)) for current in (bursts.current, bursts.expected)
+    )
+    fit = regress(regressors, torque, used, 50, instruments)
     slope, error = fit.values[1], float(np.sqrt(fit.covariance[1, 1]))
     gradient = np.array([1.0, -centre])
     offset, offset_error = gradient @ fit.values, float(np.sqrt(gradient @ fit.covariance @ gradient))
@@ -269,7 +284,9 @@ def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> t
             gradient[0, index] = c_d if term == "C_B" else c_e
     values = gradient @ fit.values
     errors = np.sqrt(np.diag(gradient @ fit.covariance @ gradient.T))
-    found = [estimate(t, TERMS[t], float(v), float(e), fit.degrees) for t, v, e in zip(terms, values, errors, strict=True)]
+    found = [
+        estimate(t, TERMS[t], float(v), float(e), fit.degrees) for t, v, e in zip(terms, values, errors, strict=True)
+    ]
     centred = estimate("P_0", "W", float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0])), fit.degrees)
     return (centred, *found)
 

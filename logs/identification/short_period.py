@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data import Aircraft, FlightData
-from logs.identification.equation_error import DerivativeFit, equation_error
-from logs.identification.longitudinal import LONGITUDINAL, TAIL_DELAY, UNITS, matrices, modes_matrix
-from logs.identification.manoeuvre import Reference, find_manoeuvres, reference_of
+from logs.identification.equation_error import DerivativeFit, equation_error, likely_lag
+from logs.identification.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
+from logs.identification.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
 from logs.identification.output_error import Problem, output_error
 from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
 
@@ -113,7 +113,6 @@ def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Air
     def system(values: Array) -> Array:
         return modes_matrix(matrices(fit.names, values, reference, aircraft), fit.names)
 
-
     derivatives = estimates({n: UNITS[n] for n in fit.names}, fit.values, fit.covariance, fit.degrees)
     eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(fit.values)))
     try:
@@ -139,7 +138,10 @@ def _nothing(method: str, why: str) -> Mode:
 
 
 def identify_modes(
-    data: FlightData, aircraft: Aircraft, names: tuple[str, ...] = LONGITUDINAL, outputs: tuple[int, ...] = FITTED_OUTPUTS
+    data: FlightData,
+    aircraft: Aircraft,
+    names: tuple[str, ...] = LONGITUDINAL,
+    outputs: tuple[int, ...] = FITTED_OUTPUTS,
 ) -> ModesResult:
     """The short period of a flight by frequency-domain equation error and by output error.
 
@@ -148,7 +150,12 @@ def identify_modes(
     """
     manoeuvres = find_manoeuvres(data, aircraft)
     reference = reference_of(data, manoeuvres)
-    first = equation_error(manoeuvres, reference, aircraft, tuple(name for name in names if name != TAIL_DELAY))
+    derivatives = tuple(name for name in names if name not in TAIL)
+    if aircraft.tail_time_constant is None:
+        constant = likely_lag(manoeuvres, reference, aircraft, derivatives)
+        aircraft, names = aircraft._replace(tail_time_constant=constant), (*derivatives, TAIL_LAG)
+        manoeuvres = tuple(lagged(m, aircraft) for m in manoeuvres)
+    first = equation_error(manoeuvres, reference, aircraft, derivatives)
     if first.failure:
         second = first._replace(failure="output error has no starting values: equation error failed")
     else:
@@ -167,7 +174,9 @@ def _agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     """Whether frequency and damping differ by less than the intervals of their difference allow."""
     a, b = modes
     if a.frequency is None or b.frequency is None or a.damping is None or b.damping is None:
-        return None, "no comparison: " + "; ".join(f"{m.method}: {m.unidentified[0].reason}" for m in modes if m.unidentified)
+        return None, "no comparison: " + "; ".join(
+            f"{m.method}: {m.unidentified[0].reason}" for m in modes if m.unidentified
+        )
     apart = [
         f"{one.name} differs by {one.value - other.value:+.3g} {one.unit}, more than {allowed:.2g} {one.unit}"
         for one, other in ((a.frequency, b.frequency), (a.damping, b.damping))
@@ -176,5 +185,3 @@ def _agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     if apart:
         return False, "the two methods disagree: " + "; ".join(apart)
     return True, "the two methods agree within the 95 % interval of their difference"
-
-

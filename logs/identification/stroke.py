@@ -50,7 +50,7 @@ def interval_mean(time: Array, values: Array, start: Array, stop: Array) -> Arra
 
 
 def stroke_average(time: Array, values: Array, period: Array, at: Array) -> Array:
-    """Moving average of ``values`` (N,) or (N, k) over one wing ``period`` (M,) centred on each time of ``at`` (M,)."""
+    """Moving average of ``values`` (N,) or (N, k) over one wing ``period`` (M,) around each time of ``at`` (M,)."""
     return interval_mean(time, values, at - period / 2, at + period / 2)
 
 

@@ -1,4 +1,4 @@
-"""A flapping aircraft with known derivatives, flown in the tests: linear longitudinal motion under the wing's shaking."""
+"""A flapping aircraft with known derivatives, flown in the tests: linear motion under the wing's shaking."""
 
 from __future__ import annotations
 

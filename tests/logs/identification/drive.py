@@ -1,4 +1,4 @@
-"""Wing drives with known torque constants, flown in the tests: strain gauges, encoders and burst means of the current."""
+"""Wing drives with known torque constants, flown in the tests with gauges, encoders and current bursts."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def simulate(drives: Drives) -> Truth:
         torque.append(share * slow * (1.0 * np.cos(phase + 0.4 + side) + 0.2 * np.cos(3 * phase) + 0.1))
         rate.append(share * slow * 14.0 * np.cos(phase))
     current = sum(np.maximum((np.abs(t) - K_TAU0) / (2 * K_TAU), IDLE) for t in torque)
-    wander = drives.wander * np.interp(time, np.arange(0, drives.duration + 5, 5.0), rng.normal(size=len(np.arange(0, drives.duration + 5, 5.0))))
+    knots = np.arange(0, drives.duration + 5, 5.0)
+    wander = drives.wander * np.interp(time, knots, rng.normal(size=len(knots)))
     voltage = 8.2 + wander - drives.resistance * current - 1e-4 * time
     return Truth(time, strokes, np.array(torque), np.array(rate), current, voltage)
 

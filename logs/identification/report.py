@@ -1,0 +1,198 @@
+"""`wingbeat identify`: what a log gives, as numbers, as a table for people and as a JSON document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from logs.identification.data import Aircraft
+from logs.identification.flight import ColumnSource, drive_data, flight_data, true_drive_data
+from logs.identification.results import Estimate, Unidentified
+from logs.identification.servo import ServoModel, ServoResult, identify_power, identify_torque, power_truth
+from logs.identification.short_period import Mode, ModesResult, identify_modes
+
+SUBJECTS = ("servo", "power", "modes", "all")
+
+
+class Identification(NamedTuple):
+    """What was identified from one log; None for what was not asked for or not to be had."""
+
+    torque: ServoModel | None
+    """Gerdes Eq. 11"""
+    power: ServoModel | None
+    """Gerdes Eq. 12"""
+    modes: ModesResult | None
+    """short period"""
+    missing: tuple[Unidentified, ...]
+    """what the log does not give, and why"""
+    truths: Mapping[str, float]
+    """true values by an estimate's name, where they are known (`power.` before those of Eq. 12)"""
+
+
+class Row(NamedTuple):
+    """One line of the report."""
+
+    subject: str
+    name: str
+    unit: str
+    estimate: Estimate | None
+    truth: float | None
+    note: str
+
+
+def servo_truth(source: ColumnSource, measured: ServoModel) -> dict[str, float]:
+    """Coefficients of Gerdes Eq. 12 from the world's noise-free topics, the same regression as ``measured``.
+
+    Raises:
+        BadInput: the log has no truth.
+    """
+    return power_truth(true_drive_data(source), measured)
+
+
+def identify(
+    source: ColumnSource,
+    what: str = "all",
+    aircraft: Aircraft | None = None,
+    truths: Mapping[str, float] | None = None,
+) -> Identification:
+    """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log.
+
+    ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
+    Those of the power model are taken from the log itself where it is of a simulated flight.
+
+    Raises:
+        BadInput: unknown subject, or the log gives nothing of what was asked for.
+    """
+    if what not in SUBJECTS:
+        raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
+    known, aircraft = dict(truths or {}), aircraft or Aircraft()
+    missing: list[Unidentified] = []
+    torque = power = modes = None
+    if what in ("servo", "power", "all"):
+        servo = _attempt(lambda: _servo(source, what, aircraft), "servo model", missing)
+        torque, power = servo or ServoResult(None, None)
+    if power is not None:
+        known |= _power_truths(source, power)
+    if what in ("modes", "all"):
+        modes = _attempt(lambda: identify_modes(flight_data(source), aircraft), "short period", missing)
+    if torque is None and power is None and modes is None:
+        raise BadInput("; ".join(entry.reason for entry in missing))
+    return Identification(torque, power, modes, tuple(missing), known)
+
+
+def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:
+    try:
+        return work()
+    except BadInput as error:
+        missing.append(Unidentified(name, str(error)))
+        return None
+
+
+def _servo(source: ColumnSource, what: str, aircraft: Aircraft) -> ServoResult:
+    data = drive_data(source)
+    torque = None if what == "power" else identify_torque(data)
+    return ServoResult(torque, identify_power(data, aircraft.centre_current, aircraft.centre_voltage))
+
+
+def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
+    try:
+        truth = servo_truth(source, power)
+    except BadInput:
+        return {}  # a log of a real flight has no truth to compare with
+    return {f"power.{name}": value for name, value in truth.items()}
+
+
+def rows(result: Identification) -> tuple[Row, ...]:
+    """The report, line by line: every number with its truth where known, every refusal with its reason."""
+    table: list[Row] = []
+    for subject, model, prefix in (("servo torque", result.torque, ""), ("servo power", result.power, "power.")):
+        if model is not None:
+            table += _estimate_rows(subject, model.estimates, result.truths, prefix)
+            table += _refusals(subject, model.unidentified)
+    for mode in result.modes.modes if result.modes else ():
+        found = [e for e in (mode.frequency, mode.damping) if e is not None]
+        table += _estimate_rows(mode.method, (*found, *mode.time_constants), result.truths, "")
+        table += _refusals(mode.method, mode.unidentified)
+    if result.modes:
+        table.append(Row("short period", "agreement", "", None, None, result.modes.statement))
+    return (*table, *_refusals("", result.missing))
+
+
+def _estimate_rows(subject: str, found: Iterable[Estimate], truths: Mapping[str, float], prefix: str) -> list[Row]:
+    return [Row(subject, e.name, e.unit, e, truths.get(prefix + e.name), "") for e in found]
+
+
+def _refusals(subject: str, refused: Iterable[Unidentified]) -> list[Row]:
+    return [
+        Row(subject or entry.name, entry.name, "", None, None, f"not identified: {entry.reason}") for entry in refused
+    ]
+
+
+def text(result: Identification) -> str:
+    """The report as lines of a table."""
+    lines = [f"{'':32} {'':24} {'value':>10} {'95 % interval':>23} {'true':>10}  unit"]
+    for row in rows(result):
+        head = f"{row.subject:32} {row.name:24}"
+        if row.estimate is None:
+            lines.append(f"{head} {row.note}")
+            continue
+        number = row.estimate
+        truth = "" if row.truth is None else f"{row.truth:.4g}"
+        interval = f"{number.low:.4g} to {number.high:.4g}"
+        lines.append(f"{head} {number.value:10.4g} {interval:>23} {truth:>10}  {row.unit}")
+    return "\n".join(lines)
+
+
+def document(result: Identification) -> dict[str, Any]:
+    """The report as a JSON document: `torque`, `power`, `modes`, `missing`; a number that is not finite is null."""
+    return {
+        "torque": None if result.torque is None else _model(result.torque, result.truths, ""),
+        "power": None if result.power is None else _model(result.power, result.truths, "power."),
+        "modes": None if result.modes is None else _modes(result.modes, result.truths),
+        "missing": [entry._asdict() for entry in result.missing],
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _estimate(found: Estimate, truths: Mapping[str, float], prefix: str = "") -> dict[str, Any]:
+    entry = {key: value if isinstance(value, str) else _number(value) for key, value in found._asdict().items()}
+    return entry | {"truth": truths.get(prefix + found.name)}
+
+
+def _model(model: ServoModel, truths: Mapping[str, float], prefix: str) -> dict[str, Any]:
+    return {
+        "estimates": [_estimate(found, truths, prefix) for found in model.estimates],
+        "unidentified": [entry._asdict() for entry in model.unidentified],
+        "centre_current": model.centre_current,
+        "centre_voltage": model.centre_voltage,
+        "residual": _number(model.residual),
+        "samples": model.samples,
+    }
+
+
+def _modes(result: ModesResult, truths: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "methods": [_mode(mode, truths) for mode in result.modes],
+        "agree": result.agree,
+        "statement": result.statement,
+        "manoeuvres": result.manoeuvres,
+        "wing_period": result.wing_period,
+        "reference": {key: float(value) for key, value in result.reference._asdict().items()},
+    }
+
+
+def _mode(mode: Mode, truths: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "method": mode.method,
+        "frequency": None if mode.frequency is None else _estimate(mode.frequency, truths),
+        "damping": None if mode.damping is None else _estimate(mode.damping, truths),
+        "time_constants": [_estimate(found, truths) for found in mode.time_constants],
+        "eigenvalues": [[root.real, root.imag] for root in mode.eigenvalues],
+        "derivatives": [_estimate(found, truths) for found in mode.derivatives],
+        "unidentified": [entry._asdict() for entry in mode.unidentified],
+    }
