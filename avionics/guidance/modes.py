@@ -6,6 +6,7 @@ to the ground. Every refusal has a reason, said as a `Notice`.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from avionics.messages import Failsafe, Mode, Severity, Stage
@@ -254,11 +255,17 @@ def present(gains: Gains, state: State, seen: Conditions) -> int:
     outside = seen.home_distance > gains.fence_radius or seen.altitude > gains.fence_altitude
     return (
         (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
-        | (Failsafe.GPS_LOST if seen.fix_age > gains.gps_loss_delay else 0)
+        | (Failsafe.GPS_LOST if _position_missed(gains, state, seen) else 0)
         | (Failsafe.BATTERY_LOW if seen.battery < gains.battery_return else 0)
         | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
         | (Failsafe.FENCE if outside else 0)
     )
+
+
+def _position_missed(gains: Gains, state: State, seen: Conditions) -> bool:
+    """A position that was there is gone; without a first fix only a guided flight misses it."""
+    never = math.isinf(seen.fix_age)
+    return seen.fix_age > gains.gps_loss_delay and (not never or (state.armed == 1 and state.mode in GUIDED))
 
 
 REASONS = {

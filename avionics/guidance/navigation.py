@@ -39,6 +39,8 @@ class Gains(NamedTuple):
     """m; of the straight line down to the landing place"""
     approach_altitude: Annotated[float, Quantity("m", 2.0, 300.0)]
     """m; at which that line begins"""
+    approach_margin: Annotated[float, Quantity("m", 0.1, 100.0)]
+    """m; above the head of the line from which it may be begun; from higher a circle is flown there first"""
     flare_altitude: Annotated[float, Quantity("m", 0.0, 30.0)]
     """m; below which the nose is raised and the flapping reduced"""
     flare_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
@@ -81,7 +83,7 @@ class State(NamedTuple):
     touch_east: float = 0.0
     """m; landing place"""
     arrived: int = 0
-    """-; 1 once home was reached on a return"""
+    """-; 1 once home was reached on a return, or the head of the approach on a landing"""
     excitations: int = 0
     """-; excitations that were finished when the item began"""
     extra: Excitation | None = None
@@ -178,10 +180,8 @@ def circle_course(radius: float, lookahead: float, north: float, east: float) ->
 
 
 def _take_off(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
-    """Straight ahead, climbing; before the launch the heading follows the nose."""
-    if seen.stage == Stage.WAIT_LAUNCH:
-        state = state._replace(heading=seen.heading, from_north=seen.north, from_east=seen.east)
-    done = seen.stage != Stage.WAIT_LAUNCH and seen.altitude >= item.altitude - gains.capture_altitude
+    """Straight ahead on the heading of the launch, climbing."""
+    done = seen.altitude >= item.altitude - gains.capture_altitude
     return state, Target(Stage.CLIMB_OUT, item.altitude, state.heading), done
 
 
@@ -249,11 +249,25 @@ def _to_approach(gains: Gains, state: State, item: MissionItem, seen: Situation)
         item.east - gains.approach_length * math.sin(item.heading),
     )
     line = leg((state.from_north, state.from_east), head, (seen.north, seen.east))
-    if not seen.valid or reached(line, gains.acceptance):
-        state = state._replace(final=1, touch_north=item.north, touch_east=item.east)
-    course = course_to_leg(line, gains.lookahead) if seen.valid else state.heading
     distance = math.hypot(item.north - seen.north, item.east - seen.east)
+    low = seen.altitude <= gains.approach_altitude + gains.approach_margin
+    if state.arrived:
+        course = _circle_at_head(gains, head, item.heading, seen)
+        aligned = abs(wrap(item.heading - seen.heading)) <= gains.capture_heading
+    else:
+        course, aligned = course_to_leg(line, gains.lookahead), True
+        state = state._replace(arrived=int(reached(line, gains.acceptance)))
+    if not seen.valid or (state.arrived and low and aligned):
+        state = state._replace(final=1, touch_north=item.north, touch_east=item.east)
+    course = course if seen.valid else state.heading
     return state, Target(Stage.APPROACH, gains.approach_altitude, course, distance, line.cross)
+
+
+def _circle_at_head(gains: Gains, head: tuple[float, float], heading: float, seen: Situation) -> float:
+    """Course of a clockwise circle that touches the approach line at its head: to lose altitude on."""
+    north = head[0] - gains.loiter_radius * math.sin(heading)
+    east = head[1] + gains.loiter_radius * math.cos(heading)
+    return circle_course(gains.loiter_radius, gains.lookahead, seen.north - north, seen.east - east)
 
 
 def _down_the_line(gains: Gains, state: State, heading: float, seen: Situation) -> tuple[State, Target]:
@@ -346,11 +360,11 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
         return _extra_excitation(gains, state, dt, seen)
     if state.item >= len(mission):
         return _going_home(gains, state, dt, seen)
-    if not state.begun:
+    if not state.begun or seen.stage == Stage.WAIT_LAUNCH:
         state = _begin_keeping_setpoints(state, mission, seen)
     item = mission[state.item]
     state, target, done = ITEMS[item.kind](gains, state, dt, item, seen)
-    if done:
+    if done and seen.stage != Stage.WAIT_LAUNCH:
         state = state._replace(heading=target.heading, altitude=target.altitude, begun=0, item=state.item + 1)
     return state, target
 

@@ -7,6 +7,7 @@ Two kinds of drive: "servo" (one position servo a wing follows a commanded sine 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Annotated, NamedTuple
 
 from avionics.limits import TWO_PI, between_points, clip, slew
@@ -78,7 +79,7 @@ def check(gains: Gains) -> Gains:
         raise BadInput(
             "flapping.throttle_points and flapping.frequency_points must be lists of equal length, 2 or more"
         )
-    if any(later <= earlier for earlier, later in zip(points, points[1:], strict=False)):
+    if any(later <= earlier for earlier, later in pairwise(points)):
         raise BadInput("flapping.throttle_points must rise")
     return gains
 

@@ -49,6 +49,8 @@ class Asked(NamedTuple):
     """rad; of an excitation"""
     added_rudder: float
     """rad; of an excitation"""
+    exciting: int
+    """-; 1 while an excitation runs"""
 
 
 class Tail(NamedTuple):
@@ -77,7 +79,7 @@ def step(gains: Gains, state: State, dt: float, asked: Asked) -> tuple[State, Ta
         elevator,
         rudder,
         gains.asymmetry_share * asked.roll_command,
-        elevator - asked.elevator if asked.added_elevator else 0.0,
+        elevator - asked.elevator if asked.exciting else 0.0,
         rudder - rudder_alone if asked.added_rudder else 0.0,
     )
     return State(elevator, rudder), tail

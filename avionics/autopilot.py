@@ -1,0 +1,86 @@
+"""The flight computer: one step per sensor frame."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+from avionics import snapshot, timebase
+from avionics.guidance.mission import Mission
+from avionics.inputs import Publish, receive
+from avionics.messages import ActuatorCommand, Command, PilotInput, SensorFrame
+from avionics.missions import check_mission
+from avionics.processors import SCHEDULE, Due, run
+from avionics.quantities import BadInput
+from avionics.state import AutopilotState, initial_state
+from avionics.tasks import accept, refuse_time
+from avionics.vehicles import FlightVehicle
+
+
+class Autopilot:
+    """Sensor frames and commands in, actuator commands out; deterministic, without a clock of its own.
+
+    The whole memory is ``state``; what it says goes to ``publish`` at the rate of its topic.
+    """
+
+    def __init__(
+        self,
+        vehicle: FlightVehicle,
+        mission: Mission,
+        publish: Publish,
+        schedule: tuple[Due, ...] = SCHEDULE,
+    ) -> None:
+        """Start disarmed, in MANUAL, before the first frame.
+
+        Args:
+            vehicle: its gains, from `avionics.vehicles.load_vehicle`.
+            mission: what AUTO flies; may be empty.
+            publish: called with a topic and its message.
+            schedule: what is due in each tick; `processors.Stopwatch.schedule` measures run times.
+
+        Raises:
+            BadInput: the mission cannot be flown.
+        """
+        refusal = check_mission(mission)
+        if refusal:
+            raise BadInput(refusal)
+        self.vehicle = vehicle
+        self._publish = publish
+        self._schedule = schedule
+        self._state = initial_state(vehicle.gains, mission)
+
+    def step(self, frame: SensorFrame, commands: Sequence[Command | PilotInput] = ()) -> ActuatorCommand:
+        """One tick: sense, estimate, guide, stabilize, mix, report."""
+        s, publish = self._state, self._publish
+        if frame.time_us <= s.clock.time_us:
+            receive(s, publish, commands)
+            return refuse_time(s, publish, frame)
+        s.clock = timebase.advance(s.clock, frame.time_us)
+        receive(s, publish, commands)
+        accept(s, publish, frame)
+
+        sense, estimate, guide, stabilize, mix, report = self._schedule[s.clock.ticks % len(self._schedule)]
+        run(sense, s, publish)
+        run(estimate, s, publish)
+        run(guide, s, publish)
+        run(stabilize, s, publish)
+        run(mix, s, publish)
+        run(report, s, publish)
+        return s.actuators
+
+    @property
+    def state(self) -> AutopilotState:
+        """A copy of the whole memory; its parts are immutable."""
+        return copy.copy(self._state)
+
+    def snapshot(self) -> str:
+        """The whole memory as JSON text, exact."""
+        return snapshot.encode(self._state)
+
+    def restore(self, text: str) -> None:
+        """Continue from a `snapshot`; the next steps are bit for bit those of the flight it was taken from.
+
+        Raises:
+            BadInput: not a snapshot of this flight computer; the present memory is kept.
+        """
+        self._state = snapshot.decode(AutopilotState, text)

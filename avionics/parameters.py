@@ -1,0 +1,239 @@
+"""Every numeric gain of a vehicle as a parameter: a stable name of at most 16 characters, a range, a unit.
+
+The name is the section's prefix and the gain's name, its words shortened by ``WORDS`` and then letter by letter
+until it fits: ``pitch.proportional`` is PITCH_P. Names must not change once flown: logs and ground stations
+know them.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from avionics.limits import clip
+from avionics.mixing import flapping
+from avionics.quantities import BadInput, Quantity
+from avionics.vehicles.gains import FlightGains
+
+LONGEST_NAME = 16
+"""characters of a MAVLink parameter name"""
+
+PREFIXES = {
+    "plausibility": "SENS",
+    "ahrs": "AHRS",
+    "wing_angle": "WING",
+    "power": "PWR",
+    "air_data": "AIR",
+    "torque": "TRQ",
+    "altitude_filter": "AFIL",
+    "position_filter": "PFIL",
+    "modes": "MODE",
+    "navigation": "NAV",
+    "altitude": "ALT",
+    "heading": "HDG",
+    "excitation": "EXC",
+    "pitch": "PITCH",
+    "roll": "ROLL",
+    "flapping": "FLAP",
+    "tail": "TAIL",
+}
+WORDS = {
+    "proportional": "P",
+    "integral": "I",
+    "damping": "D",
+    "altitude": "ALT",
+    "approach": "APP",
+    "throttle": "THR",
+    "elevator": "ELEV",
+    "frequency": "FREQ",
+    "airspeed": "ASPD",
+    "acceleration": "ACC",
+    "touchdown": "TD",
+    "battery": "BAT",
+    "heading": "HDG",
+    "capture": "CAP",
+    "tolerance": "TOL",
+    "variance": "VAR",
+    "voltage": "VOLT",
+    "current": "CURR",
+    "static": "STAT",
+    "differential": "DIFF",
+    "temperature": "TEMP",
+    "offset": "OFS",
+    "counts": "CNT",
+    "noise": "NSE",
+    "delay": "DLY",
+    "limit": "LIM",
+    "radius": "RAD",
+    "share": "SHR",
+    "launch": "LCH",
+    "loss": "LOSS",
+    "sensitivity": "SENS",
+    "reference": "REF",
+    "pressure": "PRES",
+    "position": "POS",
+    "velocity": "VEL",
+    "patience": "PAT",
+    "flapping": "FLAP",
+    "amplitude": "AMP",
+    "encoder": "ENC",
+    "speed": "SPD",
+    "stick": "STK",
+    "width": "WID",
+    "climb": "CLMB",
+    "trim": "TRIM",
+    "asymmetry": "ASYM",
+    "rudder": "RUD",
+    "least": "MIN",
+    "points": "PT",
+}
+
+
+class Parameter(NamedTuple):
+    """One number of the gains, as a ground station sees it."""
+
+    name: str
+    """-; at most 16 characters, unique, stable"""
+    section: str
+    """-; of the vehicle file"""
+    key: str
+    """-; in the section"""
+    place: int
+    """-; in a list, -1 for a single number"""
+    unit: str
+    """-; of the value"""
+    low: float
+    """least allowed value"""
+    high: float
+    """greatest allowed value"""
+    whole: bool
+    """whether only whole numbers are allowed"""
+    text: str
+    """one line about it"""
+
+
+class Change(NamedTuple):
+    """The answer to a wish to set a parameter."""
+
+    gains: FlightGains
+    """the gains that hold now"""
+    value: float
+    """the value that holds now"""
+    accepted: bool
+    """False when nothing was changed"""
+    text: str
+    """one line for people"""
+
+
+def short_name(section: str, key: str, index: int = -1) -> str:
+    """The parameter's name: prefix, the key's words shortened until it fits, the place in a list from 1."""
+    tail = "" if index < 0 else f"_{index + 1}"
+    room = LONGEST_NAME - len(PREFIXES[section]) - 1 - len(tail)
+    words = [WORDS.get(word, word.upper()) for word in key.split("_")]
+    while len("_".join(words)) > room:
+        longest = max(range(len(words)), key=lambda i: len(words[i]))
+        words[longest] = words[longest][:-1]
+    return f"{PREFIXES[section]}_{'_'.join(words)}{tail}"
+
+
+def parameter_table(gains: FlightGains) -> dict[str, Parameter]:
+    """All parameters of ``gains`` by name, in the order of the vehicle file.
+
+    Raises:
+        ValueError: two gains would have the same name.
+    """
+    table: dict[str, Parameter] = {}
+    for section in gains._fields:
+        for parameter in _section_parameters(section, getattr(gains, section)):
+            if parameter.name in table:
+                raise ValueError(f"two gains are called {parameter.name}")
+            table[parameter.name] = parameter
+    return table
+
+
+def _section_parameters(section: str, gains: Any) -> list[Parameter]:
+    found: list[Parameter] = []
+    for key, hint in get_type_hints(type(gains), include_extras=True).items():
+        base, quantity = _numeric(hint)
+        if base is None:
+            continue
+        value = getattr(gains, key)
+        places = range(len(value)) if isinstance(value, tuple) else (-1,)
+        text = f"{section}.{key}"
+        found += [
+            Parameter(
+                short_name(section, key, i),
+                section,
+                key,
+                i,
+                quantity.unit,
+                quantity.low,
+                quantity.high,
+                base is int,
+                text,
+            )
+            for i in places
+        ]
+    return found
+
+
+def _numeric(hint: Any) -> tuple[type[Any] | None, Quantity]:
+    """The number type behind a field's hint (None for text and switches) and its quantity."""
+    base, quantity = hint, Quantity("-")
+    if hasattr(hint, "__metadata__"):
+        base = get_args(hint)[0]
+        quantity = next((extra for extra in hint.__metadata__ if isinstance(extra, Quantity)), quantity)
+    if get_origin(base) is tuple:
+        base = get_args(base)[0]
+        if hasattr(base, "__metadata__"):
+            return _numeric(base)
+    return (base if base in (int, float) else None), quantity
+
+
+def get(gains: FlightGains, parameter: Parameter) -> float:
+    """Value of ``parameter`` in ``gains``."""
+    value = getattr(getattr(gains, parameter.section), parameter.key)
+    return float(value if parameter.place < 0 else value[parameter.place])
+
+
+def single(value: float) -> float:
+    """The nearest number a 32-bit float can hold: what a MAVLink parameter message carries back."""
+    if not abs(value) < 3.4e38:
+        return value
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value: float) -> Change:
+    """New gains with ``name`` set to ``value``, clipped to its range and rounded to what the wire can say.
+
+    An unknown name or a value that is not a number changes nothing; the text of the `Change` says so.
+    """
+    parameter = table.get(name)
+    if parameter is None:
+        return Change(gains, 0.0, False, f"unknown parameter {name}")
+    if math.isnan(value):
+        return Change(gains, get(gains, parameter), False, f"{name} refused: not a number")
+    held = single(clip(single(value), single(parameter.low), single(parameter.high)))
+    if parameter.whole:
+        held = float(round(held))
+    changed = _replaced(gains, parameter, held)
+    try:
+        flapping.check(changed.flapping)
+    except BadInput as error:
+        return Change(gains, get(gains, parameter), False, f"{name} refused: {error}")
+    unit = f" {parameter.unit}" if parameter.unit != "-" else ""
+    if held == single(value):
+        return Change(changed, held, True, f"{name} = {held:g}{unit}")
+    bounds = "a whole number" if parameter.whole else f"{parameter.low:g} to {parameter.high:g}{unit}"
+    return Change(changed, held, True, f"{name} = {held:g}{unit}: {value:g} is not in its range, {bounds}")
+
+
+def _replaced(gains: FlightGains, parameter: Parameter, value: float) -> FlightGains:
+    section = getattr(gains, parameter.section)
+    number: float | int = int(value) if parameter.whole else value
+    if parameter.place < 0:
+        return gains._replace(**{parameter.section: section._replace(**{parameter.key: number})})
+    values = list(getattr(section, parameter.key))
+    values[parameter.place] = number
+    return gains._replace(**{parameter.section: section._replace(**{parameter.key: tuple(values)})})

@@ -1,0 +1,199 @@
+"""The four processors of the flight computer as tables of tasks with rates, and what is due in each tick.
+
+The division is that of the Robo Raven II suite (Gerdes 2017, Fig. 1): one microcontroller for attitude, one for
+the power ADC, one for everything else, one for the log. Here they share one thread; each task still belongs to
+one of them, runs at its rate, and is timed with it. To add a task: write it in `tasks`, enter it in a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from itertools import groupby
+from math import lcm
+from typing import Any, NamedTuple
+
+from avionics import tasks, topics
+from avionics.messages import TaskTiming
+from avionics.state import AutopilotState
+from avionics.timebase import BASE_RATE
+from avionics.topics import Topic
+
+Publish = Callable[[Topic, Any], None]
+Run = Callable[[AutopilotState, Publish], None]
+
+
+class Part(IntEnum):
+    """The parts of a tick, in their order."""
+
+    SENSE = 0
+    ESTIMATE = 1
+    GUIDE = 2
+    STABILIZE = 3
+    MIX = 4
+    REPORT = 5
+
+
+class Processor(IntEnum):
+    """The processors, as numbered in `TaskTiming`."""
+
+    ATTITUDE = 0
+    POWER = 1
+    MAIN = 2
+    LOGGER = 3
+
+
+class Task(NamedTuple):
+    """One row of a processor's table."""
+
+    part: Part
+    """-; when in the tick it runs"""
+    rate: float
+    """Hz; divides the base rate. A task of a slow sensor runs in every tick and returns when there is no sample"""
+    run: Run
+    """the task"""
+
+
+ATTITUDE = (
+    Task(Part.ESTIMATE, 200.0, tasks.attitude),
+)  # fmt: skip
+POWER = (
+    Task(Part.SENSE, 200.0, tasks.power),
+)  # fmt: skip
+MAIN = (
+    Task(Part.SENSE, 200.0, tasks.wing),
+    Task(Part.SENSE, 200.0, tasks.air),
+    Task(Part.SENSE, 200.0, tasks.torque),
+    Task(Part.ESTIMATE, 200.0, tasks.altitude),
+    Task(Part.ESTIMATE, 200.0, tasks.position),
+    Task(Part.GUIDE, 50.0, tasks.modes),
+    Task(Part.GUIDE, 20.0, tasks.navigation),
+    Task(Part.GUIDE, 100.0, tasks.excitation),
+    Task(Part.GUIDE, 50.0, tasks.vertical),
+    Task(Part.GUIDE, 50.0, tasks.lateral),
+    Task(Part.STABILIZE, 100.0, tasks.pitch),
+    Task(Part.STABILIZE, 100.0, tasks.roll),
+    Task(Part.MIX, 200.0, tasks.mix),
+)  # fmt: skip
+LOGGER = (
+    Task(Part.REPORT, 100.0, tasks.report_excitation),
+    Task(Part.REPORT, 1.0, tasks.report_health),
+    Task(Part.REPORT, 0.1, tasks.report_snapshot),
+)  # fmt: skip
+PROCESSORS: dict[Processor, tuple[Task, ...]] = {
+    Processor.ATTITUDE: ATTITUDE,
+    Processor.POWER: POWER,
+    Processor.MAIN: MAIN,
+    Processor.LOGGER: LOGGER,
+}
+
+Runs = tuple[Run, ...]
+
+
+class Due(NamedTuple):
+    """The tasks due in one tick, by part, in the order of the tables."""
+
+    sense: Runs
+    estimate: Runs
+    guide: Runs
+    stabilize: Runs
+    mix: Runs
+    report: Runs
+
+
+Row = tuple[Processor, Task]
+Group = Callable[[Sequence[Row]], Runs]
+
+
+def plain(rows: Sequence[Row]) -> Runs:
+    """The tasks of one part, untimed."""
+    return tuple(task.run for _, task in rows)
+
+
+def build_schedule(processors: dict[Processor, tuple[Task, ...]], group: Group = plain) -> tuple[Due, ...]:
+    """What is due in each tick of the pattern, which repeats after the schedule's length.
+
+    Raises:
+        ValueError: a rate that does not divide the base rate.
+    """
+    rows = [(processor, task) for processor, table in processors.items() for task in table]
+    dividers = {task.rate: BASE_RATE / task.rate for _, task in rows}
+    if any(divider != round(divider) or divider < 1 for divider in dividers.values()):
+        raise ValueError(f"task rates must divide {BASE_RATE} Hz")
+    made: dict[frozenset[float], Due] = {}
+    schedule = []
+    for tick in range(lcm(*(round(divider) for divider in dividers.values()))):
+        rates = frozenset(rate for rate, divider in dividers.items() if tick % round(divider) == 0)
+        if rates not in made:
+            made[rates] = _due([row for row in rows if row[1].rate in rates], group)
+        schedule.append(made[rates])
+    return tuple(schedule)
+
+
+def _due(rows: list[Row], group: Group) -> Due:
+    return Due(*(group([row for row in rows if row[1].part == part]) for part in Part))
+
+
+SCHEDULE = build_schedule(PROCESSORS)
+
+
+def run(due: Runs, s: AutopilotState, publish: Publish) -> None:
+    """Run tasks in their order."""
+    for task in due:
+        task(s, publish)
+
+
+class Stopwatch:
+    """Measures the run times of the processors for the board, outside the deterministic core.
+
+    Give `schedule` to the `Autopilot` and call `tick` after each of its steps; once a second of sensor time
+    it publishes one `TaskTiming` for each processor.
+    """
+
+    def __init__(self, clock_ns: Callable[[], int]) -> None:
+        """Take the clock, for example ``time.perf_counter_ns``."""
+        self._clock = clock_ns
+        self._spent = [0] * len(Processor)
+        self._total = [0] * len(Processor)
+        self._worst = [0] * len(Processor)
+        self._overruns = [0] * len(Processor)
+        self._ticks = 0
+        self._began_us = -1
+        self.schedule = build_schedule(PROCESSORS, self._timed)
+
+    def _timed(self, rows: Sequence[Row]) -> Runs:
+        """Neighbouring tasks of one processor are timed together."""
+        neighbours = groupby(rows, key=lambda row: row[0])
+        return tuple(self._around(processor, plain(list(group))) for processor, group in neighbours)
+
+    def _around(self, processor: Processor, runs: Runs) -> Run:
+        clock, spent, index = self._clock, self._spent, int(processor)
+
+        def timed(s: AutopilotState, publish: Publish) -> None:
+            began = clock()
+            for task in runs:
+                task(s, publish)
+            spent[index] += clock() - began
+
+        return timed
+
+    def tick(self, time_us: int, publish: Publish) -> None:
+        """Close the tick; publish and start anew when a second of sensor time has passed."""
+        period_ns = 1_000_000_000 // BASE_RATE
+        for i, spent in enumerate(self._spent):
+            self._total[i] += spent
+            self._worst[i] = max(self._worst[i], spent)
+            self._overruns[i] += spent > period_ns
+            self._spent[i] = 0
+        self._ticks += 1
+        if self._began_us < 0:
+            self._began_us = time_us
+        if time_us - self._began_us >= 1_000_000:
+            self._publish(time_us, publish)
+
+    def _publish(self, time_us: int, publish: Publish) -> None:
+        for i in range(len(Processor)):
+            mean, worst = self._total[i] / self._ticks * 1e-3, self._worst[i] * 1e-3
+            publish(topics.TIMING, TaskTiming(time_us, i, mean, worst, self._overruns[i]))
+            self._total[i] = self._worst[i] = self._overruns[i] = 0
+        self._ticks, self._began_us = 0, time_us

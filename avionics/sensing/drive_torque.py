@@ -1,0 +1,28 @@
+"""Torque of the wing drives from the counts of the strain gauges (instrumented vehicles only)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.messages import DriveTorque, TorqueSample
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """Calibration of the gauges."""
+
+    scale: Annotated[float, Quantity("N m", 1e-7, 10.0)]
+    """N m; of one count"""
+    zero_left: Annotated[float, Quantity("counts", -1e6, 1e6)]
+    """counts; of the left drive without load"""
+    zero_right: Annotated[float, Quantity("counts", -1e6, 1e6)]
+    """counts; of the right drive without load"""
+
+
+def step(gains: Gains, sample: TorqueSample) -> DriveTorque:
+    """Torques of one sample, positive when they drive the wing up; nothing to remember."""
+    return DriveTorque(
+        sample.time_us,
+        (sample.left_counts - gains.zero_left) * gains.scale,
+        (sample.right_counts - gains.zero_right) * gains.scale,
+    )

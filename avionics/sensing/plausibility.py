@@ -1,0 +1,184 @@
+"""Refuses sensor samples that cannot be: not finite, outside the sensor's range, or older than the last one.
+
+What is refused is counted, said once per sensor while it lasts, and replaced by nothing: the modules that
+need the sample keep the last good one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """Ranges of the sensors, a little beyond what they can say."""
+
+    accel_max: Annotated[float, Quantity("m/s^2", 10.0, 2000.0)]
+    """m/s^2; per axis"""
+    gyro_max: Annotated[float, Quantity("rad/s", 1.0, 100.0)]
+    """rad/s; per axis"""
+    mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)]
+    """gauss; per axis"""
+    counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)]
+    """counts; of pressures, ADC and strain gauges"""
+    encoder_jump: Annotated[float, Quantity("counts", 1.0, 1000000.0)]
+    """counts; greatest change of an encoder between samples"""
+    gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)]
+    """m/s; per axis"""
+    fault_time: Annotated[float, Quantity("s", 0.01, 10.0)]
+    """s; without a good IMU sample before it is a fault"""
+
+
+class State(NamedTuple):
+    """What the check remembers."""
+
+    rejected: int = 0
+    """-; samples refused since boot"""
+    bad: int = 0
+    """-; flags of the sensors (see `SENSORS`) whose last sample was refused"""
+    imu_time_us: int = -1
+    """us; of the last good IMU sample, -1 before the first"""
+    encoder: tuple[int, int] | None = None
+    """counts; last good left and right"""
+    encoder_refused: int = 0
+    """-; encoder samples refused in a row"""
+    gps_time_us: int = -1
+    """us; of the last good fix with a position, -1 before the first"""
+    time_refused: int = 0
+    """-; 1 while frames are refused because their time does not rise"""
+
+
+SENSORS = ("IMU", "encoder", "pressures", "ADC", "torque", "GPS")
+ENCODER_PATIENCE = 20
+"""refused samples in a row after which a jump of the counts is believed: the counter was reset"""
+
+
+def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
+    """Whether all nine values are finite and in range (a NaN fails every comparison)."""
+    _, ax, ay, az, p, q, r, mx, my, mz = imu
+    a, g, m = gains.accel_max, gains.gyro_max, gains.mag_max
+    return (
+        -a <= ax <= a and -a <= ay <= a and -a <= az <= a
+        and -g <= p <= g and -g <= q <= g and -g <= r <= g
+        and -m <= mx <= m and -m <= my <= m and -m <= mz <= m
+    )  # fmt: skip
+
+
+def pressures_plausible(gains: Gains, sample: PressureSample) -> bool:
+    """Whether the counts are in range."""
+    high = gains.counts_max
+    return all(-high <= counts <= high for counts in sample[1:])
+
+
+def adc_plausible(gains: Gains, burst: AdcBurst) -> bool:
+    """Whether the burst has samples and all counts are in range."""
+    voltage, current = burst.voltage_counts, burst.current_counts
+    if not voltage or len(voltage) != len(current):
+        return False
+    high = gains.counts_max
+    return min(voltage) >= 0 and max(voltage) <= high and min(current) >= 0 and max(current) <= high
+
+
+def torque_plausible(gains: Gains, sample: TorqueSample) -> bool:
+    """Whether the counts are in range."""
+    high = gains.counts_max
+    return -high <= sample.left_counts <= high and -high <= sample.right_counts <= high
+
+
+def gps_plausible(gains: Gains, fix: GpsFix) -> bool:
+    """Whether place, velocity and accuracy are finite and possible."""
+    v = gains.gps_speed_max
+    return (
+        abs(fix.latitude) <= 0.5 * math.pi
+        and abs(fix.longitude) <= math.pi
+        and abs(fix.altitude) <= 1e5
+        and -v <= fix.v_north <= v
+        and -v <= fix.v_east <= v
+        and -v <= fix.v_down <= v
+        and 0.0 <= fix.horizontal_accuracy < math.inf
+        and 0.0 <= fix.vertical_accuracy < math.inf
+    )
+
+
+def encoder_plausible(gains: Gains, state: State, sample: EncoderSample) -> bool:
+    """Whether the counts moved no further than a wing can, or have jumped for good."""
+    if state.encoder is None or state.encoder_refused >= ENCODER_PATIENCE:
+        return True
+    jump = gains.encoder_jump
+    left, right = state.encoder
+    return abs(sample.left_counts - left) <= jump and abs(sample.right_counts - right) <= jump
+
+
+def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorFrame, tuple[str, ...]]:
+    """Check one frame.
+
+    Returns the new state, the frame with refused samples taken out (a refused IMU sample stays in it, bit 0 of
+    `State.bad` tells), and the names of the sensors that have just gone bad.
+    """
+    bad = 0 if imu_plausible(gains, frame.imu) else 1
+    encoder, pressures, adc, torque, gps = frame.encoder, frame.pressures, frame.adc, frame.torque, frame.gps
+    if encoder is not None:
+        bad |= 0 if encoder_plausible(gains, state, encoder) else 2
+    if pressures is not None:
+        bad |= 0 if pressures_plausible(gains, pressures) else 4
+    if adc is not None:
+        bad |= 0 if adc_plausible(gains, adc) else 8
+    if torque is not None:
+        bad |= 0 if torque_plausible(gains, torque) else 16
+    if gps is not None:
+        bad |= 0 if gps_plausible(gains, gps) else 32
+    if bad:
+        return _refuse(state, frame, bad)
+    return _accept(state, frame, 0), frame, ()
+
+
+def refuse_time(state: State) -> State:
+    """A whole frame whose time does not rise was refused."""
+    return state._replace(rejected=state.rejected + 1, time_refused=1)
+
+
+def imu_age(state: State, time_us: int) -> float:
+    """Seconds since the last good IMU sample; infinite before the first."""
+    return math.inf if state.imu_time_us < 0 else (time_us - state.imu_time_us) * 1e-6
+
+
+def gps_age(state: State, time_us: int) -> float:
+    """Seconds since the last good fix with a position; infinite before the first."""
+    return math.inf if state.gps_time_us < 0 else (time_us - state.gps_time_us) * 1e-6
+
+
+def _accept(state: State, frame: SensorFrame, bad: int) -> State:
+    """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
+    encoder, gps = frame.encoder, frame.gps
+    sampled = 1 | (2 if encoder else 0) | (4 if frame.pressures else 0)
+    sampled |= (8 if frame.adc else 0) | (16 if frame.torque else 0) | (32 if gps else 0)
+    return State(
+        state.rejected,
+        (state.bad & ~sampled) | bad,
+        state.imu_time_us if bad & 1 else frame.time_us,
+        (encoder.left_counts, encoder.right_counts) if encoder and not bad & 2 else state.encoder,
+        0 if encoder and not bad & 2 else state.encoder_refused,
+        frame.time_us if gps and not bad & 32 and gps.fix_type >= 2 else state.gps_time_us,
+    )
+
+
+def _refuse(state: State, frame: SensorFrame, bad: int) -> tuple[State, SensorFrame, tuple[str, ...]]:
+    """Take the refused samples out of a frame; its IMU sample stays, `State.bad` says that it is bad."""
+    fresh = bad & ~state.bad
+    names = tuple(name for i, name in enumerate(SENSORS) if fresh >> i & 1)
+    after = _accept(state, frame, bad)._replace(rejected=state.rejected + bad.bit_count())
+    if bad & 2:
+        after = after._replace(encoder_refused=state.encoder_refused + 1)
+    kept = SensorFrame(
+        frame.time_us,
+        frame.imu,
+        None if bad & 2 else frame.encoder,
+        None if bad & 4 else frame.pressures,
+        None if bad & 8 else frame.adc,
+        None if bad & 16 else frame.torque,
+        None if bad & 32 else frame.gps,
+    )
+    return after, kept, names

@@ -1,0 +1,85 @@
+"""Exact JSON of nested NamedTuples and dataclasses: floats come back bit for bit (shortest repr)."""
+
+from __future__ import annotations
+
+import json
+import types
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from avionics.quantities import BadInput
+
+T = TypeVar("T")
+Builder = Callable[[Any], Any]
+
+
+def encode(record: Any) -> str:
+    """JSON text of a dataclass (an object) of NamedTuples (arrays in field order)."""
+    return json.dumps({field.name: getattr(record, field.name) for field in fields(record)}, separators=(",", ":"))
+
+
+def decode(kind: Callable[..., T], text: str) -> T:
+    """The record that `encode` wrote.
+
+    Raises:
+        BadInput: not JSON, or not a snapshot of ``kind``.
+    """
+    try:
+        document = json.loads(text)
+        return kind(**{name: build(document[name]) for name, build in _record_builders(kind).items()})
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise BadInput(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
+
+
+@cache
+def _record_builders(kind: Any) -> dict[str, Builder]:
+    assert is_dataclass(kind)
+    return {name: builder(hint) for name, hint in get_type_hints(kind).items()}
+
+
+def builder(hint: Any) -> Builder:
+    """A function that makes what ``hint`` says out of its JSON: numbers, text, enums, tuples, NamedTuples."""
+    origin = get_origin(hint)
+    if origin is Annotated:
+        return builder(get_args(hint)[0])
+    if origin is Union or origin is types.UnionType:
+        inner = builder(next(part for part in get_args(hint) if part is not type(None)))
+        return lambda value: None if value is None else inner(value)
+    if origin is tuple:
+        return _tuple_builder(get_args(hint))
+    if isinstance(hint, type) and issubclass(hint, tuple):
+        return _named_tuple_builder(hint)
+    if isinstance(hint, type) and issubclass(hint, Enum | int | float | str):
+        return _number if hint is float else hint
+    raise TypeError(f"a State may not hold {hint}")
+
+
+def _number(value: Any) -> float:
+    """A float stays what it was: a module may keep a whole number where a float is declared."""
+    if not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is not a number")
+    return value
+
+
+def _tuple_builder(parts: tuple[Any, ...]) -> Builder:
+    if parts[-1] is Ellipsis:
+        each = builder(parts[0])
+        return lambda values: tuple(each(value) for value in values)
+    builders = [builder(part) for part in parts]
+    return lambda values: tuple(build(value) for build, value in zip(builders, values, strict=True))
+
+
+def _named_tuple_builder(kind: Any) -> Builder:
+    # Looked up at the first use, because a NamedTuple may be declared after the one that holds it.
+    def build(values: Any) -> Any:
+        return kind(*(make(value) for make, value in zip(_field_builders(kind), values, strict=True)))
+
+    return build
+
+
+@cache
+def _field_builders(kind: Any) -> tuple[Builder, ...]:
+    return tuple(builder(hint) for hint in get_type_hints(kind, include_extras=True).values())

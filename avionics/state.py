@@ -1,0 +1,102 @@
+"""The whole memory of the flight computer.
+
+Every field is an immutable value (a NamedTuple of plain numbers), so a copy of the record is a snapshot.
+"""
+
+# The defaults are immutable values, so that all states may share them.
+# ruff: noqa: RUF009
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar, get_type_hints
+
+from avionics import messages as m
+from avionics import timebase
+from avionics.estimation import ahrs
+from avionics.estimation import altitude as altitude_filter
+from avionics.estimation import position as position_filter
+from avionics.guidance import altitude, excitation, heading, modes
+from avionics.guidance import navigation as navigator
+from avionics.guidance.mission import Mission
+from avionics.mixing import flapping, tail
+from avionics.sensing import air_data, plausibility, power, wing_angle
+from avionics.stabilization import pitch, roll
+from avionics.vehicles.gains import FlightGains
+
+T = TypeVar("T")
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+
+
+def zero(message: type[T]) -> T:
+    """A message whose every number is 0: what is believed before the first sample."""
+    kinds: dict[str, Any] = get_type_hints(message)
+    return message(**{name: kind(0) for name, kind in kinds.items()})
+
+
+AT_REST = zero(m.ImuSample)._replace(accel_z=-STANDARD_GRAVITY)
+
+
+@dataclass(slots=True)
+class AutopilotState:
+    """Gains, mission, the State of each module, and the last message of each."""
+
+    gains: FlightGains
+    """may be changed in flight by SET_PARAMETER"""
+    mission: Mission
+    """may be changed in flight by SET_MISSION"""
+    altitude_loop: altitude.State
+    pitch_loop: pitch.State
+
+    clock: timebase.Clock = timebase.Clock()
+    plausibility: plausibility.State = plausibility.State()
+    ahrs: ahrs.AhrsState | None = None
+    """None before the first IMU sample"""
+    wing_angle: wing_angle.State = wing_angle.State()
+    power: power.State = power.State()
+    air_data: air_data.State = air_data.State()
+    altitude_filter: altitude_filter.State = altitude_filter.State()
+    position_filter: position_filter.State = position_filter.State()
+    modes: modes.State = modes.State()
+    navigation: navigator.State = navigator.State()
+    heading_loop: heading.State = heading.State()
+    excitation: excitation.State = excitation.State()
+    roll_loop: roll.State = roll.State()
+    flapping: flapping.State = flapping.State()
+    tail: tail.State = tail.State()
+
+    frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
+    """the last frame, without what was refused; its IMU sample is the last good one"""
+    fix: m.GpsFix | None = None
+    """the last good fix"""
+    pilot: m.PilotInput = zero(m.PilotInput)
+    attitude: m.Attitude = zero(m.Attitude)
+    wing: m.WingState = zero(m.WingState)
+    power_state: m.PowerState = zero(m.PowerState)._replace(battery_remaining=1.0)
+    air: m.AirData = zero(m.AirData)
+    altitude: m.Altitude = zero(m.Altitude)
+    position: m.Position = zero(m.Position)
+    target: navigator.Target = navigator.Target(m.Stage.ON_GROUND, 0.0, 0.0)
+    """what the navigation asks for"""
+    vertical: m.AltitudeStatus = zero(m.AltitudeStatus)
+    lateral: m.HeadingStatus = zero(m.HeadingStatus)
+    excited: m.ExcitationStatus = zero(m.ExcitationStatus)
+    """the identification input as wished"""
+    applied: tuple[float, float] = (0.0, 0.0)
+    """rad; elevator and rudder of the identification input as applied"""
+    elevator: m.PitchStatus = zero(m.PitchStatus)
+    roll_command: m.RollStatus = zero(m.RollStatus)
+    actuators: m.ActuatorCommand = zero(m.ActuatorCommand)
+
+
+def initial_state(gains: FlightGains, mission: Mission) -> AutopilotState:
+    """Memory at boot: disarmed, in MANUAL, the loops at their trim, the wings at their glide angle."""
+    glide = gains.flapping.glide_angle if gains.flapping.drive == "servo" else 0.0
+    return AutopilotState(
+        gains,
+        mission,
+        altitude.initial(gains.altitude),
+        pitch.initial(gains.pitch),
+        actuators=zero(m.ActuatorCommand)._replace(wing_left=glide, wing_right=glide),
+    )

@@ -1,0 +1,35 @@
+"""The gains of every module of the flight computer: one section of the vehicle file each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from avionics.estimation import ahrs
+from avionics.estimation import altitude as altitude_filter
+from avionics.estimation import position as position_filter
+from avionics.guidance import altitude, excitation, heading, modes, navigation
+from avionics.mixing import flapping, tail
+from avionics.sensing import air_data, drive_torque, plausibility, power, wing_angle
+from avionics.stabilization import pitch, roll
+
+
+class FlightGains(NamedTuple):
+    """What the flight computer is tuned with; a field is a section of the vehicle file."""
+
+    plausibility: plausibility.Gains
+    ahrs: ahrs.AhrsGains
+    wing_angle: wing_angle.Gains
+    power: power.Gains
+    air_data: air_data.Gains
+    torque: drive_torque.Gains
+    altitude_filter: altitude_filter.Gains
+    position_filter: position_filter.Gains
+    modes: modes.Gains
+    navigation: navigation.Gains
+    altitude: altitude.Gains
+    heading: heading.Gains
+    excitation: excitation.Gains
+    pitch: pitch.Gains
+    roll: roll.Gains
+    flapping: flapping.Gains
+    tail: tail.Gains

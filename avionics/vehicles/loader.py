@@ -1,0 +1,54 @@
+"""Reads a flight vehicle file: one section for each module's gains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple, get_type_hints
+
+from avionics.mixing import flapping
+from avionics.quantities import BadInput, VehicleFile, read_vehicle_file
+from avionics.vehicles.gains import FlightGains
+
+FOLDER = Path(__file__).parent
+
+
+class FlightVehicle(NamedTuple):
+    """A vehicle as the flight computer knows it."""
+
+    name: str
+    """-; of the file"""
+    title: str
+    """-; for people"""
+    gains: FlightGains
+    """the gains of every module"""
+    file: VehicleFile
+    """the file with its sources, to be attached to the log"""
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Names of the vehicles that come with the flight computer."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
+    """The vehicle of that name, or in that file.
+
+    Raises:
+        BadInput: no such vehicle, or a file that cannot be used; one line that says why.
+    """
+    file = read_vehicle_file(_find(name_or_path), get_type_hints(FlightGains))
+    gains = FlightGains(**file.sections)
+    try:
+        flapping.check(gains.flapping)
+    except BadInput as error:
+        raise BadInput(f"{file.path}: {error}") from None
+    return FlightVehicle(file.name, file.title, gains, file)
+
+
+def _find(name_or_path: str | Path) -> Path:
+    if str(name_or_path) in vehicle_names():
+        return FOLDER / f"{name_or_path}.toml"
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    raise BadInput(f"no vehicle {name_or_path}: neither a file nor one of {', '.join(vehicle_names())}")
