@@ -9,6 +9,9 @@ from typing import NoReturn
 
 from avionics.quantities import BadInput
 
+DEFAULT_VEHICLE = "robo_raven_ii_d"
+DEFAULT_MISSION = "circuit"
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line, raised as `BadInput`."""
@@ -40,6 +43,46 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document on stdout, and nothing else")
 
 
+def add_vehicle(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--vehicle``."""
+    parser.add_argument(
+        "--vehicle", default=DEFAULT_VEHICLE, metavar="V|PATH", help=f"name or file of a vehicle ({DEFAULT_VEHICLE})"
+    )
+
+
+def add_mission(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--mission``."""
+    parser.add_argument(
+        "--mission", default=DEFAULT_MISSION, metavar="FILE", help=f"name or file of a mission ({DEFAULT_MISSION})"
+    )
+
+
+def add_gcs(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--gcs``, any number of times."""
+    parser.add_argument(
+        "--gcs", action="append", default=[], metavar="URL", help="a link for a ground station; may be repeated"
+    )
+
+
+def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
+    """Offer what the world is made of: duration, speed, seed, wind."""
+    parser.add_argument(
+        "--duration", type=positive, default=duration, metavar="S", help=f"end after so many seconds ({duration:g})"
+    )
+    parser.add_argument(
+        "--speed", type=speed, default=math.inf, metavar="X|max", help="times real time; 1 is real time (max)"
+    )
+    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="of sensor noise and wind (1)")
+    parser.add_argument("--wind", type=not_negative, default=0.0, metavar="M/S", help="steady wind (0)")
+    parser.add_argument(
+        "--wind-from",
+        type=direction,
+        default=0.0,
+        metavar="DEG",
+        help="where it comes from (0: north); launched into it",
+    )
+
+
 def positive(text: str) -> float:
     """A number above zero, for argparse."""
     value = _number(text)
@@ -54,6 +97,14 @@ def not_negative(text: str) -> float:
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
     return value
+
+
+def direction(text: str) -> float:
+    """A bearing in degrees, 0 to 360, as rad, for argparse."""
+    value = _number(text)
+    if not 0.0 <= value <= 360.0:
+        raise argparse.ArgumentTypeError(f"{text} is outside 0 to 360 degrees")
+    return math.radians(value)
 
 
 def seed(text: str) -> int:

@@ -1,0 +1,87 @@
+"""``wingbeat avionics``: the flight computer alone."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from avionics import parameters
+from avionics.board.board import BoardSilent
+from avionics.board.cores import pin_to_core
+from avionics.board.hil import HilBoard
+from avionics.guidance.mission import Mission
+from avionics.link.ground import GroundLink
+from avionics.missions import load_mission
+from avionics.quantities import BadInput
+from avionics.recorder import Recorder
+from avionics.vehicles import FlightVehicle, load_vehicle
+from groundstation.command import options
+from groundstation.command.onboard import Onboard, scripted_start
+from logs.names import new_recording
+from logs.recorder import McapRecorder
+
+EXAMPLES = (
+    "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
+    "wingbeat avionics --board hil:serial:/dev/ttyACM0,921600 --vehicle my_bird.toml",
+)
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "The flight computer alone: sensors and servos over a board, ground stations over MAVLink."
+    parser = options.build_parser("avionics", summary, EXAMPLES)
+    options.add_vehicle(parser)
+    parser.add_argument("--board", required=True, metavar="hil:URL", help="where sensors and servos are")
+    options.add_mission(parser)
+    options.add_gcs(parser)
+    parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
+    parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 1 s after boot")
+    parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Fly until the board says that the world is over.
+
+    Raises:
+        BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address.
+    """
+    chosen = build_parser().parse_args(arguments)
+    vehicle = load_vehicle(chosen.vehicle)
+    mission = load_mission(chosen.mission)
+    path = chosen.log or new_recording(vehicle.name)
+    with contextlib.ExitStack() as stack:
+        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
+        stack.callback(recorder.close)
+        note_inputs(recorder, vehicle, mission)
+        onboard = Onboard(vehicle, mission, recorder, scripted_start() if chosen.start else ())
+        link = GroundLink(chosen.gcs, onboard)
+        stack.callback(link.close)
+        _fly(chosen.board, onboard, link)
+    return 0
+
+
+def _fly(address: str, onboard: Onboard, link: GroundLink) -> None:
+    pin_to_core()
+    try:
+        board = HilBoard(address)
+        try:
+            onboard.fly(board, link)
+        finally:
+            board.close()
+    except BoardSilent as silence:
+        raise BadInput(str(silence)) from None
+
+
+def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:
+    """Store what the flight begins with: vehicle file, mission, parameters, version."""
+    recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
+    recorder.attach("avionics_vehicle.toml", "application/toml", vehicle.file.text.encode())
+    items = [item._asdict() | {"kind": item.kind.name} for item in mission]
+    recorder.attach("mission.json", "application/json", json.dumps(items, indent=1).encode())
+    table = parameters.parameter_table(vehicle.gains)
+    recorder.note("wingbeat.parameters", {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})

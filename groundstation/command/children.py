@@ -1,0 +1,111 @@
+"""The processes of a flight: started, watched, and ended together."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import IO, NamedTuple, Self
+
+GRACE = 8.0
+"""s; for a child to close its recording after it was asked to stop"""
+ENDING = 10.0
+"""s; for the others to end by themselves once one has ended well"""
+
+
+class Child(NamedTuple):
+    """One process and where its complaints go."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    complaints: IO[bytes]
+
+    def last_complaint(self) -> str:
+        """The last line it wrote on stderr, without the command's name."""
+        self.complaints.seek(0)
+        lines = self.complaints.read().decode("utf-8", "replace").split("\n")
+        said = [line.strip() for line in lines if line.strip()]
+        return said[-1].removeprefix("wingbeat: ") if said else ""
+
+
+class Failure(NamedTuple):
+    """A child that ended badly."""
+
+    code: int
+    """-; its exit code, negative for a signal"""
+    text: str
+    """-; one line"""
+
+
+class Children:
+    """Subcommands of ``wingbeat`` running beside this one; as a context manager it leaves none behind."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._children: list[Child] = []
+        self._clock = clock
+        self._first_end: float | None = None
+
+    def start(self, name: str, arguments: Sequence[str]) -> None:
+        """Start ``wingbeat ARGUMENTS`` in a session of its own: Ctrl-C reaches it through us alone."""
+        command = [sys.executable, "-m", "groundstation.command.main", *arguments]
+        complaints = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the child)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=complaints,
+            start_new_session=True,
+        )
+        self._children.append(Child(name, process, complaints))
+
+    def running(self) -> bool:
+        """Whether the flight goes on: all are alive, or the last is still closing its recording."""
+        codes = [child.process.poll() for child in self._children]
+        ended = [code for code in codes if code is not None]
+        if any(ended) or len(ended) == len(codes):
+            return False
+        if ended and self._first_end is None:
+            self._first_end = self._clock()
+        return self._first_end is None or self._clock() - self._first_end < ENDING
+
+    def failure(self) -> Failure | None:
+        """The first child, in the order of their start, that ended badly."""
+        for child in self._children:
+            code = child.process.poll()
+            if code:
+                return Failure(code, f"{child.name} {_ending(child, code)}")
+        return None
+
+    def stop(self) -> None:
+        """Ask all to close their recordings and end; end by force who does not."""
+        for child in self._children:
+            with contextlib.suppress(ProcessLookupError):
+                child.process.send_signal(signal.SIGINT)
+        deadline = self._clock() + GRACE
+        for child in self._children:
+            try:
+                child.process.wait(max(deadline - self._clock(), 0.1))
+            except subprocess.TimeoutExpired:
+                child.process.kill()
+                child.process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        for child in self._children:
+            child.complaints.close()
+
+
+def _ending(child: Child, code: int) -> str:
+    if code < 0:
+        return f"was ended by signal {signal.Signals(-code).name}"
+    return f"stopped: {child.last_complaint() or f'exit code {code}'}"

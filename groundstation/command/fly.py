@@ -1,0 +1,252 @@
+"""``wingbeat fly``: the world and the flight computer as two processes, a view, one log, and what it says."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import socket
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.live import Live
+
+from avionics.link.urls import parse_url
+from avionics.missions import load_mission
+from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle
+from groundstation.command import identify, options
+from groundstation.command.children import Children, Failure
+from groundstation.link import modes
+from groundstation.link.answers import NoAnswer
+from groundstation.link.connection import Connection, listen_locally
+from groundstation.link.vehicle_state import VehicleState, new_events
+from groundstation.views import flight_report
+from groundstation.views.flight_view import FlightView, Header, event_line, progress_line
+from groundstation.views.history import History, remember
+from groundstation.views.identification import identification_table
+from groundstation.views.json_document import print_document
+from logs.identification.report import document
+from logs.join import join
+from logs.names import new_recording
+from logs.reader import open_log
+from logs.summary import summarize
+
+EXAMPLES = (
+    "wingbeat fly",
+    "wingbeat fly --vehicle arizona_100cm --wind 2 --seed 7",
+    "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
+)
+JSON_KEYS = {
+    "log": "path of the joined log",
+    "vehicle": "name",
+    "seed": "of sensor noise and wind",
+    "wall_time": "s; how long it took",
+    "speed": "times real time",
+    "flight": "what was flown, see logs/summary.py: SI and radians, null where unknown",
+    "identified": "as of wingbeat identify --json",
+}
+LINE_EVERY = 10.0
+"""s; of flight time between two lines where there is no terminal"""
+REFRESH = 0.1
+"""s; between two pictures"""
+DURATION = 180.0
+"""s; longest flight"""
+
+
+class Plan(NamedTuple):
+    """A flight that was checked and can begin."""
+
+    vehicle: str
+    """-; name or path, as given"""
+    title: str
+    """-; for people"""
+    log: Path
+    """the joined log"""
+    parts: tuple[Path, Path]
+    """what the world and the flight computer record"""
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "Fly a modelled ornithopter: two processes in lockstep over MAVLink, recorded and identified."
+    parser = options.build_parser("fly", summary, EXAMPLES, JSON_KEYS)
+    options.add_vehicle(parser)
+    options.add_mission(parser)
+    options.add_world(parser, DURATION)
+    parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
+    options.add_gcs(parser)
+    options.add_json(parser)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Fly, join the recordings, and say what was flown and identified.
+
+    Raises:
+        BadInput: unknown vehicle, malformed mission, port in use, existing log.
+        NoAnswer: the world or the flight computer ended badly; the recordings are kept.
+    """
+    chosen = build_parser().parse_args(arguments)
+    plan = check(chosen)
+    console = Console(quiet=chosen.json)
+    signal.signal(signal.SIGTERM, _interrupt)
+    began = time.monotonic()
+    try:
+        flown = _fly(plan, chosen, console)
+    except KeyboardInterrupt:
+        _keep(plan)
+        raise
+    _report(plan, chosen, console, flown, time.monotonic() - began)
+    return 0
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def check(chosen: argparse.Namespace) -> Plan:
+    """Refuse what cannot be flown before anything is started.
+
+    Raises:
+        BadInput: see `run`.
+    """
+    vehicle = load_vehicle(chosen.vehicle)
+    load_mission(chosen.mission)
+    for url in chosen.gcs:
+        parse_url(url)
+    log: Path = chosen.log or new_recording(vehicle.name)
+    parts = (log.with_suffix(".world.mcap"), log.with_suffix(".avionics.mcap"))
+    for path in (log, *parts):
+        if path.exists():
+            raise BadInput(f"{path} exists: it is not overwritten")
+    return Plan(chosen.vehicle, vehicle.title, log, parts)
+
+
+def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> VehicleState:
+    connection = listen_locally()
+    try:
+        with Children() as children:
+            _start(children, plan, chosen, connection.url)
+            if console.is_terminal and not chosen.json:
+                _watch_picture(children, connection, plan, console)
+            else:
+                _watch_lines(children, connection, console)
+            failure = children.failure()
+        if failure is not None:
+            raise _failed(failure, plan)
+        return connection.state
+    finally:
+        connection.close()
+
+
+def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer: str) -> None:
+    bridge = f"tcp:127.0.0.1:{_free_port()}"
+    shared = ["--vehicle", plan.vehicle, "--epoch-ns", str(time.time_ns())]
+    speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
+    world = ["--listen", bridge, "--speed", speed, "--duration", repr(chosen.duration), "--seed", str(chosen.seed)]
+    heading = ["--wind-from", repr(math.degrees(chosen.wind_from))]
+    children.start(
+        "the world", ["sim", *shared, *world, "--wind", repr(chosen.wind), *heading, "--log", str(plan.parts[0])]
+    )
+    links = [word for url in chosen.gcs for word in ("--gcs", url)]
+    ours = ["--gcs", observer.replace("udpin", "udpout")]
+    flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--start", "--log", str(plan.parts[1])]
+    children.start("the flight computer", ["avionics", *shared, *flight, *ours, *links])
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _failed(failure: Failure, plan: Plan) -> Exception:
+    kept = ", ".join(str(part) for part in plan.parts if part.exists())
+    text = f"{failure.text}{f' (recorded so far: {kept})' if kept else ''}"
+    return BadInput(text) if failure.code == 2 else NoAnswer(text)
+
+
+# --- watching -----------------------------------------------------------------------------------------------
+
+
+class _Speed:
+    """How many times faster than real time the flight goes."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, float] | None = None
+
+    def note(self, state: VehicleState) -> str:
+        """Words for the header."""
+        if state.time is None or state.heard_at is None:
+            return "starting; the first flight compiles the physics, up to a minute"
+        if self._first is None:
+            self._first = (state.heard_at, state.time)
+        elapsed = state.heard_at - self._first[0]
+        return f"{(state.time - self._first[1]) / elapsed:.1f} × real time" if elapsed > 0.5 else ""
+
+
+def _watch_picture(children: Children, connection: Connection, plan: Plan, console: Console) -> None:
+    history = History()
+    speed = _Speed()
+    with Live(console=console, auto_refresh=False) as live:
+        while children.running():
+            connection.listen(REFRESH)
+            state = connection.state
+            history = remember(history, state)
+            top = Header(plan.title, modes.mode_name(state), speed.note(state))
+            live.update(FlightView(top, state, history), refresh=True)
+
+
+def _watch_lines(children: Children, connection: Connection, console: Console) -> None:
+    said, due = 0, 0.0
+    while children.running():
+        connection.listen(REFRESH)
+        state = connection.state
+        for heard in new_events(state, said):
+            console.print(event_line(heard), markup=False, highlight=False, soft_wrap=True)
+        said = state.said
+        if state.time is not None and state.time >= due:
+            line = progress_line(state, modes.mode_name(state))
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+            due = (state.time // LINE_EVERY + 1.0) * LINE_EVERY
+
+
+# --- afterwards ---------------------------------------------------------------------------------------------
+
+
+def _keep(plan: Plan) -> None:
+    """Join what a flight recorded that was stopped on the way."""
+    parts = [part for part in plan.parts if part.exists()]
+    if parts:
+        join(parts, plan.log)
+
+
+def _report(plan: Plan, chosen: argparse.Namespace, console: Console, flown: VehicleState, wall_time: float) -> None:
+    join(plan.parts, plan.log)
+    with open_log(plan.log) as log:
+        summary = summarize(log)
+        found = identify.identified(log)
+        speed = log.duration / wall_time
+    if chosen.json:
+        print_document(
+            {
+                "log": str(plan.log),
+                "vehicle": chosen.vehicle,
+                "seed": chosen.seed,
+                "wall_time": wall_time,
+                "speed": speed,
+                "flight": summary,
+                "identified": document(found),
+            }
+        )
+        return
+    console.print()
+    console.print(flight_report.log_line(plan.log))
+    console.print(flight_report.flown_table(summary))
+    console.print()
+    console.print(identification_table(found))

@@ -1,0 +1,60 @@
+"""``wingbeat identify``: servo torque and power, and the short period, from a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from groundstation.command import options
+from groundstation.views.identification import identification_table
+from groundstation.views.json_document import print_document
+from logs.identification.report import SUBJECTS, Identification, document, identify
+from logs.reader import Log, open_log
+from logs.truth import known_truths
+
+EXAMPLES = (
+    "wingbeat identify recordings/flight.mcap",
+    "wingbeat identify recordings/flight.mcap modes --json",
+)
+JSON_KEYS = {
+    "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified",
+    "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres",
+    "missing": "list of {name, reason}: what the log does not give",
+}
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "Identify the servo torque and power models and the short-period mode from a log."
+    parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("file", type=Path, metavar="FILE", help="an MCAP log")
+    parser.add_argument("what", nargs="?", default="all", choices=SUBJECTS, help="all of it by default")
+    options.add_json(parser)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Identify, and print the table.
+
+    Raises:
+        BadInput: not an MCAP log, or one that gives nothing of what was asked for.
+    """
+    chosen = build_parser().parse_args(arguments)
+    with open_log(chosen.file) as log:
+        found = identified(log, chosen.what)
+    if chosen.json:
+        print_document(document(found))
+    else:
+        Console().print(identification_table(found))
+    return 0
+
+
+def identified(log: Log, what: str = "all") -> Identification:
+    """Identify ``what`` from an open log, beside the truth where the flight was simulated.
+
+    Raises:
+        BadInput: the log gives nothing of what was asked for.
+    """
+    return identify(log, what, truths=known_truths(log))

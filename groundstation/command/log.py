@@ -1,0 +1,119 @@
+"""``wingbeat log``: look into a log, export it, repair it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from groundstation.command import options
+from groundstation.views import tables, wording
+from groundstation.views.json_document import print_document
+from logs.export import export_csv, export_npz
+from logs.info import summary
+from logs.reader import open_log
+from logs.recover import recover
+
+EXAMPLES = (
+    "wingbeat log info recordings/flight.mcap",
+    "wingbeat log export recordings/flight.mcap --to flight.npz --topic /attitude/ahrs",
+    "wingbeat log recover recordings/flight.mcap",
+)
+JSON_KEYS = {
+    "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, topics, events,"
+    " attachments, metadata",
+    "export": "files: what was written",
+    "recover": "messages, damage, torn, torn_bytes",
+}
+EVENTS_SHOWN = 20
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    parser = options.build_parser("log", "Look into a log, export it, repair it.", EXAMPLES, JSON_KEYS)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|export|recover")
+    for verb, text in (("info", "what it holds"), ("export", "write it as CSV or npz"), ("recover", "repair it")):
+        one = verbs.add_parser(verb, help=text, description=text)
+        one.add_argument("file", type=Path, metavar="FILE")
+        options.add_json(one)
+        if verb == "export":
+            one.add_argument(
+                "--to", type=Path, metavar="PATH", help="a file ending in .npz, or a folder for CSV files"
+            )
+            one.add_argument("--topic", action="append", metavar="NAME", help="only this topic; may be repeated")
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Do what one command line asks for.
+
+    Raises:
+        BadInput: not an MCAP log, a damaged part, an existing output, an unknown topic.
+    """
+    chosen = build_parser().parse_args(arguments)
+    VERBS[chosen.verb](chosen)
+    return 0
+
+
+def _info(chosen: argparse.Namespace) -> None:
+    with open_log(chosen.file) as log:
+        document = summary(log)
+    if chosen.json:
+        print_document(document)
+    else:
+        _print_info(document, chosen.file)
+
+
+def _print_info(document: dict[str, Any], file: Path) -> None:
+    console = Console()
+    console.print(
+        f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
+        f"{document['messages']} messages   {wording.size(file.stat().st_size)}"
+    )
+    for line in document["damage"]:
+        console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow", markup=False)
+    table = tables.plain_table(
+        ("topic", ""), ("message", ""), ("messages", "right"), ("rate", "right"), ("gaps", "right")
+    )
+    for row in document["topics"]:
+        rate = "" if row["rate"] is None else f"{row['rate']:.4g} Hz"
+        gaps = "" if not row["gaps"] else f"{row['gaps']}, up to {row['longest_gap']:.3g} s"
+        table.add_row(row["topic"], row["message"].rpartition(".")[2], str(row["messages"]), rate, gaps)
+    console.print(table)
+    for event in document["events"][-EVENTS_SHOWN:]:
+        console.print(f"  {wording.clock(event['time'])}  {event['text']}", markup=False, highlight=False)
+
+
+def _export(chosen: argparse.Namespace) -> None:
+    target = chosen.to or chosen.file.with_suffix(".npz")
+    with open_log(chosen.file) as log:
+        files = (
+            [export_npz(log, target, chosen.topic)]
+            if target.suffix == ".npz"
+            else export_csv(log, target, chosen.topic)
+        )
+    if chosen.json:
+        print_document({"files": [str(file) for file in files]})
+        return
+    for file in files:
+        print(file)
+
+
+def _recover(chosen: argparse.Namespace) -> None:
+    done = recover(chosen.file)
+    if chosen.json:
+        print_document(done)
+        return
+    if not done.damage:
+        print(f"{chosen.file} is whole: {done.messages} messages; nothing was changed")
+        return
+    for line in done.damage:
+        print(f"repaired: {line}")
+    kept = f"; {wording.size(done.torn_bytes)} that cannot be read are in {done.torn}" if done.torn else ""
+    print(f"{done.messages} messages kept{kept}")
+
+
+VERBS: dict[str, Callable[[argparse.Namespace], None]] = {"info": _info, "export": _export, "recover": _recover}

@@ -1,0 +1,84 @@
+"""``wingbeat sim``: the world alone, waiting for a flight computer."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from avionics.board.cores import pin_to_core
+from avionics.quantities import BadInput
+from groundstation.command import options
+from logs.names import new_recording
+from logs.recorder import McapRecorder
+from logs.truth import WORLD_VEHICLE
+from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
+from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+from sim_bridge.vehicles import SimulatedVehicle
+
+EXAMPLES = (
+    "wingbeat sim",
+    "wingbeat sim --vehicle arizona_100cm --listen tcp:0.0.0.0:4560 --speed 1 --wind 3",
+)
+DURATION = 600.0
+"""s; longest simulation"""
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "The world alone: waits for a flight computer on TCP and flies it in lockstep over MAVLink."
+    parser = options.build_parser("sim", summary, EXAMPLES)
+    options.add_vehicle(parser)
+    parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=f"tcp:HOST:PORT ({DEFAULT_URL})")
+    options.add_world(parser, DURATION)
+    parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
+    parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Serve one flight.
+
+    Raises:
+        BadInput: unknown vehicle, port in use, existing log, a flight computer that does not come or answer.
+    """
+    chosen = build_parser().parse_args(arguments)
+    vehicle = load_vehicle(chosen.vehicle)
+    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.duration)
+    with contextlib.ExitStack() as stack:
+        server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
+        stack.callback(server.close)
+        path = chosen.log or new_recording(f"{vehicle.name}-world")
+        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
+        stack.callback(recorder.close)
+        note_scenario(recorder, vehicle, scenario)
+        _serve(server, SimulatedWorld(vehicle, scenario, recorder.record))
+    return 0
+
+
+def _serve(server: BridgeServer, world: SimulatedWorld) -> None:
+    pin_to_core()
+    try:
+        server.serve(world)
+    except FlightComputerSilent as silence:
+        raise BadInput(str(silence)) from None
+
+
+def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: Scenario) -> None:
+    """Store what the world is made of: vehicle file, seed, wind, home, version."""
+    recorder.attach(WORLD_VEHICLE, "application/toml", vehicle.text.encode())
+    values = {
+        "version": version("wingbeat"),
+        "vehicle": vehicle.name,
+        "seed": str(scenario.seed),
+        "wind_speed": repr(scenario.wind_speed),
+        "wind_from": repr(scenario.wind_from),
+        "duration": repr(scenario.duration),
+        "home_latitude": repr(scenario.home.latitude),
+        "home_longitude": repr(scenario.home.longitude),
+        "home_altitude": repr(scenario.home.altitude),
+    }
+    recorder.note("wingbeat.world", values)

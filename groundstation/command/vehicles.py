@@ -1,0 +1,119 @@
+"""``wingbeat vehicles``: what can be flown, and where every number comes from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from avionics.quantities import SOURCE_KINDS, Source
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from avionics.vehicles import vehicle_names as flight_names
+from groundstation.command import options
+from groundstation.views import tables
+from groundstation.views.json_document import print_document
+from sim_bridge.flight.world import load_vehicle
+from sim_bridge.vehicles import SimulatedVehicle, vehicle_names
+
+EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat vehicles --json")
+JSON_KEYS = {
+    "vehicles": "list of {name, title, mass, wingspan, flies, sources}; kg, m; flies: has a flight computer's file",
+    "values": "with a name: list of {key, value, kind, source, fitted}",
+}
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "List the modelled vehicles; with a name, every value with its source."
+    parser = options.build_parser("vehicles", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("name", nargs="?", metavar="V|PATH", help="a vehicle of the list, or a file")
+    options.add_json(parser)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Print the list, or one vehicle.
+
+    Raises:
+        BadInput: no such vehicle, or a file that cannot be used.
+    """
+    chosen = build_parser().parse_args(arguments)
+    if chosen.name is None:
+        _list(chosen.json)
+    else:
+        _show(load_vehicle(chosen.name), chosen.json)
+    return 0
+
+
+def _list(as_json: bool) -> None:
+    records = [_record(load_vehicle(name)) for name in vehicle_names()]
+    if as_json:
+        print_document({"vehicles": records})
+        return
+    table = tables.plain_table(
+        ("vehicle", ""), ("", ""), ("mass", "right"), ("span", "right"), *((kind, "right") for kind in SOURCE_KINDS)
+    )
+    for record in records:
+        counts = (str(record["sources"][kind]) for kind in SOURCE_KINDS)
+        mass, span = f"{record['mass'] * 1e3:.0f} g", f"{record['wingspan']:.2f} m"
+        table.add_row(Text(record["name"], style="bold"), record["title"], mass, span, *counts)
+    console = Console()
+    console.print(table)
+    console.print("\nwingbeat vehicles NAME shows every value with its source", style="dim")
+
+
+def _record(vehicle: SimulatedVehicle) -> dict[str, Any]:
+    return {
+        "name": vehicle.name,
+        "title": vehicle.title,
+        "mass": vehicle.body.mass,
+        "wingspan": 2.0 * vehicle.wing.semispan,
+        "flies": vehicle.path.stem in flight_names(),
+        "sources": count_kinds(vehicle.sources.values()),
+    }
+
+
+def count_kinds(sources: Iterable[Source]) -> dict[str, int]:
+    """How many values are published, identified and chosen."""
+    counts = Counter(source.kind for source in sources)
+    return {kind: counts[kind] for kind in SOURCE_KINDS}
+
+
+def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
+    values = [
+        {
+            "key": key,
+            "value": _value(vehicle, key),
+            "kind": source.kind,
+            "source": source.text,
+            "fitted": vehicle.fitted.get(key),
+        }
+        for key, source in vehicle.sources.items()
+    ]
+    if as_json:
+        print_document({"vehicles": [_record(vehicle)], "values": values})
+        return
+    console = Console()
+    console.print(Text(vehicle.title, style="bold"))
+    table = tables.plain_table(("", ""), ("value", "right"), ("", ""), ("source", ""))
+    for value in values:
+        table.add_row(value["key"], _written(value["value"]), Text(str(value["kind"]), style="dim"), value["source"])
+    console.print(table)
+    if vehicle.path.stem in flight_names():
+        flight = load_flight_vehicle(vehicle.path.stem)
+        counts = ", ".join(f"{count} {kind}" for kind, count in count_kinds(flight.file.sources.values()).items())
+        console.print(f"\nthe flight computer's file has {counts} values", style="dim")
+
+
+def _value(vehicle: SimulatedVehicle, key: str) -> Any:
+    section, _, name = key.partition(".")
+    return getattr(vehicle.sections[section], name)
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"{value[0]:g} … {value[-1]:g}" if len(value) > 3 else "  ".join(f"{number:g}" for number in value)
+    return f"{value:g}" if isinstance(value, int | float) else str(value)

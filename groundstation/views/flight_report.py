@@ -1,0 +1,106 @@
+"""What a flight came to, for people: where the log is, what was flown, what was identified."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from groundstation.views import wording
+from logs.summary import EstimateError, FlightSummary, Hold, Touchdown
+
+
+def log_line(path: Path) -> Text:
+    """Where the log is."""
+    return Text.assemble(("log         ", "dim"), str(path), (f"   {wording.size(path.stat().st_size)}", "dim"))
+
+
+def flown_table(summary: FlightSummary) -> RenderableType:
+    """The flight in a few rows; what the log does not tell is left out."""
+    table = Table.grid(padding=(0, 3))
+    table.add_column(style="dim", min_width=9)
+    table.add_column()
+    rows = [
+        ("flight", _flight(summary)),
+        ("hold", _hold(summary.hold)),
+        ("drive", _drive(summary)),
+        ("estimate", _estimate(summary.estimate)),
+        ("touchdown", _touchdown(summary.touchdown)),
+    ]
+    for label, text in rows:
+        if text:
+            table.add_row(label, text)
+    note = (
+        "" if summary.against_truth else "errors are against the flight computer's own estimate: the log has no truth"
+    )
+    return Group(table, Text(note, style="dim")) if note else table
+
+
+def _flight(summary: FlightSummary) -> str:
+    if summary.airtime is None:
+        return "never left the ground"
+    parts = [
+        f"{summary.airtime:.1f} s in the air",
+        "" if summary.distance is None else f"{summary.distance:.0f} m flown",
+        "" if summary.highest is None else f"up to {summary.highest:.1f} m",
+        "" if summary.airspeed is None else f"{summary.airspeed:.2f} m/s mean airspeed",
+    ]
+    return _joined(parts)
+
+
+def _hold(hold: Hold | None) -> str:
+    if hold is None:
+        return ""
+    return _joined(
+        [
+            f"altitude {hold.altitude_rms:.2f} m RMS",
+            f"heading {math.degrees(hold.heading_rms):.1f}° RMS",
+            f"over {hold.duration:.1f} s, {hold.settling:.1f} s to settle",
+        ]
+    )
+
+
+def _drive(summary: FlightSummary) -> str:
+    return _joined(
+        [
+            "" if summary.frequency is None else f"flapping at {summary.frequency:.2f} Hz",
+            "" if summary.power is None else f"{summary.power:.1f} W mean",
+            "" if summary.energy is None else f"{summary.energy:.0f} J used",
+        ]
+    )
+
+
+def _estimate(error: EstimateError | None) -> str:
+    if error is None:
+        return ""
+    angles = (math.degrees(error.roll), math.degrees(error.pitch), math.degrees(error.yaw))
+    return _joined(
+        [
+            f"roll {angles[0]:.2f}°",
+            f"pitch {angles[1]:.2f}°",
+            f"yaw {angles[2]:.2f}°",
+            f"altitude {error.altitude:.2f} m",
+            f"airspeed {error.airspeed:.2f} m/s RMS of truth",
+        ]
+    )
+
+
+def _touchdown(touchdown: Touchdown | None) -> str:
+    if touchdown is None:
+        return ""
+    return _joined(
+        [
+            f"at {touchdown.time:.1f} s",
+            f"sink {touchdown.sink:.2f} m/s",
+            f"speed {touchdown.speed:.1f} m/s",
+            f"bank {math.degrees(touchdown.bank):+.0f}°",
+            f"pitch {math.degrees(touchdown.pitch):+.0f}°",
+        ]
+    )
+
+
+def _joined(parts: list[str]) -> str:
+    return "   ".join(part for part in parts if part)

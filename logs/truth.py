@@ -1,0 +1,69 @@
+"""True values of a simulated flight, from what its log carries: the world's vehicle file and the flown airspeed."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from avionics import topics
+from avionics.quantities import BadInput
+from logs.reader import Log
+from sim_bridge.flight_mechanics.modes import modes, short_period
+from sim_bridge.flight_mechanics.orbit import trim
+from sim_bridge.sensors.suite import SECTIONS
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+
+WORLD_VEHICLE = "world_vehicle.toml"
+"""Name of the attachment in which the world leaves its vehicle file."""
+
+
+def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
+    """The vehicle as it is in the world of ``log``; None for a flight that was not simulated.
+
+    Raises:
+        BadInput: the attached vehicle file cannot be used.
+    """
+    if all(attachment.name != WORLD_VEHICLE for attachment in log.attachments):
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / WORLD_VEHICLE
+        path.write_bytes(log.attachment(WORLD_VEHICLE))
+        return load_vehicle(str(path), SECTIONS)
+
+
+def known_truths(log: Log) -> dict[str, float]:
+    """True values by the name of their estimate; empty for a flight that was not simulated.
+
+    ``K_tau`` (N m/A) and ``K_tau0`` (N m) of Gerdes Eq. 11; ``short_period_frequency`` (rad/s) and
+    ``short_period_damping`` (-) of the stroke-averaged motion, linearised about level flight at the mean airspeed
+    of the log's identification inputs, or at the vehicle's cruise where there were none.
+
+    Raises:
+        BadInput: a part of the file is damaged, or the vehicle file cannot be used.
+    """
+    vehicle = simulated_vehicle(log)
+    if vehicle is None:
+        return {}
+    drive = vehicle.drive
+    truths = {"K_tau": drive.torque_constant, "K_tau0": drive.torque_offset} if drive.kind == "servo" else {}
+    try:
+        mode = short_period(modes(vehicle, trim(vehicle, *_flown(log, vehicle))))
+    except BadInput:
+        return truths  # no steady flight at that speed: there is no mode to compare with
+    return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
+
+
+def _flown(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:
+    """Airspeed and climb rate in m/s to linearise about."""
+    cruise = vehicle.cruise.airspeed, vehicle.cruise.climb_rate
+    if not all(topic.name in log.topics for topic in (topics.EXCITATION, topics.AIR_DATA)):
+        return cruise
+    tables = log.tables([topics.EXCITATION, topics.AIR_DATA])
+    excitation, air = tables[topics.EXCITATION.name], tables[topics.AIR_DATA.name]
+    if not len(excitation.time) or not len(air.time):
+        return cruise
+    last = np.searchsorted(excitation.time, air.time, side="right") - 1
+    active = (last >= 0) & (excitation["active"][np.maximum(last, 0)] == 1)
+    return (float(np.mean(air["airspeed"][active])), 0.0) if active.any() else cruise
