@@ -1,1 +1,1 @@
-"""TBD."""
+"""The world: vehicles, air, dynamics, actuators, sensors, and the bridge that plays it to an autopilot."""

@@ -1,1 +1,1 @@
-"""TBD."""
+"""Wing drives and what they draw from the battery."""

@@ -1,1 +1,1 @@
-"""TBD."""
+"""Air loads: wing sections, tail and fuselage."""

@@ -1,1 +1,1 @@
-"""TBD."""
+"""Equations of motion and ground contact."""

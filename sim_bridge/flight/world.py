@@ -1,0 +1,258 @@
+"""The simulated world as the bridge plays it: launcher, plant, air and sensors, one sensor tick at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics.messages import (
+    ActuatorCommand,
+    AdcBurst,
+    EncoderSample,
+    GpsFix,
+    ImuSample,
+    PressureSample,
+    SensorFrame,
+    TorqueSample,
+)
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from sim_bridge import plant_kernel as k
+from sim_bridge import topics
+from sim_bridge.environment.atmosphere import Air, isa
+from sim_bridge.environment.home import COLLEGE_PARK, Home
+from sim_bridge.environment.wind import steady_wind
+from sim_bridge.messages import TruthLoads, TruthState, TruthWing
+from sim_bridge.observation import Observation
+from sim_bridge.plant import Means, Plant
+from sim_bridge.sensors.frame import RawFrame
+from sim_bridge.sensors.suite import SECTIONS, TICK_RATE, SensorSuite, sensor_spec
+from sim_bridge.vectors import quaternion_from_euler
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import load_vehicle as load_physics
+
+TICK = 1.0 / TICK_RATE
+LAUNCH_TIME = 4.0
+"""s; when the launcher begins to throw: the flight computer has had time to start and arm"""
+REST_TIME = 3.0
+"""s; the flight is over when the vehicle has lain still on the ground for so long"""
+REST_SPEED = 0.3
+"""m/s; slower than this is still"""
+NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+Publish = Callable[[Topic, Any], None]
+
+
+class Scenario(NamedTuple):
+    """What a flight is flown in."""
+
+    seed: int = 1
+    wind_speed: float = 0.0
+    """m/s; steady"""
+    wind_from: float = 0.0
+    """rad; direction the wind comes from, clockwise from north"""
+    duration: float = 180.0
+    """s; the world ends then at the latest"""
+    home: Home = COLLEGE_PARK
+
+
+def load_vehicle(name_or_path: str) -> SimulatedVehicle:
+    """A vehicle with its sensors, see `sim_bridge.vehicles.load_vehicle`."""
+    return load_physics(name_or_path, SECTIONS)
+
+
+def publish_nothing(topic: Topic, message: Any) -> None:
+    """Forget a message."""
+
+
+class SimulatedWorld:
+    """A vehicle in the launcher's hand, thrown, flying, landing; hands out sensor frames and the truth.
+
+    Satisfies `sim_bridge.bridge.world.World`.
+    """
+
+    def __init__(self, vehicle: SimulatedVehicle, scenario: Scenario, publish: Publish = publish_nothing) -> None:
+        """Put the vehicle into the launcher's hand, facing the wind.
+
+        Raises:
+            BadInput: seed or wind out of range.
+        """
+        if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
+            raise BadInput(f"duration must be above 0 s, not {scenario.duration:g}")
+        self.vehicle = vehicle
+        self.scenario = scenario
+        self.plant = Plant(vehicle)
+        launch = vehicle.launch
+        self.plant.y[3:7] = quaternion_from_euler(0.0, launch.pitch, scenario.wind_from)
+        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home)
+        self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
+        self._publish = publish
+        self._tick = -1
+        self._targets = (0.0, 0.0)
+        self._means = NO_MEANS
+        self._rest_since: float | None = None
+
+    @property
+    def tick_us(self) -> int:
+        """us; between two sensor frames."""
+        return round(TICK * 1e6)
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Latitude rad, longitude rad, altitude m of the launch place."""
+        home = self.scenario.home
+        return home.latitude, home.longitude, home.altitude
+
+    @property
+    def time_us(self) -> int:
+        """us; of the last frame, or of the first that will come."""
+        return (max(self._tick, 0) + 1) * self.tick_us
+
+    @property
+    def finished(self) -> bool:
+        """The vehicle lies still on the ground, or the time is up."""
+        now = self.time_us * 1e-6
+        resting = self._rest_since is not None and now - self._rest_since >= REST_TIME
+        return resting or now >= self.scenario.duration
+
+    def step(self, command: ActuatorCommand) -> SensorFrame:
+        """Advance one tick with ``command`` held, record the truth and read the sensors at its end."""
+        self._tick += 1
+        air = self._air()
+        self._means = self.plant.advance(self._controls(command), self._surroundings(air))
+        self._watch_rest()
+        self._record()
+        return sensor_frame(self.suite.sample(self._observe(air), self._tick))
+
+    def truth(self) -> TruthState:
+        """The vehicle's state at the end of the last step."""
+        y = self.plant.y.tolist()
+        r = self._rotation()
+        wind = self._wind
+        air = [y[7 + i] - sum(r[j][i] * wind[j] for j in range(3)) for i in range(3)]
+        v_ned = [sum(r[i][j] * y[7 + j] for j in range(3)) for i in range(3)]
+        speed = math.sqrt(sum(part * part for part in air))
+        grounded = self.plant.touching or self._launcher() != k.FREE
+        flow = (speed, math.atan2(air[2], air[0]))
+        return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+
+    def truth_wing(self) -> TruthWing:
+        """Wings and drives at the end of the last step; torque, current and power averaged over it."""
+        y, means = self.plant.y, self._means
+        left, right = y[k.LEFT : k.LEFT + 4].tolist(), y[k.RIGHT : k.RIGHT + 4].tolist()
+        voltage = means.electrical_power / means.current if means.current else self._open_circuit()
+        return TruthWing(
+            self.time_us, left[0], right[0], left[2], right[2], left[1], right[1],
+            means.torque_left, means.torque_right, means.current, voltage, means.electrical_power,
+            float(y[k.ELEVATOR]), float(y[k.RUDDER]),
+        )  # fmt: skip
+
+    def truth_loads(self) -> TruthLoads:
+        """Air loads of wings and tail near the end of the last step."""
+        s = self.plant.scratch
+        wings = (s.left_loads.sum(axis=0) + s.right_loads.sum(axis=0)).tolist()
+        return TruthLoads(self.time_us, *wings, *s.tail_load[:6].tolist())
+
+    def _record(self) -> None:
+        self._publish(topics.STATE, self.truth())
+        self._publish(topics.WING, self.truth_wing())
+        if self._tick % 2 == 0:
+            self._publish(topics.LOADS, self.truth_loads())
+
+    def _launcher(self) -> int:
+        now = self._tick * TICK
+        if now < LAUNCH_TIME:
+            return k.HELD
+        return k.THROWN if now < LAUNCH_TIME + self.vehicle.launch.duration else k.FREE
+
+    def _air(self) -> Air:
+        return isa(self.scenario.home.altitude - float(self.plant.y[2]))
+
+    def _surroundings(self, air: Air) -> k.Surroundings:
+        launch = self.vehicle.launch
+        push = launch.speed / launch.duration
+        return k.Surroundings(*self._wind, air.density, self._launcher(), push, 0.0, 0.0)
+
+    def _controls(self, command: ActuatorCommand) -> k.Controls:
+        travel, tail = self.vehicle.drive.travel, self.vehicle.tail.travel
+        before = self._targets
+        if command.armed:
+            self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
+        throttle = min(max(command.throttle, 0.0), 1.0) if command.armed else 0.0
+        return k.Controls(
+            before[0], self._targets[0], before[1], self._targets[1], throttle,
+            _clip(command.elevator, tail), _clip(command.rudder, tail), TICK, 1.0,
+        )  # fmt: skip
+
+    def _watch_rest(self) -> None:
+        y = self.plant.y
+        still = self.plant.touching and math.hypot(y[7], y[8], y[9]) < REST_SPEED
+        if not still:
+            self._rest_since = None
+        elif self._rest_since is None:
+            self._rest_since = self.time_us * 1e-6
+
+    def _open_circuit(self) -> float:
+        battery = self.vehicle.battery
+        drawn = min(float(self.plant.y[k.CHARGE]) / battery.capacity, 1.2)
+        return battery.full_voltage + (battery.empty_voltage - battery.full_voltage) * drawn
+
+    def _rotation(self) -> list[list[float]]:
+        rows: list[list[float]] = self.plant.scratch.r.tolist()
+        return rows
+
+    def _observe(self, air: Air) -> Observation:
+        y = self.plant.y.tolist()
+        r, wind, means = self._rotation(), self._wind, self._means
+        v, w, x = y[7:10], y[10:13], self.vehicle.body.contact_nose
+        turning = (0.0, w[2] * x, -w[1] * x)
+        through_air = [v[i] + turning[i] - sum(r[j][i] * wind[j] for j in range(3)) for i in range(3)]
+        drive = self.vehicle.drive
+        return Observation(
+            time_us=self.time_us,
+            quaternion=(y[3], y[4], y[5], y[6]),
+            omega_frd=(w[0], w[1], w[2]),
+            specific_force_frd=(means.specific_force_x, means.specific_force_y, means.specific_force_z),
+            position_ned=(y[0], y[1], y[2]),
+            v_ned=_rotate(r, v),
+            v_air_frd=(through_air[0], through_air[1], through_air[2]),
+            static_pressure=air.pressure,
+            temperature=air.temperature,
+            density=air.density,
+            flap_left=y[k.LEFT],
+            flap_right=y[k.RIGHT],
+            torque_left=means.torque_left,
+            torque_right=means.torque_right,
+            current=means.current,
+            open_circuit_voltage=self._open_circuit(),
+            battery_resistance=self.vehicle.battery.resistance,
+            pulse_current=drive.pulse_current,
+            pwm_frequency=drive.pwm_frequency,
+        )
+
+
+def sensor_frame(raw: RawFrame) -> SensorFrame:
+    """The raw numbers as the board delivers them."""
+    return SensorFrame(
+        raw.time_us,
+        ImuSample(*raw.imu),
+        EncoderSample(*raw.encoder) if raw.encoder else None,
+        PressureSample(*raw.pressures) if raw.pressures else None,
+        AdcBurst(*raw.adc) if raw.adc else None,
+        TorqueSample(*raw.torque) if raw.torque else None,
+        GpsFix(*raw.gps) if raw.gps else None,
+    )
+
+
+def _clip(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit) if math.isfinite(value) else 0.0
+
+
+def _rotate(r: list[list[float]], v: list[float]) -> tuple[float, float, float]:
+    a, b, c = v
+    return (
+        r[0][0] * a + r[0][1] * b + r[0][2] * c,
+        r[1][0] * a + r[1][1] * b + r[1][2] * c,
+        r[2][0] * a + r[2][1] * b + r[2][2] * c,
+    )

@@ -1,0 +1,56 @@
+"""Rotations and small vector kernels shared by the physics; quaternions are (w, x, y, z) of r_ned_from_frd."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def cross(a: Floats, b: Floats, out: Floats) -> None:
+    """``out = a x b`` for arrays of three; ``out`` may not be ``a`` or ``b``."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def rotation(w: float, x: float, y: float, z: float, out: Floats) -> None:
+    """Fill ``out`` (3, 3) with r_ned_from_frd of a quaternion that need not be of unit length."""
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    out[0, 0] = 1.0 - s * (y * y + z * z)
+    out[0, 1] = s * (x * y - z * w)
+    out[0, 2] = s * (x * z + y * w)
+    out[1, 0] = s * (x * y + z * w)
+    out[1, 1] = 1.0 - s * (x * x + z * z)
+    out[1, 2] = s * (y * z - x * w)
+    out[2, 0] = s * (x * z - y * w)
+    out[2, 1] = s * (y * z + x * w)
+    out[2, 2] = 1.0 - s * (x * x + y * y)
+
+
+def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Quaternion of r_ned_from_frd for roll, pitch, yaw in rad (yaw, then pitch, then roll)."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def euler_from_quaternion(q: tuple[float, float, float, float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw in rad of a unit quaternion of r_ned_from_frd."""
+    w, x, y, z = q
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return roll, pitch, yaw
