@@ -102,7 +102,7 @@ class State(NamedTuple):
     rate_right: float = 0.0
     """rad/s"""
     side: int = 0
-    """-; 1 above the middle, -1 below it, 0 not known"""
+    """-; 1 above the middle, -1 below it, 0 not known, -2 below it and not yet above it since the search began"""
     rise_us: float = -1.0
     """us; last upward passage of the middle, not yet confirmed; -1 for none"""
     begun_us: float = 0.0
@@ -202,9 +202,10 @@ def _crossing(gains: Gains, state: State, extremes: Extremes, time_us: int, mean
     if side <= 0 and last < middle <= mean:
         rise_us = state.time_us + (time_us - state.time_us) * (middle - last) / (mean - last)
     if side <= 0 and mean > middle + margin:
-        return 1, rise_us, side < 0 and rise_us >= 0.0
+        return 1, rise_us, side == -1 and rise_us >= 0.0
     if side >= 0 and mean < middle - margin:
-        return -1, -1.0, False
+        # A search that begins on the way down does not know the top yet, and with it not the middle.
+        return (-1 if side > 0 else -2), -1.0, False
     return side, rise_us, False
 
 
