@@ -1,0 +1,101 @@
+"""The altitude filter: shaking, honest variances, spikes."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from avionics.estimation import altitude
+from avionics.messages import AirData, Altitude
+
+GAINS = altitude.Gains()
+NOISE = 0.3
+
+
+def air(time_us: int, pressure_altitude: float) -> AirData:
+    return AirData(time_us, 0.0, 0.0, 0.0, 101325.0, 288.15, 1.225, pressure_altitude)
+
+
+class Flight:
+    """A climb and descent by 5 m, shaken along the vertical, sampled by the filter."""
+
+    def __init__(
+        self, heave: float, frequency: float, bias: float = 0.2, seed: int = 1, seconds: float = 60.0
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        omega = math.tau * frequency
+        state, messages, truth, smooth = altitude.State(), [], [], []
+        for k in range(round(200 * seconds)):
+            t = k / 200.0
+            accel = -0.2 * math.sin(0.2 * t) + heave * math.cos(omega * t)
+            height = 5.0 * math.sin(0.2 * t) - heave / omega**2 * (math.cos(omega * t) - 1.0)
+            state = altitude.accumulate(state, -(accel + bias + rng.normal(0.0, 0.5)))
+            if k % 4 == 0:
+                reading = height + rng.normal(0.0, NOISE)
+                state, message = altitude.step(GAINS, state, air(5000 * k, reading), frequency)
+                messages.append(message)
+                truth.append(height)
+                smooth.append(math.cos(0.2 * t))
+        self.state = state
+        self.messages: list[Altitude] = messages
+        self.altitude_error = np.array([m.altitude for m in messages]) - truth
+        self.climb_error = np.array([m.climb_rate for m in messages]) - smooth
+
+
+@pytest.mark.parametrize(("heave_g", "frequency"), [(4.0, 5.91), (2.5, 4.0), (4.0, 12.0), (0.0, 5.0)])
+def test_altitude_under_shaking(heave_g: float, frequency: float) -> None:
+    """GIVEN +-4 g of heave WHEN the path climbs and sinks THEN the altitude holds within 0.3 m at every moment."""
+    flight = Flight(heave_g * 9.80665, frequency)
+    assert np.abs(flight.altitude_error[250:]).max() < 0.3
+
+
+def test_climb_rate_is_that_of_the_path() -> None:
+    """GIVEN a fuselage that heaves at 1 m/s THEN the climb rate is the path's within 0.1 m/s RMS."""
+    flight = Flight(4.0 * 9.80665, 5.91)
+    assert np.sqrt(np.mean(flight.climb_error[250:] ** 2)) < 0.1
+
+
+def test_acceleration_bias_is_found() -> None:
+    assert Flight(20.0, 5.0, bias=1.0).messages[-1].accel_bias == pytest.approx(1.0, abs=0.15)
+
+
+def test_variance_is_honest() -> None:
+    """GIVEN the noise that the filter believes in THEN innovations and errors have the size it says."""
+    normalised, errors = [], []
+    for seed in range(4):
+        flight = Flight(10.0, 5.0, seed=seed)
+        last = flight.messages[-1]
+        innovations = np.array([m.innovation for m in flight.messages[500:]])
+        normalised.append(np.mean(innovations**2) / (last.altitude_variance + GAINS.baro_noise**2))
+        errors.append(np.mean(flight.altitude_error[500:] ** 2) / last.altitude_variance)
+    assert 0.5 < np.mean(normalised) < 1.5
+    assert 0.1 < np.mean(errors) < 1.5
+
+
+def test_spike_is_refused_and_a_lasting_step_believed() -> None:
+    state, _ = altitude.step(GAINS, altitude.State(), air(0, 0.0))
+    for k in range(1, 200):
+        state, message = altitude.step(GAINS, state, air(20000 * k, 50.0 if k == 100 else 0.0))
+        assert abs(message.altitude) < 0.1
+    for k in range(200, 400):
+        state, message = altitude.step(GAINS, state, air(20000 * k, 50.0))
+        if k == 240:
+            assert abs(message.altitude) < 1.0
+    assert message.altitude == pytest.approx(50.0, abs=1.0)
+
+
+def test_starts_at_the_first_reading_and_survives_bad_times() -> None:
+    state, message = altitude.step(GAINS, altitude.State(), air(1000, 12.0))
+    assert (message.altitude, message.climb_rate) == (12.0, 0.0)
+    assert altitude.step(GAINS, state, air(1000, 90.0))[0] == state
+    assert altitude.step(GAINS, state, air(500, 90.0))[0] == state
+
+
+def test_state_survives_json() -> None:
+    state = Flight(10.0, 5.0, seconds=2.0).state
+    plain = json.loads(json.dumps(state))
+    assert tuple(plain[1]) == state.x
+    assert tuple(tuple(row) for row in plain[2]) == state.p
