@@ -142,9 +142,10 @@ def load_recording(path: Path) -> Recording:
 def _arrays(path: Path) -> dict[str, Array]:
     keys = (*SHAPES, "rate")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise BadInput(f"{path}: one array, not an .npz archive of {', '.join(keys)}")
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise BadInput(f"{path}: one array, not an .npz archive of {', '.join(keys)}")
+        with archive:
             missing = [key for key in keys if key not in archive]
             if missing:
                 raise BadInput(f"{path}: no {', '.join(missing)} in it; a recording has {', '.join(keys)}")
