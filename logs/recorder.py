@@ -221,9 +221,9 @@ def _create(path: Path) -> Any:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("xb", buffering=0)
-    except FileExistsError:
-        raise BadInput(f"{path} exists: a recording never overwrites a file") from None
     except OSError as error:
+        if path.exists():
+            raise BadInput(f"{path} exists: a recording never overwrites a file") from None
         raise BadInput(f"cannot record to {path}: {error.strerror or error}") from None
     with contextlib.suppress(OSError):
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

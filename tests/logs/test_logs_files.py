@@ -1,0 +1,202 @@
+"""Joining, naming, summing up and exporting."""
+
+from __future__ import annotations
+
+import csv
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
+
+from avionics import messages as m
+from avionics import topics
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.export import csv_header, export_csv, export_npz
+from logs.info import summary
+from logs.join import join
+from logs.names import new_recording
+from logs.reader import open_log
+from sim_bridge import topics as truth_topics
+
+# --- join -----------------------------------------------------------------------------------------------
+
+
+def two_parts(folder: Path) -> tuple[list[Path], list[tuple[Topic, Any]]]:
+    messages = flight(1.5)
+    vehicle = record(folder / "avionics.part", [pair for pair in messages if pair[0].channel < 1000])
+    world = record(folder / "world.part", [pair for pair in messages if pair[0].channel >= 1000])
+    return [vehicle, world], messages
+
+
+def test_a_joined_log_holds_everything_and_the_parts_are_gone(tmp_path: Path) -> None:
+    parts, messages = two_parts(tmp_path)
+    out = tmp_path / "flight.mcap"
+    assert join(parts, out) == []
+    assert list(tmp_path.iterdir()) == [out]
+    log = open_log(out)
+    assert log.complete and log.verify() == [] and len(log.attachments) == 2 and log.boot_ns == EPOCH_NS
+    for topic in FIXED_TOPICS:
+        times = [message.time_us for t, message in messages if t is topic]
+        assert log.columns(topic)["time_us"].tolist() == times
+    with out.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert len(list(reader.iter_messages())) == len(messages)
+
+
+def test_chunks_are_copied_as_they_are(tmp_path: Path) -> None:
+    parts, _ = two_parts(tmp_path)
+
+    def chunks(path: Path) -> set[bytes]:
+        data = path.read_bytes()
+        with path.open("rb") as file:
+            found = make_reader(file).get_summary()
+        assert found is not None
+        return {data[c.chunk_start_offset : c.chunk_start_offset + c.chunk_length] for c in found.chunk_indexes}
+
+    before = chunks(parts[0]) | chunks(parts[1])
+    join(parts, tmp_path / "flight.mcap")
+    assert chunks(tmp_path / "flight.mcap") == before
+
+
+def test_joining_never_overwrites(tmp_path: Path) -> None:
+    parts, _ = two_parts(tmp_path)
+    out = tmp_path / "flight.mcap"
+    out.write_bytes(b"precious")
+    with pytest.raises(BadInput, match="exists"):
+        join(parts, out)
+    assert out.read_bytes() == b"precious" and all(path.exists() for path in parts)
+
+
+def test_a_channel_in_both_parts(tmp_path: Path) -> None:
+    messages = flight(1.0, (topics.IMU, topics.EVENTS))
+    parts = [record(tmp_path / "a", messages[:100]), record(tmp_path / "b", messages[100:])]
+    join(parts, tmp_path / "c.mcap")
+    log = open_log(tmp_path / "c.mcap")
+    assert len(log.columns(topics.IMU).time) + len(log.events()) == len(messages)
+
+
+def test_channels_that_contradict_each_other_are_bad_input(tmp_path: Path) -> None:
+    other = Topic("/other", m.DriveTorque, topics.IMU.channel, 100.0)
+    parts = [
+        record(tmp_path / "a", flight(0.5, (topics.IMU,))),
+        record(tmp_path / "b", flight(0.5, (other,))),
+    ]
+    with pytest.raises(BadInput, match="/sensors/imu and /other"):
+        join(parts, tmp_path / "c.mcap")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+
+
+def test_a_part_that_was_cut_off_is_joined_and_kept(tmp_path: Path) -> None:
+    parts, messages = two_parts(tmp_path)
+    parts[1].write_bytes(parts[1].read_bytes()[:-2000])
+    assert join(parts, tmp_path / "flight.mcap") == [parts[1]]
+    assert parts[1].exists() and not parts[0].exists()
+    log = open_log(tmp_path / "flight.mcap")
+    assert log.complete and len(log.columns(truth_topics.STATE).time) > 0
+    assert len(log.columns(topics.IMU).time) == sum(topic is topics.IMU for topic, _ in messages)
+
+
+def test_a_part_that_is_no_log_stops_the_joining(tmp_path: Path) -> None:
+    parts, _ = two_parts(tmp_path)
+    parts[1].write_bytes(b"")
+    with pytest.raises(BadInput, match=r"world\.part is empty"):
+        join(parts, tmp_path / "flight.mcap")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["avionics.part", "world.part"]
+    with pytest.raises(BadInput, match="nothing to join"):
+        join([], tmp_path / "flight.mcap")
+
+
+# --- names ----------------------------------------------------------------------------------------------
+
+
+def test_names_of_recordings(tmp_path: Path) -> None:
+    when = datetime(2026, 11, 21, 13, 15, 0)
+    first = new_recording("robo_raven_ii_d", when, tmp_path)
+    assert first == tmp_path / "robo_raven_ii_d-20261121-131500.mcap"
+    first.touch()
+    second = new_recording("robo_raven_ii_d", when, tmp_path)
+    assert second.name == "robo_raven_ii_d-20261121-131500-2.mcap"
+    second.touch()
+    assert new_recording("robo_raven_ii_d", when, tmp_path).name == "robo_raven_ii_d-20261121-131500-3.mcap"
+    assert new_recording("some/where/my bird.toml", when, tmp_path).name == "my_bird-20261121-131500.mcap"
+    assert new_recording("../..", when, tmp_path).parent == tmp_path
+
+
+# --- info -----------------------------------------------------------------------------------------------
+
+
+def test_summary_measures_rates_and_gaps(tmp_path: Path) -> None:
+    messages = [
+        (topic, message)
+        for topic, message in flight(2.0, (topics.IMU, topics.NAVIGATION, topics.EVENTS))
+        if not (topic is topics.IMU and 1_000_000 < message.time_us <= 1_100_000)
+    ]
+    found = summary(open_log(record(tmp_path / "a.mcap", messages)))
+    assert json.loads(json.dumps(found)) == found
+    assert (found["vehicle"], found["complete"], found["messages"]) == ("robo_raven_ii_d", True, len(messages))
+    rows = {row["topic"]: row for row in found["topics"]}
+    imu = rows["/sensors/imu"]
+    assert imu["rate"] == pytest.approx(200.0) and imu["nominal_rate"] == 200.0
+    assert (imu["gaps"], imu["longest_gap"]) == (1, pytest.approx(0.105))
+    assert rows["/guidance/navigation"]["gaps"] == 0
+    assert rows["/system/events"]["rate"] is None and rows["/system/events"]["messages"] == 2
+    assert [event["time"] for event in found["events"]] == [1.0, 2.0]
+    assert found["attachments"] == [{"name": "vehicle.toml", "media_type": "application/toml", "bytes": 15}]
+
+
+def test_summary_of_a_log_with_one_message(tmp_path: Path) -> None:
+    found = summary(open_log(record(tmp_path / "a.mcap", flight(0.005, (topics.IMU,)))))
+    assert found["topics"][0]["messages"] == 1 and found["topics"][0]["rate"] is None
+
+
+# --- export ---------------------------------------------------------------------------------------------
+
+
+def test_csv_holds_every_digit(tmp_path: Path) -> None:
+    messages = flight(0.3)
+    log = open_log(record(tmp_path / "a.mcap", messages))
+    paths = export_csv(log, tmp_path / "out", [topic.name for topic in FIXED_TOPICS])
+    assert {path.name for path in paths} >= {"sensors_imu.csv", "truth_state.csv"}
+    with (tmp_path / "out" / "attitude_ahrs.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0][:3] == ["time_us [us]", "roll [rad]", "pitch [rad]"]
+    recorded = [message for topic, message in messages if topic is topics.ATTITUDE]
+    assert [tuple(map(float, row)) for row in rows[1:]] == [tuple(map(float, message)) for message in recorded]
+    assert len(csv_header(log.columns(topics.ADC))) == 121
+
+
+def test_csv_of_every_topic(tmp_path: Path) -> None:
+    log = open_log(record(tmp_path / "a.mcap", flight(0.3)))
+    assert len(export_csv(log, tmp_path / "out")) == len(ALL_TOPICS)
+    assert "event" in (tmp_path / "out" / "system_events.csv").read_text()
+
+
+def test_export_never_overwrites(tmp_path: Path) -> None:
+    log = open_log(record(tmp_path / "a.mcap", flight(0.1, (topics.IMU, topics.WING))))
+    taken = tmp_path / "main_wing.csv"
+    taken.write_text("precious")
+    with pytest.raises(BadInput, match="exists"):
+        export_csv(log, tmp_path)
+    with pytest.raises(BadInput, match="exists"):
+        export_npz(log, taken)
+    with pytest.raises(BadInput, match="no topic /x"):
+        export_csv(log, tmp_path, ["/x"])
+    with pytest.raises(BadInput, match="cannot write"):
+        export_csv(log, taken / "folder")
+    assert taken.read_text() == "precious"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "main_wing.csv"]
+
+
+def test_npz(tmp_path: Path) -> None:
+    log = open_log(record(tmp_path / "a.mcap", flight(0.3)))
+    with np.load(export_npz(log, tmp_path / "a.npz"), allow_pickle=False) as arrays:
+        assert np.array_equal(arrays["main_wing/phase"], log.columns(topics.WING)["phase"])
+        assert arrays["sensors_adc/voltage_counts"].shape == (30, 60)
+        assert ["phase", "rad"] in arrays["main_wing/units"].tolist()
+        assert not any(name.endswith("/text") for name in arrays)

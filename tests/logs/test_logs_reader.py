@@ -1,0 +1,207 @@
+"""Columns equal what was recorded, in files of ours and of others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
+
+from avionics import messages as m
+from avionics import topics
+from avionics.quantities import BadInput
+from logs.layout import layout_of
+from logs.reader import open_log
+from logs.schema import descriptor_set
+from sim_bridge import topics as truth_topics
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[Any, Any]]]:
+    messages = flight(3.0)
+    return record(tmp_path_factory.mktemp("sample") / "a.mcap", messages), messages
+
+
+@pytest.mark.parametrize("topic", FIXED_TOPICS, ids=lambda topic: topic.name)
+def test_columns_equal_what_was_recorded(sample: tuple[Path, list[Any]], topic: topics.Topic) -> None:
+    path, messages = sample
+    columns = open_log(path).columns(topic)
+    recorded = [message for t, message in messages if t is topic]
+    assert list(columns) == list(topic.message._fields)
+    for name in columns:
+        assert columns[name].tolist() == [
+            list(value) if isinstance(value, tuple) else value
+            for value in (getattr(message, name) for message in recorded)
+        ]
+    assert columns.units["time_us"] == "us"
+    assert columns.log_time_ns.tolist() == [EPOCH_NS + message.time_us * 1000 for message in recorded]
+    assert np.array_equal(columns.time, columns["time_us"] * 1e-6)
+
+
+def test_whole_numbers_do_not_wrap(sample: tuple[Path, list[Any]]) -> None:
+    columns = open_log(sample[0]).columns(topics.ENCODER)
+    assert {values.dtype for values in columns.values()} == {np.dtype(np.int64)}
+
+
+def test_topics_tell_what_they_are(sample: tuple[Path, list[Any]]) -> None:
+    path, messages = sample
+    log = open_log(path)
+    assert list(log.topics) == [topic.name for topic in sorted(ALL_TOPICS, key=lambda topic: topic.channel)]
+    for topic in ALL_TOPICS:
+        info = log.topics[topic.name]
+        assert (info.channel, info.rate, info.deterministic) == (topic.channel, topic.rate, topic.deterministic)
+        assert info.messages == sum(t is topic for t, _ in messages)
+    layout = log.topics[truth_topics.WING.name].layout
+    assert layout is not None and layout.fields[8].unit == "N m"
+
+
+def test_events_texts_attachments_metadata_and_duration(sample: tuple[Path, list[Any]]) -> None:
+    path, messages = sample
+    log = open_log(path)
+    events = [message for topic, message in messages if topic.message is m.Event]
+    assert log.events() == sorted(events, key=lambda event: event.time_us)
+    assert log.texts(topics.INPUTS) == [message for topic, message in messages if topic is topics.INPUTS]
+    assert log.attachment("vehicle.toml") == b"name = 'raven'\n"
+    assert log.metadata["flight"] == {"vehicle": "robo_raven_ii_d", "seed": "7"}
+    assert log.boot_ns == EPOCH_NS
+    assert log.duration == pytest.approx(3.0 - 0.005)
+    assert log.verify() == [] and log.complete and log.damage == ()
+
+
+@settings(max_examples=40, deadline=None)
+@given(start=st.floats(-1.0, 4.0), end=st.floats(-1.0, 4.0))
+def test_time_slices(sample: tuple[Path, list[Any]], start: float, end: float) -> None:
+    path, messages = sample
+    times = open_log(path).columns(topics.ATTITUDE, start, end)["time_us"].tolist()
+    low, high = round(start * 1e9), round(end * 1e9)
+    assert times == [msg.time_us for t, msg in messages if t is topics.ATTITUDE and low <= msg.time_us * 1000 < high]
+
+
+def test_several_topics_in_one_pass(sample: tuple[Path, list[Any]]) -> None:
+    log = open_log(sample[0])
+    tables = log.tables([topics.IMU, "/main/wing", topics.IMU])
+    assert list(tables) == ["/sensors/imu", "/main/wing"]
+    assert np.array_equal(tables["/main/wing"]["phase"], log.columns(topics.WING)["phase"])
+    assert set(log.tables()) == set(log.topics)
+
+
+def test_an_unknown_topic_names_the_known_ones(sample: tuple[Path, list[Any]]) -> None:
+    log = open_log(sample[0])
+    with pytest.raises(BadInput, match=r"no topic /nowhere; it has: /sensors/imu, "):
+        log.columns("/nowhere")
+    with pytest.raises(BadInput, match="no texts"):
+        log.texts(topics.IMU)
+    with pytest.raises(BadInput, match="no attachment x; it has: vehicle.toml"):
+        log.attachment("x")
+
+
+def test_messages_out_of_order_are_sorted_by_log_time(tmp_path: Path) -> None:
+    times = [5, 3, 400_000, 200_000, 1_000_000, 900_000]
+    path = record(tmp_path / "a.mcap", [(topics.DRIVE_TORQUE, m.DriveTorque(t, t * 1.0, 0.0)) for t in times])
+    columns = open_log(path).columns(topics.DRIVE_TORQUE)
+    assert columns["left"].tolist() == sorted(times)
+
+
+def test_a_log_without_messages(tmp_path: Path) -> None:
+    log = open_log(record(tmp_path / "a.mcap", []))
+    assert (log.topics, log.duration, log.events(), log.tables()) == ({}, 0.0, [], {})
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCA", b"PK\x03\x04 not a log", b"\x00" * 5000])
+def test_what_is_not_a_log_is_bad_input(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    with pytest.raises(BadInput) as raised:
+        open_log(path)
+    assert str(path) in str(raised.value) and "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("place", ["missing.mcap", "."])
+def test_what_cannot_be_read_is_bad_input(tmp_path: Path, place: str) -> None:
+    with pytest.raises(BadInput, match="cannot read"):
+        open_log(tmp_path / place)
+
+
+# --- files of other writers -----------------------------------------------------------------------------
+
+
+def foreign(path: Path, **options: Any) -> Path:
+    """A file by the `mcap` package's writer: our torque topic, its schema without metadata, JSON, a nested message."""
+    layout = layout_of(m.DriveTorque)
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=500, **options)
+        writer.start()
+        schema = writer.register_schema(layout.name, "protobuf", descriptor_set(layout))
+        torque = writer.register_channel("/torque", "protobuf", schema)
+        text = writer.register_channel("/json", "json", writer.register_schema("Any", "jsonschema", b"{}"))
+        files = build_file_descriptor_set(LocationFix).SerializeToString()
+        fixes = writer.register_channel(
+            "/fix", "protobuf", writer.register_schema("foxglove.LocationFix", "protobuf", files)
+        )
+        blob = writer.register_channel("/blob", "cdr", 0)
+        for n in range(60):
+            time = n * 10**7
+            writer.add_message(torque, time, layout.encode(m.DriveTorque(n * 10**4, n * 0.5, -1.0)), time)
+            writer.add_message(text, time, json.dumps({"a": n, "b": {"c": [n]}, "d": "x" * n}).encode(), time)
+            fix = LocationFix(latitude=n, velocity={"x": n}, position_covariance=[n] * 9)
+            writer.add_message(fixes, time, fix.SerializeToString(), time)
+            writer.add_message(blob, time, b"?", time)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionType.LZ4},
+        {"compression": CompressionType.NONE},
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"use_statistics": False},
+        {"repeat_channels": False},
+        {"enable_crcs": False},
+    ],
+    ids=str,
+)
+def test_files_of_another_writer(tmp_path: Path, options: dict[str, Any]) -> None:
+    log = open_log(foreign(tmp_path / "a.mcap", **options))
+    torque = log.columns("/torque")
+    assert torque["left"].tolist() == [n * 0.5 for n in range(60)]
+    assert torque.units["left"] == "N m"
+    text = log.columns("/json")
+    assert text["a"].tolist() == list(range(60)) and text["d"][3] == "xxx" and text["b.c"][5].tolist() == [5]
+    fix = log.columns("/fix", 0.1, 0.2)
+    assert fix["velocity.x"].tolist() == fix["latitude"].tolist() == list(range(10, 20))
+    assert fix["position_covariance"].shape == (10, 9)
+    assert log.topics["/torque"].messages == 60
+    with pytest.raises(BadInput, match="/blob is encoded as cdr"):
+        log.columns("/blob")
+
+
+def test_a_message_that_lacks_a_field_is_decoded_one_by_one(tmp_path: Path) -> None:
+    layout = layout_of(m.DriveTorque)
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(layout.name, "protobuf", descriptor_set(layout))
+        channel = writer.register_channel("/torque", "protobuf", schema)
+        whole = layout.encode(m.DriveTorque(7, 1.5, 2.5))
+        for time, data in enumerate((whole, whole[:18], whole[9:] + whole[:9])):
+            writer.add_message(channel, time, data, time)
+        writer.finish()
+    columns = open_log(path).columns("/torque")
+    assert columns["left"].tolist() == [1.5, 1.5, 1.5]
+    assert columns["right"].tolist() == [2.5, 0.0, 2.5]
+    assert columns["time_us"].tolist() == [7, 7, 7]
+    assert columns.units["right"] == "N m"

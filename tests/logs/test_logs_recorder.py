@@ -1,0 +1,252 @@
+"""What is recorded, read by independent libraries; what happens when recording cannot go on."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import struct
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from mcap_protobuf.decoder import DecoderFactory
+from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
+
+from avionics import messages as m
+from avionics import topics
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs import recorder as recorder_module
+from logs.reader import open_log
+from logs.recorder import CHUNK_BYTES, McapRecorder
+
+
+def test_an_independent_reader_finds_every_message(tmp_path: Path) -> None:
+    messages = flight()
+    path = record(tmp_path / "a.mcap", messages)
+    waiting = {topic.name: [msg for t, msg in messages if t == topic] for topic in FIXED_TOPICS}
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for schema, channel, raw, decoded in reader.iter_decoded_messages(topics=list(waiting)):
+            message = waiting[channel.topic].pop(0)
+            assert schema is not None and schema.id == channel.id == channel.schema_id
+            assert raw.log_time == EPOCH_NS + message.time_us * 1000
+            for name, value in message._asdict().items():
+                found = getattr(decoded, name)
+                assert tuple(found) == value if isinstance(value, tuple) else found == value
+    assert not any(waiting.values())
+
+
+def test_every_checksum_and_the_summary_satisfy_the_mcap_package(tmp_path: Path) -> None:
+    messages = flight()
+    path = record(tmp_path / "a.mcap", messages)
+    with path.open("rb") as file:
+        kinds = Counter(
+            type(rec).__name__ for rec in StreamReader(file, validate_crcs=True, emit_chunks=True).records
+        )
+        file.seek(0)
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        assert summary.statistics.channel_message_counts == Counter(topic.channel for topic, _ in messages)
+        assert summary.statistics.message_count == len(messages)
+        assert len(summary.chunk_indexes) == kinds["Chunk"] == summary.statistics.chunk_count
+        assert {channel.topic for channel in summary.channels.values()} == {topic.name for topic in ALL_TOPICS}
+        assert [attachment.name for attachment in reader.iter_attachments()] == ["vehicle.toml"]
+        assert {metadata.name for metadata in reader.iter_metadata()} == {"wingbeat.recording", "flight"}
+    assert kinds["Footer"] == kinds["DataEnd"] == 1
+
+
+def test_events_are_log_lines_for_viewers(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", [(topics.EVENTS, m.Event(1_500_000, m.Severity.NOTICE, "main", "armed"))])
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        schema, _, _, log = next(iter(reader.iter_decoded_messages()))
+    assert schema is not None and schema.name == "foxglove.Log"
+    assert (log.message, log.name, log.level, log.timestamp.ToMilliseconds()) == ("armed", "main", 2, 1500)
+
+
+def test_enum_labels_travel_in_the_channel(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", flight(0.2, (topics.NAVIGATION,)))
+    assert open_log(path).columns(topics.NAVIGATION).labels["mode"][4] == "AUTO"
+
+
+def test_same_input_same_bytes(tmp_path: Path) -> None:
+    one = record(tmp_path / "a.mcap", flight()).read_bytes()
+    two = record(tmp_path / "b.mcap", flight()).read_bytes()
+    assert one == two
+
+
+def test_messages_do_not_depend_on_when_it_was(tmp_path: Path) -> None:
+    one = record(tmp_path / "a.mcap", flight(), start_epoch_ns=EPOCH_NS)
+    two = record(tmp_path / "b.mcap", flight(), start_epoch_ns=EPOCH_NS + 10**15, clock=iter(range(10**9)).__next__)
+
+    def encoded(path: Path) -> list[tuple[str, bytes]]:
+        with path.open("rb") as file:
+            return [(channel.topic, raw.data) for _, channel, raw in make_reader(file).iter_messages()]
+
+    assert encoded(one) == encoded(two)
+
+
+def chunk_spans(path: Path) -> list[tuple[float, int]]:
+    """Duration in s and unpacked size of every chunk."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return [((c.message_end_time - c.message_start_time) * 1e-9, c.uncompressed_size) for c in summary.chunk_indexes]
+
+
+def test_chunks_are_closed_by_size_and_by_log_time(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", flight(3.0))
+    spans = chunk_spans(path)
+    assert max(duration for duration, _ in spans) <= 0.25
+    assert max(size for _, size in spans) < CHUNK_BYTES + 1000
+    slow = record(tmp_path / "b.mcap", flight(10.0, (topics.HEALTH,)))
+    assert len(chunk_spans(slow)) == 5  # a message per second: the one that finds the chunk old enough closes it
+
+
+def test_chunks_are_closed_by_the_wall_clock(tmp_path: Path) -> None:
+    now = [0.0]
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=0, clock=lambda: now[0]) as recorder:
+        recorder.record(topics.HEALTH, m.Health(0, 0, 0, 0))
+        before = recorder.path.stat().st_size
+        now[0] = 0.3
+        recorder.record(topics.HEALTH, m.Health(1, 0, 0, 1))
+        assert recorder.path.stat().st_size > before
+        assert len(open_log(recorder.path).columns(topics.HEALTH).time) == 2
+
+
+def test_an_existing_file_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(BadInput, match="exists"):
+        McapRecorder(path)
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_place_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(BadInput, match="cannot record"):
+        McapRecorder(tmp_path / "file" / "a.mcap")
+
+
+class FullDisk:
+    """An unbuffered file on a disk that takes ``room`` more bytes, the last of them as a short write."""
+
+    def __init__(self, file: Any, room: int) -> None:
+        self.file, self.room = file, room
+
+    def write(self, data: Any) -> int:
+        if not self.room:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written = self.file.write(data[: self.room])
+        self.room -= written
+        return int(written)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.file, name)
+
+
+@pytest.mark.parametrize("room", [120_000, 200_001, 333_333])
+def test_a_full_disk_ends_the_recording_not_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    create = recorder_module._create
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), room))
+    messages = flight(3.0)
+    recorder = McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0)
+    for topic, message in messages:
+        recorder.record(topic, message)
+    recorder.attach("late", "text/plain", b"x")
+    recorder.close()
+    assert "No space left" in recorder.failure and "\n" not in recorder.failure
+    log = open_log(recorder.path)
+    assert not log.complete
+    assert log.damage == ("the file was cut off before its end",)
+    times = log.columns(topics.IMU)["time_us"]
+    assert len(times) > 10
+    assert times.tolist() == [msg.time_us for topic, msg in messages if topic is topics.IMU][: len(times)]
+
+
+def test_a_disk_without_room_at_all_is_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    create = recorder_module._create
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), 10))
+    with pytest.raises(BadInput, match="No space left"):
+        McapRecorder(tmp_path / "a.mcap")
+    assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [
+        (topics.HEALTH, m.Health(1, -1, 0, 0)),
+        (topics.HEALTH, m.Health(1, 0, 2**32, 0)),
+        (topics.HEALTH, m.DriveTorque(1, 0.0, 0.0)),
+        (topics.HEALTH, None),
+        (topics.HEALTH, m.Health(-(2**70), 0, 0, 0)),
+        (topics.ADC, m.AdcBurst(1, (1,), (1,))),
+        (topics.EVENTS, m.Event(1, 99, "", "")),  # type: ignore[arg-type]
+        (topics.EVENTS, m.Event(1, m.Severity.INFO, "", "\ud800")),
+        (Topic("/bad", m.Command, 999, 0.0), m.Command(1, m.CommandKind.ARM)),
+        (Topic("/clash", m.Health, topics.IMU.channel, 0.0), m.Health(1, 0, 0, 0)),
+    ],
+)
+def test_a_message_that_does_not_fit_is_left_out_alone(tmp_path: Path, topic: Topic, message: Any) -> None:
+    good = flight(0.5, (topics.IMU,))
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS) as recorder:
+        for index, pair in enumerate(good):
+            recorder.record(*pair)
+            if index == 10:
+                recorder.record(topic, message)
+    assert recorder.refused == 1 and topic.name in recorder.refusal and not recorder.failure
+    log = open_log(recorder.path)
+    assert log.verify() == []
+    assert len(log.columns(topics.IMU).time) == len(good)
+
+
+def test_attachments_and_notes_that_cannot_be_written_are_left_out(tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "a.mcap") as recorder:
+        recorder.note("flight", {"seed": 7})  # type: ignore[dict-item]
+        recorder.attach("\ud800", "text/plain", b"")
+    assert recorder.refused == 2
+    assert open_log(recorder.path).complete
+
+
+def test_after_closing_nothing_happens(tmp_path: Path) -> None:
+    recorder = McapRecorder(tmp_path / "a.mcap")
+    recorder.close()
+    before = recorder.path.read_bytes()
+    recorder.record(topics.HEALTH, m.Health(1, 0, 0, 0))
+    recorder.attach("a", "b", b"c")
+    recorder.note("a", {})
+    recorder.flush()
+    recorder.close()
+    assert recorder.path.read_bytes() == before and not recorder.failure
+
+
+def test_a_topic_that_is_not_logged_is_not_recorded(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", [(topics.HEALTH._replace(logged=False), m.Health(1, 0, 0, 0))])
+    assert open_log(path).topics == {}
+
+
+def test_a_file_is_locked_while_it_is_recorded(tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "a.mcap") as recorder, recorder.path.open("rb") as file:
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        recorder.close()
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_a_message_record_is_what_the_format_says(tmp_path: Path) -> None:
+    """Opcode 5, length, channel, sequence, log and publish time, then the protobuf bytes (mcap.dev/spec)."""
+    from logs.codecs import codec_for
+    from logs.layout import layout_of
+
+    message = m.DriveTorque(5, 1.0, -2.0)
+    codec = codec_for(topics.DRIVE_TORQUE)
+    body = layout_of(m.DriveTorque).encode(message)
+    head = struct.pack("<BQHIQQ", 5, 22 + len(body), 23, 9, 77, 77)
+    assert codec.encode(message, 77, 9) == head + body
