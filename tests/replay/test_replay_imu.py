@@ -13,6 +13,7 @@ import pytest
 
 from avionics.estimation.ahrs import AhrsGains
 from avionics.quantities import BadInput
+from avionics.vehicles.loader import load_vehicle, vehicle_names
 from logs.replay import imu
 
 ROOT = Path(__file__).parents[2]
@@ -196,3 +197,10 @@ def test_paths_without_recordings(tmp_path: Path) -> None:
     for paths, words in (([], "no IMU recording"), ([tmp_path / "x.npz"], "no such"), ([tmp_path], "no .npz")):
         with pytest.raises(BadInput, match=words):
             imu.replay_imu(paths)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_vehicle_flies_the_gains_that_are_scored_here(name: str) -> None:
+    """One parameter set: a vehicle knows its place's declination, nothing else of its own."""
+    flown = load_vehicle(name).gains.ahrs
+    assert flown._replace(declination=0.0) == AhrsGains()
