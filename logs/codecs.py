@@ -109,20 +109,24 @@ def file_descriptors(message: type[Protobuf]) -> bytes:
 def fixed_encoder(layout: Layout, channel: int) -> Encoder:
     """Encoder of a fixed layout: one `struct` call writes the record's head, the tags and the values."""
     packer = struct.Struct(_HEAD.format + layout.format[1:])
-    pack = packer.pack
+    pack, opcode = packer.pack, int(Opcode.MESSAGE)
     length = packer.size - 9
-    if any(field.length for field in layout.fields):
+    fields = [(field.tag, bool(field.length)) for field in layout.fields]
+    if any(packed for _, packed in fields):
 
         def encode_arrays(message: Any, log_time: int, sequence: int) -> bytes:
-            values = layout.arguments(message)
-            return pack(Opcode.MESSAGE, length, channel, sequence, log_time, log_time, *values)
+            values: list[Any] = [opcode, length, channel, sequence, log_time, log_time]
+            for (tag, packed), value in zip(fields, message, strict=True):
+                values.append(tag)
+                values.extend(value if packed else (value,))
+            return pack(*values)
 
         return encode_arrays
 
     # The tags stay in this list; only every second place changes from message to message.
-    arguments: list[Any] = [int(Opcode.MESSAGE), length, channel, 0, 0, 0]
-    for field in layout.fields:
-        arguments += (field.tag, 0)
+    arguments: list[Any] = [opcode, length, channel, 0, 0, 0]
+    for tag, _ in fields:
+        arguments += (tag, 0)
 
     def encode_flat(message: Any, log_time: int, sequence: int) -> bytes:
         arguments[3] = sequence

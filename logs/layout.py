@@ -178,9 +178,9 @@ def split_unit(text: str) -> tuple[str, str]:
 
 @functools.cache
 def _field_texts(module: str) -> dict[str, dict[str, str]]:
-    """Docstrings of the fields of every class in a module: Python keeps them in the source alone."""
+    """Docstrings of the fields of every class at the top of a module: Python keeps them in the source alone."""
     tree = ast.parse(inspect.getsource(sys.modules[module]))
-    return {node.name: dict(_texts_of(node)) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+    return {node.name: dict(_texts_of(node)) for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
 def _texts_of(node: ast.ClassDef) -> Iterator[tuple[str, str]]:

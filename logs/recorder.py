@@ -7,7 +7,7 @@ import fcntl
 import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,6 +22,7 @@ from logs.container import Container, encode, pack_chunk
 
 CHUNK_BYTES = 64 * 1024
 FLUSH_S = 0.25
+_FLUSH_NS = round(FLUSH_S * 1e9)
 ZSTD_LEVEL = 1
 RECORDING = "wingbeat.recording"
 """Name of the metadata record that says when the vehicle's clock was zero."""
@@ -56,6 +57,7 @@ class McapRecorder:
         *,
         start_epoch_ns: int | None = None,
         clock: Callable[[], float] = time.monotonic,
+        topics: Iterable[Topic] = (),
     ) -> None:
         """Create the file.
 
@@ -63,6 +65,7 @@ class McapRecorder:
             path: of the new file; its folder is made when it is missing.
             start_epoch_ns: ns since 1970 at which the vehicle's clock was zero; now when not given.
             clock: s; wall clock for the flushes.
+            topics: prepared now, which costs a millisecond or two each; others are when they first come.
 
         Raises:
             BadInput: the file exists or cannot be created.
@@ -80,12 +83,14 @@ class McapRecorder:
         self._streams: dict[int, _Stream] = {}
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
-        self._flush_ns = 0
+        self._first_ns = 0
         self._flush_clock = 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
         self._file = _create(self.path)
         self._container: Container | None = None
         self._begin()
+        for topic in topics:
+            self._open(topic)
 
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
@@ -102,18 +107,18 @@ class McapRecorder:
             except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
                 self._refuse(f"a message of {topic.name}", error)
                 return
-            if not self._buffer:
-                self._flush_ns = log_ns
+            buffer = self._buffer
+            offset = len(buffer)
+            if not offset:
+                self._first_ns = log_ns
                 self._flush_clock = self._clock() + FLUSH_S
             stream.sequence += 1
-            stream.index += (log_ns, len(self._buffer))
-            self._buffer += record
+            stream.index += (log_ns, offset)
+            buffer += record
             self._last_ns = log_ns
-            if (
-                len(self._buffer) >= CHUNK_BYTES
-                or abs(log_ns - self._flush_ns) >= FLUSH_S * 1e9
-                or self._clock() >= self._flush_clock
-            ):
+            # Time that runs backwards closes the chunk too: its messages are then near each other.
+            young = -_FLUSH_NS < log_ns - self._first_ns < _FLUSH_NS
+            if offset + len(record) >= CHUNK_BYTES or not young or self._clock() >= self._flush_clock:
                 self.flush()
 
     def flush(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from avionics import messages as m
 from avionics import topics
 from avionics.topics import Topic
-from logs.layout import layout_of
+from logs.layout import Field, layout_of
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import Pose, Scene, Shape
@@ -47,11 +48,15 @@ def flight() -> list[tuple[Topic, Any]]:
     return [(t, pools[t][n % 200]._replace(time_us=time_us)) for n, (time_us, _, t) in enumerate(times)]
 
 
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
 def timed(what: str, count: int, run: Callable[[], Any]) -> Any:
     start = time.perf_counter()
     out = run()
     elapsed = time.perf_counter() - start
-    print(f"{what:34} {count / elapsed / 1e3:9.0f} k/s  {elapsed:6.2f} s")
+    say(f"{what:34} {count / elapsed / 1e3:9.0f} k/s  {elapsed:6.2f} s")
     return out
 
 
@@ -59,7 +64,7 @@ def timed(what: str, count: int, run: Callable[[], Any]) -> Any:
 def test_messages_per_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     messages = flight()
-    print(f"\n{len(messages)} messages on {len(FIXED)} topics")
+    say(f"\n{len(messages)} messages on {len(FIXED)} topics")
 
     def write() -> None:
         with McapRecorder(path, start_epoch_ns=0) as recorder:
@@ -68,7 +73,7 @@ def test_messages_per_second(tmp_path: Path) -> None:
         assert not recorder.refusal and not recorder.failure
 
     timed("write", len(messages), write)
-    print(f"{path.stat().st_size / 1e6:.1f} MB")
+    say(f"{path.stat().st_size / 1e6:.1f} MB")
     tables = timed("read all topics", len(messages), lambda: open_log(path).tables())
     assert sum(len(table.time) for table in tables.values()) == len(messages)
     one = timed("read one topic", int(MINUTES * 60 * 200), lambda: open_log(path).columns(topics.IMU))
@@ -91,6 +96,6 @@ def independent(path: Path, count: int) -> None:
 def test_frames_per_second() -> None:
     scene = Scene(Shape(0.5, 0.3, (0.1, 0.0, 0.0), 0.2, (-0.4, 0.0, 0.0), 0.3, 0.2, 0.1), 0)
     pose = Pose(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2), (0.1, 0.1), 0.1, 0.1)
-    print()
+    say("")
     size = timed("frame transforms", 5000, lambda: [scene.transforms(pose).ByteSize() for _ in range(5000)])
     assert len(set(size)) == 1

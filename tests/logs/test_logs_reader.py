@@ -99,7 +99,7 @@ def test_an_unknown_topic_names_the_known_ones(sample: tuple[Path, list[Any]]) -
         log.columns("/nowhere")
     with pytest.raises(BadInput, match="no texts"):
         log.texts(topics.IMU)
-    with pytest.raises(BadInput, match="no attachment x; it has: vehicle.toml"):
+    with pytest.raises(BadInput, match=r"no attachment x; it has: vehicle\.toml"):
         log.attachment("x")
 
 
@@ -134,7 +134,7 @@ def test_what_cannot_be_read_is_bad_input(tmp_path: Path, place: str) -> None:
 
 
 def foreign(path: Path, **options: Any) -> Path:
-    """A file by the `mcap` package's writer: our torque topic, its schema without metadata, JSON, a nested message."""
+    """A file by the `mcap` package's writer: our torque topic without metadata, JSON, a nested message."""
     layout = layout_of(m.DriveTorque)
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=500, **options)

@@ -227,6 +227,18 @@ def test_after_closing_nothing_happens(tmp_path: Path) -> None:
     assert recorder.path.read_bytes() == before and not recorder.failure
 
 
+def test_topics_can_be_prepared_before_the_flight(tmp_path: Path) -> None:
+    messages = flight(1.0)
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, topics=ALL_TOPICS) as recorder:
+        for topic, message in messages:
+            recorder.record(topic, message)
+    with McapRecorder(tmp_path / "b.mcap", topics=ALL_TOPICS):
+        pass
+    log = open_log(tmp_path / "a.mcap")
+    assert sum(info.messages for info in log.topics.values()) == len(messages)
+    assert open_log(tmp_path / "b.mcap").topics == {}
+
+
 def test_a_topic_that_is_not_logged_is_not_recorded(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap", [(topics.HEALTH._replace(logged=False), m.Health(1, 0, 0, 0))])
     assert open_log(path).topics == {}

@@ -35,6 +35,7 @@ from logs.scene import (
 from sim_bridge import topics as truth_topics
 
 SHAPE = Shape(0.5, 0.3, (0.1, 0.02, 0.03), 0.2, (-0.4, 0.0, 0.0), 0.3, 0.2, 0.1)
+SHOWN = (truth_topics.STATE, truth_topics.WING, topics.ATTITUDE, topics.WING, topics.ALTITUDE)
 Vector = NDArray[np.float64]
 angles = st.floats(-1.2, 1.2)
 unit_quaternions = (
@@ -155,13 +156,7 @@ def test_the_truth_is_shown_at_50_hz_and_the_scene_once_a_second(tmp_path: Path)
 
 def test_the_wings_follow_the_recorded_angles(tmp_path: Path) -> None:
     found = recorded_views(tmp_path, estimated=False)
-    wings = [
-        message
-        for topic, message in flight(
-            2.0, (truth_topics.STATE, truth_topics.WING, topics.ATTITUDE, topics.WING, topics.ALTITUDE)
-        )
-        if topic is truth_topics.WING
-    ]
+    wings = [message for topic, message in flight(2.0, SHOWN) if topic is truth_topics.WING]
     by_time = {EPOCH_NS + message.time_us * 1000: message for message in wings}
     for time, frames in found["/view/transforms"][1:]:
         wing = by_time[time - 5_000_000]  # the state of a tick comes before its wings
