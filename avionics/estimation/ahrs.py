@@ -210,12 +210,13 @@ def step(
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     before = state.block.span
     if before + dt < length:
-        block = _extended(state.block, dt, state.force, force, velocity, field, rates)
+        block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
     else:
         share = max(0.0, (length - before) / dt)
-        middle = _between(state.force, force, share)
-        full = _extended(state.block, share * dt, state.force, middle, velocity, field, rates)
-        block = _extended(Block(), (1.0 - share) * dt, middle, force, velocity, field, rates)
+        before_end = _between(state.force, force, 0.5 * share)
+        after_end = _between(state.force, force, 0.5 + 0.5 * share)
+        full = _extended(state.block, share * dt, before_end, velocity, field, rates)
+        block = _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates)
         r, correction = _corrected(gains, r, correction, full, frequency > 0.0, airspeed)
     state = AhrsState(imu.time_us, r, rates, force, block, correction)
     return state, attitude(state)
@@ -239,24 +240,22 @@ def _between(a: Vector, b: Vector, share: float) -> Vector:
     return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
 
 
-def _extended(
-    block: Block, dt: float, f0: Vector, f1: Vector, velocity: Vector, field: Vector, rates: Vector
-) -> Block:
-    """The block with ``dt`` seconds more, in which the specific force went from ``f0`` to ``f1``."""
-    span, force, moment, travel, magnetic, turn, rate_square, force_square = block
-    half = 0.5 * dt
-    fx, fy, fz = half * (f0[0] + f1[0]), half * (f0[1] + f1[1]), half * (f0[2] + f1[2])
-    time = span + half
+def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector) -> Block:
+    """The block with ``dt`` seconds more, over which ``force`` is the mean specific force."""
+    span, impulse, moment, travel, magnetic, turn, rate_square, force_square = block
+    x, y, z = force
+    fx, fy, fz = x * dt, y * dt, z * dt
+    time = span + 0.5 * dt
     p, q, r = rates
     return Block(
         span + dt,
-        (force[0] + fx, force[1] + fy, force[2] + fz),
+        (impulse[0] + fx, impulse[1] + fy, impulse[2] + fz),
         (moment[0] + fx * time, moment[1] + fy * time, moment[2] + fz * time),
         (travel[0] + velocity[0] * dt, travel[1] + velocity[1] * dt, travel[2] + velocity[2] * dt),
         (magnetic[0] + field[0] * dt, magnetic[1] + field[1] * dt, magnetic[2] + field[2] * dt),
         (turn[0] + p * dt, turn[1] + q * dt, turn[2] + r * dt),
         rate_square + (p * p + q * q + r * r) * dt,
-        force_square + (f1[0] * f1[0] + f1[1] * f1[1] + f1[2] * f1[2]) * dt,
+        force_square + (x * x + y * y + z * z) * dt,
     )
 
 
