@@ -6,13 +6,14 @@ computer's own estimate, and ``against_truth`` says so.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from avionics.messages import Stage
+from avionics.messages import Mode, Stage
 from logs.columns import Columns
 from logs.reader import Log
 from sim_bridge import topics as truth_topics
@@ -218,6 +219,7 @@ def _longest_hold(flight: _Flight) -> Hold | None:
 def _constant_spans(navigation: Columns) -> list[tuple[int, int]]:
     """First and last sample of every stretch en route with unmoved setpoints and closed loops."""
     steady = (navigation["stage"] == Stage.EN_ROUTE) & (navigation["frozen"] == 0)
+    steady &= np.isin(navigation["mode"], (Mode.AUTO, Mode.ALTITUDE_HOLD))
     same = (np.diff(navigation["altitude_setpoint"]) == 0) & (np.diff(navigation["heading_setpoint"]) == 0)
     same &= np.diff(navigation["item"]) == 0
     edges = np.flatnonzero(np.diff(np.concatenate(([0], (same & steady[:-1] & steady[1:]).astype(int), [0]))))
@@ -227,7 +229,7 @@ def _constant_spans(navigation: Columns) -> list[tuple[int, int]]:
 
 
 def _hold(flight: _Flight, navigation: Columns, start: int, end: int) -> Hold | None:
-    begin, finish = float(navigation.time[start]), float(navigation.time[end])
+    begin, finish = float(navigation.time[start]), min(float(navigation.time[end]), flight.end or math.inf)
     wanted = float(navigation["altitude_setpoint"][start]), float(navigation["heading_setpoint"][start])
     flown = _flown(flight)
     if flown is None:

@@ -39,7 +39,7 @@ def build_parser() -> options.Parser:
     options.add_mission(parser)
     options.add_gcs(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
-    parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 1 s after boot")
+    parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
 
@@ -59,7 +59,7 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, mission)
         onboard = Onboard(vehicle, mission, recorder, scripted_start() if chosen.start else ())
-        link = GroundLink(chosen.gcs, onboard)
+        link = GroundLink(chosen.gcs, onboard.view)
         stack.callback(link.close)
         _fly(chosen.board, onboard, link)
     return 0

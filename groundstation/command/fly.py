@@ -6,6 +6,7 @@ import argparse
 import math
 import signal
 import socket
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.live import Live
 
-from avionics.link.urls import parse_url
+from avionics.link.transport import open_transport
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
@@ -30,10 +31,11 @@ from groundstation.views.flight_view import FlightView, Header, event_line, prog
 from groundstation.views.history import History, remember
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
-from logs.identification.report import document
+from groundstation.views.terminal import open_console
+from logs.identification.report import Identification, document
 from logs.join import join
 from logs.names import new_recording
-from logs.reader import open_log
+from logs.reader import Log, open_log
 from logs.summary import summarize
 
 EXAMPLES = (
@@ -45,10 +47,10 @@ JSON_KEYS = {
     "log": "path of the joined log",
     "vehicle": "name",
     "seed": "of sensor noise and wind",
-    "wall_time": "s; how long it took",
+    "wall_time": "s; how long it took, starting included",
     "speed": "times real time",
     "flight": "what was flown, see logs/summary.py: SI and radians, null where unknown",
-    "identified": "as of wingbeat identify --json",
+    "identified": "as of wingbeat identify --json, null where the flight gave nothing",
 }
 LINE_EVERY = 10.0
 """s; of flight time between two lines where there is no terminal"""
@@ -93,15 +95,15 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     plan = check(chosen)
-    console = Console(quiet=chosen.json)
+    console = open_console(quiet=chosen.json)
     signal.signal(signal.SIGTERM, _interrupt)
     began = time.monotonic()
     try:
-        flown = _fly(plan, chosen, console)
+        _fly(plan, chosen, console)
     except KeyboardInterrupt:
         _keep(plan)
         raise
-    _report(plan, chosen, console, flown, time.monotonic() - began)
+    _report(plan, chosen, console, time.monotonic() - began)
     return 0
 
 
@@ -118,7 +120,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     vehicle = load_vehicle(chosen.vehicle)
     load_mission(chosen.mission)
     for url in chosen.gcs:
-        parse_url(url)
+        open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)
     parts = (log.with_suffix(".world.mcap"), log.with_suffix(".avionics.mcap"))
     for path in (log, *parts):
@@ -127,7 +129,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     return Plan(chosen.vehicle, vehicle.title, log, parts)
 
 
-def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> VehicleState:
+def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
     connection = listen_locally()
     try:
         with Children() as children:
@@ -139,7 +141,6 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> VehicleSta
             failure = children.failure()
         if failure is not None:
             raise _failed(failure, plan)
-        return connection.state
     finally:
         connection.close()
 
@@ -220,17 +221,26 @@ def _watch_lines(children: Children, connection: Connection, console: Console) -
 
 
 def _keep(plan: Plan) -> None:
-    """Join what a flight recorded that was stopped on the way."""
+    """Join what a flight recorded that was stopped on the way, and say where it is."""
     parts = [part for part in plan.parts if part.exists()]
     if parts:
         join(parts, plan.log)
+        print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
 
 
-def _report(plan: Plan, chosen: argparse.Namespace, console: Console, flown: VehicleState, wall_time: float) -> None:
+def _identified(log: Log) -> Identification | str:
+    """What the log gives, or why it gives nothing: a flight without an excitation is a flight all the same."""
+    try:
+        return identify.identified(log)
+    except BadInput as reason:
+        return str(reason)
+
+
+def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
     join(plan.parts, plan.log)
     with open_log(plan.log) as log:
         summary = summarize(log)
-        found = identify.identified(log)
+        found = _identified(log)
         speed = log.duration / wall_time
     if chosen.json:
         print_document(
@@ -241,7 +251,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, flown: Veh
                 "wall_time": wall_time,
                 "speed": speed,
                 "flight": summary,
-                "identified": document(found),
+                "identified": None if isinstance(found, str) else document(found),
             }
         )
         return
@@ -249,4 +259,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, flown: Veh
     console.print(flight_report.log_line(plan.log))
     console.print(flight_report.flown_table(summary))
     console.print()
-    console.print(identification_table(found))
+    if isinstance(found, str):
+        console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)
+    else:
+        console.print(identification_table(found))

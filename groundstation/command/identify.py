@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from groundstation.command import options
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
+from groundstation.views.terminal import open_console
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.reader import Log, open_log
 from logs.truth import known_truths
@@ -47,7 +46,7 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.json:
         print_document(document(found))
     else:
-        Console().print(identification_table(found))
+        open_console().print(identification_table(found))
     return 0
 
 

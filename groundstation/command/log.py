@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from groundstation.command import options
 from groundstation.views import tables, wording
 from groundstation.views.json_document import print_document
+from groundstation.views.terminal import open_console
 from logs.export import export_csv, export_npz
 from logs.info import summary
 from logs.reader import open_log
@@ -68,7 +67,7 @@ def _info(chosen: argparse.Namespace) -> None:
 
 
 def _print_info(document: dict[str, Any], file: Path) -> None:
-    console = Console()
+    console = open_console()
     console.print(
         f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
         f"{document['messages']} messages   {wording.size(file.stat().st_size)}"

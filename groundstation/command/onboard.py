@@ -8,26 +8,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
-from avionics import parameters, topics
-from avionics.autopilot import Autopilot
+from avionics import topics
 from avionics.board.board import Board
 from avionics.guidance.mission import Mission
-from avionics.inputs import receive
 from avionics.link.ground import GroundLink
-from avionics.link.vehicle import Home, Parameter
-from avionics.messages import Command, CommandKind, Event, GpsFix, Mode, PilotInput, SensorFrame, Severity
+from avionics.messages import Command, CommandKind, Mode, PilotInput
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
-from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
+from avionics.view import FlightView
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
 SCRIPT = "script"
-START_US = 1_000_000
-"""us; since boot, when a scripted flight is armed and switched to AUTO"""
+START_US = 2_000_000
+"""us; since boot, when a scripted flight is armed and switched to AUTO: the attitude is known by then"""
 
 
 def scripted_start() -> tuple[Command, ...]:
@@ -39,7 +35,7 @@ def scripted_start() -> tuple[Command, ...]:
 
 
 class Onboard:
-    """One flight computer; also the `VehicleView` that its ground link reads."""
+    """One flight computer; its ``view`` is what a ground link reads."""
 
     def __init__(
         self,
@@ -49,7 +45,7 @@ class Onboard:
         script: Sequence[Command] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Build the autopilot; ``script`` is applied at the first tick whose time has reached each command's.
+        """Build the autopilot; each command of ``script`` is applied at the first tick that has reached its time.
 
         Raises:
             BadInput: the mission cannot be flown.
@@ -57,82 +53,22 @@ class Onboard:
         self._recorder = recorder
         self._clock = clock
         self._stopwatch = Stopwatch(time.perf_counter_ns)
-        self._latest: dict[str, Any] = {}
-        self._events: list[Event] = []
-        self._home: Home | None = None
-        self._time_us = 0
-        self._autopilot = Autopilot(vehicle, mission, self._publish, self._stopwatch.schedule)
-        self._table = parameters.parameter_table(vehicle.gains)
         self._script = sorted(script, key=lambda command: command.time_us)
         self._polled_at = float("-inf")
+        self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
 
-    # --- what the ground link reads -----------------------------------------------------------------------
-
-    @property
-    def time_us(self) -> int:
-        """us; since boot, of the last tick."""
-        return self._time_us
-
-    @property
-    def mode(self) -> Mode:
-        """Flight mode."""
-        return Mode(self._autopilot.state.modes.mode)
-
-    @property
-    def armed(self) -> bool:
-        """The wings may move."""
-        return bool(self._autopilot.state.modes.armed)
-
-    @property
-    def mission(self) -> Mission:
-        """The mission on board."""
-        return self._autopilot.state.mission
-
-    @property
-    def home(self) -> Home | None:
-        """None before the first fix."""
-        return self._home
-
-    @property
-    def parameters(self) -> Sequence[Parameter]:
-        """The parameter table with the values that hold now."""
-        gains = self._autopilot.state.gains
-        return [Parameter(p.name, parameters.get(gains, p), p.low, p.high) for p in self._table.values()]
-
-    def latest(self, topic: Topic) -> Any:
-        """The last message of ``topic``, or None before the first."""
-        return self._latest.get(topic.name)
-
-    def events(self, after: int) -> Sequence[Event]:
-        """The events since boot but for the first ``after``."""
-        return self._events[after:]
-
-    def refusal(self, command: Command) -> str:
-        """Why the flight core would refuse ``command``: what it says when a copy of it is asked."""
-        heard: list[str] = []
-
-        def listen(topic: Topic, message: Any) -> None:
-            if topic is topics.EVENTS and message.severity <= Severity.WARNING:
-                heard.append(message.text)
-
-        receive(self._autopilot.state, listen, [command])
-        return heard[0] if heard else ""
-
-    # --- the loop -----------------------------------------------------------------------------------------
-
-    def fly(self, board: Board, link: GroundLink | None) -> None:
+    def fly(self, board: Board, link: GroundLink | None = None) -> None:
         """Fly until the board says that the world is over.
 
         Raises:
             BoardSilent: the sensors stopped answering.
         """
+        step = self.view.autopilot.step
         inputs: list[Command | PilotInput] = []
         while (frame := board.read()) is not None:
-            board.write(self._autopilot.step(frame, [*self._due(frame.time_us), *inputs]))
-            self._time_us = frame.time_us
-            self._stopwatch.tick(frame.time_us, self._publish)
-            self._note_home(frame)
-            inputs = self._poll(link)
+            board.write(step(frame, [*self._due(frame.time_us), *inputs]))
+            self._stopwatch.tick(frame.time_us, self._recorder.record)
+            inputs = [] if link is None else self._poll(link)
 
     def _due(self, time_us: int) -> list[Command]:
         due: list[Command] = []
@@ -140,9 +76,9 @@ class Onboard:
             due.append(self._script.pop(0))
         return due
 
-    def _poll(self, link: GroundLink | None) -> list[Command | PilotInput]:
+    def _poll(self, link: GroundLink) -> list[Command | PilotInput]:
         now = self._clock()
-        if link is None or now - self._polled_at < POLL:
+        if now - self._polled_at < POLL:
             return []
         self._polled_at = now
         inputs = link.poll(now)
@@ -150,21 +86,3 @@ class Onboard:
         for event in link.take_events():
             self._recorder.record(topics.LINK_EVENTS, event)
         return inputs
-
-    def _publish(self, topic: Topic, message: Any) -> None:
-        self._latest[topic.name] = message
-        if topic is topics.EVENTS:
-            self._events.append(message)
-        self._recorder.record(topic, message)
-
-    def _note_home(self, frame: SensorFrame) -> None:
-        if frame.gps is None or self._home is not None:
-            return
-        home = self._autopilot.state.position_filter
-        if home.valid:
-            self._home = _home_of(home.home, frame.gps, self._latest.get(topics.ALTITUDE.name))
-
-
-def _home_of(place: tuple[float, float], fix: GpsFix, altitude: Any) -> Home:
-    climbed = 0.0 if altitude is None else altitude.altitude
-    return Home(place[0], place[1], fix.altitude - climbed)

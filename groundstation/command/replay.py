@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from groundstation.command import options
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
+from groundstation.views.terminal import open_console
 from logs.replay.imu import ImuScore, recordings, replay_imu
 
 EXAMPLES = ("wingbeat replay --imu tests/data/imu", "wingbeat replay --imu trial_16.npz --json")
@@ -63,4 +62,4 @@ def _print_scores(scores: Sequence[ImuScore]) -> None:
     for score in scores:
         angles = (score.total_deg, score.heading_deg, score.inclination_deg)
         table.add_row(score.file, *(f"{angle:.2f}°" for angle in angles))
-    Console().print(table)
+    open_console().print(table)

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rich.console import Console
 from rich.text import Text
 
 from avionics.quantities import SOURCE_KINDS, Source
@@ -15,6 +14,7 @@ from avionics.vehicles import vehicle_names as flight_names
 from groundstation.command import options
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
+from groundstation.views.terminal import open_console
 from sim_bridge.flight.world import load_vehicle
 from sim_bridge.vehicles import SimulatedVehicle, vehicle_names
 
@@ -60,7 +60,7 @@ def _list(as_json: bool) -> None:
         counts = (str(record["sources"][kind]) for kind in SOURCE_KINDS)
         mass, span = f"{record['mass'] * 1e3:.0f} g", f"{record['wingspan']:.2f} m"
         table.add_row(Text(record["name"], style="bold"), record["title"], mass, span, *counts)
-    console = Console()
+    console = open_console()
     console.print(table)
     console.print("\nwingbeat vehicles NAME shows every value with its source", style="dim")
 
@@ -96,7 +96,7 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
     if as_json:
         print_document({"vehicles": [_record(vehicle)], "values": values})
         return
-    console = Console()
+    console = open_console()
     console.print(Text(vehicle.title, style="bold"))
     table = tables.plain_table(("", ""), ("value", "right"), ("", ""), ("source", ""))
     for value in values:

@@ -15,7 +15,7 @@ from logs.summary import EstimateError, FlightSummary, Hold, Touchdown
 
 def log_line(path: Path) -> Text:
     """Where the log is."""
-    return Text.assemble(("log         ", "dim"), str(path), (f"   {wording.size(path.stat().st_size)}", "dim"))
+    return Text.assemble(("log".ljust(12), "dim"), str(path), (f"   {wording.size(path.stat().st_size)}", "dim"))
 
 
 def flown_table(summary: FlightSummary) -> RenderableType:

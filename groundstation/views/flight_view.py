@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.constrain import Constrain
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
@@ -46,7 +47,8 @@ class FlightView(NamedTuple):
     """None leaves the plots out"""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield render(self, min(options.max_width, 100))
+        width = min(options.max_width, 100)
+        yield Constrain(render(self, width), width)
 
 
 def render(view: FlightView, width: int) -> RenderableType:
@@ -158,8 +160,8 @@ def _plots(history: History, width: int) -> RenderableType:
 
 def _altitude_plot(history: History, columns: int, rows: int) -> Text:
     points = history.altitude
-    top = braille.round_up(1.05 * max((altitude for _, altitude in points), default=1.0))
-    bottom = min(0.0, min((altitude for _, altitude in points), default=0.0))
+    highest, lowest = (pick((altitude for _, altitude in points), default=0.0) for pick in (max, min))
+    top, bottom = braille.round_up(max(1.05 * highest, 5.0)), -braille.round_up(-lowest) if lowest < 0.0 else 0.0
     start = points[0][0] if points else 0.0
     end = max(points[-1][0] if points else 0.0, start + 10.0)
     lines = braille.draw([points] if points else [], braille.Window(start, end, bottom, top), columns, rows)

@@ -2,38 +2,46 @@
 
 from __future__ import annotations
 
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
 from rich.text import Text
 
 from groundstation.views import tables, wording
 from logs.identification.report import Identification, Row, rows
+from logs.identification.results import Estimate
 
 
 def identification_table(found: Identification) -> RenderableType:
-    """One row a number; a number that the data does not give says why."""
+    """One row a number; below it, what the data does not give and why."""
     table = tables.plain_table(
-        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"), ("true", "right"), ("unit", "")
+        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"), ("true", "right"), ("", "")
     )
+    listed = rows(found)
     subject = ""
-    for row in rows(found):
-        table.add_row(row.subject if row.subject != subject else "", *_cells(row))
-        subject = row.subject
-    return table
+    for row in listed:
+        if row.estimate is not None:
+            table.add_row(row.subject if row.subject != subject else "", *_cells(row, row.estimate))
+            subject = row.subject
+    notes = [_note(row) for row in listed if row.estimate is None]
+    return Group(table, *([Text(), *notes] if notes else []))
 
 
-def _cells(row: Row) -> tuple[str | Text, ...]:
-    name = wording.words(row.name) if row.name.islower() else row.name
-    if row.estimate is None:
-        return name, Text(row.note, style="dim"), "", "", ""
-    half = 0.5 * (row.estimate.high - row.estimate.low)
-    value, _ = wording.significant(row.estimate.value, half)
-    low, _ = wording.significant(row.estimate.low, half)
-    high, _ = wording.significant(row.estimate.high, half)
-    return name, Text(value, style="bold"), f"{low} to {high}", _truth(row, half), row.unit
+def _cells(row: Row, estimate: Estimate) -> tuple[str | Text, ...]:
+    half = 0.5 * (estimate.high - estimate.low)
+    value, low, high = (wording.significant(x, half)[0] for x in (estimate.value, estimate.low, estimate.high))
+    unit = "" if row.unit == "-" else row.unit
+    return _name(row), Text(value, style="bold"), f"{low} to {high}", _truth(row.truth, estimate, half), unit
 
 
-def _truth(row: Row, half: float) -> Text:
-    if row.truth is None or row.estimate is None:
-        return Text("")
-    text, _ = wording.significant(row.truth, half)
-    return Text(text, style="green" if row.estimate.contains(row.truth) else "yellow")
+def _name(row: Row) -> str:
+    return wording.words(row.name.removeprefix("short_period_")) if row.name.islower() else row.name
+
+
+def _truth(truth: float | None, estimate: Estimate, half: float) -> Text:
+    if truth is None:
+        return Text()
+    return Text(wording.significant(truth, half)[0], style="green" if estimate.contains(truth) else "yellow")
+
+
+def _note(row: Row) -> Text:
+    subject = row.subject if row.subject == row.name else f"{row.subject} {_name(row)}"
+    return Text(f"{subject}: {row.note}", style="dim")

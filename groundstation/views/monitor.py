@@ -15,6 +15,7 @@ from groundstation.link.vehicle_state import VehicleState, new_events
 from groundstation.views.flight_view import FlightView, Header, event_line, progress_line
 from groundstation.views.history import History, remember
 from groundstation.views.json_document import print_line
+from groundstation.views.terminal import open_console
 
 REFRESH = 0.1
 """s; between two pictures"""
@@ -36,7 +37,7 @@ def header(url: str, state: VehicleState, now: float) -> Header:
 
 def watch(connection: Connection, as_json: bool = False, clock: Callable[[], float] = time.monotonic) -> int:
     """Show the link until Ctrl-C: a picture on a terminal, lines elsewhere, one JSON object a second if asked."""
-    console = Console()
+    console = open_console()
     if console.is_terminal and not as_json:
         _watch_picture(connection, console, clock)
     else:
@@ -98,4 +99,4 @@ def state_record(state: VehicleState) -> dict[str, Any]:
 
 def print_once(url: str, state: VehicleState) -> None:
     """Print the picture once, without the plots."""
-    Console().print(FlightView(Header(url, modes.mode_name(state)), state, None))
+    open_console().print(FlightView(Header(url, modes.mode_name(state)), state, None))

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from groundstation.link.client import Item, Parameter, command_name
-from groundstation.link.waypoints import LOCAL_FRAMES, scale_of
+from groundstation.link.waypoints import LOCAL_FRAMES, MISSION_FRAME, scale_of
 from groundstation.views import wording
+from groundstation.views.terminal import open_console
 
 PARAMETER_TYPES = {1: "uint8", 2: "int8", 3: "uint16", 4: "int16", 5: "uint32", 6: "int32", 9: "float"}
 
@@ -37,13 +37,14 @@ def print_mission(items: Sequence[Item]) -> None:
         return
     table = plain_table(("", "right"), ("command", ""), ("place", ""), ("altitude", "right"), ("parameters", ""))
     for number, item in enumerate(items):
-        values = "  ".join("–" if math.isnan(value) else f"{value:g}" for value in item.parameters)
+        plain = (*item.parameters, item.x, item.y) if item.frame == MISSION_FRAME else item.parameters
+        values = "  ".join("–" if math.isnan(value) else f"{value:g}" for value in plain)
         table.add_row(str(number), wording.words(command_name(item.command)), _place(item), f"{item.z:g} m", values)
-    Console().print(table)
+    open_console().print(table)
 
 
 def _place(item: Item) -> str:
-    if not item.x and not item.y:
+    if item.frame == MISSION_FRAME or (not item.x and not item.y):
         return ""
     scale = scale_of(item.frame)
     if item.frame in LOCAL_FRAMES:

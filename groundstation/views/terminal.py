@@ -1,0 +1,16 @@
+"""The console that everything is printed on."""
+
+from __future__ import annotations
+
+from rich.console import Console
+
+UNBOUNDED = 160
+"""characters; of a line where there is no terminal to fit it to"""
+
+
+def open_console(quiet: bool = False) -> Console:
+    """A console on stdout: as wide as the terminal, wide enough for every table where there is none."""
+    console = Console(quiet=quiet, highlight=False)
+    if not console.is_terminal:
+        console.width = UNBOUNDED
+    return console
