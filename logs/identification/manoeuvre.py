@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.sparse import csr_array
 
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
@@ -41,7 +42,7 @@ class Manoeuvre(NamedTuple):
     """(N, 4); pitch rate rad/s, specific forces x and z at the IMU m/s^2, pitch rad"""
     at: Array
     """s; (M,), of the stroke averages"""
-    averaging: Array
+    averaging: csr_array
     """-; (M, N), takes raw samples to stroke averages"""
     averages: Array
     """(M, 4); `raw` averaged"""

@@ -23,11 +23,13 @@ from logs.identification.results import Array
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")
 ITERATIONS = 40
-CONVERGED = 1e-2
+CONVERGED = 2e-2
 """-; largest step, in standard errors"""
 DIFFERENCE = 1e-5
 LAG_STROKES = 2.0
-WORST_CONDITION = 1e6
+DEPENDENT = 1e-10
+"""-; squared length of a combination of nuisances that adds nothing to the others"""
+WORST_CONDITION = 1e5
 
 
 class Problem(NamedTuple):
@@ -133,10 +135,13 @@ def _project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Ar
     columns = _nuisance_columns(problem, flown, manoeuvre, deviation)
     norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0] = np.inf
-    left, singular, right = np.linalg.svd(columns / norms, full_matrices=False)
-    kept = singular > 1e-7 * singular[0]
-    basis, along = left[:, kept], left[:, kept].T @ raw.ravel()
-    coefficients = right[kept].T @ (along / singular[kept]) / norms
+    scaled = columns / norms
+    squared, vectors = np.linalg.eigh(scaled.T @ scaled)
+    kept = squared > DEPENDENT * squared[-1]
+    weights = vectors[:, kept] / np.sqrt(squared[kept])
+    basis = scaled @ weights
+    along = basis.T @ raw.ravel()
+    coefficients = weights @ along / norms
     return Projected((raw.ravel() - basis @ along).reshape(raw.shape), basis, coefficients[:4])
 
 
@@ -191,13 +196,9 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
         deviation = deviation * _spread(_residuals(problem, values, deviation))
     for _ in range(ITERATIONS):
         here = _linearise(problem, values, deviation)
-        slope = np.vstack([piece.reshape(-1, len(values)) for piece in here.sensitivities])
-        scale = np.linalg.norm(slope, axis=0)
-        if not np.all(np.isfinite(slope)) or not np.all(scale > 0) or np.linalg.cond(slope / scale) > WORST_CONDITION:
+        step, errors = _gauss_newton(here)
+        if not np.all(np.isfinite(step)):
             return failed(problem.names, "the manoeuvres do not determine all derivatives")
-        flat = np.concatenate([piece.ravel() for piece in here.residuals])
-        step = np.linalg.lstsq(slope / scale, flat, rcond=None)[0] / scale
-        errors = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
         if np.max(np.abs(step) / errors) < CONVERGED:
             return _finish(problem, values, deviation, here)
         advanced = _advance(problem, values, step, deviation, _squares(here.residuals))
@@ -205,6 +206,26 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
             break
         values, deviation = advanced
     return failed(problem.names, "output error did not converge")
+
+
+def _information(here: Linearised) -> Array:
+    information: Array = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
+    return information
+
+
+def _gauss_newton(here: Linearised) -> tuple[Array, Array]:
+    """Step (p,) of least squares and its standard errors for white residuals; NaN where it is not determined."""
+    information = _information(here)
+    gradient = sum(np.einsum("nip,ni->p", s, r) for s, r in zip(here.sensitivities, here.residuals, strict=True))
+    scale = np.sqrt(np.diag(information))
+    nothing = np.full(len(scale), np.nan)
+    if not np.all(np.isfinite(scale)) or not np.all(scale > 0):
+        return nothing, nothing
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    if values[0] * WORST_CONDITION**2 < values[-1]:
+        return nothing, nothing
+    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    return inverse @ gradient, np.sqrt(np.diag(inverse))
 
 
 def _advance(
@@ -221,12 +242,11 @@ def _advance(
 
 def _finish(problem: Problem, values: Array, deviation: Array, here: Linearised) -> DerivativeFit:
     """Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them."""
-    information = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
     strokes = max(m.period for m in problem.manoeuvres) / OUTPUT_STEP
     longest = max(len(piece) for piece in here.residuals)
     lags = int(min(max(longest / 10, LAG_STROKES * strokes), longest / 2)) + 1
     colour = colour_of(here.residuals, [np.ones(len(piece)) for piece in here.residuals], lags)
-    inverse = np.linalg.inv(information)
+    inverse = np.linalg.inv(_information(here))
     degrees = max(colour.effective - len(values) - here.nuisances, 1.0)
     core = coloured_information(here.sensitivities, colour) * (colour.effective / degrees)
     return DerivativeFit(problem.names, values, inverse @ core @ inverse, degrees, deviation)

@@ -78,7 +78,8 @@ def coloured_information(sensitivities: list[Array], colour: Colour) -> Array:
     for sensitivity in sensitivities:
         for lag in range(min(len(colour.covariances), len(sensitivity))):
             head, tail = sensitivity[: len(sensitivity) - lag], sensitivity[lag:]
-            term = np.einsum("nip,ij,njq->pq", head, colour.covariances[lag], tail, optimize=True)
+            weighted = np.einsum("nip,ij->njp", head, colour.covariances[lag])
+            term = np.einsum("njp,njq->pq", weighted, tail)
             total += term if lag == 0 else term + term.T
     return total
 

@@ -106,6 +106,8 @@ def identify_torque(data: DriveData) -> ServoModel:
     bursts = _bursts(data)
     torque = (bursts.left + bursts.right).mean(axis=1) / 2
     floor, slope, offset = _preliminary(bursts.current, torque, bursts.steady)
+    if slope * (float(np.max(bursts.current)) - _idle(bursts.current)) < MARGIN:
+        return _blind(float(np.std(torque)), len(torque))
     for _ in range(5):
         used = _loaded(bursts, slope, offset, floor)
         if used.sum() < LEAST_SAMPLES:
@@ -154,13 +156,17 @@ def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> ServoModel:
     offset, offset_error = gradient @ fit.values, float(np.sqrt(gradient @ fit.covariance @ gradient))
     spread = float(np.sqrt(np.average(fit.residuals**2, weights=used)))
     if abs(slope) < student_factor(fit.degrees) * error:
-        reason = "the torque does not follow the current in this log"
-        return ServoModel((), (Unidentified("K_tau", reason),), 0.0, 0.0, spread, int(used.sum()))
+        return _blind(spread, int(used.sum()))
     found = (
         estimate("K_tau", "N m/A", float(slope), error, fit.degrees),
         estimate("K_tau0", "N m", float(offset), offset_error, fit.degrees),
     )
     return ServoModel(found, (), 0.0, 0.0, spread, int(used.sum()))
+
+
+def _blind(spread: float, samples: int) -> ServoModel:
+    refused = Unidentified("K_tau", "the torque does not follow the current in this log")
+    return ServoModel((), (refused,), 0.0, 0.0, spread, samples)
 
 
 class _Strokes(NamedTuple):

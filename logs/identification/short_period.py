@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data import Aircraft, FlightData
-from logs.identification.equation_error import DerivativeFit, equation_error, likely_lag
+from logs.identification.equation_error import DerivativeFit, equation_error, failed, likely_lag
 from logs.identification.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
 from logs.identification.output_error import Problem, output_error
@@ -17,6 +17,7 @@ from logs.identification.results import Array, Estimate, Unidentified, estimate,
 
 FITTED_OUTPUTS = (0, 1, 2)
 """-; of `output_error.OUTPUTS`: q, a_x and a_z. The AHRS's pitch is the gyro integrated: it adds nothing"""
+TAIL_PASSES = 3
 WIDEST = 1.0
 """-; of the value: a frequency with a wider half interval is not identified"""
 
@@ -150,17 +151,8 @@ def identify_modes(
     """
     manoeuvres = find_manoeuvres(data, aircraft)
     reference = reference_of(data, manoeuvres)
-    derivatives = tuple(name for name in names if name not in TAIL)
-    if aircraft.tail_time_constant is None:
-        constant = likely_lag(manoeuvres, reference, aircraft, derivatives)
-        aircraft, names = aircraft._replace(tail_time_constant=constant), (*derivatives, TAIL_LAG)
-        manoeuvres = tuple(lagged(m, aircraft) for m in manoeuvres)
-    first = equation_error(manoeuvres, reference, aircraft, derivatives)
-    if first.failure:
-        second = first._replace(failure="output error has no starting values: equation error failed")
-    else:
-        start = np.concatenate((first.values, np.zeros(len(names) - len(first.names))))
-        second = output_error(Problem(manoeuvres, reference, aircraft, names, outputs), start)
+    problem = Problem(manoeuvres, reference, aircraft, names, outputs)
+    first, second = _both_fits(problem) if aircraft.tail_time_constant is not None else _with_unknown_tail(problem)
     modes = (
         mode_of("output error", second, reference, aircraft),
         mode_of("equation error, frequency domain", first, reference, aircraft),
@@ -168,6 +160,32 @@ def identify_modes(
     agree, statement = _agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
     return ModesResult(modes, agree, statement, reference, len(manoeuvres), period)
+
+
+def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
+    """Equation error, and output error that starts from it."""
+    derivatives = tuple(name for name in problem.names if name not in TAIL)
+    first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives)
+    if first.failure:
+        return first, failed(problem.names, f"no starting values: {first.failure}")
+    start = np.concatenate((first.values, np.zeros(len(problem.names) - len(derivatives))))
+    return first, output_error(problem, start)
+
+
+def _with_unknown_tail(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
+    """Both fits with the tail's time constant as one more parameter, linearised anew about what was found."""
+    derivatives = tuple(name for name in problem.names if name not in TAIL)
+    constant = likely_lag(problem.manoeuvres, problem.reference, problem.aircraft, derivatives)
+    for _ in range(TAIL_PASSES):
+        aircraft = problem.aircraft._replace(tail_time_constant=constant)
+        manoeuvres = tuple(lagged(m, aircraft) for m in problem.manoeuvres)
+        names = (*derivatives, TAIL_LAG)
+        first, second = _both_fits(problem._replace(manoeuvres=manoeuvres, aircraft=aircraft, names=names))
+        if second.failure:
+            break
+        second.values[-1] += constant
+        constant = max(float(second.values[-1]), 0.0)
+    return first, second
 
 
 def _agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:

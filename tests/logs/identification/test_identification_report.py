@@ -1,0 +1,198 @@
+"""From the topics of a log to the report: numbers with truths, and one clear line for what a log does not give."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
+from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
+
+from avionics import topics
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.identification.data import FlightData
+from logs.identification.report import Identification, document, identify, rows, text
+from logs.identification.short_period import short_period_of
+from sim_bridge import topics as truth
+
+FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
+TRUTHS = {
+    "K_tau": K_TAU,
+    "K_tau0": K_TAU0,
+    "short_period_frequency": FREQUENCY,
+    "short_period_damping": DAMPING,
+}
+DRIVES = Drives(duration=20.0)
+
+
+class RecordedTopics:
+    """Topics as a log gives them: columns of arrays by field name."""
+
+    def __init__(self, tables: Mapping[str, Mapping[str, Any]]) -> None:
+        self.tables = dict(tables)
+
+    def columns(self, topic: Topic) -> Mapping[str, Any]:
+        return self.tables[topic.name]
+
+    def without(self, *gone: Topic) -> RecordedTopics:
+        names = {topic.name for topic in gone}
+        return RecordedTopics({name: table for name, table in self.tables.items() if name not in names})
+
+
+def micros(time: np.ndarray) -> np.ndarray:
+    return np.round(time * 1e6).astype(np.int64)
+
+
+def motion_topics(flight: FlightData) -> dict[str, Mapping[str, Any]]:
+    stamp = micros(flight.time)
+    bias = np.full(len(stamp), 0.01)
+    wing = np.mod(2 * np.pi * flight.strokes, 2 * np.pi)
+    return {
+        topics.IMU.name: {
+            "time_us": stamp,
+            "gyro_y": flight.pitch_rate + bias,
+            "accel_x": flight.accel_x,
+            "accel_z": flight.accel_z,
+        },
+        topics.ATTITUDE.name: {"time_us": stamp, "pitch": flight.pitch, "bias_y": bias},
+        topics.AIR_DATA.name: {"time_us": stamp[::4], "airspeed": flight.airspeed[::4]},
+        topics.ALTITUDE.name: {"time_us": stamp[::4], "climb_rate": flight.climb_rate[::4]},
+        topics.ACTUATORS.name: {"time_us": stamp, "elevator": flight.elevator},
+        topics.WING.name: {"time_us": stamp, "phase": wing, "rate_left": 0 * wing, "rate_right": 0 * wing},
+        topics.EXCITATION.name: {
+            "time_us": stamp[::2],
+            "active": flight.active[::2].astype(int),
+            "manoeuvre": flight.manoeuvre[::2].astype(int),
+            "elevator": flight.excitation[::2],
+            "aborted": flight.aborted[::2].astype(int),
+        },
+    }
+
+
+def drive_topics() -> dict[str, Mapping[str, Any]]:
+    world = simulate(DRIVES)
+    data, true = measure(world, DRIVES), exact(world)
+    return {
+        topics.POWER.name: {"time_us": micros(data.power_time), "current": data.current, "voltage": data.voltage},
+        topics.DRIVE_TORQUE.name: {
+            "time_us": micros(data.torque_time),
+            "left": data.torque_left,
+            "right": data.torque_right,
+        },
+        topics.WING.name: {
+            "time_us": micros(data.wing_time),
+            "phase": np.mod(2 * np.pi * data.strokes, 2 * np.pi),
+            "rate_left": data.rate_left,
+            "rate_right": data.rate_right,
+        },
+        truth.WING.name: {
+            "time_us": micros(true.power_time),
+            "current": true.current,
+            "voltage": true.voltage,
+            "torque_left": true.torque_left,
+            "torque_right": true.torque_right,
+            "rate_left": true.rate_left,
+            "rate_right": true.rate_right,
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def motion() -> RecordedTopics:
+    return RecordedTopics(motion_topics(fly(Flight(seed=3))))
+
+
+@pytest.fixture(scope="module")
+def drive() -> RecordedTopics:
+    return RecordedTopics(drive_topics())
+
+
+def numbers(result: Identification) -> dict[tuple[str, str], tuple[float, float | None]]:
+    return {(r.subject, r.name): (r.estimate.value, r.truth) for r in rows(result) if r.estimate is not None}
+
+
+def test_modes_from_topics(motion: RecordedTopics) -> None:
+    found = numbers(identify(motion, "modes", AIRCRAFT, TRUTHS))
+    value, true = found["output error", "short_period_frequency"]
+    assert true == FREQUENCY
+    assert value == pytest.approx(FREQUENCY, rel=0.02)
+
+
+def test_servo_from_topics_with_the_worlds_truth_beside(drive: RecordedTopics) -> None:
+    found = numbers(identify(drive, "servo", truths=TRUTHS))
+    assert found["servo torque", "K_tau"] == (pytest.approx(K_TAU, rel=0.02), K_TAU)
+    value, true = found["servo power", "P_0"]
+    assert true is not None
+    assert value == pytest.approx(true, rel=0.02)
+    assert value != true
+
+
+def test_power_alone_leaves_the_torque_out(drive: RecordedTopics) -> None:
+    result = identify(drive, "power")
+    assert result.torque is None and result.power is not None
+
+
+def test_a_real_flight_has_no_truth(drive: RecordedTopics) -> None:
+    result = identify(drive.without(truth.WING), "servo")
+    assert {row.truth for row in rows(result)} == {None}
+
+
+def test_all_gives_what_there_is_and_says_what_is_missing(motion: RecordedTopics) -> None:
+    result = identify(motion, "all", AIRCRAFT)
+    assert result.modes is not None and result.torque is None
+    assert "/main/drive_torque" in result.missing[0].reason
+
+
+def test_the_table_has_one_line_a_row(motion: RecordedTopics) -> None:
+    result = identify(motion, "all", AIRCRAFT, TRUTHS)
+    lines = text(result).splitlines()
+    assert len(lines) == len(rows(result)) + 1
+    assert any("short_period_damping" in line and f"{DAMPING:.4g}" in line for line in lines)
+    assert any("not identified: " in line for line in lines)
+
+
+@pytest.mark.parametrize("what", ["modes", "all"])
+def test_the_document_is_strict_json(motion: RecordedTopics, what: str) -> None:
+    written = json.dumps(document(identify(motion, what, AIRCRAFT, TRUTHS)), allow_nan=False)
+    modes = json.loads(written)["modes"]
+    assert modes["methods"][0]["frequency"]["truth"] == FREQUENCY
+    assert isinstance(modes["agree"], bool)
+
+
+def test_the_document_of_the_drives_is_strict_json(drive: RecordedTopics) -> None:
+    parsed = json.loads(json.dumps(document(identify(drive, "servo")), allow_nan=False))
+    assert {entry["name"] for entry in parsed["torque"]["estimates"]} == {"K_tau", "K_tau0"}
+
+
+@pytest.mark.parametrize("topic", [topics.IMU, topics.WING, topics.ACTUATORS, topics.EXCITATION, topics.AIR_DATA])
+def test_a_missing_topic_is_named_in_one_line(motion: RecordedTopics, topic: Topic) -> None:
+    with pytest.raises(BadInput, match=topic.name) as refusal:
+        identify(motion.without(topic), "modes", AIRCRAFT)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_flight_without_excitation_is_told_what_to_fly(motion: RecordedTopics) -> None:
+    calm = dict(motion.tables)
+    calm[topics.EXCITATION.name] = {
+        name: column if name == "time_us" else 0 * column for name, column in calm[topics.EXCITATION.name].items()
+    }
+    with pytest.raises(BadInput, match="no excitation: fly an EXCITE item"):
+        identify(RecordedTopics(calm), "modes", AIRCRAFT)
+
+
+def test_samples_that_are_not_finite_are_passed_over(motion: RecordedTopics) -> None:
+    torn = dict(motion.tables)
+    imu = {name: np.array(column, dtype=float) for name, column in torn[topics.IMU.name].items()}
+    imu["gyro_y"][1000:1004] = np.nan
+    torn[topics.IMU.name] = imu
+    value, _ = numbers(identify(RecordedTopics(torn), "modes", AIRCRAFT))["output error", "short_period_frequency"]
+    assert value == pytest.approx(FREQUENCY, rel=0.03)
+
+
+def test_an_unknown_subject_is_refused_with_the_known_ones(motion: RecordedTopics) -> None:
+    with pytest.raises(BadInput, match="servo, power, modes, all"):
+        identify(motion, "colour")

@@ -1,0 +1,168 @@
+"""The short period of a flapping aircraft with known derivatives is found within its interval."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly, model_of
+
+from avionics.quantities import BadInput
+from logs.identification.data import Aircraft
+from logs.identification.longitudinal import LONGITUDINAL, SHORT_PERIOD
+from logs.identification.short_period import ModesResult, identify_modes, propagate, short_period_of
+
+
+def true_mode(flight: Flight) -> tuple[float, float]:
+    return short_period_of(model_of(flight).a)
+
+
+def identify(flight: Flight, aircraft: Aircraft = AIRCRAFT) -> ModesResult:
+    return identify_modes(fly(flight), aircraft)
+
+
+class Study:
+    """Many flights: how often the truth lies within the interval, and how far the values are off."""
+
+    def __init__(self, results: list[ModesResult], flight: Flight, method: int) -> None:
+        modes = [result.modes[method] for result in results]
+        frequency, damping = true_mode(flight)
+        self.frequencies = [m.frequency for m in modes if m.frequency]
+        self.dampings = [m.damping for m in modes if m.damping]
+        assert len(self.frequencies) == len(results)
+        self.frequency_covered = sum(f.contains(frequency) for f in self.frequencies)
+        self.damping_covered = sum(d.contains(damping) for d in self.dampings)
+        self.frequency_error = float(np.median([abs(f.value / frequency - 1) for f in self.frequencies]))
+        self.damping_error = float(np.median([abs(d.value - damping) for d in self.dampings]))
+        self.width = float(np.median([(f.high - f.value) / f.value for f in self.frequencies]))
+
+
+def test_forty_flights_with_a_stroke_that_modulates_the_derivatives() -> None:
+    results = [identify(Flight(seed=seed, modulation=0.3)) for seed in range(40)]
+    assert sum(bool(result.agree) for result in results) >= 34
+    for method in (0, 1):
+        study = Study(results, Flight(), method)
+        assert study.frequency_covered >= 34
+        assert study.damping_covered >= 32
+        assert study.width < 0.05
+        assert study.frequency_error < 0.02
+        assert study.damping_error < 0.03
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("width", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("modulation", [0.0, 0.3])
+def test_coverage_of_output_error(modulation: float, width: float) -> None:
+    flight = Flight(modulation=modulation, width=width)
+    study = Study([identify(flight._replace(seed=seed)) for seed in range(300)], flight, 0)
+    assert study.frequency_covered >= 0.88 * 300
+    assert study.damping_covered >= 0.80 * 300
+    assert study.width < 0.2
+
+
+def test_derivatives_lie_within_their_intervals() -> None:
+    hits = total = 0
+    for seed in range(10):
+        for estimate in identify(Flight(seed=seed, modulation=0.2)).modes[0].derivatives:
+            hits += estimate.contains(TRUTH[estimate.name])
+            total += 1
+    assert hits >= 0.85 * total
+
+
+def test_without_noise_or_shaking_output_error_is_exact() -> None:
+    mode = identify(Flight(noise=0.0, shaking=0.0)).modes[0]
+    frequency, damping = true_mode(Flight())
+    assert mode.frequency is not None and mode.damping is not None
+    assert mode.frequency.value == pytest.approx(frequency, rel=2e-3)
+    assert mode.damping.value == pytest.approx(damping, abs=2e-3)
+
+
+def test_the_short_period_approximation_alone_is_biased_which_is_why_speed_is_in_the_model() -> None:
+    data = fly(Flight())
+    truth = true_mode(Flight())[0]
+    full, short = (
+        identify_modes(data, AIRCRAFT, names, outputs).modes[0].frequency
+        for names, outputs in ((LONGITUDINAL, (0, 1, 2)), (SHORT_PERIOD, (0, 2)))
+    )
+    assert full is not None and short is not None
+    assert abs(full.value - truth) < 0.2 * abs(short.value - truth)
+
+
+def test_an_unknown_tail_lag_is_found_with_the_mode() -> None:
+    mode = identify(Flight(seed=1), Aircraft(imu_x=0.05)).modes[0]
+    lag = mode.derivatives[-1]
+    assert lag.name == "tail_time_constant"
+    assert lag.value == pytest.approx(0.04, abs=0.004)
+    assert mode.frequency is not None
+    assert mode.frequency.value == pytest.approx(true_mode(Flight())[0], rel=0.02)
+
+
+def test_a_tail_lag_that_is_ignored_shows_as_a_wrong_mode() -> None:
+    mode = identify(Flight(seed=1), AIRCRAFT._replace(tail_time_constant=0.0)).modes[0]
+    assert mode.frequency is None or abs(mode.frequency.value / true_mode(Flight())[0] - 1) > 0.1
+
+
+def test_an_overdamped_mode_has_two_time_constants() -> None:
+    heavy = TRUTH | {"M_w": -2.0, "M_q": -14.0}
+    flight = Flight(truth=heavy)
+    assert true_mode(flight)[1] > 1.05
+    mode = identify(flight).modes[0]
+    assert mode.damping is not None and mode.damping.value > 1
+    expected = np.sort(-1 / np.sort(np.linalg.eigvals(model_of(flight).a).real)[:2])
+    for constant, truth in zip(mode.time_constants, expected, strict=True):
+        assert constant.value == pytest.approx(truth, rel=0.2)
+
+
+def test_the_reference_condition_comes_from_the_flight() -> None:
+    reference = identify(Flight()).reference
+    np.testing.assert_allclose(reference, REFERENCE, atol=0.03)
+
+
+def test_a_repeated_input_is_cut_into_pieces() -> None:
+    data = fly(Flight(doublets=4))
+    joined = data._replace(active=np.ones_like(data.active), manoeuvre=np.ones_like(data.manoeuvre))
+    assert identify_modes(joined, AIRCRAFT).manoeuvres == 4
+
+
+def test_nothing_is_printed_where_the_elevator_hardly_moved() -> None:
+    result = identify(Flight(amplitude=1e-5, seed=2))
+    for mode in result.modes:
+        if mode.frequency is None:
+            assert mode.unidentified[0].reason
+        else:
+            assert mode.frequency.high - mode.frequency.value > 0.05 * mode.frequency.value
+    assert any(mode.frequency is None for mode in result.modes)
+
+
+def test_an_aborted_manoeuvre_is_left_out() -> None:
+    data = fly(Flight(doublets=4))
+    aborted = np.where((data.manoeuvre == 2) & (data.active > 0), 1.0, 0.0)
+    assert identify_modes(data._replace(aborted=aborted), AIRCRAFT).manoeuvres == 3
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "what"),
+    [("excitation", 0.0, "manoeuvre"), ("strokes", 0.0, "manoeuvre"), ("airspeed", 0.0, "airspeed")],
+)
+def test_data_without_a_use_is_refused_in_one_line(field: str, value: float, what: str) -> None:
+    data = fly(Flight(doublets=2))
+    spoilt = data._replace(**{field: np.full_like(data.time, value)})
+    with pytest.raises(BadInput, match=what) as refusal:
+        identify_modes(spoilt, AIRCRAFT)
+    assert "\n" not in str(refusal.value)
+
+
+def test_frequency_and_damping_of_a_known_system() -> None:
+    assert short_period_of(np.array([[0.0, 1.0], [-36.0, -6.0]])) == pytest.approx((6.0, 0.5))
+    frequency, damping = short_period_of(np.diag([-2.0, -8.0]))
+    assert (frequency, damping) == pytest.approx((4.0, 1.25))
+    with pytest.raises(ValueError, match="divergence"):
+        short_period_of(np.diag([-2.0, 8.0]))
+
+
+def test_error_propagation_is_linear_in_a_linear_function() -> None:
+    covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
+    value, error = propagate(lambda v: np.array([2 * v[0] - v[1]]), np.array([1.0, 5.0]), covariance)
+    assert value[0] == -3
+    assert error[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
