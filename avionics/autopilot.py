@@ -73,6 +73,11 @@ class Autopilot:
         """A copy of the whole memory; its parts are immutable."""
         return copy.copy(self._state)
 
+    @property
+    def memory(self) -> AutopilotState:
+        """The memory itself, for a reader within the same tick; not to be written."""
+        return self._state
+
     def snapshot(self) -> str:
         """The whole memory as JSON text, exact."""
         return snapshot.encode(self._state)

@@ -1,0 +1,113 @@
+"""The flight computer as the ground link reads it: `avionics.link.vehicle.VehicleView`."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+from avionics import inputs, parameters, topics
+from avionics.autopilot import Autopilot
+from avionics.guidance.mission import Mission
+from avionics.link.vehicle import Home, Parameter
+from avionics.messages import Command, Event, Mode, Severity
+from avionics.processors import SCHEDULE, Due
+from avionics.topics import Topic
+from avionics.vehicles import FlightVehicle
+
+
+class FlightView:
+    """An `Autopilot` whose last messages, events and parameters can be read; the reader changes nothing.
+
+    Build it instead of the autopilot, step ``view.autopilot``.
+    """
+
+    def __init__(
+        self,
+        vehicle: FlightVehicle,
+        mission: Mission,
+        publish: inputs.Publish,
+        schedule: tuple[Due, ...] = SCHEDULE,
+    ) -> None:
+        """As `Autopilot`; every message is passed on to ``publish``.
+
+        Raises:
+            BadInput: the mission cannot be flown.
+        """
+        self._forward = publish
+        self._latest: dict[str, Any] = {}
+        self._events: list[Event] = []
+        self._table = parameters.parameter_table(vehicle.gains)
+        self._parameters: tuple[Parameter, ...] = ()
+        self._gains_shown: Any = None
+        self._home: Home | None = None
+        self.autopilot = Autopilot(vehicle, mission, self._publish, schedule)
+
+    def _publish(self, topic: Topic, message: Any) -> None:
+        self._latest[topic.name] = message
+        if topic is topics.EVENTS:
+            self._events.append(message)
+        self._forward(topic, message)
+
+    @property
+    def time_us(self) -> int:
+        """us; since boot, of the last tick."""
+        return max(self.autopilot.memory.clock.time_us, 0)
+
+    @property
+    def mode(self) -> Mode:
+        """Flight mode."""
+        return Mode(self.autopilot.memory.modes.mode)
+
+    @property
+    def armed(self) -> bool:
+        """The wings may move."""
+        return self.autopilot.memory.modes.armed == 1
+
+    @property
+    def mission(self) -> Mission:
+        """The mission on board."""
+        return self.autopilot.memory.mission
+
+    @property
+    def home(self) -> Home | None:
+        """None before the first fix."""
+        memory = self.autopilot.memory
+        if self._home is None and memory.position.valid and memory.fix is not None:
+            latitude, longitude = memory.position_filter.home
+            self._home = Home(latitude, longitude, memory.fix.altitude - memory.altitude.altitude)
+        return self._home
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """The parameter table; names and order stay the same for the whole flight."""
+        gains = self.autopilot.memory.gains
+        if gains is not self._gains_shown:
+            self._gains_shown = gains
+            self._parameters = tuple(
+                Parameter(entry.name, parameters.get(gains, entry), entry.low, entry.high)
+                for entry in self._table.values()
+            )
+        return self._parameters
+
+    def latest(self, topic: Topic) -> Any:
+        """The last message of ``topic``, or None before the first."""
+        return self._latest.get(topic.name)
+
+    def events(self, after: int) -> Sequence[Event]:
+        """The events since boot but for the first ``after``."""
+        return self._events[after:]
+
+    def refusal(self, command: Command) -> str:
+        """Why the flight core would refuse ``command`` now, one line; empty when it would take it.
+
+        It is tried on a copy of the memory: what the core would say as a warning is the reason.
+        """
+        said: list[Event] = []
+
+        def listen(topic: Topic, message: Any) -> None:
+            if topic is topics.EVENTS:
+                said.append(message)
+
+        inputs.receive(copy.copy(self.autopilot.memory), listen, (command,))
+        return "; ".join(event.text for event in said if event.severity <= Severity.WARNING)

@@ -1,0 +1,221 @@
+"""Modes, arming, stages and failsafes on scripted conditions."""
+
+import math
+
+import pytest
+from surrogate_gains import VEHICLE
+
+from avionics.guidance import modes
+from avionics.messages import Failsafe, Mode, Severity, Stage
+
+GAINS = VEHICLE.gains.modes
+DT = 0.02
+READY = modes.Conditions(
+    forward_force=1.5,
+    airspeed=0.5,
+    altitude=0.0,
+    climb_rate=0.0,
+    roll=0.0,
+    pitch=0.15,
+    ground_speed=0.0,
+    home_distance=0.0,
+    fix_age=0.1,
+    battery=1.0,
+    settled=1,
+    imu_fault=0,
+    items=3,
+    throttle_stick=0.0,
+    wanted_stage=Stage.EN_ROUTE,
+)
+CRUISE = READY._replace(airspeed=7.5, ground_speed=7.5, altitude=40.0, climb_rate=0.1, home_distance=100.0)
+FLYING = modes.State(mode=Mode.AUTO, stage=Stage.EN_ROUTE, armed=1)
+
+
+def run(state: modes.State, seen: modes.Conditions, seconds: float):
+    said: list[modes.Notice] = []
+    for _ in range(max(1, round(seconds / DT))):
+        state, notices = modes.step(GAINS, state, DT, seen)
+        said += notices
+    return state, said
+
+
+@pytest.mark.parametrize(
+    ("seen", "mode", "reason"),
+    [
+        (READY._replace(settled=0), Mode.AUTO, "attitude"),
+        (READY._replace(imu_fault=1), Mode.MANUAL, "IMU"),
+        (READY._replace(pitch=1.4), Mode.AUTO, "tilted"),
+        (READY._replace(battery=0.1), Mode.MANUAL, "battery at 10 %"),
+        (READY._replace(items=0), Mode.AUTO, "no mission"),
+        (READY._replace(fix_age=math.inf), Mode.AUTO, "no GPS"),
+        (READY._replace(throttle_stick=0.5), Mode.MANUAL, "throttle stick"),
+        (READY, Mode.LAND, "mode is RETURN or LAND"),
+    ],
+)
+def test_arming_is_refused_with_its_reason(seen: modes.Conditions, mode: Mode, reason: str) -> None:
+    state, notices = modes.arm(GAINS, modes.State(mode=mode), seen)
+    assert state.armed == 0
+    assert reason in notices[0].text
+    assert notices[0].severity == Severity.WARNING
+
+
+def test_several_reasons_are_all_said() -> None:
+    _, notices = modes.arm(GAINS, modes.State(), READY._replace(settled=0, pitch=2.0))
+    assert "attitude" in notices[0].text
+    assert "tilted" in notices[0].text
+
+
+def test_armed_waits_for_the_launch() -> None:
+    state, notices = modes.arm(GAINS, modes.State(mode=Mode.AUTO), READY)
+    assert (state.armed, state.stage, notices[0].text) == (1, Stage.WAIT_LAUNCH, "armed")
+    state, _ = run(state, READY, 10.0)
+    assert state.stage == Stage.WAIT_LAUNCH
+
+
+@pytest.mark.parametrize("thrown", [READY._replace(forward_force=30.0), READY._replace(airspeed=6.5)])
+@pytest.mark.parametrize(("mode", "stage"), [(Mode.AUTO, Stage.CLIMB_OUT), (Mode.MANUAL, Stage.EN_ROUTE)])
+def test_a_throw_is_seen_by_force_or_by_airspeed(thrown: modes.Conditions, mode: Mode, stage: Stage) -> None:
+    waiting = modes.State(mode=mode, stage=Stage.WAIT_LAUNCH, armed=1)
+    state, said = run(waiting, thrown._replace(wanted_stage=stage), GAINS.launch_time + DT)
+    assert state.stage == stage
+    assert [notice.text for notice in said] == ["launched"]
+
+
+def test_a_jolt_on_the_hand_is_no_launch() -> None:
+    waiting = modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1)
+    for _ in range(20):
+        waiting, _ = run(waiting, READY._replace(forward_force=40.0), DT)
+        waiting, _ = run(waiting, READY, DT)
+    assert waiting.stage == Stage.WAIT_LAUNCH
+
+
+DOWN = READY._replace(wanted_stage=Stage.FLARE)
+
+
+def test_touchdown_disarms_after_its_time() -> None:
+    flare = FLYING._replace(stage=Stage.FLARE)
+    state, _ = run(flare, DOWN, GAINS.touchdown_time - 2 * DT)
+    assert state.armed == 1
+    state, said = run(state, DOWN, 4 * DT)
+    assert (state.stage, state.armed) == (Stage.LANDED, 0)
+    assert said[-1].text == "touchdown, disarmed"
+
+
+def test_a_headwind_on_the_ground_still_is_a_touchdown() -> None:
+    state, _ = run(FLYING._replace(stage=Stage.FLARE), DOWN._replace(airspeed=5.0), GAINS.touchdown_time + 0.1)
+    assert state.stage == Stage.LANDED
+
+
+@pytest.mark.parametrize(
+    "moving",
+    [DOWN._replace(airspeed=6.0, ground_speed=6.0), DOWN._replace(climb_rate=-1.5)],
+)
+def test_a_landing_bird_in_the_air_is_not_down(moving: modes.Conditions) -> None:
+    state, _ = run(FLYING._replace(stage=Stage.FLARE), moving, 20.0)
+    assert state.armed == 1
+
+
+def test_a_crash_is_seen_later_and_said_louder() -> None:
+    state, _ = run(FLYING, READY, GAINS.touchdown_time + 0.5)
+    assert state.armed == 1
+    state, said = run(state, READY, GAINS.crash_time)
+    assert (state.stage, said[-1].severity) == (Stage.LANDED, Severity.CRITICAL)
+
+
+def test_hovering_against_the_wind_en_route_is_no_crash() -> None:
+    state, _ = run(FLYING, CRUISE._replace(ground_speed=0.2), 30.0)
+    assert state.armed == 1
+
+
+def test_disarming_in_the_air_needs_force() -> None:
+    state, notices = modes.disarm(FLYING, forced=False)
+    assert (state.armed, "in flight" in notices[0].text) == (1, True)
+    state, _ = modes.disarm(FLYING, forced=True)
+    assert (state.armed, state.stage) == (0, Stage.LANDED)
+    state, _ = modes.disarm(modes.State(armed=1, stage=Stage.WAIT_LAUNCH), forced=False)
+    assert (state.armed, state.stage) == (0, Stage.ON_GROUND)
+
+
+@pytest.mark.parametrize(
+    ("mode", "seen", "state", "reason"),
+    [
+        (Mode.AUTO, READY._replace(items=0), FLYING._replace(mode=Mode.MANUAL), "no mission"),
+        (Mode.RETURN, CRUISE._replace(fix_age=9.0), FLYING, "no GPS"),
+        (Mode.LAND, READY, FLYING._replace(stage=Stage.WAIT_LAUNCH), "not in flight"),
+    ],
+)
+def test_a_mode_is_refused_with_its_reason(mode, seen, state, reason) -> None:
+    after, notices = modes.set_mode(GAINS, state, mode, seen)
+    assert after == state
+    assert reason in notices[0].text
+
+
+def test_a_pilot_can_break_off_a_landing() -> None:
+    state, _ = modes.set_mode(GAINS, FLYING._replace(stage=Stage.FLARE), Mode.ALTITUDE_HOLD, CRUISE)
+    assert (state.mode, state.stage) == (Mode.ALTITUDE_HOLD, Stage.EN_ROUTE)
+
+
+def test_the_stage_follows_the_navigation() -> None:
+    state, said = run(FLYING, CRUISE._replace(wanted_stage=Stage.APPROACH), 0.1)
+    assert (state.stage, [notice.text for notice in said]) == (Stage.APPROACH, ["stage APPROACH"])
+
+
+def test_link_loss_returns_after_its_delay_once() -> None:
+    state, _ = modes.set_link(FLYING, lost=True)
+    state, _ = run(state, CRUISE, GAINS.link_loss_delay - 0.1)
+    assert state.mode == Mode.AUTO
+    state, said = run(state, CRUISE, 0.2)
+    assert (state.mode, state.failsafe) == (Mode.RETURN, Failsafe.LINK_LOST)
+    assert any(notice.severity == Severity.CRITICAL for notice in said)
+    state, _ = modes.set_mode(GAINS, state, Mode.AUTO, CRUISE)
+    state, _ = run(state, CRUISE, 10.0)
+    assert state.mode == Mode.AUTO
+
+
+def test_a_link_that_comes_back_in_time_changes_nothing() -> None:
+    state, _ = modes.set_link(FLYING, lost=True)
+    state, _ = run(state, CRUISE, GAINS.link_loss_delay - 1.0)
+    state, _ = modes.set_link(state, lost=False)
+    state, said = run(state, CRUISE, 10.0)
+    assert (state.mode, state.failsafe, said) == (Mode.AUTO, 0, [])
+
+
+def test_link_loss_on_the_hand_only_is_said() -> None:
+    state, _ = modes.set_link(modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1), lost=True)
+    state, _ = run(state, READY, GAINS.link_loss_delay + 1.0)
+    assert (state.mode, state.failsafe) == (Mode.AUTO, Failsafe.LINK_LOST)
+
+
+@pytest.mark.parametrize(
+    ("seen", "flag"),
+    [
+        (CRUISE._replace(battery=GAINS.battery_return - 0.01), Failsafe.BATTERY_LOW),
+        (CRUISE._replace(home_distance=GAINS.fence_radius + 1.0), Failsafe.FENCE),
+        (CRUISE._replace(altitude=GAINS.fence_altitude + 1.0), Failsafe.FENCE),
+    ],
+)
+def test_battery_and_fence_return(seen: modes.Conditions, flag: Failsafe) -> None:
+    state, _ = run(FLYING, seen, 0.1)
+    assert (state.mode, state.failsafe) == (Mode.RETURN, flag)
+
+
+def test_an_empty_battery_and_a_lost_position_land() -> None:
+    state, _ = run(FLYING, CRUISE._replace(battery=GAINS.battery_land - 0.01), 0.1)
+    assert state.mode == Mode.LAND
+    lost = CRUISE._replace(fix_age=GAINS.gps_loss_delay + GAINS.gps_land_delay + 1.0)
+    state, _ = run(FLYING, lost, 0.1)
+    assert state.mode == Mode.LAND
+
+
+def test_a_lost_position_keeps_the_mode_and_hinders_a_return() -> None:
+    blind = CRUISE._replace(fix_age=GAINS.gps_loss_delay + 1.0, battery=GAINS.battery_return - 0.01)
+    state, _ = run(FLYING, blind, 1.0)
+    assert state.mode == Mode.AUTO
+    assert state.failsafe == Failsafe.GPS_LOST | Failsafe.BATTERY_LOW
+    state, _ = run(state, blind._replace(fix_age=0.1), 0.1)
+    assert state.mode == Mode.RETURN
+
+
+def test_no_first_fix_is_no_failure_by_hand() -> None:
+    state, said = run(modes.State(), READY._replace(fix_age=math.inf), 10.0)
+    assert (state.failsafe, said) == (0, [])

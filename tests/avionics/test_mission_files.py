@@ -1,0 +1,127 @@
+"""Mission files: what they may say, and that a bad one is refused with the item, the key and the range."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
+from avionics.missions import check_mission, load_mission, mission_names
+from avionics.quantities import BadInput
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mission.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_mission_that_comes_along_can_be_flown() -> None:
+    assert "circuit" in mission_names()
+    for name in mission_names():
+        assert check_mission(load_mission(name)) == ""
+
+
+def test_the_circuit_climbs_holds_flies_waypoints_excites_and_lands() -> None:
+    mission = load_mission("circuit")
+    kinds = [item.kind for item in mission]
+    assert kinds[0] == ItemKind.TAKEOFF
+    assert kinds[-1] == ItemKind.LAND
+    assert {ItemKind.HOLD, ItemKind.WAYPOINT} <= set(kinds)
+    excitations = [item.excitation for item in mission if item.excitation]
+    widths = {excitation.width for excitation in excitations}
+    assert len(widths) >= 3
+    assert min(widths) <= 0.1
+    assert max(widths) >= 0.4
+    assert mission[0].altitude == 40.0
+    assert mission[1].duration >= 5.0
+
+
+def test_degrees_become_radians(tmp_path: Path) -> None:
+    text = """
+    [[item]]
+    kind = "hold"
+    altitude = 20
+    heading_deg = 90
+    duration = 3.5
+    [[item]]
+    kind = "excite"
+    channel = "rudder"
+    shape = "3211"
+    amplitude_deg = 10
+    width = 0.2
+    settle = 1
+    repeats = 2
+    [[item]]
+    kind = "return"
+    """
+    assert load_mission(written(tmp_path, text)) == (
+        MissionItem(ItemKind.HOLD, altitude=20.0, heading=math.radians(90), duration=3.5),
+        MissionItem(
+            ItemKind.EXCITE,
+            excitation=Excitation(Channel.RUDDER, Shape.MULTISTEP_3211, math.radians(10), 0.2, 1.0, 2),
+        ),
+        MissionItem(ItemKind.RETURN),
+    )
+
+
+GOOD = '[[item]]\nkind = "takeoff"\naltitude = 40\n'
+EXCITE = 'kind = "excite"\nchannel = "elevator"\nshape = "doublet"\namplitude_deg = 5\nwidth = 0.2\nsettle = 1\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (GOOD + '[[item]]\nkind = "takeoff"\naltitude = 4000', ["item 2", "altitude", "1 to 1000 m"]),
+        (GOOD + '[[item]]\nkind = "takeoff"', ["item 2", "altitude is missing", "1 to 1000 m"]),
+        (GOOD + '[[item]]\nkind = "takeoff"\naltitude = "high"', ["item 2", "altitude = 'high'", "1 to 1000 m"]),
+        (GOOD + '[[item]]\nkind = "takeoff"\naltitude = true', ["item 2", "altitude = True"]),
+        (GOOD + '[[item]]\nkind = "takeoff"\naltitude = nan', ["item 2", "altitude"]),
+        (GOOD + '[[item]]\nkind = "loop"', ["item 2", "kind", "loop", "waypoint"]),
+        (GOOD + "[[item]]\naltitude = 3", ["item 2", "kind is missing"]),
+        (GOOD + '[[item]]\nkind = "land"\nnorth = 0\neast = 0\nheading = 1', ["unknown key heading", "heading_deg"]),
+        (GOOD + "[[item]]\n" + EXCITE + "repeats = 1.5", ["item 2", "repeats", "whole number"]),
+        (GOOD + "[[item]]\n" + EXCITE + "repeats = 0", ["item 2", "repeats", "1 to 100"]),
+        (GOOD + "[[item]]\n" + EXCITE.replace("elevator", "wing") + "repeats = 1", ["item 2", "channel", "rudder"]),
+        ("item = 3", ["[[item]]"]),
+        ("", ["1 to 500"]),
+        (GOOD + "speed = 3\n", ["item 1", "unknown key speed"]),
+        ("[wind]\n" + GOOD, ["unknown key wind"]),
+        ("[[item", ["not valid TOML"]),
+    ],
+)  # fmt: skip
+def test_a_bad_mission_is_refused_in_one_line(tmp_path: Path, text: str, said: list[str]) -> None:
+    with pytest.raises(BadInput) as refusal:
+        load_mission(written(tmp_path, text))
+    line = str(refusal.value)
+    assert "\n" not in line.strip()
+    for words in said:
+        assert words in line
+
+
+def test_an_unknown_mission_lists_the_known_ones() -> None:
+    with pytest.raises(BadInput, match="circuit"):
+        load_mission("nowhere")
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mission.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BadInput, match="cannot read"):
+        load_mission(path)
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        (MissionItem(ItemKind.WAYPOINT, north=math.nan), "item 1: WAYPOINT"),
+        (MissionItem(ItemKind.EXCITE), "item 1: EXCITE"),
+        (MissionItem(ItemKind.EXCITE, excitation=Excitation(Channel.ELEVATOR, Shape.DOUBLET, 3.0, 0.2, 1, 1)), "45"),
+        (
+            MissionItem(ItemKind.EXCITE, excitation=Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.0, 1, 1)),
+            "width",
+        ),
+    ],
+)
+def test_a_bad_mission_over_the_link_is_refused_too(item: MissionItem, said: str) -> None:
+    assert said in check_mission((item,))

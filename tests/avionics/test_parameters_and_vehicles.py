@@ -1,0 +1,134 @@
+"""Vehicle files and the parameters made of them."""
+
+import math
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from avionics import parameters
+from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle, vehicle_names
+
+VEHICLES = {name: load_vehicle(name) for name in vehicle_names()}
+RAVEN = VEHICLES["robo_raven_ii_d"]
+TABLE = parameters.parameter_table(RAVEN.gains)
+
+
+def test_both_vehicles_come_along() -> None:
+    assert {"robo_raven_ii_d", "arizona_100cm"} <= set(VEHICLES)
+    assert VEHICLES["arizona_100cm"].gains.flapping.drive == "motor"
+    assert VEHICLES["arizona_100cm"].gains.altitude.throttle_trim == 0.35
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_number_has_a_source_in_its_file(name: str) -> None:
+    vehicle = VEHICLES[name]
+    for section in vehicle.gains._fields:
+        for key in getattr(vehicle.gains, section)._fields:
+            assert f"{section}.{key}" in vehicle.file.sources
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_names_are_unique_short_and_plain(name: str) -> None:
+    table = parameters.parameter_table(VEHICLES[name].gains)
+    assert len(table) > 150
+    for word, entry in table.items():
+        assert word == entry.name
+        assert len(word) <= 16
+        assert word.isascii()
+        assert word.upper() == word
+        assert entry.low <= parameters.get(VEHICLES[name].gains, entry) <= entry.high
+        assert entry.unit
+
+
+def test_names_that_were_flown_stay() -> None:
+    flown = {
+        "PITCH_P",
+        "PITCH_I",
+        "PITCH_D",
+        "ROLL_P",
+        "HDG_P",
+        "ALT_P",
+        "ALT_THR_TRIM",
+        "NAV_APP_LENGTH",
+        "FLAP_FREQ_PT_1",
+    }
+    assert flown <= set(TABLE)
+
+
+@given(name=st.sampled_from(sorted(TABLE)), share=st.floats(0, 1))
+def test_a_value_set_over_the_wire_reads_back_the_same_single(name: str, share: float) -> None:
+    entry = TABLE[name]
+    value = parameters.single(entry.low + share * (entry.high - entry.low))
+    change = parameters.set_value(RAVEN.gains, TABLE, name, value)
+    if not change.accepted:
+        assert name.startswith("FLAP_THR_PT")
+        return
+    held = parameters.get(change.gains, entry)
+    assert struct.pack("<f", held) == struct.pack("<f", value)
+    assert held == change.value
+    others = [
+        n for n, e in TABLE.items() if n != name and parameters.get(change.gains, e) != parameters.get(RAVEN.gains, e)
+    ]
+    assert others == []
+
+
+@pytest.mark.parametrize(("value", "held"), [(99.0, 10.0), (-1.0, 0.0), (math.inf, 10.0), (-math.inf, 0.0)])
+def test_a_value_out_of_range_is_clipped_and_said(value: float, held: float) -> None:
+    change = parameters.set_value(RAVEN.gains, TABLE, "PITCH_P", value)
+    assert (change.gains.pitch.proportional, change.accepted) == (held, True)
+    assert "not in its range" in change.text
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"), [("PITCH_P", math.nan, "not a number"), ("PITCH_X", 1.0, "unknown")]
+)
+def test_what_cannot_be_set_changes_nothing(name: str, value: float, word: str) -> None:
+    change = parameters.set_value(RAVEN.gains, TABLE, name, value)
+    assert change.gains is RAVEN.gains
+    assert not change.accepted
+    assert word in change.text
+
+
+def test_a_frequency_map_that_does_not_rise_is_refused() -> None:
+    change = parameters.set_value(RAVEN.gains, TABLE, "FLAP_THR_PT_2", 0.0)
+    assert not change.accepted
+    assert "rise" in change.text
+
+
+def edited(tmp_path: Path, old: str, new: str) -> Path:
+    text = RAVEN.file.text
+    assert old in text
+    path = tmp_path / "vehicle.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[pitch]\nproportional = { value = ", "[pitch]\nproportional = { value = 50", ["pitch.proportional", "10"]),
+        ('drive = { value = "servo"', 'drive = { value = "steam"', ["flapping.drive", "steam"]),
+        ("[roll]", "[rolling]", ["unknown section [rolling]", "roll"]),
+        ("[roll]\n", '[roll]\nspin = { value = 1, unit = "-", source = "chosen: x" }\n', ["unknown key roll.spin"]),
+    ],
+)  # fmt: skip
+def test_a_bad_vehicle_file_is_refused_in_one_line(tmp_path: Path, old: str, new: str, said: list[str]) -> None:
+    with pytest.raises(BadInput) as refusal:
+        load_vehicle(edited(tmp_path, old, new))
+    assert "\n" not in str(refusal.value)
+    for words in said:
+        assert words in str(refusal.value)
+
+
+def test_an_unknown_vehicle_lists_the_known_ones() -> None:
+    with pytest.raises(BadInput, match=r"arizona_100cm, robo_raven_ii_d"):
+        load_vehicle("condor")
+
+
+def test_a_vehicle_is_found_by_its_path(tmp_path: Path) -> None:
+    path = edited(tmp_path, 'name = "robo_raven_ii_d"', 'name = "mine"')
+    assert load_vehicle(path).name == "mine"
