@@ -86,16 +86,17 @@ class HilBoard:
         """
         limit = self._patience.first if self._last_time_us is None else self._patience.frame
         deadline = self._clock() + limit
-        while not self._over:
+        while True:
             while self._waiting:
                 frame = self._take(self._waiting.popleft())
                 if frame is not None:
                     self._last_time_us = frame.time_us
                     return frame
             if self._over:
-                break
-            self._receive(deadline, limit)
-        return None
+                return None
+            if self._clock() >= deadline:
+                raise self._silent(limit)
+            self._receive()
 
     def _take(self, frame: Frame) -> SensorFrame | None:
         if frame.message_id == codec.END:
@@ -104,7 +105,7 @@ class HilBoard:
             return None
         return self._assembler.add(frame)
 
-    def _receive(self, deadline: float, limit: float) -> None:
+    def _receive(self) -> None:
         data = self._stream.read(self._patience.noise)
         if data is None:
             self._over = True
@@ -112,13 +113,12 @@ class HilBoard:
             self._waiting.extend(self._reader.feed(data))
         else:
             self._waiting.extend(self._reader.give_up())
-        if self._clock() >= deadline and not self._waiting and not self._over:
-            raise BoardSilent(f"the world at {self._name} sent no sensor frame for {limit:g} s{self._since()}")
 
-    def _since(self) -> str:
-        if self._last_time_us is None:
-            return ": it never sent one"
-        return f" after the one of t = {self._last_time_us / 1e6:.3f} s"
+    def _silent(self, limit: float) -> BoardSilent:
+        since = ": it never sent one"
+        if self._last_time_us is not None:
+            since = f" after the one of t = {self._last_time_us / 1e6:.3f} s"
+        return BoardSilent(f"the world at {self._name} sent no sensor frame for {limit:g} s{since}")
 
     def write(self, command: ActuatorCommand) -> None:
         """Send the actuators, which releases the next frame; a world that hung up is noticed by `read`."""

@@ -24,6 +24,9 @@ _PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
 CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
 """CRC_EXTRA of every known message, as the byte that is appended before the checksum."""
 
+LONGEST: dict[int, int] = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
+"""Bytes of every known message's payload."""
+
 
 class Frame(NamedTuple):
     """One frame with a correct checksum; the payload still lacks the zeros that MAVLink 2 cuts off."""
@@ -151,6 +154,8 @@ class FrameReader:
         extra = CRC_EXTRA.get(message_id)
         if extra is None:
             return self._unknown(buffer, position, stop)
+        if buffer[position + 1] > LONGEST[message_id]:
+            return self._bad_byte()  # MAVLink 1 knows no extensions, so its payloads never grow
         if stop > len(buffer):
             return 0
         if checksum(buffer[position + 1 : body] + extra) != int.from_bytes(buffer[body:stop], "little"):

@@ -30,6 +30,9 @@ from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.link.vehicle import Identity, LinkGains, VehicleView
 from avionics.messages import Command, CommandKind, Event, PilotInput, Severity
 
+PAUSE = 0.2
+"""s; a frame does not pause for longer, even on a slow radio"""
+
 
 class LinkCounts(NamedTuple):
     """What went over one link."""
@@ -57,16 +60,27 @@ class _Link:
         self.refused = 0
         self._readers: dict[Peer, FrameReader] = {}
         self._shared = FrameReader()
+        self._last_data = 0.0
+        self._settled = True
 
     def receive(self, now: float) -> list[tuple[Frame, Peer]]:
         """All frames that have arrived, with their senders' addresses."""
         heard: list[tuple[Frame, Peer]] = []
-        for packet in self.transport.receive(now):
+        packets = self.transport.receive(now)
+        if not packets:
+            return heard if self._settled or now - self._last_data < PAUSE else self._settle()
+        self._last_data, self._settled = now, False
+        for packet in packets:
             frames = self._cut(packet)
             if frames:
                 self.transport.welcome(packet.peer)
                 heard += [(frame, packet.peer) for frame in frames]
         return heard
+
+    def _settle(self) -> list[tuple[Frame, Peer]]:
+        """Nothing more came: what looks like the beginning of a frame was noise."""
+        self._settled = True
+        return [(frame, peer) for peer, reader in self._readers.items() for frame in reader.give_up()]
 
     def _cut(self, packet: Packet) -> list[Frame]:
         if self.transport.datagrams:

@@ -1,4 +1,4 @@
-"""HEARTBEAT: once a second, and at once when the mode changes or the vehicle is armed or disarmed."""
+"""HEARTBEAT: once a second, at once when mode or arming change, and to a newcomer as it says hello."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from avionics.link.vehicle import Identity, LinkGains, VehicleView
 from avionics.messages import Failsafe, Mode
 
 _CUSTOM_MODE_ENABLED = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+MOST_GREETED = 100
+"""Newcomers remembered before all are forgotten, so that forged senders fill no memory."""
 _SAFETY_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
@@ -34,7 +36,7 @@ def system_status(vehicle: VehicleView) -> int:
 class HeartbeatService:
     """Sends HEARTBEAT."""
 
-    handles: frozenset[str] = frozenset()
+    handles = frozenset({"HEARTBEAT"})
 
     def __init__(self, vehicle: VehicleView, identity: Identity, gains: LinkGains) -> None:
         self._vehicle = vehicle
@@ -42,10 +44,16 @@ class HeartbeatService:
         self._interval = gains.heartbeat
         self._due = -float("inf")
         self._said: tuple[Mode, bool] | None = None
+        self._greeted: set[Sender] = set()
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Takes no message."""
-        return []
+        """HEARTBEAT to whoever says one for the first time."""
+        if sender in self._greeted:
+            return []
+        if len(self._greeted) >= MOST_GREETED:
+            self._greeted.clear()
+        self._greeted.add(sender)
+        return [Reply(heartbeat(self._vehicle, self._identity), sender)]
 
     def step(self, now: float) -> list[Output]:
         """HEARTBEAT when it is due."""

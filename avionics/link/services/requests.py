@@ -20,12 +20,14 @@ _CAPABILITIES = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
 )
 _MAVLINK_2 = 200
+_DEVELOPMENT = 0
+"""FIRMWARE_VERSION_TYPE_DEV."""
 
 
 def autopilot_version(identity: Identity) -> Any:
     """AUTOPILOT_VERSION."""
     major, minor, patch = identity.version
-    version = major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV
+    version = major << 24 | minor << 16 | patch << 8 | _DEVELOPMENT
     none = [0] * 8
     return mavlink.MAVLink_autopilot_version_message(
         _CAPABILITIES, version, 0, 0, 0, none, none, none, 0, 0, identity.uid

@@ -1,0 +1,400 @@
+"""A stock MAVLink client, pymavlink's mavutil over UDP, against the link."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+import socket
+import struct
+import time
+from typing import Any
+
+import pytest
+from link_station import PATIENCE, expect, free_port, greet, running, settle, stock_client
+from link_vehicle import FakeVehicle
+from pymavlink import mavutil
+
+from avionics import messages as m
+from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
+from avionics.link.codec import FrameWriter
+from avionics.link.dialect import mavlink as ours
+from avionics.link.ground import GroundLink
+from avionics.link.vehicle import LinkGains, px4_mode
+
+mavlink: Any = mavutil.mavlink
+
+
+def command(client: Any, number: int, *params: float) -> Any:
+    """Send a COMMAND_LONG and take its acknowledgement."""
+    client.mav.command_long_send(1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
+    return expect(client, "COMMAND_ACK", lambda ack: ack.command == number)
+
+
+def test_the_telemetry_arrives_in_the_standards_units() -> None:
+    with stock_client() as (client, _):
+        heartbeat = client.messages["HEARTBEAT"]
+        assert (heartbeat.type, heartbeat.autopilot) == (
+            mavlink.MAV_TYPE_FLAPPING_WING,
+            mavlink.MAV_AUTOPILOT_GENERIC,
+        )
+        assert heartbeat.base_mode & 1 and heartbeat.custom_mode == px4_mode(1)
+        assert expect(client, "ATTITUDE").pitch == pytest.approx(0.2)
+        assert expect(client, "VFR_HUD").heading == 331 and client.messages["VFR_HUD"].alt == pytest.approx(560.0)
+        place = expect(client, "GLOBAL_POSITION_INT")
+        assert (place.lat, place.lon, place.relative_alt, place.vx) == (481003000, 115997000, 40000, 600)
+        assert expect(client, "LOCAL_POSITION_NED").z == pytest.approx(-40.0)
+        battery = expect(client, "BATTERY_STATUS")
+        assert (battery.voltages[0], battery.current_battery, battery.current_consumed) == (7400, 250, 100)
+        assert (battery.energy_consumed, battery.battery_remaining) == (25, 80)
+        assert expect(client, "SYS_STATUS").voltage_battery == 7400
+        assert expect(client, "GPS_RAW_INT").h_acc == 2500
+        assert expect(client, "EXTENDED_SYS_STATE").landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
+        assert expect(client, "HOME_POSITION").altitude == 520_000
+        assert expect(client, "SERVO_OUTPUT_RAW").servo1_raw == round(1500 + 500 * 0.5 / (math.pi / 2))
+        mirror = expect(client, "NAMED_VALUE_FLOAT", lambda each: each.name == "flap_freq")
+        assert mirror.value == pytest.approx(4.2)
+        assert abs(expect(client, "SYSTEM_TIME").time_unix_usec / 1e6 - time.time()) < 60.0
+
+
+def test_parameters_are_listed_read_and_set() -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.param_request_list_send(1, 1)
+        values: dict[int, Any] = {}
+        while len(values) < len(vehicle.parameters):
+            value = expect(client, "PARAM_VALUE")
+            values[value.param_index] = value
+        assert [values[index].param_id for index in sorted(values)] == [each.name for each in vehicle.parameters]
+        assert {value.param_count for value in values.values()} == {len(vehicle.parameters)}
+        client.mav.param_set_send(1, 1, b"PITCH_P", 1.25, mavlink.MAV_PARAM_TYPE_REAL32)
+        assert expect(client, "PARAM_VALUE").param_value == 1.25
+        assert vehicle.parameters[0].value == 1.25
+        client.mav.param_request_read_send(1, 1, b"CLIMB_P", -1)
+        assert expect(client, "PARAM_VALUE").param_value == pytest.approx(0.1)
+
+
+def test_a_set_that_is_refused_is_answered_with_the_old_value_and_a_reason() -> None:
+    with stock_client() as (client, vehicle):
+        for value in (99.0, math.nan, -math.inf):
+            client.mav.param_set_send(1, 1, b"PITCH_P", value, mavlink.MAV_PARAM_TYPE_REAL32)
+            assert expect(client, "PARAM_VALUE").param_value == pytest.approx(0.8)
+            assert expect(client, "STATUSTEXT").text == "PITCH_P must be within 0 and 5"
+        client.mav.param_request_read_send(1, 1, b"NOT_THERE", -1)
+        assert expect(client, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+        settle(client)
+        assert vehicle.inputs == []
+
+
+@pytest.mark.parametrize("mode", list(m.Mode))
+def test_every_mode_can_be_set_and_shows_at_once(mode: m.Mode) -> None:
+    names = {entry.mode_name: entry for entry in _available_modes()}
+    assert set(names) == {each.name for each in m.Mode}
+    with stock_client() as (client, vehicle):
+        raw = names[mode.name].custom_mode
+        client.set_mode(raw)
+        assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+        expect(client, "HEARTBEAT", lambda heartbeat: heartbeat.custom_mode == raw)
+        settle(client)
+        assert vehicle.mode is mode
+        vehicle.mode = m.Mode.MANUAL if mode is not m.Mode.MANUAL else m.Mode.AUTO
+        ack = command(client, mavlink.MAV_CMD_DO_SET_MODE, 1, raw >> 16 & 0xFF, raw >> 24)
+        assert ack.result == mavlink.MAV_RESULT_ACCEPTED
+        expect(client, "HEARTBEAT", lambda heartbeat: heartbeat.custom_mode == raw)
+
+
+def _available_modes() -> list[Any]:
+    with stock_client() as (client, _):
+        ack = command(client, mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES)
+        assert ack.result == mavlink.MAV_RESULT_ACCEPTED
+        first = expect(client, "AVAILABLE_MODES")
+        return [first, *(expect(client, "AVAILABLE_MODES") for _ in range(first.number_modes - 1))]
+
+
+def test_each_command_gets_exactly_one_acknowledgement() -> None:
+    asked = [
+        (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_RESULT_ACCEPTED, (1.0,)),
+        (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_DENIED, (1.0, 77.0)),
+        (mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_RESULT_ACCEPTED, ()),
+        (mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_RESULT_ACCEPTED, ()),
+        (mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_RESULT_DENIED, ()),
+        (mavlink.MAV_CMD_NAV_LOITER_UNLIM, mavlink.MAV_RESULT_UNSUPPORTED, ()),
+        (mavlink.MAV_CMD_DO_MOTOR_TEST, mavlink.MAV_RESULT_UNSUPPORTED, ()),
+        (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_ACCEPTED, (148.0,)),
+        (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_UNSUPPORTED, (397.0,)),
+        (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_ACCEPTED, (30.0, 20000.0)),
+        (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_UNSUPPORTED, (math.nan, math.nan)),
+        (520, mavlink.MAV_RESULT_ACCEPTED, (1.0,)),
+        (mavlink.MAV_CMD_GET_HOME_POSITION, mavlink.MAV_RESULT_ACCEPTED, ()),
+    ]
+    with stock_client() as (client, vehicle):
+        for number, _, params in asked:
+            client.mav.command_long_send(1, 0, number, 0, *params, *[0.0] * (7 - len(params)))
+        client.mav.command_int_send(1, 1, 0, mavlink.MAV_CMD_MISSION_START, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+        client.mav.ping_send(0, 77, 0, 0)
+        acks = []
+        while True:
+            message = expect(client, ["COMMAND_ACK", "PING"])
+            if message.get_type() == "PING":
+                break
+            acks.append((message.command, message.result))
+        sent = [(number, result) for number, result, _ in asked]
+        assert acks == [*sent, (mavlink.MAV_CMD_MISSION_START, mavlink.MAV_RESULT_DENIED)]
+        assert message.target_system == 255
+        settle(client)
+        assert vehicle.armed and vehicle.mode is m.Mode.RETURN
+
+
+def test_a_command_for_another_vehicle_is_not_ours() -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.command_long_send(9, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+        client.mav.ping_send(0, 1, 0, 0)
+        assert expect(client, ["COMMAND_ACK", "PING"]).get_type() == "PING"
+        settle(client)
+        assert vehicle.inputs == []
+
+
+def test_a_refusal_of_the_flight_core_says_why() -> None:
+    with stock_client() as (client, vehicle):
+        reason = "the battery is too low to fly the whole mission and come home again safely"
+        vehicle.refusals[m.CommandKind.ARM] = reason
+        assert command(client, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1).result == mavlink.MAV_RESULT_DENIED
+        parts = [expect(client, "STATUSTEXT") for _ in range(2)]
+        assert "".join(part.text for part in parts) == reason
+        assert [part.chunk_seq for part in parts] == [0, 1] and parts[0].id == parts[1].id != 0
+        settle(client)
+        assert not vehicle.armed
+
+
+MISSION = (
+    MissionItem(ItemKind.TAKEOFF, altitude=40.0),
+    MissionItem(ItemKind.WAYPOINT, 120.0, -35.0, 40.0),
+    MissionItem(ItemKind.HOLD, altitude=45.0, heading=math.radians(90.0), duration=12.0),
+    MissionItem(ItemKind.EXCITE, excitation=Excitation(Channel.ELEVATOR, Shape.MULTISTEP_3211, 0.125, 0.25, 2.0, 3)),
+    MissionItem(ItemKind.RETURN),
+    MissionItem(ItemKind.LAND, 10.0, 5.0, heading=math.radians(-45.0)),
+)
+
+
+def download(client: Any) -> list[Any]:
+    client.mav.mission_request_list_send(1, 1, 0)
+    items = []
+    for sequence in range(expect(client, "MISSION_COUNT").count):
+        client.mav.mission_request_int_send(1, 1, sequence, 0)
+        items.append(expect(client, "MISSION_ITEM_INT", lambda item, wanted=sequence: item.seq == wanted))
+    client.mav.mission_ack_send(1, 1, 0, 0)
+    return items
+
+
+def upload(client: Any, items: list[Any]) -> Any:
+    client.mav.mission_count_send(1, 1, len(items), 0)
+    while True:
+        message = expect(client, ["MISSION_REQUEST_INT", "MISSION_ACK"])
+        if message.get_type() == "MISSION_ACK":
+            return message
+        client.mav.send(items[message.seq])
+
+
+def test_a_mission_goes_up_and_comes_down_the_same() -> None:
+    with stock_client() as (client, vehicle):
+        vehicle.mission = MISSION
+        first = download(client)
+        vehicle.mission = ()
+        for item in first:
+            item.target_system, item.target_component = 1, 1
+        assert upload(client, first).type == mavlink.MAV_MISSION_ACCEPTED
+        assert [item.kind for item in vehicle.mission] == [item.kind for item in MISSION]
+        for got, sent in zip(vehicle.mission, MISSION, strict=True):
+            assert got[1:6] == pytest.approx(sent[1:6], abs=0.02)
+            assert got.excitation == sent.excitation
+        second = download(client)
+        skip = ("target_system", "target_component")
+        for before, after in zip(first, second, strict=True):
+            fields = [name for name in before.get_fieldnames() if name not in skip]
+            assert [getattr(after, name) for name in fields] == pytest.approx(
+                [getattr(before, name) for name in fields], nan_ok=True
+            )
+
+
+def test_items_lost_on_the_way_are_asked_for_again_and_out_of_order_ones_dropped() -> None:
+    with stock_client(LinkGains(ask_again=0.05)) as (client, vehicle):
+        item = mavlink.MAVLink_mission_item_int_message(1, 1, 0, 6, 22, 0, 1, 0, 0, 0, math.nan, 0, 0, 30.0)
+        late = mavlink.MAVLink_mission_item_int_message(1, 1, 1, 6, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0.0)
+        client.mav.mission_count_send(1, 1, 2, 0)
+        assert [expect(client, "MISSION_REQUEST_INT").seq for _ in range(2)] == [0, 0]
+        client.mav.send(late)
+        client.mav.send(item)
+        expect(client, "MISSION_REQUEST_INT", lambda request: request.seq == 1)
+        client.mav.send(late)
+        assert expect(client, "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
+        assert [each.kind for each in vehicle.mission] == [ItemKind.TAKEOFF, ItemKind.RETURN]
+        client.mav.mission_count_send(1, 1, 3, 0)
+        assert expect(client, "MISSION_ACK").type == mavlink.MAV_MISSION_OPERATION_CANCELLED
+        assert len(vehicle.mission) == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "result"),
+    [
+        ((6, 31, 0.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_UNSUPPORTED"),
+        ((6, 16, 5.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_INVALID_PARAM1"),
+        ((6, 16, 0.0, 0.0, 481000000, 116000000, math.nan), "MAV_MISSION_INVALID_PARAM7"),
+        ((6, 16, 0.0, 0.0, 0, 0, 40.0), "MAV_MISSION_INVALID_PARAM5_X"),
+        ((9, 16, 0.0, 0.0, 1, 1, 40.0), "MAV_MISSION_UNSUPPORTED_FRAME"),
+        ((2, 53000, 7.0, 0.0, 1, 0, 1.0), "MAV_MISSION_INVALID_PARAM1"),
+        ((2, 53000, 0.0, 0.0, 0, 0, 1.0), "MAV_MISSION_INVALID_PARAM3"),
+    ],
+)
+def test_an_item_that_cannot_be_flown_is_refused_and_the_old_mission_stays(fields: tuple, result: str) -> None:
+    frame, number, param1, param2, x, y, z = fields
+    with stock_client() as (client, vehicle):
+        vehicle.mission = MISSION
+        bad = mavlink.MAVLink_mission_item_int_message(1, 1, 0, frame, number, 0, 1, param1, param2, 0, 0, x, y, z)
+        assert upload(client, [bad]).type == getattr(mavlink, result)
+        assert expect(client, "STATUSTEXT").text.startswith("mission item 0: ")
+        assert vehicle.mission == MISSION
+
+
+def test_fences_are_empty_and_clear_all_clears() -> None:
+    with stock_client() as (client, vehicle):
+        vehicle.mission = MISSION
+        client.mav.mission_request_list_send(1, 1, mavlink.MAV_MISSION_TYPE_FENCE)
+        fence = expect(client, "MISSION_COUNT")
+        assert (fence.count, fence.mission_type) == (0, mavlink.MAV_MISSION_TYPE_FENCE)
+        client.mav.mission_request_int_send(1, 1, 6, 0)
+        assert expect(client, "MISSION_ACK").type == mavlink.MAV_MISSION_INVALID_SEQUENCE
+        client.mav.mission_clear_all_send(1, 1, mavlink.MAV_MISSION_TYPE_ALL)
+        ack = expect(client, "MISSION_ACK")
+        assert (ack.type, ack.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_TYPE_ALL)
+        assert vehicle.mission == ()
+
+
+def test_a_reached_item_and_an_event_are_told() -> None:
+    with stock_client() as (client, vehicle):
+        vehicle.mode, vehicle.mission = m.Mode.AUTO, MISSION
+        vehicle.topics["/guidance/navigation"] = vehicle.topics["/guidance/navigation"]._replace(item=1)
+        vehicle.said.append(m.Event(1, m.Severity.NOTICE, "modes", "launched"))
+        assert expect(client, "MISSION_ITEM_REACHED").seq == 0
+        text = expect(client, "STATUSTEXT")
+        assert (text.text, text.severity, text.id) == ("launched", mavlink.MAV_SEVERITY_NOTICE, 0)
+
+
+def test_an_excitation_by_command() -> None:
+    with stock_client() as (client, vehicle):
+        assert command(client, 53000, 0, 0, 0.1, 0.3, 2, 0, 1.5).result == mavlink.MAV_RESULT_ACCEPTED
+        assert command(client, 53000, 0, 9, 0.1, 0.3, 2, 0, 1.5).result == mavlink.MAV_RESULT_DENIED
+        settle(client)
+        taken = [each.payload for each in vehicle.inputs if each.kind is m.CommandKind.EXCITE]
+        assert [each.shape for each in taken] == [Shape.DOUBLET]
+        assert (taken[0].repeats, taken[0].settle) == (2, 1.5) and taken[0].width == pytest.approx(0.3)
+
+
+def test_rates_follow_the_request() -> None:
+    with stock_client() as (client, _):
+        assert command(client, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 30, 10000).result == mavlink.MAV_RESULT_ACCEPTED
+        command(client, mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, 30)
+        assert expect(client, "MESSAGE_INTERVAL").interval_us == 10000
+        began = time.monotonic()
+        for _ in range(40):
+            expect(client, "ATTITUDE")
+        assert time.monotonic() - began < 3.0  # 4 s at the default rate of 10 Hz
+        client.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
+        client.mav.ping_send(0, 1, 0, 0)
+        expect(client, "PING")
+        command(client, mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, 30)
+        assert expect(client, "MESSAGE_INTERVAL").interval_us == -1
+
+
+def test_time_and_files() -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.timesync_send(0, 123)
+        answer = expect(client, "TIMESYNC")
+        assert (answer.ts1, answer.tc1) == (123, vehicle.time_us * 1000)
+        request = bytes([7, 0, 0, 4, 9, 0, 0, 0, 0, 0, 0, 0]) + b"@PARAM/pa"
+        client.mav.file_transfer_protocol_send(0, 1, 1, list(request.ljust(251, b"\0")))
+        payload = expect(client, "FILE_TRANSFER_PROTOCOL").payload
+        assert (payload[0], payload[3], payload[5], payload[12]) == (8, 129, 4, 10)
+
+
+def test_the_sticks_arrive_with_nose_up_positive() -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.manual_control_send(1, -500, 250, 700, 1000, 0)
+        client.mav.manual_control_send(2, 900, 0, 0, 0, 0)
+        settle(client)
+        assert [each[1:] for each in vehicle.inputs] == [(0.5, 0.25, 1.0, 0.7)]
+
+
+def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too() -> None:
+    port, vehicle = free_port(), FakeVehicle()
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], vehicle, gains=LinkGains(silence=5.0))
+    client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mavlink.MAVLink(None, 255, 190))
+
+    def hear(now: float) -> list[Any]:
+        client.sendto(heartbeat, ("127.0.0.1", port))
+        before = link.counts[0].frames
+        inputs: list[Any] = []
+        deadline = time.monotonic() + PATIENCE
+        while link.counts[0].frames == before and time.monotonic() < deadline:
+            inputs += link.poll(now)
+        return inputs
+
+    assert link.poll(0.0) == [] and link.poll(1000.0) == []  # nobody was ever heard: nobody is missed
+    assert hear(1001.0) == [] and link.stations == 1
+    assert link.poll(1006.0) == []
+    assert [each.kind for each in link.poll(1006.1)] == [m.CommandKind.LINK_LOST]
+    assert link.poll(1020.0) == [] and link.stations == 0
+    assert [each.kind for each in hear(1021.0)] == [m.CommandKind.LINK_REGAINED]
+    assert [event.text.split()[0] for event in link.take_events()] == ["LINK_LOST", "LINK_REGAINED"]
+    client.close()
+    link.close()
+
+
+def test_garbage_on_every_kind_of_port_raises_nothing_and_the_link_still_answers() -> None:
+    generator = random.Random(11)
+    udp, tcp = free_port(), free_port(socket.SOCK_STREAM)
+    vehicle = FakeVehicle()
+    link = GroundLink([f"udpin:127.0.0.1:{udp}", f"tcpin:127.0.0.1:{tcp}"], vehicle)
+    with running(link, vehicle), socket.create_connection(("127.0.0.1", tcp)) as stream:
+        datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        for _ in range(300):
+            noise = generator.randbytes(generator.randrange(1, 400))
+            stream.sendall(generator.choice((b"", b"\xfd", b"\xfe\x09")) + noise)
+            datagrams.sendto(noise, ("127.0.0.1", udp))
+        datagrams.close()
+        for url in (f"udpout:127.0.0.1:{udp}", f"tcp:127.0.0.1:{tcp}"):
+            client = mavutil.mavlink_connection(url, source_system=255, dialect="development")
+            greet(client)
+            client.close()
+        assert min(counts.bad_bytes for counts in link.counts) > 10_000
+
+
+def test_valid_frames_with_senseless_content_raise_nothing() -> None:
+    """Every known message with random payloads, straight into the services."""
+    generator = random.Random(5)
+    port, vehicle = free_port(), FakeVehicle()
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], vehicle)
+    writer = FrameWriter(255, 190)
+    client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sent = 0
+    for _ in range(60):
+        for number, kind in ours.mavlink_map.items():
+            payload = bytearray(generator.randbytes(kind.unpacker.size))
+            for name in ("target_system", "target_component"):
+                if name in kind.fieldnames:
+                    payload[_offset(kind, name)] = 0
+            client.sendto(writer.frame(number, bytes(payload)), ("127.0.0.1", port))
+            sent += 1
+        vehicle.apply([each for each in link.poll(float(sent)) if not isinstance(each, m.Command)])
+        link.stream(float(sent))
+    deadline = time.monotonic() + PATIENCE
+    while link.counts[0].frames < sent and time.monotonic() < deadline:
+        link.poll(float(sent))
+    assert link.counts[0].frames == sent
+    client.close()
+    link.close()
+
+
+def _offset(kind: Any, name: str) -> int:
+    codes = kind.unpacker.format.lstrip("<")
+    fields = re.findall(r"\d*[a-zA-Z]", codes)
+    return struct.calcsize("<" + "".join(fields[: kind.ordered_fieldnames.index(name)]))

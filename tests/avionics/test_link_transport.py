@@ -1,0 +1,208 @@
+"""Addresses and ports: what is refused, and that bytes arrive."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from link_station import PATIENCE, free_port
+from link_vehicle import FakeVehicle
+
+from avionics.link import dialect
+from avionics.link.codec import FrameWriter
+from avionics.link.dialect import mavlink
+from avionics.link.ground import GroundLink
+from avionics.link.transport import Packet, Transport, open_stream, open_transport
+from avionics.link.urls import FORMS, LinkUrl, parse_url
+from avionics.quantities import BadInput
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("udpin:0.0.0.0:14550", LinkUrl("udpin", "0.0.0.0", 14550)),
+        ("udpout:127.0.0.1:14550", LinkUrl("udpout", "127.0.0.1", 14550)),
+        ("tcp:world.local:4560", LinkUrl("tcp", "world.local", 4560)),
+        ("tcpin:[::1]:5760", LinkUrl("tcpin", "::1", 5760)),
+        ("serial:/dev/ttyUSB0,57600", LinkUrl("serial", "/dev/ttyUSB0", 57600)),
+        ("serial:COM3,115200", LinkUrl("serial", "COM3", 115200)),
+    ],
+)
+def test_an_address_is_taken_apart_and_written_again(text: str, url: LinkUrl) -> None:
+    assert parse_url(text) == url
+    assert str(url) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "14550", "udp:1.2.3.4:1", "udpin:14550", "udpin::14550", "tcp:host", "tcp:host:x", "tcp:host:0",
+     "tcp:host:70000", "serial:/dev/ttyUSB0", "serial:,57600", "serial:x,fast", "tcp:host:-1", "tcp:host:²"],
+)  # fmt: skip
+def test_what_is_no_address_is_refused_in_one_line_that_names_the_forms(text: str) -> None:
+    with pytest.raises(BadInput) as refused:
+        parse_url(text)
+    assert FORMS in str(refused.value) and "\n" not in str(refused.value)
+
+
+@given(st.text())
+def test_any_text_is_an_address_or_bad_input(text: str) -> None:
+    try:
+        url = parse_url(text)
+    except BadInput:
+        return
+    assert parse_url(str(url)) == url
+
+
+@pytest.mark.parametrize(("kind", "socket_kind"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)])
+def test_a_port_in_use_is_named_and_no_other_link_stays_open(kind: str, socket_kind: socket.SocketKind) -> None:
+    other = free_port()
+    with socket.socket(socket.AF_INET, socket_kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if socket_kind is socket.SOCK_STREAM:
+            taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(BadInput, match=f"port {port} of 127.0.0.1") as refused:
+            GroundLink([f"udpin:127.0.0.1:{other}", f"{kind}:127.0.0.1:{port}"], FakeVehicle())
+        assert "\n" not in str(refused.value)
+    open_transport(f"udpin:127.0.0.1:{other}").close()
+
+
+def test_missing_hosts_and_devices_are_bad_input() -> None:
+    for url in ("udpout:no-such-host.invalid:14550", "serial:/dev/no-such-device,57600"):
+        with pytest.raises(BadInput):
+            open_transport(url)
+    with pytest.raises(BadInput, match="lockstep"):
+        open_stream("udpin:127.0.0.1:14550", 0.1)
+
+
+def _receive(transport: Transport, now: float = 0.0) -> list[Packet]:
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        packets = transport.receive(now)
+        if packets:
+            return packets
+        now += 0.01
+    raise AssertionError("nothing arrived")
+
+
+@pytest.mark.parametrize(("ear", "mouth", "kind"), [
+    ("udpin", "udpout", socket.SOCK_DGRAM),
+    ("tcpin", "tcp", socket.SOCK_STREAM),
+])  # fmt: skip
+def test_bytes_go_both_ways(ear: str, mouth: str, kind: socket.SocketKind) -> None:
+    port = free_port(kind)
+    server, client = open_transport(f"{ear}:127.0.0.1:{port}"), open_transport(f"{mouth}:127.0.0.1:{port}")
+    deadline, heard = time.monotonic() + PATIENCE, []
+    while not heard and time.monotonic() < deadline:
+        client.receive(time.monotonic())
+        client.send(b"up")
+        heard = server.receive(0.0)
+    assert heard[0].data.startswith(b"up")
+    server.send(b"nobody is welcome yet" if ear == "udpin" else b"")
+    server.welcome(heard[0].peer)
+    server.send(b"down")
+    assert _receive(client)[0].data == b"down"
+    client.close()
+    server.close()
+
+
+def test_a_tcp_client_comes_back_after_its_station_restarts() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    client = open_transport(f"tcp:127.0.0.1:{port}")
+    now = 0.0
+    for _ in range(2):
+        station = open_transport(f"tcpin:127.0.0.1:{port}")
+        deadline, heard = time.monotonic() + PATIENCE, []
+        while not heard and time.monotonic() < deadline:
+            now += 0.1
+            client.receive(now)
+            client.send(b"hello")
+            heard = station.receive(0.0)
+        assert heard
+        station.close()
+    client.close()
+
+
+def test_a_station_that_reads_nothing_costs_frames_and_no_time() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    server = open_transport(f"tcpin:127.0.0.1:{port}")
+    with socket.create_connection(("127.0.0.1", port)) as deaf:
+        deaf.sendall(b"x")
+        _receive(server)
+        began = time.monotonic()
+        for _ in range(3000):
+            server.send(bytes(10_000))
+        assert server.dropped > 0
+        assert time.monotonic() - began < PATIENCE
+    server.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
+def test_a_serial_link_answers_between_noise() -> None:
+    master, slave = os.openpty()
+    vehicle = FakeVehicle()
+    link = GroundLink([f"serial:{os.ttyname(slave)},57600"], vehicle)
+    ping = mavlink.MAVLink_ping_message(1, 42, 0, 0)
+    os.write(master, b"\xfdnoise\xfe" + FrameWriter(255, 190).pack(ping) + b"\x00\xfd")
+    deadline, stock, answers = time.monotonic() + PATIENCE, mavlink.MAVLink(None), []
+    stock.robust_parsing = True
+    os.set_blocking(master, False)
+    while not any(each.get_type() == "PING" for each in answers) and time.monotonic() < deadline:
+        link.poll(time.monotonic())
+        try:
+            answers += stock.parse_buffer(os.read(master, 4096)) or []
+        except BlockingIOError:
+            continue
+    assert [each.seq for each in answers if each.get_type() == "PING"] == [42]
+    link.close()
+    os.close(master)
+    os.close(slave)
+
+
+# --- the generated dialect ---------------------------------------------------------------------------------
+
+
+def _generate(folder: str, results: Any) -> None:
+    results.put(str(dialect.generate(Path(folder))))
+
+
+def test_processes_that_start_at_once_all_get_a_sound_module(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    results = context.Queue()
+    workers = [context.Process(target=_generate, args=(str(tmp_path), results)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    paths = {results.get(timeout=60) for _ in workers}
+    for worker in workers:
+        worker.join()
+    assert len(paths) == 1
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [Path(paths.pop()).name]
+    assert {worker.exitcode for worker in workers} == {0}
+
+
+def test_the_cache_is_made_once_and_used_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WINGBEAT_CACHE", str(tmp_path))
+    first = dialect.load_dialect()
+    written = Path(first.__file__).stat().st_mtime_ns
+    assert tmp_path in Path(first.__file__).parents
+    assert Path(dialect.load_dialect().__file__).stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize("damage", ["a file in place of the folder", "a torn module"])
+def test_an_unusable_cache_does_not_stop_the_link(
+    damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WINGBEAT_CACHE", str(tmp_path))
+    if damage == "a torn module":
+        (tmp_path / "dialect").mkdir()
+        (tmp_path / "dialect" / f"wingbeat_dialect_{dialect.fingerprint()}.py").write_text("x = (")
+    else:
+        (tmp_path / "dialect").write_text("not a folder")
+    assert dialect.load_dialect().MAVLINK_MSG_ID_WINGBEAT_ENCODER == 53000
