@@ -112,7 +112,7 @@ def _position(state: VehicleState) -> list[Row]:
         (
             "item",
             wording.number(state.item, "d"),
-            wording.number(state.distance, ".0f", "m") if state.distance else "",
+            wording.number(state.distance, ".0f", "m to go") if state.distance else "",
         ),
     ]
 

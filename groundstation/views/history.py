@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from groundstation.link.vehicle_state import VehicleState
@@ -22,7 +23,7 @@ class History(NamedTuple):
 
 def remember(history: History, state: VehicleState) -> History:
     """Add a point once `History.spacing` went by; at `POINTS` every second point is dropped."""
-    if state.time is None or state.altitude is None:
+    if state.time is None or state.altitude is None or not math.isfinite(state.time + state.altitude):
         return history
     if history.altitude and state.time < history.altitude[-1][0]:
         history = History()  # the vehicle was restarted
@@ -30,7 +31,7 @@ def remember(history: History, state: VehicleState) -> History:
         return history
     altitude = (*history.altitude, (state.time, state.altitude))
     track = history.track
-    if state.east is not None and state.north is not None:
+    if state.east is not None and state.north is not None and math.isfinite(state.east + state.north):
         track = (*track, (state.east, state.north))
     if len(altitude) > POINTS:
         return History(altitude[::2], track[::2], 2.0 * history.spacing)

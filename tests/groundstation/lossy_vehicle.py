@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
+import socket
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 from avionics.link.dialect import mavlink
+from avionics.link.framing import FrameReader, decode
 from groundstation.link.client import Exchange, Item
 
 STEP = 0.05
@@ -20,6 +25,7 @@ class LossyVehicle:
         self.values = {f"GAIN_{number}": float(number) for number in range(40)}
         self.mission: list[Item] = []
         self.custom_mode = 65536
+        self.armed = False
         self.results: dict[int, int] = {}
         self.says: list[str] = []
         self.requests: list[str] = []
@@ -39,6 +45,10 @@ class LossyVehicle:
     def _command_long(self, message: Any) -> list[Any]:
         said = [mavlink.MAVLink_statustext_message(4, text.encode()) for text in self.says]
         result = self.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and result == mavlink.MAV_RESULT_ACCEPTED:
+            self.armed = bool(message.param1)
+        if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            result = mavlink.MAV_RESULT_UNSUPPORTED
         if message.command == mavlink.MAV_CMD_DO_SET_MODE and result == mavlink.MAV_RESULT_ACCEPTED:
             self.custom_mode = int(message.param2) << 16 | int(message.param3) << 24
         return [mavlink.MAVLink_command_ack_message(message.command, result), *said]
@@ -92,7 +102,7 @@ class LossyVehicle:
         return [mavlink.MAVLink_mission_request_int_message(255, 190, len(self.incoming))]
 
     def heartbeat(self) -> Any:
-        return mavlink.MAVLink_heartbeat_message(16, 0, 1, self.custom_mode, 4, 3)
+        return mavlink.MAVLink_heartbeat_message(16, 0, 1 | 128 * self.armed, self.custom_mode, 4, 3)
 
 
 def converse(exchange: Any, vehicle: LossyVehicle, limit: float = 60.0) -> Any:
@@ -113,3 +123,31 @@ def converse(exchange: Any, vehicle: LossyVehicle, limit: float = 60.0) -> Any:
         inbox = [answer for message in outgoing if not vehicle.lost() for answer in vehicle.answers(message)]
         assert now < limit, f"still running after {limit} s: {running.progress()}"
     return running
+
+
+@contextlib.contextmanager
+def on_the_air(vehicle: LossyVehicle) -> Iterator[str]:
+    """The vehicle on a UDP port of the loopback interface; yields the address for a ground station."""
+    port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    port.bind(("127.0.0.1", 0))
+    port.settimeout(0.02)
+    over = threading.Event()
+    thread = threading.Thread(target=_serve, args=(vehicle, port, over))
+    thread.start()
+    try:
+        yield f"udpout:127.0.0.1:{port.getsockname()[1]}"
+    finally:
+        over.set()
+        thread.join()
+        port.close()
+
+
+def _serve(vehicle: LossyVehicle, port: socket.socket, over: threading.Event) -> None:
+    packer = mavlink.MAVLink(None, 1, 1)
+    reader = FrameReader()
+    while not over.is_set():
+        with contextlib.suppress(TimeoutError):
+            data, station = port.recvfrom(65536)
+            answers = [answer for frame in reader.feed(data) for answer in vehicle.answers(decode(frame))]
+            for message in (vehicle.heartbeat(), *answers):
+                port.sendto(message.pack(packer), station)

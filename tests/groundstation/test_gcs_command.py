@@ -1,0 +1,100 @@
+"""``wingbeat gcs`` as a user runs it, against a vehicle on a real UDP port."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from lossy_vehicle import LossyVehicle, on_the_air
+
+from avionics.link.dialect import mavlink
+from groundstation.command.main import main
+from groundstation.link.client import Item
+
+Capture = pytest.CaptureFixture[str]
+
+
+def gcs(*words: str) -> int:
+    return main(["gcs", *words])
+
+
+def test_arm_and_disarm_wait_for_the_heartbeat(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "arm") == 0
+        assert vehicle.armed
+        assert gcs(url, "disarm", "--json") == 0
+    lines = capsys.readouterr().out.split("\n", 1)
+    assert lines[0] == "armed"
+    assert json.loads(lines[1]) == {"done": "disarmed", "mode": "MANUAL", "armed": False}
+
+
+def test_a_refusal_is_one_line_and_exit_code_1(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    vehicle.results[400] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    vehicle.says = ["arming refused: battery at 3 %"]
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "arm") == 1
+    said = capsys.readouterr()
+    assert said.err == "wingbeat: the vehicle refused COMPONENT_ARM_DISARM: arming refused: battery at 3 %\n"
+    assert said.out == ""
+
+
+def test_mode_by_name_in_any_case(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "mode", "altitude-hold") == 0
+        assert vehicle.custom_mode == 2 << 16
+        assert gcs(url, "mode", "hover") == 2
+    assert capsys.readouterr().err.startswith(
+        "wingbeat: the vehicle has no mode 'hover'; it has ALTITUDE_HOLD, AUTO,"
+    )
+
+
+def test_parameters_list_get_and_set(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "param", "list", "GAIN_1", "--json") == 0
+        listed = json.loads(capsys.readouterr().out)
+        assert [row["name"] for row in listed["parameters"]] == ["GAIN_1", *(f"GAIN_1{n}" for n in range(10))]
+        assert gcs(url, "param", "set", "GAIN_7", "-0.25") == 0
+        assert vehicle.values["GAIN_7"] == -0.25
+        assert gcs(url, "param", "get", "GAIN_7", "--json") == 0
+    document = capsys.readouterr().out.split("\n", 1)[1]
+    assert json.loads(document) == {"name": "GAIN_7", "value": -0.25, "type": "float"}
+
+
+def test_mission_download_and_upload(tmp_path: Path, capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    vehicle.mission = [
+        Item(3, 16, (0.0, 0.0, 0.0, 0.0), 389_900_000, -769_400_000, 40.0),
+        Item(2, 20, (0,) * 4, 0, 0, 0),
+    ]
+    file = tmp_path / "flight.waypoints"
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "mission", "download", str(file)) == 0
+        before, vehicle.mission = vehicle.mission, []
+        assert gcs(url, "mission", "upload", str(file)) == 0
+        assert vehicle.mission == before
+        text = file.read_text()
+        assert gcs(url, "mission", "download", str(file)) == 2
+        assert file.read_text() == text
+        assert gcs(url, "mission", "show") == 0
+    said = capsys.readouterr()
+    assert said.err == f"wingbeat: {file} exists already; choose another name\n"
+    assert "nav waypoint" in said.out and "38.990000" in said.out
+
+
+def test_status_has_the_documented_keys(capsys: Capture) -> None:
+    with on_the_air(LossyVehicle()) as url:
+        assert gcs(url, "status", "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["mode"] == "MANUAL" and document["armed"] is False and document["system"] == 1
+    assert document["altitude"] is None and document["events"] == []
+    assert "AUTO" in document["modes"]
+
+
+def test_nobody_there_is_exit_code_1(capsys: Capture) -> None:
+    assert gcs("udpout:127.0.0.1:9", "arm", "--timeout", "0.2") == 1
+    assert capsys.readouterr().err == "wingbeat: no vehicle answers on udpout:127.0.0.1:9: no heartbeat for 0.2 s\n"

@@ -1,0 +1,123 @@
+"""Telemetry collected from MAVLink messages."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from avionics.link.dialect import mavlink
+from avionics.messages import Severity, Stage
+from groundstation.link import modes
+from groundstation.link.vehicle_state import EVENTS_KEPT, VehicleState, new_events, receive
+
+
+def heard(*messages: Any, system: int = 1) -> VehicleState:
+    state = VehicleState()
+    for number, message in enumerate(messages):
+        if message.get_srcSystem() == 0:
+            message.pack(mavlink.MAVLink(None, system, 1))
+        state = receive(state, message, float(number))
+    return state
+
+
+def from_system(message: Any, system: int) -> Any:
+    message.pack(mavlink.MAVLink(None, system, 1))
+    return message
+
+
+HEARTBEAT = (16, 0, 129, 4 << 16 | 4 << 24, 4, 3)
+
+
+def test_heartbeat_tells_mode_and_arming() -> None:
+    state = heard(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+    assert state.armed is True and state.system == 1
+    assert modes.mode_name(state) == "AUTO"
+
+
+def test_nothing_heard_is_none_everywhere() -> None:
+    state = VehicleState()
+    assert state.altitude is None and state.armed is None and modes.mode_name(state) == ""
+
+
+def test_other_ground_stations_and_gimbals_are_not_the_vehicle() -> None:
+    station = from_system(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), 255)
+    gimbal = from_system(mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3), 1)
+    assert heard(station, gimbal).system is None
+
+
+def test_a_second_vehicle_on_the_link_changes_nothing() -> None:
+    first = from_system(mavlink.MAVLink_heartbeat_message(*HEARTBEAT), 1)
+    second = from_system(mavlink.MAVLink_attitude_message(5, 1.0, 1.0, 1.0, 0, 0, 0), 2)
+    assert heard(first, second).roll is None
+
+
+def test_wire_units_become_si() -> None:
+    state = heard(
+        mavlink.MAVLink_global_position_int_message(2500, 389900000, -769400000, 0, 40250, 0, 0, 0, 0),
+        mavlink.MAVLink_vfr_hud_message(7.5, 6.5, 90, 62, 40.0, -0.5),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 7900, 180, 92, 0, 0, 0, 0, 0, 0),
+    )
+    assert state.time == 2.5 and state.altitude == 40.25
+    assert state.latitude == pytest.approx(math.radians(38.99))
+    assert (state.airspeed, state.climb_rate, state.throttle) == (7.5, -0.5, 0.62)
+    assert state.voltage == pytest.approx(7.9) and state.current == pytest.approx(1.8)
+    assert state.power == pytest.approx(7.9 * 1.8) and state.battery_remaining == 0.92
+
+
+def test_measured_power_is_kept_over_volts_times_amperes() -> None:
+    state = heard(
+        mavlink.MAVLink_wingbeat_power_message(100, 8.0, 2.0, 13.5, 1.0, 80.0, 2.0, 0.9),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 8000, 200, 90, 0, 0, 0, 0, 0, 0),
+    )
+    assert state.power == 13.5
+
+
+def test_unknown_supply_stays_unknown() -> None:
+    state = heard(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0))
+    assert state.voltage is None and state.current is None and state.battery_remaining is None
+
+
+def test_an_unknown_stage_is_no_crash() -> None:
+    known = heard(mavlink.MAVLink_wingbeat_navigation_message(1, 0, 0, 40, 0, 2, int(Stage.FLARE), 0))
+    unknown = heard(mavlink.MAVLink_wingbeat_navigation_message(1, 0, 0, 40, 0, 2, 99, 0))
+    assert known.stage is Stage.FLARE and unknown.stage is None
+
+
+def test_chunks_of_a_long_text_are_joined() -> None:
+    text = "a" * 50 + "b" * 50 + "c"
+    chunks = [text[i : i + 50].encode() for i in (0, 50, 100)]
+    state = heard(*(mavlink.MAVLink_statustext_message(4, chunk, 7, n) for n, chunk in enumerate(chunks)))
+    assert [(event.text, event.severity) for event in state.events] == [(text, Severity.WARNING)]
+
+
+def test_control_characters_do_not_reach_the_terminal() -> None:
+    state = heard(mavlink.MAVLink_statustext_message(6, b"a\x1b[31mb\nc"))
+    assert state.events[0].text == "a [31mb c"
+
+
+def test_events_are_bounded_and_new_ones_are_found() -> None:
+    many = [mavlink.MAVLink_statustext_message(6, f"line {n}".encode()) for n in range(EVENTS_KEPT + 5)]
+    state = heard(*many)
+    assert len(state.events) == EVENTS_KEPT and state.said == EVENTS_KEPT + 5
+    assert [event.text for event in new_events(state, state.said - 2)] == ["line 203", "line 204"]
+    assert new_events(state, state.said) == ()
+
+
+def test_announced_modes_win_over_known_ones() -> None:
+    state = heard(
+        mavlink.MAVLink_heartbeat_message(2, 12, 129, 3 << 16, 4, 3),
+        mavlink.MAVLink_available_modes_message(1, 1, 0, 3 << 16, 0, b"Soaring"),
+    )
+    assert modes.mode_name(state) == "SOARING"
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "vehicle_type", "custom_mode", "name"),
+    [(3, 1, 10, "AUTO"), (3, 2, 5, "LOITER"), (12, 2, 4 << 16 | 5 << 24, "RTL"), (3, 1, 99, "mode 99")],
+)
+def test_modes_of_other_autopilots(autopilot: int, vehicle_type: int, custom_mode: int, name: str) -> None:
+    state = heard(mavlink.MAVLink_heartbeat_message(vehicle_type, autopilot, 81, custom_mode, 4, 3))
+    assert modes.mode_name(state) == name
+    assert modes.uses_main_and_sub(state) is (autopilot != 3)
