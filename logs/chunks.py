@@ -160,7 +160,7 @@ def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | No
     if channel in chunk.entries:
         return chunk.entries[channel]
     try:
-        return _stored_entries(data, chunk.indexes[channel])
+        return stored_entries(data, chunk.indexes[channel])
     except Damage:
         return None
 
@@ -179,8 +179,15 @@ def entries_of(data: Buffer, chunk: ChunkSpan, content: bytes, channel: int) -> 
     return entries
 
 
-def _stored_entries(data: Buffer, place: Span) -> Entries:
+def stored_entries(data: Buffer, place: Span) -> Entries:
+    """The entries of the message index record at ``place``.
+
+    Raises:
+        Damage: there is none, or its lengths contradict each other.
+    """
     span = expected(data, Opcode.MESSAGE_INDEX, place.offset, len(data))
+    if span.length < HEAD.size + _INDEX_HEAD.size:
+        raise Damage(f"message index at byte {span.offset} is too short")
     _, size = _INDEX_HEAD.unpack_from(data, span.body)
     if size % ENTRY_TYPE.itemsize or span.body + _INDEX_HEAD.size + size != span.end:
         raise Damage(f"message index at byte {span.offset} has lengths that contradict each other")

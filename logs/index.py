@@ -11,10 +11,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import (
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from mcap.writer import MCAP0_MAGIC
 
-from logs.chunks import ChunkSpan, chunk_at, loose_messages, unpack, walk
+from logs.chunks import ChunkSpan, chunk_at, loose_messages, stored_entries, unpack, walk
+from logs.container import encode
 from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
 
 _FOOTER_SIZE = HEAD.size + 20
@@ -22,8 +33,17 @@ _ZSTD_NAME = b"\x04\x00\x00\x00zstd"
 _NAME_OFFSET = HEAD.size + 28
 """Bytes between the start of a chunk record and the name of its compression."""
 
-_SELF_CONTAINED = (Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL)
+_SELF_CONTAINED = (Opcode.ATTACHMENT,)
+"""Damage in it does not concern its length, or the next record will not be one."""
 _FIRST_PRIVATE = 0x80
+_DEFINITIONS: dict[int, type[Schema | Channel]] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
+_SUMMARY_ONLY = (
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+    Opcode.SUMMARY_OFFSET,
+)
 
 
 @dataclass
@@ -39,6 +59,8 @@ class Index:
     """messages by channel"""
     complete: bool = True
     """the file ends as a finished recording does"""
+    ended: bool = False
+    """the end of the data was passed while scanning"""
     damage: list[str] = field(default_factory=list)
     """what is wrong with the file, one line each"""
     dropped: list[tuple[int, int]] = field(default_factory=list)
@@ -123,12 +145,13 @@ def _indexed_chunk(data: Buffer, entry: ChunkIndex, stop: int) -> ChunkSpan:
 
 
 def _define(index: Index, data: Buffer, span: Span) -> None:
+    """Enter a schema or channel; where declarations differ the first one counts."""
     if span.opcode == Opcode.SCHEMA:
         schema = parse(Schema, data, span)
-        index.schemas[schema.id] = schema
+        index.schemas.setdefault(schema.id, schema)
     elif span.opcode == Opcode.CHANNEL:
         channel = parse(Channel, data, span)
-        index.channels[channel.id] = channel
+        index.channels.setdefault(channel.id, channel)
 
 
 # --- record by record -----------------------------------------------------------------------------------
@@ -163,7 +186,7 @@ def _take_records(index: Index, data: Buffer, position: int, stop: int) -> int:
         try:
             _take(index, data, span)
         except Damage as damage:
-            if span.opcode not in _SELF_CONTAINED:
+            if span.opcode not in _SELF_CONTAINED and span.opcode < _FIRST_PRIVATE:
                 return span.offset
             _drop(index, span.offset, span.end, str(damage))
         position = span.end
@@ -202,7 +225,10 @@ def _is_whole(data: Buffer, span: Span) -> bool:
 
 
 def _take(index: Index, data: Buffer, span: Span) -> None:
-    """Enter one record of the data section."""
+    """Enter one record.
+
+    An opcode has no checksum: what it makes of its record must fit to the last byte, and come where it may.
+    """
     if span.opcode == Opcode.CHUNK:
         index.chunks.append(chunk_at(data, span))
     elif span.opcode == Opcode.MESSAGE:
@@ -211,36 +237,64 @@ def _take(index: Index, data: Buffer, span: Span) -> None:
         attachment_at(data, span)
         index.attachments.append(span)
     elif span.opcode == Opcode.METADATA:
-        parse(Metadata, data, span)
+        _check_exact(parse(Metadata, data, span), data, span)
         index.metadata.append(span)
-    elif Opcode.DATA_END < span.opcode < _FIRST_PRIVATE:
-        raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
-    else:
+    elif span.opcode in _DEFINITIONS:
+        _check_exact(parse(_DEFINITIONS[span.opcode], data, span), data, span)
         _define(index, data, span)
+    else:
+        _pass(index, data, span)
+
+
+def _check_exact(record: McapRecord, data: Buffer, span: Span) -> None:
+    if encode(record) != data[span.offset : span.end]:
+        raise Damage(f"{type(record).__name__} at byte {span.offset} has lengths that contradict each other")
+
+
+def _pass(index: Index, data: Buffer, span: Span) -> None:
+    """Check a record that nothing is taken from; the summary's have their place behind the end of the data."""
+    if span.opcode == Opcode.DATA_END and span.length == HEAD.size + 4:
+        index.ended = True
+    elif span.opcode == Opcode.MESSAGE_INDEX:
+        stored_entries(data, span)
+    elif not (span.opcode == Opcode.HEADER or (index.ended and span.opcode in _SUMMARY_ONLY)):
+        raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
 
 
 def _take_loose_message(index: Index, span: Span) -> None:
     """Messages outside of chunks: a run of them is read as one chunk without compression."""
     last = index.chunks[-1].span if index.chunks else None
-    if last is not None and last.opcode != Opcode.CHUNK and last.end == span.offset:
+    if last is not None and last.opcode == Opcode.CHUNK:
+        raise Damage(f"message at byte {span.offset} is in no chunk, as others are")
+    if last is not None and last.end == span.offset:
         index.chunks[-1] = loose_messages(last.offset, span.end)
     else:
         index.chunks.append(loose_messages(span.offset, span.end))
 
 
 def _walk_chunks(index: Index, data: Buffer) -> None:
-    """Look into every chunk for definitions and messages; drop the chunks that are damaged."""
+    """Look into every chunk for definitions and messages; drop the chunks that are damaged.
+
+    The chunks' own definitions are under their CRCs, so they count more than those beside them.
+    """
     whole = []
+    inside = Index()
     for chunk in index.chunks:
         try:
-            whole.append(_walked(index, data, chunk))
+            whole.append(_walked(inside, data, chunk))
         except Damage as damage:
             _drop(index, chunk.span.offset, chunk.span.end, str(damage))
+    index.schemas |= inside.schemas
+    index.channels |= inside.channels
     index.chunks = whole
     index.dropped.sort()
     for chunk in whole:
         for channel, entries in chunk.entries.items():
             index.counts[channel] = index.counts.get(channel, 0) + len(entries)
+    for channel in sorted(set(index.counts) - set(index.channels)):
+        index.damage.append(
+            f"channel {channel} is not declared: its {index.counts.pop(channel)} messages are not read"
+        )
 
 
 def _walked(index: Index, data: Buffer, chunk: ChunkSpan) -> ChunkSpan:

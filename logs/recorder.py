@@ -108,10 +108,13 @@ class McapRecorder:
                 self._refuse(f"a message of {topic.name}", error)
                 return
             buffer = self._buffer
-            offset = len(buffer)
-            if not offset:
+            if not buffer:
                 self._first_ns = log_ns
                 self._flush_clock = self._clock() + FLUSH_S
+            if not stream.sequence:
+                # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
+                buffer += encode(stream.codec.schema) + encode(stream.codec.channel)
+            offset = len(buffer)
             stream.sequence += 1
             stream.index += (log_ns, offset)
             buffer += record

@@ -16,7 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from avionics import messages as m
 from avionics import topics
 from avionics.topics import Topic
-from logs.layout import Field, layout_of
+from logs.layout import layout_of
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import Pose, Scene, Shape

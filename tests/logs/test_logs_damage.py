@@ -27,9 +27,16 @@ from sim_bridge import topics as truth_topics
 CHOSEN = (topics.IMU, topics.WING, topics.NAVIGATION, topics.EVENTS, topics.INPUTS, truth_topics.STATE)
 
 
+class Recording(bytes):
+    """A whole file, named shortly when a test fails."""
+
+    def __repr__(self) -> str:
+        return f"<recording of {len(self)} bytes>"
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return record(tmp_path_factory.mktemp("whole") / "a.mcap", flight(1.5, CHOSEN)).read_bytes()
+    return Recording(record(tmp_path_factory.mktemp("whole") / "a.mcap", flight(1.5, CHOSEN)).read_bytes())
 
 
 EXPECTED = {topic.name: [message for t, message in flight(1.5, CHOSEN) if t is topic] for topic in CHOSEN}
