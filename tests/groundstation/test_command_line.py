@@ -1,0 +1,234 @@
+"""The command as a whole: help, bad input, JSON; every failure is one line and an exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from avionics.messages import Attitude
+from avionics.topics import ATTITUDE
+from groundstation.command.main import SUBCOMMANDS, main
+from logs.recorder import McapRecorder
+
+Capture = pytest.CaptureFixture[str]
+WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log of two seconds of attitude."""
+    path = tmp_path / "short.mcap"
+    recorder = McapRecorder(path, start_epoch_ns=0)
+    recorder.note("wingbeat.avionics", {"vehicle": "test_bird"})
+    zeros = dict.fromkeys(Attitude._fields, 0.0)
+    for tick in range(400):
+        recorder.record(ATTITUDE, Attitude(**{**zeros, "time_us": tick * 5000}))
+    recorder.close()
+    return path
+
+
+def complaint(capsys: Capture) -> str:
+    """The one line on stderr; nothing may be on stdout."""
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
+    return said.err
+
+
+def test_overview_names_every_command(capsys: Capture) -> None:
+    for words in ([], ["--help"], ["help"]):
+        assert main(words) == 0
+        text = capsys.readouterr().out
+        assert all(f"\n  {name} " in text for name in SUBCOMMANDS)
+
+
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_every_command_helps_with_an_example(name: str, capsys: Capture) -> None:
+    assert main([name, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"usage: wingbeat {name}" in text
+    assert "example" in text and f"\n  wingbeat {name}" in text
+    assert "--json" not in text or "keys of --json:" in text
+
+
+def test_the_overview_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom groundstation.command.main import main\nmain([])\n"
+        "print(sorted({'numpy', 'rich', 'pymavlink', 'numba', 'mcap'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["soar"], "there is no command 'soar'; commands: fly,"),
+        (["fly", "--vehicle", "no_such_bird"], "no_such_bird"),
+        (["fly", "--mission", "no_such_mission"], "no mission no_such_mission"),
+        (["fly", "--speed", "fast"], "fast is not a number"),
+        (["fly", "--speed", "0"], "0 is not above 0"),
+        (["fly", "--duration", "nan"], "nan is not a finite number"),
+        (["fly", "--duration", "-1"], "-1 is not above 0"),
+        (["fly", "--seed", "-3"], "-3 is not a whole number"),
+        (["fly", "--seed", "1.5"], "1.5 is not a whole number"),
+        (["fly", "--gcs", "http://here"], "is not one of udpin:HOST:PORT"),
+        (["fly", "--fast"], "unrecognized arguments: --fast"),
+        (["sim", "--vehicle", "no_such_bird"], "no_such_bird"),
+        (["sim", "--listen", "udpin:127.0.0.1:4560"], "a world listens on tcp:HOST:PORT"),
+        (["avionics"], "--board"),
+        (["gcs", "udpin:0.0.0.0", "status"], "is not one of udpin:HOST:PORT"),
+        (["gcs", "udpin:0.0.0.0:14550", "dance"], "dance"),
+        (["log", "info", "no_such.mcap"], "cannot read no_such.mcap"),
+        (["identify", "no_such.mcap"], "cannot read no_such.mcap"),
+        (["replay", "--imu", "no_such.npz"], "no_such.npz"),
+        (["replay"], "--imu"),
+        (["vehicles", "no_such_bird"], "no_such_bird"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    words: list[str], part: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert part in complaint(capsys)
+    assert not any(tmp_path.iterdir()), "bad input must leave nothing behind"
+
+
+def test_a_malformed_mission_names_item_key_and_range(tmp_path: Path, capsys: Capture) -> None:
+    mission = tmp_path / "bad.toml"
+    mission.write_text('[[item]]\nkind = "takeoff"\naltitude = -4\n')
+    assert main(["fly", "--mission", str(mission)]) == 2
+    line = complaint(capsys)
+    assert "item 1" in line and "altitude" in line and "1 to 1000 m" in line
+
+
+def test_a_malformed_vehicle_names_the_key(tmp_path: Path, capsys: Capture) -> None:
+    vehicle = tmp_path / "bird.toml"
+    vehicle.write_text("[wings]\n")
+    assert main(["fly", "--vehicle", str(vehicle)]) == 2
+    assert "unknown section [wings]" in complaint(capsys)
+
+
+@pytest.mark.parametrize("verb", [["log", "info"], ["log", "export"], ["log", "recover"], ["identify"]])
+@pytest.mark.parametrize("content", [b"", b"not a log", b"\x89MCAP"])
+def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    assert main([*verb, str(path)]) == 2
+    complaint(capsys)
+    assert path.read_bytes() == content
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("command", [["fly"], ["sim"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
+def test_an_existing_log_is_never_overwritten(command: list[str], tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(b"precious")
+    where = ["--listen", "tcp:127.0.0.1:0"] if command == ["sim"] else []
+    if where:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            where[1] = f"tcp:127.0.0.1:{probe.getsockname()[1]}"
+    assert main([*command, *where, "--log", str(path)]) == 2
+    assert str(path) in complaint(capsys)
+    assert path.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_port_in_use_is_told_before_anything_is_recorded(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        assert main(["fly", "--gcs", f"udpin:127.0.0.1:{port}"]) == 2
+        assert f"cannot listen on port {port}" in complaint(capsys)
+        assert main(["gcs", f"udpin:127.0.0.1:{port}", "monitor"]) == 2
+        assert f"cannot listen on port {port}" in complaint(capsys)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+        assert main(["sim", "--listen", f"tcp:127.0.0.1:{port}"]) == 2
+        assert f"cannot listen on port {port}" in complaint(capsys)
+    assert not any(tmp_path.iterdir())
+
+
+def test_log_info_and_export(log: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert main(["log", "info", str(log), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["vehicle"] == "test_bird" and document["complete"] is True
+    assert [(row["topic"], row["messages"]) for row in document["topics"]] == [("/attitude/ahrs", 400)]
+    assert main(["log", "info", str(log)]) == 0
+    text = capsys.readouterr().out
+    assert "test_bird" in text and "/attitude/ahrs" in text and "200 Hz" in text
+    assert main(["log", "export", str(log), "--to", str(tmp_path / "csv"), "--json"]) == 0
+    (file,) = json.loads(capsys.readouterr().out)["files"]
+    assert len(Path(file).read_text().splitlines()) == 401
+    assert main(["log", "export", str(log), "--topic", "/nope"]) == 2
+    assert "/nope" in complaint(capsys)
+
+
+def test_a_log_that_was_cut_off_says_so_and_is_recovered(log: Path, capsys: Capture) -> None:
+    log.write_bytes(log.read_bytes()[:-700])
+    assert main(["log", "info", str(log)]) == 0
+    assert "wingbeat log recover" in capsys.readouterr().out
+    assert main(["log", "recover", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["damage"]
+    assert main(["log", "info", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["damage"] == []
+
+
+def test_a_log_without_an_excitation_is_refused_with_the_reason(log: Path, capsys: Capture) -> None:
+    assert main(["identify", str(log), "modes"]) == 2
+    assert "excitation" in complaint(capsys)
+
+
+def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
+    assert main(["vehicles", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)["vehicles"]
+    assert {"robo_raven_ii_d", "arizona_100cm"} <= {vehicle["name"] for vehicle in listed}
+    assert all(vehicle["flies"] and vehicle["sources"]["published"] > 0 for vehicle in listed)
+    assert main(["vehicles", "robo_raven_ii_d", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)["values"]
+    assert all(value["kind"] in ("published", "identified", "chosen") and value["source"] for value in values)
+    assert main(["vehicles", "robo_raven_ii_d"]) == 0
+    assert "body.mass" in capsys.readouterr().out
+
+
+def test_a_broken_pipe_is_quiet(log: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([*WINGBEAT, "log", "info", str(log)], stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert done.stderr == b"" and done.returncode == 0
+
+
+def test_ctrl_c_ends_quietly_with_130() -> None:
+    child = subprocess.Popen(
+        [*WINGBEAT, "gcs", "udpout:127.0.0.1:9", "monitor"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    deadline = time.monotonic() + 20.0
+    while time.monotonic() < deadline and not _listening(child.pid):
+        time.sleep(0.05)
+    child.send_signal(2)
+    out, err = child.communicate(timeout=20)
+    assert (child.returncode, out, err) == (130, b"", b"")
+
+
+def _listening(pid: int) -> bool:
+    """Whether the process has opened its link (a socket among its files)."""
+    folder = Path(f"/proc/{pid}/fd")
+    try:
+        return any(str(file.readlink()).startswith("socket:") for file in folder.iterdir())
+    except OSError:
+        return False

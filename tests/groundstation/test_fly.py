@@ -1,0 +1,112 @@
+"""``wingbeat fly``: two processes, one log; stopped on the way; a child that dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from groundstation.command.children import Children
+from logs.reader import open_log
+
+WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
+
+
+def fly(folder: Path, *words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*WINGBEAT, "fly", "--log", str(folder / "flight.mcap"), *words],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(path: Path, size: int, patience: float = 90.0) -> None:
+    deadline = time.monotonic() + patience
+    while not (path.exists() and path.stat().st_size > size):
+        assert time.monotonic() < deadline, f"{path} did not grow for {patience} s"
+        time.sleep(0.05)
+
+
+def children_of(parent: int) -> list[int]:
+    stats = [entry / "stat" for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    found = []
+    for stat in stats:
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == parent:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None:
+    flight = fly(tmp_path, "--duration", "11", "--json", "--seed", "5")
+    out, err = flight.communicate(timeout=180)
+    assert (flight.returncode, err) == (0, "")
+    document = json.loads(out)
+    assert set(document) == {"log", "vehicle", "seed", "wall_time", "speed", "flight", "identified"}
+    assert document["flight"]["against_truth"] is True
+    assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.mcap"]
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert log.complete
+        assert {"/truth/state", "/attitude/ahrs", "/system/inputs"} <= set(log.topics)
+        assert log.metadata["wingbeat.world"]["seed"] == "5"
+        assert {"avionics_vehicle.toml", "world_vehicle.toml", "mission.json"} <= {a.name for a in log.attachments}
+        commands = [json.loads(text.text) for text in log.texts("/system/inputs")]
+    assert [(c["kind"], c["time_us"], c["source"]) for c in commands] == [
+        ("ARM", 2_000_000, "script"),
+        ("SET_MODE", 2_000_000, "script"),
+    ]
+
+
+def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
+    flight = fly(tmp_path, "--speed", "1")
+    wait_for(tmp_path / "flight.world.mcap", 100_000)
+    flight.send_signal(signal.SIGINT)
+    _, err = flight.communicate(timeout=60)
+    assert flight.returncode == 130
+    assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
+def test_a_child_that_is_killed_ends_the_flight_in_one_line(tmp_path: Path) -> None:
+    flight = fly(tmp_path, "--speed", "1")
+    wait_for(tmp_path / "flight.world.mcap", 100_000)
+    first, second = sorted(children_of(flight.pid))
+    os.kill(first, signal.SIGKILL)
+    _, err = flight.communicate(timeout=60)
+    assert flight.returncode == 1
+    assert err.count("\n") == 1 and "the world was ended by signal SIGKILL" in err
+    assert "flight.world.mcap" in err and (tmp_path / "flight.world.mcap").exists()
+    assert not Path(f"/proc/{second}").exists(), "the other child must not be left behind"
+
+
+def test_the_complaint_of_a_child_is_told() -> None:
+    with Children() as children:
+        children.start("the world", ["vehicles", "no_such_bird"])
+        while children.running():
+            time.sleep(0.02)
+        failure = children.failure()
+    assert failure is not None and failure.code == 2
+    assert failure.text.startswith("the world stopped: ") and "no_such_bird" in failure.text
+
+
+def test_children_that_end_well_are_no_failure() -> None:
+    with Children() as children:
+        children.start("one", ["--help"])
+        children.start("two", ["--help"])
+        while children.running():
+            time.sleep(0.02)
+        assert children.failure() is None
