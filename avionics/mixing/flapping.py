@@ -1,7 +1,7 @@
 """Throttle -> stroke of the wing drives.
 
-Two kinds of drive: "servo" (one position servo a wing follows a commanded sine of constant amplitude, Gerdes
-2017: Robo Raven II) and "motor" (a geared motor turns the crank, Malladi 2007 Table 2 gives its frequency).
+Two kinds of drive: "servo" (one position servo a wing follows a commanded sine, Gerdes 2017: Robo Raven II)
+and "motor" (a geared motor turns the crank, Malladi 2007 Table 2 gives its frequency).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Gains(NamedTuple):
     """Hz/s; how fast the frequency may change"""
     start_time: Annotated[float, Quantity("s", 0.01, 5.0)]
     """s; in which the stroke grows from glide to full, and shrinks again"""
-    amplitude: Annotated[float, Quantity("rad", 0.0, 1.5)]
-    """rad; half the peak-to-peak commanded stroke"""
+    amplitude_points: Annotated[tuple[float, ...], Quantity("rad", 0.0, 1.5)]
+    """rad; half the peak-to-peak commanded stroke at those points (servo drives)"""
     mean_angle: Annotated[float, Quantity("rad", -0.8, 0.8)]
     """rad; middle of the stroke, wing up is positive"""
     glide_angle: Annotated[float, Quantity("rad", -0.8, 0.8)]
@@ -53,6 +53,8 @@ class State(NamedTuple):
     """Hz; commanded"""
     envelope: float = 0.0
     """-; 0 glide to 1 full stroke"""
+    amplitude: float = 0.0
+    """rad; of the full stroke last asked, in which the wings come to rest"""
 
 
 class Stroke(NamedTuple):
@@ -75,9 +77,9 @@ def check(gains: Gains) -> Gains:
     if gains.drive not in DRIVES:
         raise BadInput(f'flapping.drive must be "servo" or "motor", not "{gains.drive}"')
     points = gains.throttle_points
-    if len(points) < 2 or len(points) != len(gains.frequency_points):
+    if len(points) < 2 or {len(gains.frequency_points), len(gains.amplitude_points)} != {len(points)}:
         raise BadInput(
-            "flapping.throttle_points and flapping.frequency_points must be lists of equal length, 2 or more"
+            "flapping.throttle_points, frequency_points and amplitude_points must be lists of equal length, 2 or more"
         )
     if any(later <= earlier for earlier, later in pairwise(points)):
         raise BadInput("flapping.throttle_points must rise")
@@ -96,7 +98,8 @@ def step(
     frequency = _frequency(gains, state, dt, wanted, envelope)
     phase = (state.phase + TWO_PI * frequency * dt) % TWO_PI if envelope > 0.0 else 0.0
     mean = gains.glide_angle + (gains.mean_angle - gains.glide_angle) * envelope
-    amplitude = gains.amplitude * envelope
+    full = between_points(throttle, gains.throttle_points, gains.amplitude_points) if flapping else state.amplitude
+    amplitude = full * envelope
     swing = amplitude * math.sin(phase)
     stroke = Stroke(
         clip(mean + swing * (1.0 + asymmetry), gains.travel_min, gains.travel_max),
@@ -104,7 +107,7 @@ def step(
         0.0,
     )
     flap = FlapCommand(time_us, frequency, amplitude, mean, phase, asymmetry)
-    return State(phase, frequency, envelope), flap, stroke
+    return State(phase, frequency, envelope, full), flap, stroke
 
 
 def _frequency(gains: Gains, state: State, dt: float, wanted: float, envelope: float) -> float:

@@ -33,7 +33,7 @@ from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_physics
 
 TICK = 1.0 / TICK_RATE
-LAUNCH_TIME = 4.0
+LAUNCH_TIME = 8.0
 """s; when the launcher begins to throw: the flight computer has had time to start and arm"""
 REST_TIME = 3.0
 """s; the flight is over when the vehicle has lain still on the ground for so long"""

@@ -17,14 +17,17 @@ SERVO = flapping.Gains(
     throttle_cut=0.05,
     frequency_rate=8.0,
     start_time=0.5,
-    amplitude=0.8,
+    amplitude_points=(0.8, 0.8),
     mean_angle=0.1,
     glide_angle=0.25,
     travel_min=-0.9,
     travel_max=1.0,
 )
 MOTOR = SERVO._replace(
-    drive="motor", throttle_points=(0.0, 0.25, 0.5, 0.75, 1.0), frequency_points=(0.0, 2.25, 4.75, 5.75, 7.25)
+    drive="motor",
+    throttle_points=(0.0, 0.25, 0.5, 0.75, 1.0),
+    frequency_points=(0.0, 2.25, 4.75, 5.75, 7.25),
+    amplitude_points=(0.8,) * 5,
 )
 TAIL = tail.Gains(
     rudder_share=0.4,
@@ -51,6 +54,13 @@ def test_wings_glide_below_the_cut() -> None:
     state, flown = flap(0.04, 1.0)
     assert {stroke.left for _, stroke in flown} == {SERVO.glide_angle}
     assert state.frequency == 0.0
+
+
+@pytest.mark.parametrize(("throttle", "amplitude"), [(0.25, 0.3), (0.5, 0.4), (1.0, 0.6)])
+def test_the_stroke_follows_the_throttle(throttle: float, amplitude: float) -> None:
+    gains = SERVO._replace(amplitude_points=(0.2, 0.6))
+    _, flown = flap(throttle, 5.0, gains)
+    assert max(stroke.left for _, stroke in flown[400:]) == pytest.approx(SERVO.mean_angle + amplitude, abs=0.01)
 
 
 @pytest.mark.parametrize(("throttle", "frequency"), [(0.25, 2.0), (0.5, 3.0), (1.0, 5.0)])
