@@ -12,7 +12,7 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.replay.imu import ImuScore, recordings, replay_imu
 
-EXAMPLES = ("wingbeat replay --imu tests/data/imu", "wingbeat replay --imu trial_16.npz --json")
+EXAMPLES = ("wingbeat replay --imu tests/data/broad", "wingbeat replay --imu trial_16.npz --json")
 JSON_KEYS = {
     "file": "name of the recording (the document is a list of rows)",
     "total_deg": "RMS angle between estimate and reference",

@@ -1,0 +1,120 @@
+"""The loop of the flight computer's process on a board that plays frames."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from avionics import topics
+from avionics.board.board import BoardSilent
+from avionics.messages import ActuatorCommand, Command, CommandKind, ImuSample, SensorFrame
+from avionics.missions import load_mission
+from avionics.recorder import NullRecorder
+from avionics.topics import Topic
+from avionics.vehicles import load_vehicle
+from groundstation.command.onboard import START_US, Onboard, scripted_start
+
+TICK_US = 5000
+
+
+class Rest:
+    """A vehicle at rest, level, for ``ticks`` frames; then the world is over, or silent."""
+
+    def __init__(self, ticks: int, falls_silent: bool = False) -> None:
+        self.left = ticks
+        self.time_us = 0
+        self.silent = falls_silent
+        self.answers: list[ActuatorCommand] = []
+
+    def read(self) -> SensorFrame | None:
+        if not self.left:
+            if self.silent:
+                raise BoardSilent("nobody answers")
+            return None
+        self.left -= 1
+        self.time_us += TICK_US
+        return SensorFrame(self.time_us, ImuSample(self.time_us, 0, 0, -9.81, 0, 0, 0, 0.2, 0.0, 0.45))
+
+    def write(self, command: ActuatorCommand) -> None:
+        self.answers.append(command)
+
+    def close(self) -> None:
+        pass
+
+
+class Memory(NullRecorder):
+    """Keeps what it is handed."""
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[Topic, Any]] = []
+
+    def record(self, topic: Topic, message: Any) -> None:
+        self.kept.append((topic, message))
+
+
+class Ground:
+    """A ground link with one command to hand over, on the wall clock."""
+
+    def __init__(self) -> None:
+        self.waiting = [Command(0, CommandKind.SET_MODE, name="STABILIZED", source="test")]
+        self.streamed = 0
+
+    def poll(self, now: float) -> list[Command]:
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+    def stream(self, now: float) -> None:
+        self.streamed += 1
+
+    def take_events(self) -> list[Any]:
+        return []
+
+
+def fly(board: Rest, script: tuple[Command, ...] = (), link: Any = None) -> Memory:
+    memory = Memory()
+    clock = iter(range(10**6))
+    onboard = Onboard(
+        load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory, script, clock=lambda: float(next(clock))
+    )
+    onboard.fly(board, link)
+    return memory
+
+
+def inputs(memory: Memory) -> list[dict[str, Any]]:
+    return [json.loads(message.text) for topic, message in memory.kept if topic is topics.INPUTS]
+
+
+def test_every_frame_is_answered_with_its_own_time() -> None:
+    board = Rest(50)
+    fly(board)
+    assert [command.time_us for command in board.answers] == [TICK_US * n for n in range(1, 51)]
+
+
+def test_the_script_is_applied_at_its_tick_whatever_the_wall_clock_says() -> None:
+    memory = fly(Rest(START_US // TICK_US + 5), scripted_start())
+    assert [(entry["kind"], entry["time_us"]) for entry in inputs(memory)] == [
+        ("ARM", START_US),
+        ("SET_MODE", START_US),
+    ]
+
+
+def test_what_the_ground_sends_enters_at_the_next_tick_and_is_logged() -> None:
+    ground = Ground()
+    memory = fly(Rest(20), link=ground)
+    assert [(entry["kind"], entry["time_us"], entry["source"]) for entry in inputs(memory)] == [
+        ("SET_MODE", 2 * TICK_US, "test")
+    ]
+    assert ground.streamed == 20
+
+
+def test_run_times_are_recorded_once_a_second() -> None:
+    memory = fly(Rest(450))
+    timings = [message for topic, message in memory.kept if topic is topics.TIMING]
+    assert len(timings) == 8 and {timing.processor for timing in timings} == {0, 1, 2, 3}
+
+
+def test_silence_of_the_board_is_not_swallowed() -> None:
+    with pytest.raises(BoardSilent, match="nobody answers"):
+        fly(Rest(3, falls_silent=True))
