@@ -194,12 +194,14 @@ def sys_status(vehicle: VehicleView) -> Any:
     state = vehicle.latest(t.HEALTH)
     failures = state.failsafe if state is not None else 0
     sick = sum(bits for flag, bits in _FAULTS if failures & flag)
+    # A ground station takes a fence that is not reported healthy for a breach, even where there is none.
+    fence = 0 if failures & m.Failsafe.FENCE else mavlink.MAV_SYS_STATUS_GEOFENCE
     power = vehicle.latest(t.POWER)
     rejected = state.rejected_samples if state is not None else 0
     return mavlink.MAVLink_sys_status_message(
         present,
         present,
-        present & ~sick,
+        present & ~sick | fence,
         0,
         _u16(power.voltage * 1e3) if power is not None else _UNKNOWN_U16,
         _i16(power.current * 100.0) if power is not None else -1,

@@ -47,7 +47,9 @@ def test_the_telemetry_arrives_in_the_standards_units() -> None:
         battery = expect(client, "BATTERY_STATUS")
         assert (battery.voltages[0], battery.current_battery, battery.current_consumed) == (7400, 250, 100)
         assert (battery.energy_consumed, battery.battery_remaining) == (25, 80)
-        assert expect(client, "SYS_STATUS").voltage_battery == 7400
+        status = expect(client, "SYS_STATUS")
+        assert status.voltage_battery == 7400
+        assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_GEOFENCE
         assert expect(client, "GPS_RAW_INT").h_acc == 2500
         assert expect(client, "EXTENDED_SYS_STATE").landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
         assert expect(client, "HOME_POSITION").altitude == 520_000
