@@ -96,8 +96,8 @@ def _touchdown(touchdown: Touchdown | None) -> str:
             f"at {touchdown.time:.1f} s",
             f"sink {touchdown.sink:.2f} m/s",
             f"speed {touchdown.speed:.1f} m/s",
-            f"bank {math.degrees(touchdown.bank):+.0f}°",
-            f"pitch {math.degrees(touchdown.pitch):+.0f}°",
+            f"bank {wording.angle(touchdown.bank)}",
+            f"pitch {wording.angle(touchdown.pitch)}",
         ]
     )
 

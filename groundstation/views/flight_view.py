@@ -106,8 +106,8 @@ def _position(state: VehicleState) -> list[Row]:
         home = wording.number((state.north**2 + state.east**2) ** 0.5, ".0f", "m").replace(" ", "\u00a0")
         home = f"home {home}"
     return [
-        ("altitude", wording.number(state.altitude, ".1f", "m"), wanted),
-        ("climb", wording.number(state.climb_rate, "+.1f", "m/s"), ""),
+        ("altitude", wording.number(state.altitude, "z.1f", "m"), wanted),
+        ("climb", wording.number(state.climb_rate, "+z.1f", "m/s"), ""),
         ("airspeed", wording.number(state.airspeed, ".1f", "m/s"), home),
         (
             "item",
@@ -161,7 +161,7 @@ def _plots(history: History, width: int) -> RenderableType:
 def _altitude_plot(history: History, columns: int, rows: int) -> Text:
     points = history.altitude
     highest, lowest = (pick((altitude for _, altitude in points), default=0.0) for pick in (max, min))
-    top, bottom = braille.round_up(max(1.05 * highest, 5.0)), -braille.round_up(-lowest) if lowest < 0.0 else 0.0
+    top, bottom = braille.round_up(max(1.05 * highest, 5.0)), -braille.round_up(-lowest) if lowest < -1.0 else 0.0
     start = points[0][0] if points else 0.0
     end = max(points[-1][0] if points else 0.0, start + 10.0)
     lines = braille.draw([points] if points else [], braille.Window(start, end, bottom, top), columns, rows)
@@ -213,7 +213,7 @@ def progress_line(state: VehicleState, mode: str) -> str:
     parts = (
         f"{wording.number(state.time, '6.1f', 's')}",
         f"{mode:<8} {stage:<10}",
-        f"altitude {wording.number(state.altitude, '5.1f', 'm')}",
+        f"altitude {wording.number(state.altitude, 'z5.1f', 'm')}",
         f"airspeed {wording.number(state.airspeed, '4.1f', 'm/s')}",
         f"heading {wording.bearing(state.yaw)}",
         f"flapping {wording.number(state.flap_frequency, '4.2f', 'Hz')}",

@@ -16,7 +16,7 @@ def number(value: float | None, layout: str, unit: str = "") -> str:
     return f"{value:{layout}} {unit}".rstrip()
 
 
-def angle(value: float | None, layout: str = "+.0f") -> str:
+def angle(value: float | None, layout: str = "+z.0f") -> str:
     """An angle (rad) in degrees."""
     return UNKNOWN if value is None or not math.isfinite(value) else f"{math.degrees(value):{layout}}°"
 

@@ -157,3 +157,9 @@ def test_two_digits_of_the_uncertainty(value: float, error: float, texts: tuple[
 @pytest.mark.parametrize(("seconds", "text"), [(0.84, "0.8 s"), (12.4, "12 s"), (185.0, "3 min 05 s")])
 def test_duration(seconds: float, text: str) -> None:
     assert wording.duration(seconds) == text
+
+
+def test_nothing_is_minus_zero() -> None:
+    still = VehicleState(time=1.0, roll=-0.001, pitch=-0.0, altitude=-0.01, climb_rate=-0.02)
+    text = "\n".join(rendered(still, History(((0.0, -0.2), (1.0, -0.01))), 100))
+    assert "-0 m" not in text and "-0°" not in text and "-0.0 m" not in text
