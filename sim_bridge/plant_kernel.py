@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from sim_bridge.actuators.drives import drive_current, servo_torque
 from sim_bridge.aerodynamics.strip_theory import StripParameters
 from sim_bridge.aerodynamics.surfaces import body_drag, plate_pressure
@@ -24,7 +22,7 @@ from sim_bridge.multibody.flapper import (
     hold_speeds,
     solve,
 )
-from sim_bridge.vectors import Floats, rotation
+from sim_bridge.vectors import Floats, kernel, rotation
 
 GRAVITY = 9.80665
 LEFT, RIGHT = 13, 17
@@ -107,7 +105,7 @@ class Scratch(NamedTuple):
     held: Floats
 
 
-@njit(cache=True)
+@kernel
 def crank_frequency(throttle: float, table: Floats) -> float:
     """Flapping frequency in Hz of a crank drive: linear between the table's equal steps of throttle."""
     place = min(max(throttle, 0.0), 1.0) * (table.shape[0] - 1)
@@ -115,13 +113,13 @@ def crank_frequency(throttle: float, table: Floats) -> float:
     return float(table[low] + (place - low) * (table[low + 1] - table[low]))
 
 
-@njit(cache=True)
+@kernel
 def _supply(charge: float, battery: Floats) -> float:
     full, empty, capacity = battery[0], battery[1], battery[2]
     return float(full + (empty - full) * min(max(charge / capacity, 0.0), 1.2))
 
 
-@njit(cache=True)
+@kernel
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     open_circuit = _supply(y[CHARGE], p.battery)
     ratio = max(s.drive[3], 0.1) / p.drive[2]
@@ -147,7 +145,7 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
     s.drive[3] = open_circuit - p.battery[3] * total
 
 
-@njit(cache=True)
+@kernel
 def _tail_and_body(y: Floats, p: PlantParameters, density: float, s: Scratch) -> None:
     v, w, air = s.frame[1], s.frame[2], s.frame[3]
     force, x, z = s.work[0, 0:3], p.tail[0], p.tail[1]
@@ -171,7 +169,7 @@ def _tail_and_body(y: Floats, p: PlantParameters, density: float, s: Scratch) ->
         s.load[i] += s.tail_load[i] + s.body_load[i]
 
 
-@njit(cache=True)
+@kernel
 def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
     touching = False
     if y[2] < -2.0:
@@ -195,7 +193,7 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
     return touching
 
 
-@njit(cache=True)
+@kernel
 def _axes(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) -> None:
     rotation(y[3], y[4], y[5], y[6], s.r)
     for i in range(3):
@@ -205,7 +203,7 @@ def _axes(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) -> No
         s.frame[4, i] = s.r[2, i] * GRAVITY
 
 
-@njit(cache=True)
+@kernel
 def derivatives(
     y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch, rate: Floats
 ) -> bool:
@@ -238,7 +236,7 @@ def derivatives(
     return touching
 
 
-@njit(cache=True)
+@kernel
 def _impose_launcher(y: Floats, around: Surroundings, s: Scratch) -> None:
     if around.launcher == FREE:
         return
@@ -248,7 +246,7 @@ def _impose_launcher(y: Floats, around: Surroundings, s: Scratch) -> None:
     hold_speeds(s.mass, s.load, s.held, 0, 6)
 
 
-@njit(cache=True)
+@kernel
 def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Floats) -> None:
     for i in range(10):
         s.accelerations[i] = s.load[i]
@@ -279,7 +277,7 @@ def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Fl
     rate[CHARGE] = s.drive[2]
 
 
-@njit(cache=True)
+@kernel
 def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> None:
     """Add ``share`` of the acceleration at ``r`` less gravity: v' + w x v + w' x r + w x (w x r) - g."""
     v, w, a = s.frame[1], s.frame[2], s.accelerations
@@ -293,7 +291,7 @@ def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> N
         means[4 + i] += share * (a[i] + turning - s.frame[4, i])
 
 
-@njit(cache=True)
+@kernel
 def advance(
     y: Floats,
     steps: int,

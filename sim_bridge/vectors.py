@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Compiled = TypeVar("Compiled", bound=Callable[..., object])
 
 
-@njit(cache=True)
+def kernel(function: Compiled) -> Compiled:
+    """Compile with numba, cached on disk; sums may be reordered, but not-a-number still propagates."""
+    return njit(  # type: ignore[return-value]
+        cache=True, error_model="numpy", fastmath={"contract", "arcp", "nsz", "reassoc", "afn"}
+    )(function)
+
+
+@kernel
 def cross(a: Floats, b: Floats, out: Floats) -> None:
     """``out = a x b`` for arrays of three; ``out`` may not be ``a`` or ``b``."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -19,7 +29,7 @@ def cross(a: Floats, b: Floats, out: Floats) -> None:
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel
 def rotation(w: float, x: float, y: float, z: float, out: Floats) -> None:
     """Fill ``out`` (3, 3) with r_ned_from_frd of a quaternion that need not be of unit length."""
     s = 2.0 / (w * w + x * x + y * y + z * z)

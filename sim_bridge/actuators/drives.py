@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from sim_bridge.vectors import kernel
 
 
-@njit(cache=True)
+@kernel
 def torque_bound(rate: float, direction: float, stall_torque: float, no_load_speed: float) -> float:
     """Greatest torque in N m that a servo gives along ``direction`` (+1, -1) at ``rate`` rad/s.
 
@@ -16,7 +16,7 @@ def torque_bound(rate: float, direction: float, stall_torque: float, no_load_spe
     return stall_torque * min(max(share, 0.0), 1.0)
 
 
-@njit(cache=True)
+@kernel
 def servo_torque(
     angle_error: float,
     rate_error: float,
@@ -32,7 +32,7 @@ def servo_torque(
     return direction * min(abs(wanted), bound)
 
 
-@njit(cache=True)
+@kernel
 def drive_current(torque: float, torque_constant: float, torque_offset: float, idle_current: float) -> float:
     """PWM-mean current in A of one of two drives giving ``torque`` N m.
 

@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
-from sim_bridge.vectors import Floats
+from sim_bridge.vectors import Floats, kernel
 
 STALL_BLEND = math.radians(3.0)
 """rad; half width over which attached and separated loads are blended: a hard switch makes the force jump"""
@@ -49,7 +47,7 @@ def strip_parameters(
     )
 
 
-@njit(cache=True)
+@kernel
 def stall_factor(plunge_angle: float, towards: float, chord: float, speed: float, stall_angle: float) -> float:
     """Kim's dynamic stall factor xi (Gerdes Eq. 8 as corrected): 1 to 2, at most.
 
@@ -60,13 +58,13 @@ def stall_factor(plunge_angle: float, towards: float, chord: float, speed: float
     return max(1.0, min(1.0 + (plunge_angle + pitching) / stall_angle, 2.0))
 
 
-@njit(cache=True)
+@kernel
 def friction_coefficient(reynolds: float) -> float:
     """Skin friction of both faces of a plate, 0.89 / (log10 Re)^2.58."""
     return float(0.89 / math.log10(max(reynolds, 1000.0)) ** 2.58)
 
 
-@njit(cache=True)
+@kernel
 def section_loads(motion: Floats, chord: float, density: float, lag: float, p: StripParameters, out: Floats) -> None:
     """Loads a unit span of one section.
 

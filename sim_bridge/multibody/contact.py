@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from sim_bridge.vectors import Floats
+from sim_bridge.vectors import Floats, kernel
 
 PENETRATION = 0.01
 """m; chosen: how deep the vehicle's weight presses one point into the ground"""
@@ -18,7 +16,7 @@ SLIP_SPEED = 0.05
 """m/s; below it friction falls to zero, so that it never reverses within a step"""
 
 
-@njit(cache=True)
+@kernel
 def ground_force(depth: float, velocity: Floats, weight: float, force: Floats) -> bool:
     """Force (3,) in N, NED, on a point ``depth`` metres under ground moving at ``velocity`` (3,) NED.
 

@@ -12,24 +12,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from sim_bridge.aerodynamics.strip_theory import StripParameters, section_loads
-from sim_bridge.vectors import Floats
+from sim_bridge.vectors import Floats, kernel
 
 SPEEDS = 10
 FLAP = (6, 8)
 TWIST = (7, 9)
 
 
-@njit(cache=True)
+@kernel
 def clear(mass: Floats, load: Floats) -> None:
     """Set the mass matrix (10, 10) and the generalised load (10,) to zero."""
     mass[:, :] = 0.0
     load[:] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def add_fuselage(mass: Floats, load: Floats, m: float, inertia: Floats, v: Floats, omega: Floats) -> None:
     """Add the fuselage: ``m`` in kg, ``inertia`` = (Ixx, Iyy, Izz, Ixz) about its centre of mass; no gravity."""
     for i in range(3):
@@ -48,7 +47,7 @@ def add_fuselage(mass: Floats, load: Floats, m: float, inertia: Floats, v: Float
     load[5] -= omega[0] * h1 - omega[1] * h0
 
 
-@njit(cache=True)
+@kernel
 def add_force(load: Floats, point: Floats, force: Floats, flap: int) -> None:
     """Project a force (3,) at a wing point onto the speeds; ``point`` as `wing_point` fills it."""
     load[0] += force[0]
@@ -61,7 +60,7 @@ def add_force(load: Floats, point: Floats, force: Floats, flap: int) -> None:
     load[flap + 1] += point[6] * force[0] + point[7] * force[1] + point[8] * force[2]
 
 
-@njit(cache=True)
+@kernel
 def add_body_force(load: Floats, x: float, y: float, z: float, force: Floats) -> None:
     """Project a force (3,) at a point of the fuselage onto the speeds."""
     load[0] += force[0]
@@ -72,7 +71,7 @@ def add_body_force(load: Floats, x: float, y: float, z: float, force: Floats) ->
     load[5] += x * force[1] - y * force[0]
 
 
-@njit(cache=True)
+@kernel
 def add_mass_point(mass: Floats, load: Floats, point: Floats, m: float, gravity: Floats, flap: int) -> None:
     """Add a point mass of the wing; only the upper triangle of ``mass`` is filled."""
     x, y, z = point[0], point[1], point[2]
@@ -114,7 +113,7 @@ def add_mass_point(mass: Floats, load: Floats, point: Floats, m: float, gravity:
     load[flap + 1] += point[6] * inertial[0] + point[7] * inertial[1] + point[8] * inertial[2]
 
 
-@njit(cache=True)
+@kernel
 def add_apparent_mass(mass: Floats, load: Floats, row: Floats, m: float, bias: float, flap: int) -> None:
     """Add mass that resists acceleration along one direction: ``row`` (8,) maps the wing's speeds to it.
 
@@ -129,18 +128,17 @@ def add_apparent_mass(mass: Floats, load: Floats, row: Floats, m: float, bias: f
             mass[gi, gk] += weighted * row[k]
 
 
-@njit(cache=True)
-def wing_axes(phi: float, twist: float, side: float, hinge: Floats, axes: Floats) -> None:
+@kernel
+def wing_axes(c: float, s: float, twist: float, side: float, hinge: Floats, axes: Floats) -> None:
     """Unit vectors of a wing section in body axes.
 
     Args:
-        phi: rad; flap angle, wing up positive. twist: rad; of the section, leading edge up.
+        c, s: cosine and sine of the flap angle, wing up positive. twist: rad; of the section, leading edge up.
         side: +1 for the right wing, -1 for the left.
         hinge: (3, 3) r_frd_from_hinge.
         axes: (5, 3) out: span to the tip, chord forward, normal up, flap normal (without twist), forward
             direction of the hinge.
     """
-    c, s = math.cos(phi), math.sin(phi)
     ct, st = math.cos(twist), math.sin(twist)
     up_y, up_z = -side * s, -c
     for i in range(3):
@@ -152,7 +150,7 @@ def wing_axes(phi: float, twist: float, side: float, hinge: Floats, axes: Floats
         axes[2, i] = -st * hx + ct * axes[3, i]
 
 
-@njit(cache=True)
+@kernel
 def wing_point(
     span: float, aft: float, eta: float, twist: float, axes: Floats, rates: Floats, frame: Floats, point: Floats
 ) -> None:
@@ -192,7 +190,7 @@ def wing_point(
     point[11] += w[0] * ay - w[1] * ax
 
 
-@njit(cache=True)
+@kernel
 def normal_row(point: Floats, direction: Floats, row: Floats) -> None:
     """Fill ``row`` (8,): speeds of body and wing to the speed of ``point`` along ``direction`` (3,)."""
     d0, d1, d2 = direction[0], direction[1], direction[2]
@@ -206,7 +204,7 @@ def normal_row(point: Floats, direction: Floats, row: Floats) -> None:
     row[7] = point[6] * d0 + point[7] * d1 + point[8] * d2
 
 
-@njit(cache=True)
+@kernel
 def add_wing(
     mass: Floats,
     load: Floats,
@@ -238,10 +236,11 @@ def add_wing(
     axes, le, half, row, force = work[0:5, 0:3], work[5], work[6], work[7, 0:8], work[7, 8:11]
     motion, out, turn = work[0, 4:9], work[1, 4:10], work[2, 4:7]
     rates = state[2:4]
+    cosine, sine = math.cos(state[0]), math.sin(state[0])
     for i in range(strips.shape[0]):
         span, eta, chord, width = strips[i, 0], strips[i, 1], strips[i, 2], strips[i, 3]
         twist = (state[1] + washout) * eta
-        wing_axes(state[0], twist, side, hinge, axes)
+        wing_axes(cosine, sine, twist, side, hinge, axes)
         wing_point(span, 0.0, eta, twist, axes, rates, frame, le)
         wing_point(span, 0.5 * chord, eta, twist, axes, rates, frame, half)
         add_mass_point(mass, load, le, strips[i, 4], frame[4], flap)
@@ -296,7 +295,7 @@ def add_wing(
         loads[i, 5] += half[0] * force[1] - half[1] * force[0]
 
 
-@njit(cache=True)
+@kernel
 def hold_speeds(mass: Floats, load: Floats, rates: Floats, first: int, last: int) -> None:
     """Impose the rates of speeds ``first`` to ``last - 1`` (from ``rates``), keeping ``mass`` symmetric."""
     for i in range(first, last):
@@ -311,12 +310,12 @@ def hold_speeds(mass: Floats, load: Floats, rates: Floats, first: int, last: int
         load[i] = rates[i]
 
 
-@njit(cache=True)
+@kernel
 def _symmetric(mass: Floats, i: int, j: int) -> float:
     return float(mass[i, j] if i <= j else mass[j, i])
 
 
-@njit(cache=True)
+@kernel
 def solve(mass: Floats, load: Floats) -> None:
     """Solve ``mass x = load`` in place (x in ``load``) by an LDL^T of the upper triangle.
 
