@@ -39,7 +39,7 @@ class Observation(NamedTuple):
     torque_right: float
     """N m; of the drive on the wing, positive when it drives the wing up"""
     current: float
-    """A; drawn by both drives, averaged over the PWM period"""
+    """A; drawn by both drives, averaged over whole PWM periods since the last ADC burst (two ticks)"""
     open_circuit_voltage: float
     """V; of the battery at its state of charge, without load"""
     battery_resistance: float

@@ -7,9 +7,11 @@ from typing import NamedTuple, get_type_hints
 
 from avionics.mixing import flapping
 from avionics.quantities import BadInput, VehicleFile, read_vehicle_file
+from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
 
 FOLDER = Path(__file__).parent
+SCHEMA = get_type_hints(FlightGains) | {"airframe": Airframe}
 
 
 class FlightVehicle(NamedTuple):
@@ -21,6 +23,8 @@ class FlightVehicle(NamedTuple):
     """-; for people"""
     gains: FlightGains
     """the gains of every module"""
+    airframe: Airframe
+    """what is known from the bench"""
     file: VehicleFile
     """the file with its sources, to be attached to the log"""
 
@@ -36,13 +40,14 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     Raises:
         BadInput: no such vehicle, or a file that cannot be used; one line that says why.
     """
-    file = read_vehicle_file(_find(name_or_path), get_type_hints(FlightGains))
-    gains = FlightGains(**file.sections)
+    file = read_vehicle_file(_find(name_or_path), SCHEMA)
+    airframe = file.sections["airframe"]
+    gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields})
     try:
         flapping.check(gains.flapping)
     except BadInput as error:
         raise BadInput(f"{file.path}: {error}") from None
-    return FlightVehicle(file.name, file.title, gains, file)
+    return FlightVehicle(file.name, file.title, gains, airframe, file)
 
 
 def _find(name_or_path: str | Path) -> Path:

@@ -21,6 +21,7 @@ from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.onboard import Onboard, scripted_start
+from logs.airframe import FLIGHT_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 
@@ -80,7 +81,7 @@ def _fly(address: str, onboard: Onboard, link: GroundLink) -> None:
 def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:
     """Store what the flight begins with: vehicle file, mission, parameters, version."""
     recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
-    recorder.attach("avionics_vehicle.toml", "application/toml", vehicle.file.text.encode())
+    recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
     items = [item._asdict() | {"kind": item.kind.name} for item in mission]
     recorder.attach("mission.json", "application/json", json.dumps(items, indent=1).encode())
     table = parameters.parameter_table(vehicle.gains)

@@ -9,6 +9,7 @@ from groundstation.command import options
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
+from logs.airframe import aircraft_of
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.reader import Log, open_log
 from logs.truth import known_truths
@@ -56,4 +57,4 @@ def identified(log: Log, what: str = "all") -> Identification:
     Raises:
         BadInput: the log gives nothing of what was asked for.
     """
-    return identify(log, what, truths=known_truths(log))
+    return identify(log, what, aircraft_of(log), known_truths(log))

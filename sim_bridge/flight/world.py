@@ -91,6 +91,7 @@ class SimulatedWorld:
         self._tick = -1
         self._targets = (0.0, 0.0)
         self._means = NO_MEANS
+        self._current_before = 0.0
         self._rest_since: float | None = None
 
     @property
@@ -120,6 +121,7 @@ class SimulatedWorld:
         """Advance one tick with ``command`` held, record the truth and read the sensors at its end."""
         self._tick += 1
         air = self._air()
+        self._current_before = self._means.current
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
@@ -138,13 +140,14 @@ class SimulatedWorld:
         return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
-        """Wings and drives at the end of the last step; torque, current and power averaged over it."""
+        """Wings and drives at the end of the last step; current and power averaged over it."""
         y, means = self.plant.y, self._means
+        torque_left, torque_right = self.plant.scratch.drive[:2].tolist()
         left, right = y[k.LEFT : k.LEFT + 4].tolist(), y[k.RIGHT : k.RIGHT + 4].tolist()
         voltage = means.electrical_power / means.current if means.current else self._open_circuit()
         return TruthWing(
             self.time_us, left[0], right[0], left[2], right[2], left[1], right[1],
-            means.torque_left, means.torque_right, means.current, voltage, means.electrical_power,
+            torque_left, torque_right, means.current, voltage, means.electrical_power,
             float(y[k.ELEVATOR]), float(y[k.RUDDER]),
         )  # fmt: skip
 
@@ -222,9 +225,9 @@ class SimulatedWorld:
             density=air.density,
             flap_left=y[k.LEFT],
             flap_right=y[k.RIGHT],
-            torque_left=means.torque_left,
-            torque_right=means.torque_right,
-            current=means.current,
+            torque_left=float(self.plant.scratch.drive[0]),
+            torque_right=float(self.plant.scratch.drive[1]),
+            current=0.5 * (means.current + self._current_before),
             open_circuit_voltage=self._open_circuit(),
             battery_resistance=self.vehicle.battery.resistance,
             pulse_current=drive.pulse_current,

@@ -62,7 +62,7 @@ def motion_topics(flight: FlightData) -> dict[str, Mapping[str, Any]]:
         topics.AIR_DATA.name: {"time_us": stamp[::4], "airspeed": flight.airspeed[::4]},
         topics.ALTITUDE.name: {"time_us": stamp[::4], "climb_rate": flight.climb_rate[::4]},
         topics.ACTUATORS.name: {"time_us": stamp, "elevator": flight.elevator},
-        topics.WING.name: {"time_us": stamp, "phase": wing, "rate_left": 0 * wing, "rate_right": 0 * wing},
+        topics.WING.name: {"time_us": stamp, "phase": wing, "angle_left": 0 * wing, "angle_right": 0 * wing},
         topics.EXCITATION.name: {
             "time_us": stamp[::2],
             "active": flight.active[::2].astype(int),
@@ -71,6 +71,10 @@ def motion_topics(flight: FlightData) -> dict[str, Mapping[str, Any]]:
             "aborted": flight.aborted[::2].astype(int),
         },
     }
+
+
+def integral(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    return np.concatenate(([0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(time))))
 
 
 def drive_topics() -> dict[str, Mapping[str, Any]]:
@@ -86,8 +90,8 @@ def drive_topics() -> dict[str, Mapping[str, Any]]:
         topics.WING.name: {
             "time_us": micros(data.wing_time),
             "phase": np.mod(2 * np.pi * data.strokes, 2 * np.pi),
-            "rate_left": data.rate_left,
-            "rate_right": data.rate_right,
+            "angle_left": integral(data.wing_time, data.rate_left),
+            "angle_right": integral(data.wing_time, data.rate_right),
         },
         truth.WING.name: {
             "time_us": micros(true.power_time),
