@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from avionics.autopilot import Autopilot
+from avionics.link.codec import quantised_command
 from avionics.messages import Command
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import SimulatedWorld
 
 
 def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] = ()) -> None:
-    """Fly until the world is finished; each command of ``script`` enters at the first tick not before its time."""
+    """Fly until the world is finished; each command of ``script`` enters at the first tick not before its time.
+
+    The actuators reach the world as the wire would deliver them, so that the flight is bit for bit the one that two
+    processes fly.
+    """
     waiting = sorted(script, key=lambda command: command.time_us, reverse=True)
     command = NEUTRAL
     while not world.finished:
@@ -19,4 +24,4 @@ def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] =
         due = []
         while waiting and waiting[-1].time_us <= frame.time_us:
             due.append(waiting.pop())
-        command = autopilot.step(frame, due)
+        command = quantised_command(autopilot.step(frame, due))
