@@ -144,7 +144,7 @@ class SimulatedWorld:
         y, means = self.plant.y, self._means
         torque_left, torque_right = self.plant.scratch.drive[:2].tolist()
         left, right = y[k.LEFT : k.LEFT + 4].tolist(), y[k.RIGHT : k.RIGHT + 4].tolist()
-        voltage = means.electrical_power / means.current if means.current else self._open_circuit()
+        voltage, power = self._supply()
         return TruthWing(
             self.time_us, left[0], right[0], left[2], right[2], left[1], right[1],
             torque_left, torque_right, means.current, voltage, means.electrical_power,
@@ -182,7 +182,7 @@ class SimulatedWorld:
         before = self._targets
         if command.armed:
             self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
-        throttle = min(max(command.throttle, 0.0), 1.0) if command.armed else 0.0
+        throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
         return k.Controls(
             before[0], self._targets[0], before[1], self._targets[1], throttle,
             _clip(command.elevator, tail), _clip(command.rudder, tail), TICK, 1.0,
@@ -195,6 +195,17 @@ class SimulatedWorld:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time_us * 1e-6
+
+    def _supply(self) -> tuple[float, float]:
+        """Voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
+
+        The plant's current is smooth; pulses of the same mean lose more in the battery.
+        """
+        current, power, drive = self._means.current, self._means.electrical_power, self.vehicle.drive
+        open_circuit, resistance = self._open_circuit(), self.vehicle.battery.resistance
+        if drive.pwm_frequency > 0.0 and 0.0 < current < drive.pulse_current:
+            return open_circuit - resistance * current, current * (open_circuit - resistance * drive.pulse_current)
+        return power / current if current else open_circuit, power
 
     def _open_circuit(self) -> float:
         battery = self.vehicle.battery
