@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 from avionics.autopilot import Autopilot
@@ -17,11 +18,11 @@ def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] =
     The actuators reach the world as the wire would deliver them, so that the flight is bit for bit the one that two
     processes fly.
     """
-    waiting = sorted(script, key=lambda command: command.time_us, reverse=True)
+    waiting = deque(sorted(script, key=lambda command: command.time_us))
     command = NEUTRAL
     while not world.finished:
         frame = world.step(command)
         due = []
-        while waiting and waiting[-1].time_us <= frame.time_us:
-            due.append(waiting.pop())
+        while waiting and waiting[0].time_us <= frame.time_us:
+            due.append(waiting.popleft())
         command = quantised_command(autopilot.step(frame, due))

@@ -147,7 +147,7 @@ class SimulatedWorld:
         voltage, power = self._supply()
         return TruthWing(
             self.time_us, left[0], right[0], left[2], right[2], left[1], right[1],
-            torque_left, torque_right, means.current, voltage, means.electrical_power,
+            torque_left, torque_right, means.current, voltage, power,
             float(y[k.ELEVATOR]), float(y[k.RUDDER]),
         )  # fmt: skip
 
