@@ -1,0 +1,45 @@
+"""A flight kept in memory as columns, for studies of many flights."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from avionics.autopilot import Autopilot
+from avionics.missions import load_mission
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command.onboard import scripted_start
+from sim_bridge.flight.flight import fly
+from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+
+
+class MemoryLog:
+    """Takes messages of a flight and gives a topic's fields as arrays, as a log's reader does."""
+
+    def __init__(self) -> None:
+        self.messages: dict[str, list[Any]] = defaultdict(list)
+
+    def publish(self, topic: Topic, message: Any) -> None:
+        """Keep one message."""
+        self.messages[topic.name].append(message)
+
+    def columns(self, topic: Topic) -> Mapping[str, Any]:
+        """Arrays by field name."""
+        kept = self.messages.get(topic.name)
+        if not kept:
+            raise BadInput(f"the flight has no topic {topic.name}")
+        return {name: np.array([m[i] for m in kept]) for i, name in enumerate(kept[0]._fields)}
+
+
+def flown(vehicle: str, scenario: Scenario, mission: str = "circuit") -> MemoryLog:
+    """Fly a mission in one process and keep everything that was said."""
+    log = MemoryLog()
+    world = SimulatedWorld(load_vehicle(vehicle), scenario, log.publish)
+    autopilot = Autopilot(load_flight_vehicle(vehicle), load_mission(mission), log.publish)
+    fly(world, autopilot, scripted_start())
+    return log

@@ -1,0 +1,128 @@
+"""Flights on which something fails: wind, the link, the GPS, the IMU."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from flown import ARIZONA, RAVEN, Flight, flown, rms
+
+from avionics import topics
+from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.messages import Command, CommandKind, Mode, SensorFrame, Stage
+from sim_bridge.flight.world import Scenario
+
+LOW_HOLD = (
+    MissionItem(ItemKind.TAKEOFF, altitude=15.0),
+    MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.5, duration=60.0),
+)
+
+
+def check_upright(flight: Flight, bank: float = 45.0) -> None:
+    """In the air to the end, within a bank in deg."""
+    launch, end = flight.air_time()
+    time = flight.truth["time_us"] * 1e-6
+    assert end == time[-1], f"on the ground at {end} s"
+    inside = time >= launch
+    assert np.degrees(np.abs(flight.true_attitude()[0][inside])).max() < bank
+    assert flight.altitude()[inside].min() > -1.5
+
+
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle: str) -> None:
+    flight = flown(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
+    check_upright(flight)
+    hold = flight.hold()
+    assert hold.duration > 10.0
+    assert hold.altitude_rms < 1.0
+    assert math.degrees(hold.course_rms) < 5.0
+
+
+def test_the_wind_is_estimated() -> None:
+    flight = flown(RAVEN, Scenario(seed=1, wind_speed=3.0, wind_from=0.0, duration=35.0), LOW_HOLD)
+    position, truth = flight.columns(topics.POSITION), flight.truth
+    last = position["time_us"] > 30_000_000
+    for axis in ("north", "east"):
+        assert np.abs(position[f"wind_{axis}"][last].mean() - truth[f"wind_{axis}"][-1]) < 1.0
+
+
+def test_a_lost_link_brings_it_home() -> None:
+    lost = Command(13_000_000, CommandKind.LINK_LOST, source="test")
+    flight = flown(RAVEN, Scenario(seed=1, duration=35.0), commands=[lost])
+    check_upright(flight)
+    assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(18.0, abs=0.1)
+    assert flight.of(topics.NAVIGATION)[-1].mode == Mode.RETURN
+    truth = flight.truth
+    distance = np.hypot(truth["north"], truth["east"])
+    velocity = truth["v_north"][-1], truth["v_east"][-1]
+    homeward = -(truth["north"][-1] * velocity[0] + truth["east"][-1] * velocity[1]) / distance[-1]
+    assert distance[-1] < distance.max() - 15.0
+    assert homeward > 3.0
+
+
+def without_gps(since_us: int) -> Callable[[SensorFrame], SensorFrame]:
+    return lambda frame: frame._replace(gps=None) if frame.time_us >= since_us else frame
+
+
+def test_without_gps_it_flies_on_by_compass_and_says_so() -> None:
+    flight = flown(RAVEN, Scenario(seed=1, duration=42.0), LOW_HOLD, alter=without_gps(14_000_000))
+    check_upright(flight)
+    assert flight.event_time("failsafe: GPS position lost") == pytest.approx(16.0, abs=0.3)
+    last = flight.of(topics.NAVIGATION)[-1]
+    assert (last.mode, last.stage) == (Mode.AUTO, Stage.EN_ROUTE)
+    late = flight.truth["time_us"] > 34_000_000
+    assert rms(15.0 - flight.altitude()[late]) < 1.0
+    yaw_error = np.unwrap(flight.true_attitude()[2])[late] - LOW_HOLD[1].heading
+    assert math.degrees(rms(yaw_error)) < 10.0
+
+
+IMPOSSIBLE = (math.nan, math.inf, -math.inf, 1e9)
+FIELDS = ("accel_x", "accel_z", "gyro_y", "gyro_x", "mag_z")
+
+
+def broken_imu(frame: SensorFrame) -> SensorFrame:
+    """From 12 s on, every fifth sample cannot be: another field and another value each time."""
+    number = (frame.time_us - 12_000_000) // 5_000
+    if number < 0 or number % 5:
+        return frame
+    field, value = FIELDS[number // 5 % len(FIELDS)], IMPOSSIBLE[number // 5 % len(IMPOSSIBLE)]
+    return frame._replace(imu=frame.imu._replace(**{field: value}))
+
+
+def test_imu_samples_that_cannot_be_are_refused_counted_and_flown_through() -> None:
+    flight = flown(RAVEN, Scenario(seed=1, duration=22.0), alter=broken_imu)
+    check_upright(flight)
+    given = flight.columns(topics.IMU)
+    numbers = np.stack([given[name] for name in FIELDS])
+    impossible = ~(np.abs(numbers) < 1e6).all(axis=0)
+    health = flight.of(topics.HEALTH)[-1]
+    assert health.rejected_samples == impossible[given["time_us"] <= health.time_us].sum() > 350
+    assert any(text.startswith("IMU sample refused") for text in flight.events())
+    assert health.failsafe == 0
+    roll, pitch = flight.attitude_error()
+    assert max(math.degrees(roll), math.degrees(pitch)) < 3.0
+    for topic in (topics.ATTITUDE, topics.ALTITUDE, topics.POSITION, topics.ACTUATORS):
+        assert all(math.isfinite(sum(message)) for message in flight.of(topic))
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+def test_after_a_lost_link_it_comes_home_circles_and_lands(vehicle: str) -> None:
+    lost = Command(20_000_000, CommandKind.LINK_LOST, source="test")
+    flight = flown(vehicle, Scenario(seed=1, duration=300.0), commands=[lost])
+    touchdown = flight.touchdown()
+    assert 0.0 < touchdown.sink < 2.0
+    assert abs(math.degrees(touchdown.bank)) < 30.0
+    assert flight.events()[-1] == "touchdown, disarmed"
+    assert np.hypot(flight.truth["north"][-1], flight.truth["east"][-1]) < 150.0
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+def test_after_a_minute_without_gps_it_has_landed(vehicle: str) -> None:
+    flight = flown(vehicle, Scenario(seed=1, duration=200.0), alter=without_gps(20_000_000))
+    assert flight.event_time("failsafe: landing, no position") == pytest.approx(52.0, abs=0.5)
+    assert abs(math.degrees(flight.touchdown().bank)) < 30.0
+    assert flight.of(topics.NAVIGATION)[-1].armed == 0

@@ -1,0 +1,124 @@
+"""The circuit from the hand to the ground, against what must be reached in still air."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from flown import ARIZONA, RAVEN, Flight, flown
+
+from avionics import topics
+from avionics.messages import Stage
+from sim_bridge import topics as truth_topics
+from sim_bridge.flight.world import LAUNCH_TIME, Scenario
+
+
+@pytest.fixture(scope="module")
+def raven() -> Flight:
+    return flown(RAVEN, Scenario(seed=1))
+
+
+def check_hold(flight: Flight, lasting: float) -> None:
+    hold = flight.hold()
+    assert hold.duration >= lasting
+    assert hold.altitude_rms < 1.0
+    assert math.degrees(hold.course_rms) < 5.0
+
+
+def check_sensing(flight: Flight) -> None:
+    roll, pitch = flight.attitude_error()
+    assert math.degrees(roll) < 2.0
+    assert math.degrees(pitch) < 2.0
+    assert flight.airspeed_error() < 0.5
+    measured, true = flight.energy()
+    assert true > 100.0
+    assert measured == pytest.approx(true, rel=0.02)
+
+
+def check_landing(flight: Flight) -> None:
+    touchdown = flight.touchdown()
+    assert 0.0 < touchdown.sink < 2.0
+    assert abs(math.degrees(touchdown.bank)) < 30.0
+    assert flight.events()[-1] == "touchdown, disarmed"
+    last = flight.of(topics.NAVIGATION)[-1]
+    assert (last.stage, last.armed) == (Stage.LANDED, 0)
+
+
+def check_wings_still(flight: Flight) -> None:
+    end = flight.truth["time_us"][-1]
+    wing = flight.columns(truth_topics.WING)
+    last_second = wing["time_us"] > end - 1_000_000
+    for side in ("left", "right"):
+        assert np.abs(wing[f"rate_{side}"][last_second]).max() < 0.1
+    assert flight.of(topics.ACTUATORS)[-1].armed == 0
+
+
+def check_doublets(flight: Flight) -> None:
+    """Each doublet of the mission reached the tail, both ways, and none was broken off."""
+    inputs = [item.excitation for item in flight.mission if item.excitation]
+    asked = [excitation for excitation in inputs for _ in range(excitation.repeats)]
+    status, tail = flight.columns(topics.EXCITATION), flight.columns(truth_topics.WING)
+    assert not status["aborted"].any()
+    active = status["active"] == 1
+    assert len(set(status["manoeuvre"][active])) == len(asked)
+    for number, excitation in zip(sorted(set(status["manoeuvre"][active])), asked, strict=True):
+        begin, end = status["time_us"][active & (status["manoeuvre"] == number)][[0, -1]]
+        elevator = tail["elevator"][(tail["time_us"] >= begin) & (tail["time_us"] <= end)]
+        trim = np.median(elevator)
+        assert elevator.max() - trim > 0.8 * excitation.amplitude
+        assert trim - elevator.min() > 0.8 * excitation.amplitude
+
+
+def test_altitude_and_heading_are_held(raven: Flight) -> None:
+    check_hold(raven, 8.0)
+
+
+def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight) -> None:
+    check_sensing(raven)
+
+
+def test_it_lands_softly_disarms_and_stops_its_wings(raven: Flight) -> None:
+    check_landing(raven)
+    check_wings_still(raven)
+
+
+def test_the_doublets_reach_the_tail(raven: Flight) -> None:
+    check_doublets(raven)
+
+
+def test_the_loops_are_frozen_while_an_input_lasts(raven: Flight) -> None:
+    status, navigation = raven.columns(topics.EXCITATION), raven.columns(topics.NAVIGATION)
+    active = np.interp(navigation["time_us"], status["time_us"], status["active"]) == 1.0
+    assert active.sum() > 100
+    assert navigation["frozen"][active].mean() > 0.9
+    assert not navigation["frozen"][navigation["stage"] != Stage.EN_ROUTE].any()
+
+
+def test_every_item_is_flown_in_its_order(raven: Flight) -> None:
+    done = [event for event in raven.events() if event.startswith("item ")]
+    assert done == [f"item {number} done" for number in range(len(raven.mission) - 1)]
+
+
+def test_the_wings_are_still_in_the_hand(raven: Flight) -> None:
+    wing = raven.columns(truth_topics.WING)
+    armed_and_held = (wing["time_us"] > 4_000_000) & (wing["time_us"] < LAUNCH_TIME * 1e6)
+    assert np.abs(wing["rate_left"][armed_and_held]).max() < 0.05
+
+
+def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
+    flight = flown(ARIZONA, Scenario(seed=1, duration=45.0))
+    check_hold(flight, 5.0)
+    check_sensing(flight)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize(("seed", "wind"), [(1, 0.0), (2, 0.0), (3, 0.0), (4, 3.0)])
+def test_both_vehicles_fly_the_circuit_from_the_hand_to_the_ground(vehicle: str, seed: int, wind: float) -> None:
+    flight = flown(vehicle, Scenario(seed=seed, wind_speed=wind))
+    check_hold(flight, 5.0)
+    check_sensing(flight)
+    check_doublets(flight)
+    check_landing(flight)
+    check_wings_still(flight)
