@@ -80,13 +80,13 @@ class SimulatedWorld:
         """
         if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
             raise BadInput(f"duration must be above 0 s, not {scenario.duration:g}")
+        self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
         self.vehicle = vehicle
         self.scenario = scenario
         self.plant = Plant(vehicle)
         launch = vehicle.launch
         self.plant.y[3:7] = quaternion_from_euler(0.0, launch.pitch, scenario.wind_from)
         self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home)
-        self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
         self._publish = publish
         self._tick = -1
         self._targets = (0.0, 0.0)
