@@ -71,7 +71,7 @@ def check_doublets(flight: Flight) -> None:
 
 
 def test_altitude_and_heading_are_held(raven: Flight) -> None:
-    check_hold(raven, 8.0)
+    check_hold(raven, 5.0)
 
 
 def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight) -> None:
