@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from plant_bench import (
+    GRAVITY,
+    NAMES,
+    VACUUM,
+    Mechanism,
+    air,
+    driven,
+    frictionless,
+    integrate,
+    rates,
+    slack,
+    state,
+    vehicle,
+)
+
+from sim_bridge import plant_kernel as k
+from sim_bridge.multibody.flapper import hold_speeds, solve
+from sim_bridge.plant import Plant
+from sim_bridge.vectors import euler_from_quaternion, quaternion_from_euler, rotation
+
+ACCELERATIONS = [*range(7, 13), 15, 16, 19, 20]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", range(6))
+def test_accelerations_are_those_of_the_same_mechanism_of_particles(name: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    plant = frictionless(name)
+    inertia = np.array([*rng.uniform(0.01, 0.03, 3), rng.uniform(-0.005, 0.005)])
+    plant.parameters = plant.parameters._replace(inertia=inertia)
+    y = state(plant, rng)
+    ours = rates(plant, y, slack(), air(VACUUM * 1e-3))[ACCELERATIONS]
+    independent = Mechanism(plant, y).accelerations()
+    assert ours == pytest.approx(independent, rel=1e-6, abs=1e-6 * np.max(np.abs(independent)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_momentum_and_energy_are_conserved_in_vacuum(name: str) -> None:
+    plant = frictionless(name)
+    start = state(plant, np.random.default_rng(11))
+    before = Mechanism(plant, start)
+    end = integrate(plant, start, 1.0, 10000, air(VACUUM))
+    after = Mechanism(plant, end)
+    # Gravity adds exactly m g t to the momentum and nothing to the spin about the centre of mass.
+    expected = before.momentum()
+    expected[:3] += before.masses.sum() * GRAVITY
+    assert np.max(np.abs(end[[15, 19]] - start[[15, 19]])) > 3.0
+    assert after.momentum() == pytest.approx(expected, abs=2e-6 * np.max(np.abs(expected)))
+    assert after.energy() == pytest.approx(before.energy(), abs=1e-6)
+
+
+def test_a_membrane_with_damping_loses_energy() -> None:
+    plant = Plant(vehicle("robo_raven_ii_d"))
+    start = state(plant, np.random.default_rng(3))
+    end = integrate(plant, start, 0.2, 1000, air(VACUUM))
+    assert Mechanism(plant, end).energy() < Mechanism(plant, start).energy() - 0.01
+
+
+@pytest.mark.parametrize("density", [VACUUM, 1.225])
+def test_the_integrator_is_of_fourth_order(density: float) -> None:
+    plant = frictionless("robo_raven_ii_d")
+    y = state(plant, np.random.default_rng(2), speed=8.0)
+    y[10:13] *= 0.2
+    y[k.LEFT : k.LEFT + 4] = y[k.RIGHT : k.RIGHT + 4] = (0.1, 0.02, 0.5, 0.2)
+    y[7:10] = 8.0, 0.1, 0.3
+    y[k.WAKE :] = 0.3
+    steps = 160 if density > 0.1 else 50
+    coarse, middle, fine = (integrate(plant, y, 0.05, steps * n, air(density)) for n in (1, 2, 4))
+    assert np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine) == pytest.approx(16.0, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "resistance",
+    [
+        0.0,
+        pytest.param(
+            0.06,
+            marks=pytest.mark.xfail(
+                strict=True, reason="the drives see the voltage of the evaluation before: first order when saturated"
+            ),
+        ),
+    ],
+)
+def test_halving_the_step_keeps_its_worth_with_saturated_drives(resistance: float) -> None:
+    plant = Plant(vehicle("robo_raven_ii_d"))
+    plant.parameters = plant.parameters._replace(battery=np.array([8.4, 7.2, 2664.0, resistance]))
+    y = np.zeros_like(plant.y)
+    y[2], y[3], y[7] = -100.0, 1.0, 7.0
+    controls = k.Controls(0.6, 1.0, 0.6, 1.0, 0.0, 0.0, 0.0, 0.02, 1.0)
+    coarse, fine = (driven(plant, y, controls, steps, air()) for steps in (20, 320))
+    assert np.linalg.norm((coarse - fine)[: k.CHARGE]) < 1e-5
+
+
+@pytest.mark.xfail(strict=True, reason="the voltage at the drives is remembered outside the state vector")
+def test_the_rates_are_a_function_of_the_state() -> None:
+    plant = Plant(vehicle("robo_raven_ii_d"))
+    y = np.zeros_like(plant.y)
+    y[2], y[3], y[7] = -100.0, 1.0, 7.0
+    controls = k.Controls(0.6, 1.0, 0.6, 1.0, 0.0, 0.0, 0.0, 0.02, 1.0)
+    first = rates(plant, y, controls, air())
+    assert rates(plant, y, controls, air()) == pytest.approx(first, rel=1e-9)
+
+
+def test_imposed_rates_come_out_as_imposed_and_the_rest_obeys_newton() -> None:
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(10, 10))
+    full = root @ root.T + np.eye(10)
+    load, held = rng.normal(size=10), np.zeros(10)
+    held[:6] = rng.normal(size=6)
+    mass, x = np.triu(full), load.copy()
+    hold_speeds(mass, x, held, 0, 6)
+    solve(mass, x)
+    assert x[:6] == pytest.approx(held[:6])
+    assert (full @ x)[6:] == pytest.approx(load[6:])
+
+
+def test_solve_is_the_inverse_of_multiplication() -> None:
+    root = np.random.default_rng(8).normal(size=(10, 10))
+    full, wanted = root @ root.T + 0.1 * np.eye(10), np.arange(10.0) - 4.0
+    load = full @ wanted
+    solve(np.triu(full), load)
+    assert load == pytest.approx(wanted, rel=1e-8)
+
+
+@pytest.mark.parametrize("angles", [(0.3, -0.7, 2.0), (-1.2, 0.4, -3.0), (0.0, 1.5, 0.1)])
+def test_attitudes_turn_vectors_as_roll_pitch_yaw_say(angles: tuple[float, float, float]) -> None:
+    q, r = quaternion_from_euler(*angles), np.zeros((3, 3))
+    rotation(*(2.0 * part for part in q), r)
+    assert euler_from_quaternion(q) == pytest.approx(angles)
+    assert r @ r.T == pytest.approx(np.eye(3))
+    assert -r[2, 0] == pytest.approx(math.sin(angles[1]))
+    assert math.atan2(r[1, 0], r[0, 0]) == pytest.approx(angles[2])

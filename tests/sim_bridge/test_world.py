@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from plant_bench import NAMES, vehicle
+
+from avionics.messages import ActuatorCommand, SensorFrame
+from avionics.quantities import BadInput
+from sim_bridge import topics
+from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.flight.world import LAUNCH_TIME, REST_SPEED, REST_TIME, Scenario, SimulatedWorld
+from sim_bridge.messages import TruthState
+
+Pilot = Callable[[int], ActuatorCommand]
+
+
+def glide(tick: int) -> ActuatorCommand:
+    """Wings spread, tail neutral."""
+    return ActuatorCommand(tick, 0.2, 0.2, 0.0, 0.1, 0.0, 1)
+
+
+def flap(tick: int) -> ActuatorCommand:
+    angle = 0.2 + 0.4 * math.sin(2.0 * math.pi * 4.0 * tick / 200.0)
+    return ActuatorCommand(tick, angle, angle, 0.5, 0.1, 0.05, 1)
+
+
+def flown(world: SimulatedWorld, pilot: Pilot, ticks: int) -> list[SensorFrame]:
+    return [world.step(pilot(tick)) for tick in range(ticks)]
+
+
+def contact_depths(world: SimulatedWorld) -> list[float]:
+    """m; how deep each contact point is under ground (an overturned vehicle lies on the same points)."""
+    plant = world.plant
+    return [float(plant.y[2] + plant.scratch.r[2] @ point) for point in plant.parameters.contacts]
+
+
+def run_out(world: SimulatedWorld, pilot: Pilot, limit: int = 8000) -> list[TruthState]:
+    truths: list[TruthState] = []
+    while not world.finished and len(truths) < limit:
+        world.step(pilot(len(truths)))
+        truths.append(world.truth())
+    return truths
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def landed(request: pytest.FixtureRequest) -> tuple[SimulatedWorld, list[TruthState]]:
+    world = SimulatedWorld(vehicle(request.param), Scenario())
+    return world, run_out(world, glide)
+
+
+def test_it_is_held_thrown_and_then_flies(landed: tuple[SimulatedWorld, list[TruthState]]) -> None:
+    world, truths = landed
+    launch = world.vehicle.launch
+    held = [t for t in truths if t.time_us <= LAUNCH_TIME * 1e6]
+    assert all(t.down == -launch.height and t.airspeed == 0.0 and t.on_ground == 1 for t in held)
+    thrown = next(t for t in truths if t.time_us >= (LAUNCH_TIME + launch.duration) * 1e6)
+    assert thrown.airspeed == pytest.approx(launch.speed, rel=0.02)
+    climb, along = -thrown.v_down, thrown.v_north
+    assert math.atan2(climb, along) == pytest.approx(launch.pitch, abs=0.02)
+    assert any(t.on_ground == 0 for t in truths)
+
+
+def test_it_is_over_once_it_has_lain_still(landed: tuple[SimulatedWorld, list[TruthState]]) -> None:
+    world, truths = landed
+    assert world.finished
+    assert truths[-1].time_us * 1e-6 < world.scenario.duration
+    rest = [t for t in truths if t.time_us > truths[-1].time_us - (REST_TIME - 0.01) * 1e6]
+    assert all(math.hypot(t.v_north, t.v_east, t.v_down) < REST_SPEED and t.on_ground for t in rest)
+    depths = contact_depths(world)
+    assert max(depths) == pytest.approx(0.0, abs=0.01) and min(depths) > -0.05
+
+
+def test_the_time_is_up_at_the_latest() -> None:
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(duration=0.098))
+    truths = run_out(world, glide)
+    assert [t.time_us for t in truths] == [5000 * (i + 1) for i in range(20)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_seed_gives_the_same_frames_and_another_seed_others(name: str) -> None:
+    first, second, other = (SimulatedWorld(vehicle(name), Scenario(seed=seed)) for seed in (7, 7, 8))
+    frames = flown(first, flap, 1800)
+    assert frames == flown(second, flap, 1800)
+    assert frames[:200] != flown(other, flap, 200)
+    assert first.truth() == second.truth()
+
+
+def test_everything_true_is_published() -> None:
+    seen: dict[str, list[int]] = {}
+    world = SimulatedWorld(
+        vehicle("robo_raven_ii_d"), Scenario(), lambda topic, m: seen.setdefault(topic.name, []).append(m.time_us)
+    )
+    flown(world, flap, 40)
+    assert seen[topics.STATE.name] == seen[topics.WING.name] == [5000 * (i + 1) for i in range(40)]
+    assert len(seen[topics.LOADS.name]) == 20
+
+
+def _differential(frames: list[SensorFrame]) -> float:
+    counts = [frame.pressures.differential_counts for frame in frames if frame.pressures]
+    return sum(counts) / len(counts)
+
+
+@pytest.mark.parametrize("direction", [0.0, 2.1])
+def test_a_wind_is_felt_by_the_pitot_in_the_launchers_hand(direction: float) -> None:
+    still = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario())
+    windy = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=6.0, wind_from=direction))
+    calm, blown = flown(still, glide, 200), flown(windy, glide, 200)
+    spec = windy.vehicle.sections["pitot"]
+    pressure = (_differential(blown) - _differential(calm)) * 2.0 * spec.range / (spec.counts_high - spec.counts_low)
+    assert pressure == pytest.approx(0.5 * 1.22 * 36.0, rel=0.15)
+    truth = windy.truth()
+    assert truth.airspeed == pytest.approx(6.0)
+    assert math.hypot(truth.v_north, truth.v_east) == 0.0
+    assert math.atan2(-truth.wind_east, -truth.wind_north) == pytest.approx(direction)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300])
+def test_a_command_that_is_no_number_does_not_end_the_world(name: str, wrong: float) -> None:
+    world = SimulatedWorld(vehicle(name), Scenario())
+    flown(world, lambda _: ActuatorCommand(0, wrong, wrong, wrong, wrong, wrong, 1), 50)
+    truth = world.truth_wing()
+    assert all(math.isfinite(part) for part in (*truth, *world.plant.y.tolist()))
+    assert abs(truth.elevator) <= world.vehicle.tail.travel
+
+
+def test_a_vehicle_that_is_not_armed_does_not_move_its_wings() -> None:
+    for name in NAMES:
+        world = SimulatedWorld(vehicle(name), Scenario())
+        flown(world, lambda tick: flap(tick)._replace(armed=0), 200)
+        wing = world.truth_wing()
+        assert abs(wing.rate_left) < 0.05 and abs(wing.rate_right) < 0.05
+
+
+def test_loads_and_power_agree_with_each_other() -> None:
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=7.0))
+    flown(world, flap, 230)
+    wing, loads = world.truth_wing(), world.truth_loads()
+    assert 0.9 * wing.current * wing.voltage < wing.electrical_power < 1.001 * wing.current * wing.voltage
+    assert loads.wing_force_y == pytest.approx(0.0, abs=1e-9)
+    assert loads.wing_moment_x == pytest.approx(0.0, abs=1e-9)
+    assert abs(loads.wing_force_z) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("scenario", "text"),
+    [
+        (Scenario(duration=0.0), "duration"),
+        (Scenario(duration=math.nan), "duration"),
+        (Scenario(wind_speed=-1.0), "wind speed"),
+        (Scenario(wind_speed=51.0), "0 to 50"),
+        (Scenario(wind_from=math.inf), "wind direction"),
+        (Scenario(seed=-1), "seed"),
+    ],
+)
+def test_a_scenario_out_of_range_is_refused(scenario: Scenario, text: str) -> None:
+    with pytest.raises(BadInput, match=text):
+        SimulatedWorld(vehicle("robo_raven_ii_d"), scenario)
+
+
+def test_before_the_first_command_nothing_moves() -> None:
+    world = SimulatedWorld(vehicle("arizona_100cm"), Scenario())
+    flown(world, lambda _: NEUTRAL, 20)
+    assert world.truth().down == -world.vehicle.launch.height
