@@ -10,7 +10,8 @@ import numpy as np
 from avionics import topics
 from avionics.quantities import BadInput
 from logs.reader import Log
-from sim_bridge.flight_mechanics.modes import modes, short_period
+from sim_bridge import topics as truth
+from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model
 from sim_bridge.flight_mechanics.orbit import trim
 from sim_bridge.sensors.suite import SECTIONS
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
@@ -37,8 +38,8 @@ def known_truths(log: Log) -> dict[str, float]:
     """True values by the name of their estimate; empty for a flight that was not simulated.
 
     ``K_tau`` (N m/A) and ``K_tau0`` (N m) of Gerdes Eq. 11; ``short_period_frequency`` (rad/s) and
-    ``short_period_damping`` (-) of the stroke-averaged motion, linearised about level flight at the mean airspeed
-    of the log's identification inputs, or at the vehicle's cruise where there were none.
+    ``short_period_damping`` (-) of the stroke-averaged model, linearised about the mean true airspeed and climb
+    of the log's identification inputs, or the vehicle's cruise where there were none.
 
     Raises:
         BadInput: a part of the file is damaged, or the vehicle file cannot be used.
@@ -49,7 +50,7 @@ def known_truths(log: Log) -> dict[str, float]:
     drive = vehicle.drive
     truths = {"K_tau": drive.torque_constant, "K_tau0": drive.torque_offset} if drive.kind == "servo" else {}
     try:
-        mode = short_period(modes(vehicle, trim(vehicle, *_flown(log, vehicle))))
+        mode = short_period_of(stroke_averaged_model(vehicle, trim(vehicle, *_flown(log, vehicle))))
     except BadInput:
         return truths  # no steady flight at that speed: there is no mode to compare with
     return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
@@ -58,12 +59,14 @@ def known_truths(log: Log) -> dict[str, float]:
 def _flown(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:
     """Airspeed and climb rate in m/s to linearise about."""
     cruise = vehicle.cruise.airspeed, vehicle.cruise.climb_rate
-    if not all(topic.name in log.topics for topic in (topics.EXCITATION, topics.AIR_DATA)):
+    if not all(topic.name in log.topics for topic in (topics.EXCITATION, truth.STATE)):
         return cruise
-    tables = log.tables([topics.EXCITATION, topics.AIR_DATA])
-    excitation, air = tables[topics.EXCITATION.name], tables[topics.AIR_DATA.name]
-    if not len(excitation.time) or not len(air.time):
+    tables = log.tables([topics.EXCITATION, truth.STATE])
+    excitation, state = tables[topics.EXCITATION.name], tables[truth.STATE.name]
+    if not len(excitation.time) or not len(state.time):
         return cruise
-    last = np.searchsorted(excitation.time, air.time, side="right") - 1
+    last = np.searchsorted(excitation.time, state.time, side="right") - 1
     active = (last >= 0) & (excitation["active"][np.maximum(last, 0)] == 1)
-    return (float(np.mean(air["airspeed"][active])), 0.0) if active.any() else cruise
+    if not active.any():
+        return cruise
+    return float(np.mean(state["airspeed"][active])), -float(np.mean(state["v_down"][active]))

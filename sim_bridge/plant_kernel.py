@@ -25,6 +25,7 @@ from sim_bridge.multibody.flapper import (
 from sim_bridge.vectors import Floats, kernel, rotation
 
 GRAVITY = 9.80665
+VOLTAGE_ROUNDS = 2
 LEFT, RIGHT = 13, 17
 ELEVATOR, RUDDER, CRANK_PHASE, CRANK_SPEED, CHARGE, WAKE = 21, 22, 23, 24, 25, 26
 
@@ -121,9 +122,18 @@ def _supply(charge: float, battery: Floats) -> float:
 
 @kernel
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
+    # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
+    # the open-circuit voltage two rounds come within a millivolt.
     open_circuit = _supply(y[CHARGE], p.battery)
-    ratio = max(s.drive[3], 0.1) / p.drive[2]
-    share = t / c.duration
+    voltage = open_circuit
+    for _ in range(VOLTAGE_ROUNDS):
+        _drive_torques(y, t / c.duration, max(voltage, 0.1) / p.drive[2], c, p, s)
+        voltage = open_circuit - p.battery[3] * s.drive[2]
+    s.drive[3] = voltage
+
+
+@kernel
+def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     total = 0.0
     for k in range(2):
         base = LEFT + 4 * k
@@ -142,7 +152,6 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
         s.drive[k] = torque * c.powered
         total += drive_current(s.drive[k], p.current[0], p.current[1], p.current[2])
     s.drive[2] = total
-    s.drive[3] = open_circuit - p.battery[3] * total
 
 
 @kernel

@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
+import numba
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Compiled = TypeVar("Compiled", bound=Callable[..., object])
+
+
+CACHE_VARIABLE = "WINGBEAT_CACHE"
+"""environment variable that moves the folder of compiled kernels and generated dialects"""
+
+
+def _cache_folder() -> Path:
+    """A folder of its own for every state of the sources.
+
+    numba's cache looks at a kernel's own file alone: a change in another that it inlines would go unnoticed.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    root = os.environ.get(CACHE_VARIABLE) or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(root) / "wingbeat" / "kernels" / digest.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return Path(tempfile.gettempdir()) / f"wingbeat-kernels-{digest.hexdigest()[:16]}"
+    return folder
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
 
 def kernel(function: Compiled) -> Compiled:

@@ -7,6 +7,7 @@ the specific forces and the pitch rate; the drift that the biases leave in them 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ HIGHEST = 0.5
 """-; of the flapping frequency: the stroke average leaves little above it"""
 DRIFT_ORDER = 2
 WORST_CONDITION = 1e3
+LEAST_CLUSTERS = 5
+"""-; manoeuvres from which on the scatter between them is added to the error"""
 
 
 class DerivativeFit(NamedTuple):
@@ -90,9 +93,18 @@ def _without_drift(manoeuvre: Manoeuvre, pair: Signals) -> tuple[Array, Array, i
 
 
 def equation_error(
-    manoeuvres: tuple[Manoeuvre, ...], reference: Reference, aircraft: Aircraft, names: tuple[str, ...]
+    manoeuvres: tuple[Manoeuvre, ...],
+    reference: Reference,
+    aircraft: Aircraft,
+    names: tuple[str, ...],
+    instruments: list[Array] | None = None,
 ) -> DerivativeFit:
-    """Derivatives ``names`` from all manoeuvres at once (Grauer Eq. 20, 21)."""
+    """Derivatives ``names`` from all manoeuvres at once (Grauer Eq. 20, 21).
+
+    The integrated speeds carry the sensors' noise, which least squares takes for a smaller derivative.
+    ``instruments``, (M, 4) of each manoeuvre, are the regressors without that noise, as a model that was flown
+    along has them: with them the estimate is that of instrumental variables (Klein & Morelli, ch. 5).
+    """
     pieces = [_without_drift(m, signals(m, reference, aircraft)) for m in manoeuvres]
     axes, kept = _axes(names), _kept(names)
     design = np.vstack([piece[0] for piece in pieces])[:, kept]
@@ -101,11 +113,41 @@ def equation_error(
     scale = np.linalg.norm(design, axis=0)
     if degrees < 1 or not np.all(scale > 0) or np.linalg.cond(design / scale) > WORST_CONDITION:
         return failed(names, "the manoeuvres do not excite all of the model's states")
-    inverse = np.linalg.inv(design.T @ design)
-    values = inverse @ design.T @ response
+    clean = design
+    if instruments is not None:
+        pairs = zip(manoeuvres, instruments, strict=True)
+        clean = np.vstack([_without_drift(m, Signals(z, z))[0] for m, z in pairs])[:, kept]
+    inverse = np.linalg.inv(clean.T @ design)
+    values = inverse @ clean.T @ response
     residuals = response - design @ values
+    scatter: Array = np.sqrt(np.sum(residuals**2, axis=0) / degrees)
+    bounds = np.cumsum([0] + [len(piece[0]) for piece in pieces])
+    scores = [_score(clean[a:b], residuals[a:b]) for a, b in pairwise(bounds)]
     variance = residuals.T @ residuals / degrees
-    return DerivativeFit(names, values.T.ravel(), np.kron(variance, inverse), degrees, np.sqrt(np.diag(variance)))
+    covariance = np.asarray(np.kron(variance, inverse @ (clean.T @ clean) @ inverse.T), dtype=np.float64)
+    if len(scores) >= LEAST_CLUSTERS:
+        covariance += scatter_between(np.kron(np.eye(len(variance)), inverse), scores)
+        degrees = float(len(scores) - 1)
+    return DerivativeFit(names, values.T.ravel(), covariance, degrees, scatter)
+
+
+def _score(clean: Array, residuals: Array) -> Array:
+    """Gradient (axes x kept,) of one manoeuvre's squares."""
+    gradient: Array = (clean.T @ residuals).T.ravel()
+    return gradient
+
+
+def scatter_between(inverse: Array, scores: list[Array]) -> Array:
+    """Covariance (p, p) from the scatter between manoeuvres, a sandwich over clusters.
+
+    What a model lacks is much the same all through a manoeuvre and another in the next; residuals taken as noise
+    would promise too much. ``scores`` (p,) are each manoeuvre's gradient, ``inverse`` (p, p) that of the
+    information of all.
+    """
+    count = len(scores)
+    middle = np.sum([np.outer(score, score) for score in scores], axis=0) * count / (count - 1)
+    sandwich: Array = inverse @ middle @ inverse.T
+    return sandwich
 
 
 def failed(names: tuple[str, ...], why: str) -> DerivativeFit:

@@ -4,7 +4,8 @@ Gauss-Newton on the derivatives (Klein & Morelli, Aircraft System Identification
 Flight Vehicle System Identification, 2006, ch. 4). The model is driven with the tail angle sample by sample
 and its outputs are then averaged over the same strokes as the measured ones. Initial states and output
 biases of each manoeuvre enter linearly: they are projected out, so that the errors of the derivatives contain
-theirs. Standard errors are Cramer-Rao bounds corrected for coloured residuals.
+theirs. Standard errors are Cramer-Rao bounds corrected for coloured residuals; with several manoeuvres
+the scatter between them, which tells what the model lacks, is added.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from logs.identification.data import Aircraft
-from logs.identification.equation_error import DerivativeFit, failed
+from logs.identification.equation_error import LEAST_CLUSTERS, DerivativeFit, failed, scatter_between
 from logs.identification.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
 from logs.identification.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
 from logs.identification.regression import colour_of, coloured_information
@@ -80,8 +81,12 @@ class Flown(NamedTuple):
 
     def driven(self, manoeuvre: Manoeuvre, start: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by the manoeuvre's tail angle."""
-        tail = manoeuvre.tail - self.delay * manoeuvre.tail_rate + self.lag * manoeuvre.tail_slope
-        return self.averages(manoeuvre, start, tail)
+        return self.averages(manoeuvre, start, self.tail(manoeuvre))
+
+    def tail(self, manoeuvre: Manoeuvre) -> Array:
+        """The manoeuvre's tail angle (N,) with what is found of it beyond what is known."""
+        angle: Array = manoeuvre.tail - self.delay * manoeuvre.tail_rate + self.lag * manoeuvre.tail_slope
+        return angle
 
     def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
@@ -208,6 +213,18 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
     return failed(problem.names, "output error did not converge")
 
 
+def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
+    """Stroke averages (M, 4) of u, w, q and the tail angle in each manoeuvre, as the fitted model flies them."""
+    flown = _flown(problem, fit.values)
+    regressors = []
+    for manoeuvre in problem.manoeuvres:
+        start = _project(problem, flown, manoeuvre, fit.scatter).start
+        tail = flown.tail(manoeuvre)
+        states = _propagate(flown.exact.f, flown.exact.g0, flown.exact.g1, start, tail)
+        regressors.append(manoeuvre.averaging @ np.column_stack((states[:, :3], tail)))
+    return regressors
+
+
 def _information(here: Linearised) -> Array:
     information: Array = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
     return information
@@ -246,7 +263,12 @@ def _finish(problem: Problem, values: Array, deviation: Array, here: Linearised)
     longest = max(len(piece) for piece in here.residuals)
     lags = int(min(max(longest / 10, LAG_STROKES * strokes), longest / 2)) + 1
     colour = colour_of(here.residuals, [np.ones(len(piece)) for piece in here.residuals], lags)
-    inverse = np.linalg.inv(_information(here))
+    inverse = np.asarray(np.linalg.inv(_information(here)), dtype=np.float64)
     degrees = max(colour.effective - len(values) - here.nuisances, 1.0)
     core = coloured_information(here.sensitivities, colour) * (colour.effective / degrees)
-    return DerivativeFit(problem.names, values, inverse @ core @ inverse, degrees, deviation)
+    covariance = inverse @ core @ inverse
+    if len(problem.manoeuvres) >= LEAST_CLUSTERS:
+        scores = [np.einsum("nip,ni->p", s, r) for s, r in zip(here.sensitivities, here.residuals, strict=True)]
+        covariance = covariance + scatter_between(inverse, scores)
+        degrees = float(len(scores) - 1)
+    return DerivativeFit(problem.names, values, covariance, degrees, deviation)

@@ -12,7 +12,7 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.equation_error import DerivativeFit, equation_error, failed, likely_lag
 from logs.identification.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
-from logs.identification.output_error import Problem, output_error
+from logs.identification.output_error import Problem, flown_regressors, output_error
 from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
 
 FITTED_OUTPUTS = (0, 1, 2)
@@ -169,7 +169,11 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     if first.failure:
         return first, failed(problem.names, f"no starting values: {first.failure}")
     start = np.concatenate((first.values, np.zeros(len(problem.names) - len(derivatives))))
-    return first, output_error(problem, start)
+    second = output_error(problem, start)
+    if second.failure:
+        return first, second
+    clean = flown_regressors(problem, second)
+    return equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean), second
 
 
 def _with_unknown_tail(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

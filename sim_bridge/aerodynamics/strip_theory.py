@@ -96,7 +96,7 @@ def section_loads(motion: Floats, chord: float, density: float, lag: float, p: S
     thrust = p.suction_efficiency * 2.0 * math.pi * suction * suction * ratio
     out[0] = attached * pressure * 2.0 * math.pi * resultant * circulation
     out[1] = stalled * 1.98 * pressure * math.sqrt(along * along + half * half) * half
-    out[2] = attached * pressure * (thrust - camber - friction)
+    out[2] = attached * pressure * (thrust + camber - friction)
     out[3] = 2.0 * speed / chord * p.c2 * (three_quarter - lag)
     out[4] = (1.0 - 0.5 * stalled) * density * math.pi * chord * chord / 4.0
     out[5] = stalled
