@@ -25,7 +25,7 @@ from sim_bridge.multibody.flapper import (
 from sim_bridge.vectors import Floats, kernel, rotation
 
 GRAVITY = 9.80665
-VOLTAGE_ROUNDS = 2
+VOLTAGE_ROUNDS = 3
 LEFT, RIGHT = 13, 17
 ELEVATOR, RUDDER, CRANK_PHASE, CRANK_SPEED, CHARGE, WAKE = 21, 22, 23, 24, 25, 26
 
@@ -123,7 +123,7 @@ def _supply(charge: float, battery: Floats) -> float:
 @kernel
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
-    # the open-circuit voltage two rounds come within a millivolt.
+    # the open-circuit voltage three rounds come within a millivolt.
     open_circuit = _supply(y[CHARGE], p.battery)
     voltage = open_circuit
     for _ in range(VOLTAGE_ROUNDS):

@@ -38,8 +38,8 @@ class _Table:
         try:
             columns = source.columns(topic)
             arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
-        except KeyError:
-            raise BadInput(f"the log has no topic {topic.name}, which identification needs") from None
+        except (KeyError, BadInput):
+            raise BadInput(f"the log has no topic {topic.name}, which this needs") from None
         if len(arrays[0]) < LEAST_SAMPLES:
             raise BadInput(f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}")
         good = np.all(np.isfinite(arrays), axis=0)

@@ -69,7 +69,8 @@ def section_loads(motion: Floats, chord: float, density: float, lag: float, p: S
     """Loads a unit span of one section.
 
     Args:
-        motion: (5,) forward speed along the chord, downward speed normal to it at the leading edge, at 1/2 and
+        motion: (5,) forward speed along the chord; downward speed normal to it of the leading edge by flapping
+            alone (h' cos(theta - theta_a)), of the section through the air at 1/2 and at
             3/4 chord, m/s; pitch rate about the span, leading edge up, rad/s.
         lag: m/s; the wake's state.
         out: (6,) normal force at 1/4 chord, normal force at 1/2 chord, chordwise force (forward) in N/m;

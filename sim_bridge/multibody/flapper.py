@@ -250,7 +250,7 @@ def add_wing(
         along, plunge, down = 0.0, 0.0, 0.0
         for k in range(3):
             along += (le[12 + k] - frame[3, k]) * axes[1, k]
-            plunge -= (le[12 + k] - frame[3, k]) * axes[2, k]
+            plunge -= le[3 + k] * rates[0] * axes[2, k]
             down -= (half[12 + k] - frame[3, k]) * axes[2, k]
         motion[0], motion[1], motion[2] = along, plunge, down
         motion[3], motion[4] = down + 0.25 * chord * pitch_rate, pitch_rate

@@ -75,18 +75,7 @@ def test_the_integrator_is_of_fourth_order(density: float) -> None:
     assert np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine) == pytest.approx(16.0, rel=0.15)
 
 
-@pytest.mark.parametrize(
-    "resistance",
-    [
-        0.0,
-        pytest.param(
-            0.06,
-            marks=pytest.mark.xfail(
-                strict=True, reason="the drives see the voltage of the evaluation before: first order when saturated"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("resistance", [0.0, 0.06])
 def test_halving_the_step_keeps_its_worth_with_saturated_drives(resistance: float) -> None:
     plant = Plant(vehicle("robo_raven_ii_d"))
     plant.parameters = plant.parameters._replace(battery=np.array([8.4, 7.2, 2664.0, resistance]))
@@ -97,7 +86,6 @@ def test_halving_the_step_keeps_its_worth_with_saturated_drives(resistance: floa
     assert np.linalg.norm((coarse - fine)[: k.CHARGE]) < 1e-5
 
 
-@pytest.mark.xfail(strict=True, reason="the voltage at the drives is remembered outside the state vector")
 def test_the_rates_are_a_function_of_the_state() -> None:
     plant = Plant(vehicle("robo_raven_ii_d"))
     y = np.zeros_like(plant.y)
