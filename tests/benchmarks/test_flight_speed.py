@@ -1,0 +1,63 @@
+"""How fast a flight is flown: the parts in one process, and the lockstep pair with logging (``make bench``)."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from avionics.autopilot import Autopilot
+from avionics.missions import load_mission
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command.onboard import scripted_start
+from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+
+VEHICLE = "robo_raven_ii_d"
+PART = 40.0
+"""s; of flight time in which the parts are timed"""
+REAL_TIME = 5.0
+"""-; what the lockstep flight with logging must reach"""
+
+
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
+@pytest.mark.bench
+def test_the_parts_of_a_tick() -> None:
+    world = SimulatedWorld(load_vehicle(VEHICLE), Scenario(duration=PART))
+    autopilot = Autopilot(load_flight_vehicle(VEHICLE), load_mission("circuit"), lambda topic, message: None)
+    script, command = list(scripted_start()), NEUTRAL
+    worlds, computers = [], []
+    while not world.finished:
+        begun = time.perf_counter()
+        frame = world.step(command)
+        between = time.perf_counter()
+        due = [entry for entry in script if entry.time_us <= frame.time_us]
+        script = script[len(due) :]
+        command = autopilot.step(frame, due)
+        worlds.append(between - begun)
+        computers.append(time.perf_counter() - between)
+    for what, times in (("world, 5 steps of 1 ms", worlds), ("flight computer", computers)):
+        ordered = sorted(times)
+        median, late = statistics.median(ordered), ordered[int(0.99 * len(ordered))]
+        say(f"{what:24} {median * 1e6:6.0f} us a tick at the median, {late * 1e6:6.0f} us at the 99th percentile")
+    say(f"both in one process      {PART / (sum(worlds) + sum(computers)):6.1f} times real time")
+
+
+@pytest.mark.bench
+def test_the_lockstep_flight_with_logging(tmp_path: Path) -> None:
+    """The whole command: two processes, MAVLink over TCP, two recorders, joined."""
+    command = [sys.executable, "-m", "groundstation.command.main", "fly", "--json", "--log"]
+    ran = subprocess.run([*command, str(tmp_path / "a.mcap")], check=True, capture_output=True, text=True)
+    document = json.loads(ran.stdout)
+    say(
+        f"lockstep pair, logging   {document['speed']:6.1f} times real time starting included (needed: {REAL_TIME:g})"
+    )
+    assert document["speed"] >= REAL_TIME
