@@ -1,1 +1,1 @@
-"""TBD."""
+"""What flies: sensing, estimation, guidance, stabilization, mixing, and the MAVLink link."""

@@ -2,36 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 
 from avionics import topics
 from avionics.quantities import BadInput
+from logs.attached import simulated_vehicle
 from logs.reader import Log
 from sim_bridge import topics as truth
 from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model
 from sim_bridge.flight_mechanics.orbit import trim
-from sim_bridge.sensors.suite import SECTIONS
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
-
-WORLD_VEHICLE = "world_vehicle.toml"
-"""Name of the attachment in which the world leaves its vehicle file."""
-
-
-def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
-    """The vehicle as it is in the world of ``log``; None for a flight that was not simulated.
-
-    Raises:
-        BadInput: the attached vehicle file cannot be used.
-    """
-    if all(attachment.name != WORLD_VEHICLE for attachment in log.attachments):
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / WORLD_VEHICLE
-        path.write_bytes(log.attachment(WORLD_VEHICLE))
-        return load_vehicle(str(path), SECTIONS)
+from sim_bridge.vehicles import SimulatedVehicle
 
 
 def known_truths(log: Log) -> dict[str, float]:

@@ -21,7 +21,7 @@ from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.onboard import Onboard, scripted_start
-from logs.airframe import FLIGHT_VEHICLE
+from logs.attached import FLIGHT_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 

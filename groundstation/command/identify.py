@@ -9,7 +9,7 @@ from groundstation.command import options
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from logs.airframe import aircraft_of
+from logs.attached import aircraft_of
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.reader import Log, open_log
 from logs.truth import known_truths

@@ -12,9 +12,9 @@ from pathlib import Path
 from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
 from groundstation.command import options
+from logs.attached import WORLD_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
-from logs.truth import WORLD_VEHICLE
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
 from sim_bridge.vehicles import SimulatedVehicle

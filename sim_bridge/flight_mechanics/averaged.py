@@ -78,7 +78,7 @@ def short_period_of(model: AveragedModel) -> ShortPeriod:
     product, total = (roots[0] * roots[1]).real, (roots[0] + roots[1]).real
     if product <= 0.0:
         raise BadInput("this flight has no short-period mode")
-    return ShortPeriod(math.sqrt(product), -total / (2.0 * math.sqrt(product)))
+    return ShortPeriod(math.sqrt(product), float(-total) / (2.0 * math.sqrt(product)))
 
 
 def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, float], strokes: int) -> Floats:

@@ -1,0 +1,61 @@
+"""Vehicle files that a log carries: what the world was, and what the flight computer believed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from logs.identification.data import Aircraft
+from logs.reader import Log
+from sim_bridge.sensors.suite import SECTIONS
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+
+WORLD_VEHICLE = "world_vehicle.toml"
+"""Name of the attachment in which the world leaves its vehicle file."""
+FLIGHT_VEHICLE = "avionics_vehicle.toml"
+"""Name of the attachment in which the flight computer leaves its vehicle file."""
+Loaded = TypeVar("Loaded")
+
+
+def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
+    """The vehicle as it is in the world of ``log``; None for a flight that was not simulated.
+
+    Raises:
+        BadInput: the attached vehicle file cannot be used.
+    """
+    return _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path), SECTIONS))
+
+
+def flight_vehicle(log: Log) -> FlightVehicle | None:
+    """The vehicle as the flight computer of ``log`` believed it to be; None where the log does not say.
+
+    Raises:
+        BadInput: the attached vehicle file cannot be used.
+    """
+    return _load(log, FLIGHT_VEHICLE, load_flight_vehicle)
+
+
+def aircraft_of(log: Log) -> Aircraft:
+    """Place of the IMU and lag of the tail as known from the bench; not known where the log has no vehicle file.
+
+    Raises:
+        BadInput: the attached vehicle file cannot be used.
+    """
+    vehicle = flight_vehicle(log)
+    if vehicle is None:
+        return Aircraft()
+    known = vehicle.airframe
+    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant)
+
+
+def _load(log: Log, name: str, load: Callable[[Path], Loaded]) -> Loaded | None:
+    if all(attachment.name != name for attachment in log.attachments):
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(log.attachment(name))
+        return load(path)
