@@ -9,6 +9,7 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
@@ -36,7 +37,7 @@ from logs.identification.report import Identification, document
 from logs.join import join
 from logs.names import new_recording
 from logs.reader import Log, open_log
-from logs.summary import summarize
+from logs.summary import FlightSummary, summarize
 
 EXAMPLES = (
     "wingbeat fly",
@@ -47,7 +48,7 @@ JSON_KEYS = {
     "log": "path of the joined log",
     "vehicle": "name",
     "seed": "of sensor noise and wind",
-    "wall_time": "s; how long it took, starting included",
+    "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
     "flight": "what was flown, see logs/summary.py: SI and radians, null where unknown",
     "identified": "as of wingbeat identify --json, null where the flight gave nothing",
@@ -236,12 +237,15 @@ def _identified(log: Log) -> Identification | str:
         return str(reason)
 
 
+def _read(path: Path, wall_time: float) -> tuple[FlightSummary, Identification | str, float]:
+    with open_log(path) as log:
+        return summarize(log), _identified(log), log.duration / wall_time
+
+
 def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
-    join(plan.parts, plan.log)
-    with open_log(plan.log) as log:
-        summary = summarize(log)
-        found = _identified(log)
-        speed = log.duration / wall_time
+    with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
+        join(plan.parts, plan.log)
+        summary, found, speed = _read(plan.log, wall_time)
     if chosen.json:
         print_document(
             {

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from avionics.quantities import BadInput
-from groundstation.link.answers import NoAnswer
+from groundstation.link.answers import LinkSilent, NoAnswer
 
 REFUSED = 1
 BAD_INPUT = 2
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = dispatch(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
         return code
-    except BadInput as error:
+    except (BadInput, LinkSilent) as error:
         return _complain(error, BAD_INPUT)
     except NoAnswer as error:
         return _complain(error, REFUSED)

@@ -15,6 +15,7 @@ from groundstation.command import options
 from logs.attached import WORLD_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
+from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
 from sim_bridge.vehicles import SimulatedVehicle
@@ -55,7 +56,8 @@ def run(arguments: Sequence[str]) -> int:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
         note_scenario(recorder, vehicle, scenario)
-        _serve(server, SimulatedWorld(vehicle, scenario, recorder.record))
+        seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
+        _serve(server, SimulatedWorld(vehicle, scenario, seen.record))
     return 0
 
 

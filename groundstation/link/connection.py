@@ -10,7 +10,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader, decode
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.quantities import BadInput
-from groundstation.link.answers import NoAnswer
+from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.link.client import COMPONENT, SYSTEM, Exchange, Target
 from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
 
@@ -115,12 +115,12 @@ class Connection:
         """Wait for the first heartbeat of an autopilot.
 
         Raises:
-            NoAnswer: none came within ``patience`` (s).
+            LinkSilent: none came within ``patience`` (s).
         """
         deadline = self._clock() + patience
         while self.state.system is None:
             if self._clock() >= deadline:
-                raise NoAnswer(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s")
+                raise LinkSilent(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s")
             self.receive()
             self.wait()
         return self.state

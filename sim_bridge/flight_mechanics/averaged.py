@@ -11,7 +11,7 @@ moves them some 5 % from the eigenvalues of A, and it is A that a flight test wi
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,13 +68,20 @@ def stroke_averaged_model(vehicle: SimulatedVehicle, orbit: Orbit) -> AveragedMo
     return AveragedModel(a, b, np.asarray(left, dtype=np.float64))
 
 
+def state_space(model: AveragedModel) -> Any:
+    """The model as a python-control ``StateSpace``: input the elevator, outputs all four states."""
+    import control  # takes half a second, which a flight need not wait for
+
+    return control.ss(model.a, model.b[:, None], np.eye(4), np.zeros((4, 1)))
+
+
 def short_period_of(model: AveragedModel) -> ShortPeriod:
     """The faster pair of eigenvalues as natural frequency and damping ratio.
 
     Raises:
         BadInput: the faster eigenvalues diverge in opposite directions: there is no such mode.
     """
-    roots = sorted(np.linalg.eigvals(model.a), key=abs, reverse=True)[:2]
+    roots = sorted(state_space(model).poles(), key=abs, reverse=True)[:2]
     product, total = (roots[0] * roots[1]).real, (roots[0] + roots[1]).real
     if product <= 0.0:
         raise BadInput("this flight has no short-period mode")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -9,11 +10,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 from groundstation.command.children import Children
 from logs.reader import open_log
+from logs.scene import SCENE, TRANSFORMS
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
 
@@ -60,6 +64,8 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.complete
         assert {"/truth/state", "/attitude/ahrs", "/system/inputs"} <= set(log.topics)
+        for viewer_topic in (TRANSFORMS, SCENE):
+            assert log.topics[viewer_topic.name].messages > 5
         assert log.metadata["wingbeat.world"]["seed"] == "5"
         assert {"avionics_vehicle.toml", "world_vehicle.toml", "mission.json"} <= {a.name for a in log.attachments}
         commands = [json.loads(text.text) for text in log.texts("/system/inputs")]
@@ -67,6 +73,28 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
         ("ARM", 2_000_000, "script"),
         ("SET_MODE", 2_000_000, "script"),
     ]
+
+
+def payloads(path: Path) -> dict[str, str]:
+    """Digest of the bytes of every deterministic topic."""
+    digests: dict[str, Any] = {}
+    with open_log(path) as log:
+        kept = {name for name, topic in log.topics.items() if topic.deterministic}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages(topics=kept):
+            digests.setdefault(channel.topic, hashlib.sha256()).update(message.data)
+    return {name: digest.hexdigest() for name, digest in digests.items()}
+
+
+def test_the_same_seed_gives_the_same_bytes_whoever_watches(tmp_path: Path) -> None:
+    flown = []
+    for name, words in (("alone", ()), ("watched", ("--gcs", "udpout:127.0.0.1:14999"))):
+        (tmp_path / name).mkdir()
+        flight = fly(tmp_path / name, "--duration", "10", "--seed", "3", "--json", *words)
+        assert flight.communicate(timeout=180)[1] == ""
+        flown.append(payloads(tmp_path / name / "flight.mcap"))
+    assert {"/attitude/ahrs", "/truth/state", "/system/inputs", "/system/events"} <= set(flown[0])
+    assert flown[0] == flown[1]
 
 
 def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:

@@ -95,6 +95,6 @@ def test_status_has_the_documented_keys(capsys: Capture) -> None:
     assert "AUTO" in document["modes"]
 
 
-def test_nobody_there_is_exit_code_1(capsys: Capture) -> None:
-    assert gcs("udpout:127.0.0.1:9", "arm", "--timeout", "0.2") == 1
+def test_nobody_there_is_exit_code_2(capsys: Capture) -> None:
+    assert gcs("udpout:127.0.0.1:9", "arm", "--timeout", "0.2") == 2
     assert capsys.readouterr().err == "wingbeat: no vehicle answers on udpout:127.0.0.1:9: no heartbeat for 0.2 s\n"
