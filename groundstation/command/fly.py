@@ -38,10 +38,13 @@ from logs.join import join
 from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
+from sim_bridge.environment.wind import steady_wind
+from sim_bridge.flight.world import load_vehicle as load_world_vehicle
 
 EXAMPLES = (
     "wingbeat fly",
     "wingbeat fly --vehicle arizona_100cm --wind 2 --seed 7",
+    "wingbeat fly --vehicle my_bird/        # a folder with world.toml and avionics.toml",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
 )
 JSON_KEYS = {
@@ -118,7 +121,10 @@ def check(chosen: argparse.Namespace) -> Plan:
     Raises:
         BadInput: see `run`.
     """
-    vehicle = load_vehicle(chosen.vehicle)
+    world, computer = options.vehicle_files(chosen.vehicle)
+    vehicle = load_vehicle(computer)
+    load_world_vehicle(world)
+    steady_wind(chosen.wind, chosen.wind_from)
     load_mission(chosen.mission)
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
@@ -147,18 +153,18 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
 
 
 def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer: str) -> None:
+    simulated, flown = options.vehicle_files(plan.vehicle)
+    epoch = ["--epoch-ns", str(time.time_ns())]
     bridge = f"tcp:127.0.0.1:{_free_port()}"
-    shared = ["--vehicle", plan.vehicle, "--epoch-ns", str(time.time_ns())]
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
-    world = ["--listen", bridge, "--speed", speed, "--duration", repr(chosen.duration), "--seed", str(chosen.seed)]
-    heading = ["--wind-from", repr(math.degrees(chosen.wind_from))]
-    children.start(
-        "the world", ["sim", *shared, *world, "--wind", repr(chosen.wind), *heading, "--log", str(plan.parts[0])]
-    )
+    world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
+    world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
+    world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
+    children.start("the world", ["sim", *world])
     links = [word for url in chosen.gcs for word in ("--gcs", url)]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--start", "--log", str(plan.parts[1])]
-    children.start("the flight computer", ["avionics", *shared, *flight, *ours, *links])
+    children.start("the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links])
 
 
 def _free_port() -> int:

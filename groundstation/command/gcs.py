@@ -25,7 +25,7 @@ FORCE = 21196.0
 EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550 monitor",
     "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
-    "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_GAIN 0.8",
+    "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_P 0.8",
     "wingbeat gcs tcp:127.0.0.1:5760 mission download flight.waypoints",
 )
 JSON_KEYS = {
@@ -105,7 +105,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     items = _check_files(chosen)
-    connection = Connection(chosen.url)
+    connection = Connection(chosen.url, stays=chosen.verb == "monitor")
     try:
         if chosen.verb == "monitor":
             return monitor.watch(connection, as_json=chosen.json)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from avionics.quantities import BadInput
@@ -46,8 +47,19 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def add_vehicle(parser: argparse.ArgumentParser) -> None:
     """Offer ``--vehicle``."""
     parser.add_argument(
-        "--vehicle", default=DEFAULT_VEHICLE, metavar="V|PATH", help=f"name or file of a vehicle ({DEFAULT_VEHICLE})"
+        "--vehicle",
+        default=DEFAULT_VEHICLE,
+        metavar="V|PATH",
+        help=f"name or file of a vehicle ({DEFAULT_VEHICLE})",
     )
+
+
+def vehicle_files(vehicle: str) -> tuple[str, str]:
+    """What the world and what the flight computer load: a name for both, or the two files of a folder."""
+    folder = Path(vehicle)
+    if folder.is_dir():
+        return str(folder / "world.toml"), str(folder / "avionics.toml")
+    return vehicle, vehicle
 
 
 def add_mission(parser: argparse.ArgumentParser) -> None:

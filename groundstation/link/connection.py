@@ -29,10 +29,14 @@ class Connection:
         self,
         url: str,
         passive: bool = False,
+        stays: bool = False,
         clock: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
         """Open the link.
+
+        Who ``passive``ly listens sends nothing. Who ``stays`` is a ground station to the vehicle, which answers for
+        a lost link when it falls silent; who does not only asks a question and may leave.
 
         Raises:
             BadInput: not a link's address, port in use, device missing.
@@ -41,6 +45,7 @@ class Connection:
         self.state = VehicleState()
         self._transport: Transport = open_transport(url)
         self._passive = passive
+        self._stays = stays
         self._clock = clock
         self._pause = pause
         self._readers: dict[Peer, FrameReader] = {}
@@ -59,7 +64,7 @@ class Connection:
         now = self._clock()
         if not self._passive and now - self._beaten_at >= 1.0:
             self._beaten_at = now
-            self.send(_heartbeat())
+            self.send(_heartbeat(self._stays))
         messages = [message for packet in self._transport.receive(now) for message in self._decode(packet)]
         for message in messages:
             self.state = receive(self.state, message, now)
@@ -162,10 +167,10 @@ class Connection:
         self._transport.close()
 
 
-def _heartbeat() -> Any:
-    return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-    )
+def _heartbeat(stays: bool) -> Any:
+    """A ground station's, whose silence a vehicle takes for a lost link; or that of one who only has a question."""
+    kind = mavlink.MAV_TYPE_GCS if stays else mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    return mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
 
 
 def listen_locally(first: int = 14600, last: int = 14999) -> Connection:

@@ -153,7 +153,9 @@ def _arrays(path: Path) -> dict[str, Array]:
     except BadInput:
         raise
     except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = (
+            error.strerror if isinstance(error, OSError) and error.strerror else "no NumPy archive, or a damaged one"
+        )
         raise BadInput(f"{path}: not a readable .npz recording: {reason}") from None
 
 
