@@ -132,9 +132,10 @@ class SimulatedWorld:
         y = self.plant.y.tolist()
         r = self._rotation()
         wind = self._wind
-        air = [y[7 + i] - sum(r[j][i] * wind[j] for j in range(3)) for i in range(3)]
-        v_ned = [sum(r[i][j] * y[7 + j] for j in range(3)) for i in range(3)]
-        speed = math.sqrt(sum(part * part for part in air))
+        breeze = _rotate_back(r, wind)
+        air = (y[7] - breeze[0], y[8] - breeze[1], y[9] - breeze[2])
+        v_ned = _rotate(r, y[7:10])
+        speed = math.hypot(*air)
         grounded = self.plant.touching or self._launcher() != k.FREE
         flow = (speed, math.atan2(air[2], air[0]))
         return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
@@ -221,7 +222,7 @@ class SimulatedWorld:
         r, wind, means = self._rotation(), self._wind, self._means
         v, w, x = y[7:10], y[10:13], self.vehicle.body.contact_nose
         turning = (0.0, w[2] * x, -w[1] * x)
-        through_air = [v[i] + turning[i] - sum(r[j][i] * wind[j] for j in range(3)) for i in range(3)]
+        breeze = _rotate_back(r, wind)
         drive = self.vehicle.drive
         return Observation(
             time_us=self.time_us,
@@ -230,7 +231,11 @@ class SimulatedWorld:
             specific_force_frd=(means.specific_force_x, means.specific_force_y, means.specific_force_z),
             position_ned=(y[0], y[1], y[2]),
             v_ned=_rotate(r, v),
-            v_air_frd=(through_air[0], through_air[1], through_air[2]),
+            v_air_frd=(
+                v[0] + turning[0] - breeze[0],
+                v[1] + turning[1] - breeze[1],
+                v[2] + turning[2] - breeze[2],
+            ),
             static_pressure=air.pressure,
             temperature=air.temperature,
             density=air.density,
@@ -261,6 +266,15 @@ def sensor_frame(raw: RawFrame) -> SensorFrame:
 
 def _clip(value: float, limit: float) -> float:
     return min(max(value, -limit), limit) if math.isfinite(value) else 0.0
+
+
+def _rotate_back(r: list[list[float]], v: tuple[float, float, float]) -> tuple[float, float, float]:
+    a, b, c = v
+    return (
+        r[0][0] * a + r[1][0] * b + r[2][0] * c,
+        r[0][1] * a + r[1][1] * b + r[2][1] * c,
+        r[0][2] * a + r[1][2] * b + r[2][2] * c,
+    )
 
 
 def _rotate(r: list[list[float]], v: list[float]) -> tuple[float, float, float]:
