@@ -176,6 +176,11 @@ class Session:
                     f"the flight computer at {self._stream.name} connected and sent no HEARTBEAT"
                     f" for {self._patience.hello:g} s"
                 )
+        if self._autopilot is None:
+            raise FlightComputerSilent(
+                f"whoever connected from {self._stream.name} left without a HEARTBEAT"
+                f" ({self._reader.bad_bytes} bytes were no MAVLink)"
+            )
         if not self._lockstep and self._pacer.speed is None:
             # A partner that is not in lockstep keeps its own clock.
             self._pacer.speed = 1.0

@@ -176,6 +176,14 @@ def test_nobody_connects_or_nobody_says_hello() -> None:
         serving.result()
 
 
+def test_a_stranger_that_makes_noise_and_leaves_is_told() -> None:
+    serving = Serving(ToyWorld(1))
+    with socket.create_connection(("127.0.0.1", serving.server.port)) as stranger:
+        stranger.sendall(bytes(range(256)) * 40)
+    with pytest.raises(FlightComputerSilent, match=r"left without a HEARTBEAT \(\d+ bytes were no MAVLink\)"):
+        serving.result()
+
+
 def test_a_world_that_is_not_there_or_says_nothing_is_named() -> None:
     port = _free_port()
     with pytest.raises(BoardSilent, match=f"the world at tcp:127.0.0.1:{port} did not answer for 0.1 s"):
