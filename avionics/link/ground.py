@@ -33,6 +33,9 @@ from avionics.messages import Command, CommandKind, Event, PilotInput, Severity
 PAUSE = 0.2
 """s; a frame does not pause for longer, even on a slow radio"""
 
+NOISE_EVERY = 1.0
+"""s; between two events about noise on a link"""
+
 
 class LinkCounts(NamedTuple):
     """What went over one link."""
@@ -62,6 +65,16 @@ class _Link:
         self._shared = FrameReader()
         self._last_data = 0.0
         self._settled = True
+        self._noise_told = 0
+        self._noise_due = 0.0
+
+    def noise(self, now: float) -> int:
+        """Bytes that were no part of a frame since this was last said, at most once in `NOISE_EVERY`."""
+        if now < self._noise_due:
+            return 0
+        self._noise_due = now + NOISE_EVERY
+        told, self._noise_told = self._noise_told, self.counts().bad_bytes
+        return self._noise_told - told
 
     def receive(self, now: float) -> list[tuple[Frame, Peer]]:
         """All frames that have arrived, with their senders' addresses."""
@@ -180,6 +193,10 @@ class GroundLink:
             for frame, peer in link.receive(now):
                 sender = Sender(frame.system, frame.component, number, peer, link.name)
                 self._deliver(self._answer(frame, sender, now), inputs)
+            noise = link.noise(now)
+            if noise:
+                text = f"{noise} bytes on {link.name} were no MAVLink"
+                self._journal.append(Event(self._vehicle.time_us, Severity.WARNING, "link", text))
         for service in self._services:
             outputs = service.step(now)
             if outputs:

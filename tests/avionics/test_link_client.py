@@ -400,3 +400,22 @@ def _offset(kind: Any, name: str) -> int:
     codes = kind.unpacker.format.lstrip("<")
     fields = re.findall(r"\d*[a-zA-Z]", codes)
     return struct.calcsize("<" + "".join(fields[: kind.ordered_fieldnames.index(name)]))
+
+
+def test_noise_on_a_port_is_logged_once_a_second() -> None:
+    port = free_port()
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], FakeVehicle())
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(bytes(range(200)), ("127.0.0.1", port))
+            assert link.poll(1.0) == []
+            said = [event.text for event in link.take_events()]
+            stranger.sendto(bytes(range(100)), ("127.0.0.1", port))
+            link.poll(1.5)
+            assert link.take_events() == []
+            link.poll(2.5)
+            later = [event.text for event in link.take_events()]
+    finally:
+        link.close()
+    assert said == [f"200 bytes on udpin:127.0.0.1:{port} were no MAVLink"]
+    assert later == [f"100 bytes on udpin:127.0.0.1:{port} were no MAVLink"]
