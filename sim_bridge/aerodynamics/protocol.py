@@ -1,0 +1,169 @@
+"""What an aerodynamic model is given and what it gives: the one border between air and mechanism.
+
+A model is a NamedTuple of constants (its *parameters*) and three functions of them:
+
+* ``initial(parameters, strips)``: its state at rest, (s,);
+* ``loads(parameters, strips, motion, density, state, out)``: the loads of this instant, strip by strip and part by
+  part, and the rates of that share of the state that moves smoothly; compiled, called by every stage of the
+  integrator;
+* ``advance(parameters, strips, motion, density, state, dt)``: what happens between two steps of the integrator, for
+  memory with a rate of its own (a wake shed row by row); compiled. The smooth share of the state is left to the
+  integrator.
+
+All of a model's work is in section axes, so that it knows neither frames nor joints: ``chord`` forward, ``normal``
+upward, ``span`` to the tip. The mechanism turns them into body axes and generalised forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from sim_bridge.vectors import Floats
+
+FORWARD, UPWARD, OUTWARD, NOSE_UP = 0, 1, 2, 3
+"""components of a part's load: force along chord, normal and span in N, moment about the span at mid-chord in N m"""
+MASS, INERTIA = 0, 1
+"""what the air's apparent mass consists of: kg along the normal at mid-chord, kg m^2 about the span there"""
+
+
+class Strips(NamedTuple):
+    """The strips of all wings, left wing first, from root to tip; each array (n,)."""
+
+    span: Floats
+    """m; from the hinge to the middle of the strip"""
+    eta: Floats
+    """-; the same over the semispan"""
+    chord: Floats
+    """m"""
+    width: Floats
+    """m"""
+    wing: Floats
+    """-; index of the wing that the strip belongs to"""
+
+
+class Motion(NamedTuple):
+    """How strips and body move at one instant; arrays (n,) where no shape is told."""
+
+    along: Floats
+    """m/s; of the section through the air, forward along its chord"""
+    down: Floats
+    """m/s; of mid-chord through the air, against the normal: down counts positive"""
+    outward: Floats
+    """m/s; of mid-chord through the air, towards the tip"""
+    pitch_rate: Floats
+    """rad/s; of the section about its span, leading edge up, body's rotation included"""
+    plunge: Floats
+    """m/s; of the leading edge against the normal by the wing's joints alone (h' cos(theta - theta_a))"""
+    place: Floats
+    """(3, n) m; of mid-chord in body axes, from the origin of the fuselage"""
+    axes: Floats
+    """(3, 3, n) -; span, chord and normal, each in body axes"""
+    wings: Floats
+    """(wings, 2) rad, rad/s; flap angle and rate, wing up positive"""
+    body: Floats
+    """(6,) m/s, rad/s; velocity of the fuselage through the air and its angular velocity, body axes"""
+
+
+class SectionLoads(NamedTuple):
+    """What a model fills in."""
+
+    parts: Floats
+    """(parts, 4, n) N, N, N, N m; FORWARD, UPWARD, OUTWARD, NOSE_UP of each strip"""
+    apparent: Floats
+    """(2, n) kg, kg m^2; MASS and INERTIA of the air that the strip's acceleration moves"""
+    rates: Floats
+    """(s,); of the state, 0 where `advance` moves it"""
+    body: Floats
+    """(6,) N, N m; on the fuselage in body axes, by models of the whole aircraft"""
+
+
+def blank_motion(strips: Strips, wings: int) -> Motion:
+    """A motion at rest, to be filled."""
+    n = strips.chord.shape[0]
+    columns = [np.zeros(n) for _ in range(5)]
+    return Motion(*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6))
+
+
+def blank_loads(parts: int, strips: Strips, states: int) -> SectionLoads:
+    """Loads of ``parts`` parts, to be filled."""
+    n = strips.chord.shape[0]
+    return SectionLoads(np.zeros((parts, 4, n)), np.zeros((2, n)), np.zeros(states), np.zeros(6))
+
+
+def aspect_ratio(strips: Strips) -> float:
+    """Of the wings together: the square of twice the longest semispan over the area of all strips."""
+    semispan = float(np.max(strips.span + 0.5 * strips.width))
+    return (2.0 * semispan) ** 2 / float(np.sum(strips.chord * strips.width))
+
+
+class AerodynamicModel(NamedTuple):
+    """One line of the table of models."""
+
+    name: str
+    title: str
+    """what it is, and after whom"""
+    settings: type[Any]
+    """section of the vehicle file that carries the model's name"""
+    parameters: type[Any]
+    """NamedTuple that ``build`` makes; its type selects the compiled functions"""
+    parts: tuple[str, ...]
+    """names of the parts of the loads, in order"""
+    build: Callable[[Any, Strips], Any]
+    """settings and strips to parameters; raises BadInput where the model does not hold"""
+    initial: Callable[[Any, Strips], Floats]
+    loads: Callable[..., None]
+    advance: Callable[..., None]
+    whole_aircraft: bool = False
+    """the loads are those of tail and fuselage too"""
+
+
+MODELS: dict[str, AerodynamicModel] = {}
+"""the table, by name; filled by `sim_bridge.aerodynamics.models`"""
+
+
+def model_of(parameters: type[Any]) -> AerodynamicModel:
+    """The model whose parameters are of this type.
+
+    Raises:
+        KeyError: none is.
+    """
+    for model in MODELS.values():
+        if model.parameters is parameters:
+            return model
+    raise KeyError(parameters.__name__)
+
+
+def loads(parameters: Any, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads) -> None:
+    """The loads of whatever model ``parameters`` belong to, for compiled and other code; density in kg/m^3."""
+    model_of(type(parameters)).loads(parameters, strips, motion, density, state, out)
+
+
+def advance(parameters: Any, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
+    """Move that share of ``state`` that has a clock of its own over a step of ``dt`` s, in place."""
+    model_of(type(parameters)).advance(parameters, strips, motion, density, state, dt)
+
+
+@overload(loads)
+def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, out: Any) -> Any:
+    # Resolved by the type of the parameters when the caller is compiled: no branch is left at run time.
+    if not isinstance(parameters, types.BaseNamedTuple):
+        return None
+    chosen = model_of(parameters.instance_class).loads
+    return lambda parameters, strips, motion, density, state, out: chosen(
+        parameters, strips, motion, density, state, out
+    )
+
+
+@overload(advance)
+def _compiled_advance(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, dt: Any) -> Any:
+    if not isinstance(parameters, types.BaseNamedTuple):
+        return None
+    chosen = model_of(parameters.instance_class).advance
+    return lambda parameters, strips, motion, density, state, dt: chosen(
+        parameters, strips, motion, density, state, dt
+    )
