@@ -86,7 +86,7 @@ def blank_motion(strips: Strips, wings: int) -> Motion:
     """A motion at rest, to be filled."""
     n = strips.chord.shape[0]
     columns = [np.zeros(n) for _ in range(5)]
-    return Motion(*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6))
+    return Motion._make([*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6)])
 
 
 def blank_loads(parts: int, strips: Strips, states: int) -> SectionLoads:
@@ -148,10 +148,14 @@ def advance(parameters: Any, strips: Strips, motion: Motion, density: float, sta
     model_of(type(parameters)).advance(parameters, strips, motion, density, state, dt)
 
 
+def _is_named_tuple(compile_time_type: Any) -> bool:
+    return isinstance(compile_time_type, types.BaseNamedTuple)
+
+
 @overload(loads)
 def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, out: Any) -> Any:
     # Resolved by the type of the parameters when the caller is compiled: no branch is left at run time.
-    if not isinstance(parameters, types.BaseNamedTuple):
+    if not _is_named_tuple(parameters):
         return None
     chosen = model_of(parameters.instance_class).loads
     return lambda parameters, strips, motion, density, state, out: chosen(
@@ -161,7 +165,7 @@ def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, sta
 
 @overload(advance)
 def _compiled_advance(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, dt: Any) -> Any:
-    if not isinstance(parameters, types.BaseNamedTuple):
+    if not _is_named_tuple(parameters):
         return None
     chosen = model_of(parameters.instance_class).advance
     return lambda parameters, strips, motion, density, state, dt: chosen(
