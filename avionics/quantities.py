@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 INFINITY = float("inf")
@@ -24,6 +25,10 @@ class Quantity(NamedTuple):
     unit: str
     low: float = -INFINITY
     high: float = INFINITY
+
+
+class Label(NamedTuple):
+    """Marks text that is written plainly, ``parent = "fuselage"``: a name needs neither unit nor source."""
 
 
 class Source(NamedTuple):
@@ -48,8 +53,17 @@ class VehicleFile(NamedTuple):
 SOURCE_KINDS = ("published", "identified", "chosen")
 
 
-def read_vehicle_file(path: Path, schema: Mapping[str, type[Any]]) -> VehicleFile:
-    """Read a TOML vehicle file against ``schema`` (section name to NamedTuple class).
+class Schema(NamedTuple):
+    """The sections of a vehicle file, by name to the NamedTuple class of their keys."""
+
+    required: Mapping[str, type[Any]]
+    optional: Mapping[str, type[Any]] = MappingProxyType({})
+    repeated: Mapping[str, type[Any]] = MappingProxyType({})
+    """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty where there is none"""
+
+
+def read_vehicle_file(path: Path, schema: Schema) -> VehicleFile:
+    """Read a TOML vehicle file against ``schema``.
 
     Every value is written ``key = { value = 0.359, unit = "kg", source = "published: Gerdes Table 4" }``; a
     list of numbers is allowed where the field is a tuple. ``fitted = "check"`` marks a chosen value that was
@@ -69,15 +83,20 @@ def read_vehicle_file(path: Path, schema: Mapping[str, type[Any]]) -> VehicleFil
     sources: dict[str, Source] = {}
     fitted: dict[str, str] = {}
     sections: dict[str, Any] = {}
+    known = [*schema.required, *schema.optional, *schema.repeated]
     for key in document:
-        if key not in schema and key not in ("name", "title"):
-            raise BadInput(f"{path}: unknown section [{key}]; known: {', '.join(schema)}")
-    for section, record in schema.items():
+        if key not in known and key not in ("name", "title"):
+            raise BadInput(f"{path}: unknown section [{key}]; known: {', '.join(known)}")
+    for section in schema.required:
         if section not in document:
             raise BadInput(f"{path}: section [{section}] is missing")
-        if not isinstance(document[section], dict):
-            raise BadInput(f"{path}: {section} must be a section of keys")
-        sections[section] = _section(path, section, document[section], record, sources, fitted)
+    for section, record in (*schema.required.items(), *schema.optional.items()):
+        if section in document:
+            sections[section] = _section(path, section, document[section], record, sources, fitted)
+    for family, record in schema.repeated.items():
+        sections[family] = {}
+        for name, table in _table(path, family, document.get(family, {})).items():
+            sections[family][name] = _section(path, f"{family}.{name}", table, record, sources, fitted)
     return VehicleFile(
         str(document.get("name", path.stem)),
         str(document.get("title", path.stem)),
@@ -97,6 +116,7 @@ def _section(
     sources: dict[str, Source],
     fitted: dict[str, str],
 ) -> Any:
+    table = _table(path, section, table)
     hints = get_type_hints(record, include_extras=True)
     defaults: dict[str, Any] = getattr(record, "_field_defaults", {})
     for key in table:
@@ -110,6 +130,9 @@ def _section(
                 continue
             raise BadInput(f"{path}: key {name} is missing ({_expectation(hint)})")
         entry = table[key]
+        if _is_label(hint):
+            values[key] = _label(path, name, entry)
+            continue
         if not isinstance(entry, dict) or "value" not in entry:
             raise BadInput(f"{path}: {name} must be a table with value, unit and source")
         unknown = set(entry) - {"value", "unit", "source", "fitted"}
@@ -120,6 +143,22 @@ def _section(
         if "fitted" in entry:
             fitted[name] = str(entry["fitted"])
     return record(**values)
+
+
+def _table(path: Path, section: str, table: Any) -> Mapping[str, Any]:
+    if not isinstance(table, dict):
+        raise BadInput(f"{path}: {section} must be a section of keys")
+    return table
+
+
+def _is_label(hint: Any) -> bool:
+    return get_origin(hint) is Annotated and any(isinstance(extra, Label) for extra in get_args(hint))
+
+
+def _label(path: Path, name: str, entry: Any) -> str:
+    if not isinstance(entry, str):
+        raise BadInput(f"{path}: {name} must be a name in quotes")
+    return entry
 
 
 def _expectation(hint: Any) -> str:

@@ -11,7 +11,6 @@ from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
 from logs.reader import Log
-from sim_bridge.sensors.suite import SECTIONS
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 WORLD_VEHICLE = "world_vehicle.toml"
@@ -27,7 +26,7 @@ def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
     Raises:
         BadInput: the attached vehicle file cannot be used.
     """
-    return _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path), SECTIONS))
+    return _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path)))
 
 
 def flight_vehicle(log: Log) -> FlightVehicle | None:

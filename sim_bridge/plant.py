@@ -8,86 +8,37 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.aerodynamics.strip_theory import strip_parameters
-from sim_bridge.multibody.flapper import SPEEDS, hinge_rotation
+from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
+from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.vectors import Floats, quaternion_from_euler, rotation
 from sim_bridge.vehicles import SimulatedVehicle
-from sim_bridge.vehicles.sections import Wing
 
 STEP = 0.001
 """s; of the integrator (a tick is cut into equal steps no longer than this)"""
 
 
-def chord_shape(planform: str, eta: float) -> float:
-    """Chord over the greatest chord at the relative span ``eta`` (0 root, 1 tip).
-
-    ``raven`` is Gerdes Eq. 1; ``ellipse`` an elliptic chord distribution.
-    """
-    if planform == "raven":
-        return 1.0 if eta < 0.5 else 4.0 * eta * (1.0 - eta)
-    return math.sqrt(max(1.0 - eta * eta, 0.0))
+def contact_points(vehicle: SimulatedVehicle) -> Floats:
+    """(4, 3) m; points of the fuselage that may touch the ground: nose, tail, and outriggers at the wings."""
+    hull, out = vehicle.fuselage, 0.3 * vehicle.wing.semispan
+    below = hull.contact_below
+    return np.array([(hull.contact_nose, 0.0, below), (hull.contact_tail, 0.0, below), (0.0, -out, below),
+                     (0.0, out, below)])  # fmt: skip
 
 
-def wing_strips(wing: Wing) -> Floats:
-    """Strips of one wing (n, 6): span m, eta, chord m, width m, spar mass kg, membrane mass kg.
-
-    The spar's mass is spread evenly over the span, the membrane's in proportion to area.
-    """
-    width = 1.0 / wing.strips
-    etas = [(i + 0.5) * width for i in range(wing.strips)]
-    # A strip's chord is the mean over its width, so that the strips' areas add up to the planform's.
-    fine = [(j + 0.5) / 40 - 0.5 for j in range(40)]
-    shapes = [sum(chord_shape(wing.planform, eta + f * width) for f in fine) / 40 for eta in etas]
-    area = sum(shapes)
-    rows = [
-        (
-            eta * wing.semispan,
-            eta,
-            shape * wing.root_chord,
-            width * wing.semispan,
-            wing.mass * wing.spar_fraction * width,
-            wing.mass * (1.0 - wing.spar_fraction) * shape / area,
-        )
-        for eta, shape in zip(etas, shapes, strict=True)
-    ]
-    return np.array(rows)
-
-
-def aspect_ratio(wing: Wing, strips: Floats) -> float:
-    """Of both wings together: span squared over area."""
-    area = 2.0 * float(np.sum(strips[:, 2] * strips[:, 3]))
-    return (2.0 * wing.semispan) ** 2 / area
-
-
-def plant_parameters(vehicle: SimulatedVehicle) -> k.PlantParameters:
+def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.PlantParameters:
     """Flatten a vehicle into what the kernel takes."""
-    body, wing, tail, drive = vehicle.body, vehicle.wing, vehicle.tail, vehicle.drive
-    strips = wing_strips(wing)
-    section = strip_parameters(
-        aspect_ratio(wing, strips), wing.zero_lift_angle, wing.suction_efficiency, wing.stall_angle
-    )
-    section = section._replace(c1=section.c1 * wing.wake_lag)
-    below = body.contact_below
-    contacts = [(body.contact_nose, 0.0, below), (body.contact_tail, 0.0, below)]
-    contacts += [(0.0, side * 0.3 * wing.semispan, below) for side in (-1.0, 1.0)]
+    hull, drive, battery, servo = vehicle.fuselage, vehicle.drive, vehicle.battery, vehicle.tail_servo
     return k.PlantParameters(
-        fuselage_mass=body.mass - 2.0 * wing.mass,
-        inertia=np.array([body.inertia_xx, body.inertia_yy, body.inertia_zz, body.inertia_xz]),
-        drag_areas=np.array([body.drag_area, body.side_area]),
-        contacts=np.array(contacts),
-        imu=np.array(body.imu_position),
-        strips=strips,
-        hinge=hinge_rotation(wing.incidence),
-        hinge_position=np.array([wing.hinge_x, wing.hinge_y, wing.hinge_z]),
-        section=section,
-        washout=wing.washout,
-        twist=np.array([wing.twist_stiffness, wing.twist_damping]),
-        flap_damping=wing.flap_damping,
-        tail=np.array(
-            [tail.position_x, tail.position_z, tail.horizontal_area, tail.vertical_area, tail.lift_slope,
-             tail.incidence]
-        ),
-        tail_servo=np.array([tail.servo_time_constant, tail.servo_rate_limit, tail.travel]),
+        tree=mechanism.tree,
+        wings=mechanism.wings,
+        joints=mechanism.joints,
+        plates=mechanism.plates,
+        aerodynamics=mechanism.aerodynamics,
+        whole_aircraft=mechanism.model.whole_aircraft,
+        drag_areas=np.array([hull.drag_area, hull.side_area]),
+        contacts=contact_points(vehicle),
+        imu=np.array(hull.imu_position),
+        tail_servo=np.array([servo.time_constant, servo.rate_limit]),
         crank=drive.kind == "crank",
         drive=np.array(
             [drive.stall_torque, drive.no_load_speed, drive.nominal_voltage, drive.position_gain, drive.rate_gain]
@@ -95,37 +46,38 @@ def plant_parameters(vehicle: SimulatedVehicle) -> k.PlantParameters:
         crank_shape=np.array([drive.crank_amplitude, drive.crank_mean, drive.spin_time_constant]),
         crank_frequencies=np.array(drive.frequencies),
         current=np.array([drive.torque_constant, drive.torque_offset, drive.idle_current]),
-        battery=np.array(
-            [vehicle.battery.full_voltage, vehicle.battery.empty_voltage, vehicle.battery.capacity,
-             vehicle.battery.resistance]
-        ),
-        weight=body.mass * k.GRAVITY,
-    )  # fmt: skip
-
-
-def scratch(strips: int) -> k.Scratch:
-    """Work space of the kernel for wings of ``strips`` strips."""
-    return k.Scratch(
-        mass=np.zeros((SPEEDS, SPEEDS)),
-        load=np.zeros(SPEEDS),
-        frame=np.zeros((5, 3)),
-        work=np.zeros((8, 18)),
-        r=np.zeros((3, 3)),
-        left_loads=np.zeros((strips, 6)),
-        right_loads=np.zeros((strips, 6)),
-        tail_load=np.zeros(SPEEDS),
-        body_load=np.zeros(SPEEDS),
-        drive=np.zeros(4),
-        accelerations=np.zeros(SPEEDS),
-        held=np.zeros(SPEEDS),
+        battery=np.array([battery.full_voltage, battery.empty_voltage, battery.capacity, battery.resistance]),
+        weight=total_mass(vehicle) * k.GRAVITY,
     )
 
 
-def initial_state(vehicle: SimulatedVehicle) -> Floats:
+def scratch(mechanism: Mechanism) -> k.Scratch:
+    """Work space of the kernel."""
+    speeds = BASE + len(mechanism.layout.coordinates)
+    return k.Scratch(
+        mass=np.zeros((speeds, speeds)),
+        load=np.zeros(speeds),
+        tree=blank_kinematics(mechanism.tree),
+        wings=wing_work(mechanism),
+        outside=np.zeros(9),
+        base=np.zeros(6),
+        work=np.zeros((5, 3)),
+        r=np.zeros((3, 3)),
+        plate_load=np.zeros(6),
+        body_load=np.zeros(6),
+        drive=np.zeros(4),
+        accelerations=np.zeros(speeds),
+        held=np.zeros(speeds, dtype=np.int64),
+        imposed=np.zeros(speeds),
+    )
+
+
+def initial_state(vehicle: SimulatedVehicle, mechanism: Mechanism) -> Floats:
     """The vehicle at rest in the launcher's hand, wings level, nose up by the launch pitch."""
-    y = np.zeros(k.WAKE + 2 * vehicle.wing.strips)
+    y = np.zeros(mechanism.layout.size)
     y[2] = -vehicle.launch.height
     y[3:7] = quaternion_from_euler(0.0, vehicle.launch.pitch, 0.0)
+    y[mechanism.layout.aerodynamics :] = mechanism.aerodynamic_state
     return y
 
 
@@ -145,11 +97,18 @@ class Plant:
     """The vehicle's state and its compiled integrator."""
 
     def __init__(self, vehicle: SimulatedVehicle) -> None:
+        """Build the vehicle's mechanism, at rest in the launcher's hand.
+
+        Raises:
+            BadInput: the bodies make no tree, or the aerodynamic model does not hold.
+        """
         self.vehicle = vehicle
-        self.parameters = plant_parameters(vehicle)
-        self.y = initial_state(vehicle)
-        self.scratch = scratch(vehicle.wing.strips)
-        self.scratch.drive[3] = vehicle.battery.full_voltage
+        self.mechanism = build_mechanism(vehicle)
+        self.layout = self.mechanism.layout
+        self.parameters = plant_parameters(vehicle, self.mechanism)
+        self.y = initial_state(vehicle, self.mechanism)
+        self.scratch = scratch(self.mechanism)
+        self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.touching = False
         self._stages = np.zeros((6, self.y.shape[0]))
         self._means = np.zeros(7)
@@ -168,3 +127,16 @@ class Plant:
         k.derivatives(self.y, controls.duration, controls, around, self.parameters, self.scratch, self._stages[5])
         rates: Floats = self._stages[5].copy()
         return rates
+
+    def wing_loads(self) -> Floats:
+        """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.
+
+        Without the apparent mass, whose force is part of the mass matrix.
+        """
+        motion, total = self.scratch.wings.motion, self.scratch.wings.loads.parts.sum(axis=0)
+        span, chord, normal = motion.axes
+        force = total[0] * chord + total[1] * normal + total[2] * span
+        # Nose up about the span is the right-hand turn about y on either side.
+        about = span * self.mechanism.wings.side[self.mechanism.wings.strips.wing.astype(int)]
+        moment = np.cross(motion.place.T, force.T).T + total[3] * about
+        return np.concatenate((force, moment)).T

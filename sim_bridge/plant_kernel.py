@@ -1,62 +1,87 @@
 """The compiled right-hand side and integrator of the plant.
 
-State vector: position NED 0-2, quaternion 3-6, velocity 7-9 and angular velocity 10-12 in body axes, then for the
-left (13-16) and the right wing (17-20) flap angle, tip twist, flap rate, tip-twist rate; elevator 21, rudder 22,
-crank phase 23, crank speed in Hz 24, charge drawn in C 25, then the wake states of the strips, left and right.
+State vector: position NED 0-2, quaternion 3-6, velocity 7-9 and angular velocity 10-12 of the base in body axes, from
+13 the c coordinates (joints of the tree, then tip twists) and their c rates, then crank phase, crank speed in Hz,
+charge drawn in C, then the state of the aerodynamic model: see `Layout`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_bridge.actuators.drives import drive_current, servo_torque
-from sim_bridge.aerodynamics.strip_theory import StripParameters
-from sim_bridge.aerodynamics.surfaces import body_drag, plate_pressure
+from sim_bridge.aerodynamics import protocol
+from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.multibody.contact import ground_force
-from sim_bridge.multibody.flapper import (
-    add_body_force,
-    add_fuselage,
-    add_wing,
-    clear,
-    hold_speeds,
-    solve,
-)
-from sim_bridge.vectors import Floats, kernel, rotation
+from sim_bridge.multibody.plates import Plates, add_plates
+from sim_bridge.multibody.tree import BASE, Kinematics, Tree, add_wrench, assemble, hold, move, solve
+from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion
+from sim_bridge.vectors import Floats, Integers, kernel, rotation
 
 GRAVITY = 9.80665
 VOLTAGE_ROUNDS = 3
-LEFT, RIGHT = 13, 17
-ELEVATOR, RUDDER, CRANK_PHASE, CRANK_SPEED, CHARGE, WAKE = 21, 22, 23, 24, 25, 26
+COORDINATES = 13
+"""index of the first coordinate in the state vector"""
 
 # Phases of the flight as the launcher sees them.
 HELD, THROWN, FREE = 0, 1, 2
+
+# What moves a coordinate: nothing but its spring and damper, a wing's drive, or a servo that its motion follows.
+PASSIVE, WING, FOLLOWS = 0, 1, 2
+
+# The channels that a coordinate may be moved by.
+LEFT, RIGHT, ELEVATOR, RUDDER = 0, 1, 2, 3
+
+# Outputs in `Scratch.drive`.
+TORQUE_LEFT, TORQUE_RIGHT, CURRENT, VOLTAGE = 0, 1, 2, 3
+
+
+class Joints(NamedTuple):
+    """How each of the c coordinates is moved and held."""
+
+    kind: Integers
+    """(c,); PASSIVE, WING or FOLLOWS"""
+    channel: Integers
+    """(c,); LEFT, RIGHT, ELEVATOR or RUDDER"""
+    stiffness: Floats
+    """(c,) N m/rad"""
+    damping: Floats
+    """(c,) N m s/rad"""
 
 
 class PlantParameters(NamedTuple):
     """Everything the kernel needs of a vehicle; SI."""
 
-    fuselage_mass: float
-    inertia: Floats
+    tree: Tree
+    wings: Wings
+    joints: Joints
+    plates: Plates
+    aerodynamics: Any
+    """parameters of a model of `sim_bridge.aerodynamics.models`"""
+    whole_aircraft: bool
+    """the model's loads are those of tail and fuselage too"""
     drag_areas: Floats
+    """(2,) m^2; along and across the fuselage"""
     contacts: Floats
+    """(n, 3) m; on the base"""
     imu: Floats
-    strips: Floats
-    hinge: Floats
-    hinge_position: Floats
-    section: StripParameters
-    washout: float
-    twist: Floats
-    flap_damping: float
-    tail: Floats
+    """(3,) m; on the base"""
     tail_servo: Floats
+    """(2,) time constant s, rate limit rad/s"""
     crank: bool
     drive: Floats
+    """(5,) stall torque N m, no-load speed rad/s, nominal voltage V, position gain N m/rad, rate gain N m s/rad"""
     crank_shape: Floats
+    """(3,) amplitude rad, mean rad, time constant s"""
     crank_frequencies: Floats
+    """Hz; at equal steps of throttle"""
     current: Floats
+    """(3,) torque constant N m/A, torque offset N m, idle current A"""
     battery: Floats
+    """(4,) full V, empty V, capacity C, resistance ohm"""
     weight: float
+    """N"""
 
 
 class Controls(NamedTuple):
@@ -85,6 +110,10 @@ class Surroundings(NamedTuple):
     throw_x: float
     throw_y: float
     throw_z: float
+    turn_x: float = 0.0
+    """rad/s; angular velocity of the air, body axes, as are the next two"""
+    turn_y: float = 0.0
+    turn_z: float = 0.0
 
 
 class Scratch(NamedTuple):
@@ -92,18 +121,28 @@ class Scratch(NamedTuple):
 
     mass: Floats
     load: Floats
-    frame: Floats
+    tree: Kinematics
+    wings: WingWork
+    outside: Floats
+    """(9,) gravity m/s^2; velocity m/s and angular velocity rad/s of the air; body axes"""
+    base: Floats
+    """(6,) velocity m/s and angular velocity rad/s of the base, body axes"""
     work: Floats
+    """(5, 3)"""
     r: Floats
-    left_loads: Floats
-    right_loads: Floats
-    tail_load: Floats
+    """(3, 3); r_ned_from_frd"""
+    plate_load: Floats
+    """(6,) N, N m; of tail and fins, body axes about the base's origin"""
     body_load: Floats
+    """(6,) N, N m; of the fuselage and of models of the whole aircraft"""
     drive: Floats
-    """torque left, right N m; current A; voltage V; tail deflections"""
+    """torque left, right N m; current A; voltage V"""
     accelerations: Floats
-    """(10,) rates of the speeds"""
-    held: Floats
+    """(6 + c,); rates of the speeds"""
+    held: Integers
+    """(6 + c,); 1 where the rate of a speed is imposed"""
+    imposed: Floats
+    """(6 + c,); the rates imposed"""
 
 
 @kernel
@@ -124,58 +163,71 @@ def _supply(charge: float, battery: Floats) -> float:
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
     # the open-circuit voltage three rounds come within a millivolt.
-    open_circuit = _supply(y[CHARGE], p.battery)
+    n = p.joints.kind.shape[0]
+    charge = y[COORDINATES + 2 * n + 2]
+    open_circuit = _supply(charge, p.battery)
     voltage = open_circuit
     for _ in range(VOLTAGE_ROUNDS):
         _drive_torques(y, t / c.duration, max(voltage, 0.1) / p.drive[2], c, p, s)
-        voltage = open_circuit - p.battery[3] * s.drive[2]
-    s.drive[3] = voltage
+        voltage = open_circuit - p.battery[3] * s.drive[CURRENT]
+    s.drive[VOLTAGE] = voltage
+    for i in range(n):
+        if p.joints.kind[i] == WING:
+            s.load[BASE + i] += s.drive[p.joints.channel[i]]
 
 
 @kernel
 def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
-    total = 0.0
-    for k in range(2):
-        base = LEFT + 4 * k
+    total, n = 0.0, p.joints.kind.shape[0]
+    phase, speed = y[COORDINATES + 2 * n], y[COORDINATES + 2 * n + 1]
+    for i in range(n):
+        if p.joints.kind[i] != WING:
+            continue
+        left = p.joints.channel[i] == LEFT
+        angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
         if p.crank:
-            wanted = p.crank_shape[1] + p.crank_shape[0] * math.sin(y[CRANK_PHASE])
-            wanted_rate = p.crank_shape[0] * math.cos(y[CRANK_PHASE]) * 2.0 * math.pi * y[CRANK_SPEED]
+            wanted = p.crank_shape[1] + p.crank_shape[0] * math.sin(phase)
+            wanted_rate = p.crank_shape[0] * math.cos(phase) * 2.0 * math.pi * speed
         else:
-            start = c.left_start if k == 0 else c.right_start
-            end = c.left_end if k == 0 else c.right_end
+            start = c.left_start if left else c.right_start
+            end = c.left_end if left else c.right_end
             wanted = start + share * (end - start)
             wanted_rate = (end - start) / c.duration
         gains = (p.drive[3], p.drive[4])
-        torque = servo_torque(
-            wanted - y[base], wanted_rate - y[base + 2], y[base + 2], gains, p.drive[0] * ratio, p.drive[1] * ratio
-        )
-        s.drive[k] = torque * c.powered
-        total += drive_current(s.drive[k], p.current[0], p.current[1], p.current[2])
-    s.drive[2] = total
+        torque = servo_torque(wanted - angle, wanted_rate - rate, rate, gains, p.drive[0] * ratio, p.drive[1] * ratio)
+        torque *= c.powered
+        s.drive[p.joints.channel[i]] = torque
+        total += drive_current(torque, p.current[0], p.current[1], p.current[2])
+    s.drive[CURRENT] = total
 
 
 @kernel
-def _tail_and_body(y: Floats, p: PlantParameters, density: float, s: Scratch) -> None:
-    v, w, air = s.frame[1], s.frame[2], s.frame[3]
-    force, x, z = s.work[0, 0:3], p.tail[0], p.tail[1]
-    along, down = v[0] - air[0], v[2] - air[2] - w[1] * x
-    # Undeflected normal points up: moving down is an upwash, and a deflection raises the leading edge.
-    pressure = plate_pressure(along, -down, p.tail[5] - y[ELEVATOR], p.tail[4], density)
-    s.tail_load[:] = 0.0
-    force[0], force[1], force[2] = 0.0, 0.0, -pressure * p.tail[2]
-    add_body_force(s.tail_load, x, 0.0, 0.0, force)
-    aside = v[1] - air[1] + w[2] * x - w[0] * z
-    pressure = plate_pressure(along, aside, -y[RUDDER], p.tail[4], density)
-    force[0], force[1], force[2] = 0.0, pressure * p.tail[3], 0.0
-    add_body_force(s.tail_load, x, 0.0, z, force)
+def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
+    n = p.joints.kind.shape[0]
+    q, rates, start = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
+    air = s.outside[3:9]
+    wing_motion(s.tree, p.wings, q, rates, air, s.wings)
+    protocol.loads(p.aerodynamics, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
+    for i in range(y.shape[0] - start):
+        rate[start + i] = s.wings.loads.rates[i]
+    add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
     s.body_load[:] = 0.0
-    speeds = s.work[1, 0:3]
+    if p.whole_aircraft:
+        s.plate_load[:] = 0.0
+        for i in range(6):
+            s.body_load[i] = s.wings.loads.body[i]
+    else:
+        add_plates(s.tree, p.plates, air, density, s.work, s.plate_load)
+        body_drag(s.wings.motion.body[0:3], p.drag_areas[0], p.drag_areas[1], density, s.body_load[0:3])
     for i in range(3):
-        speeds[i] = v[i] - air[i]
-    body_drag(speeds, p.drag_areas[0], p.drag_areas[1], density, force)
-    add_body_force(s.body_load, 0.0, 0.0, 0.0, force)
-    for i in range(6):
-        s.load[i] += s.tail_load[i] + s.body_load[i]
+        s.tree.force[0, i] -= s.body_load[3 + i]
+        s.tree.force[0, 3 + i] -= s.body_load[i]
+
+
+@kernel
+def aero_start(coordinates: int) -> int:
+    """Index of the aerodynamic model's state in the state vector."""
+    return COORDINATES + 2 * coordinates + 3
 
 
 @kernel
@@ -183,8 +235,8 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
     touching = False
     if y[2] < -2.0:
         return False
-    velocity, force, body = s.work[0, 0:3], s.work[1, 0:3], s.work[2, 0:3]
-    v, w = s.frame[1], s.frame[2]
+    velocity, force, body, point = s.work[0], s.work[1], s.work[2], s.work[3]
+    v, w = s.base[0:3], s.base[3:6]
     for k in range(p.contacts.shape[0]):
         px, py, pz = p.contacts[k, 0], p.contacts[k, 1], p.contacts[k, 2]
         depth = y[2] + s.r[2, 0] * px + s.r[2, 1] * py + s.r[2, 2] * pz
@@ -198,18 +250,62 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
         touching = ground_force(depth, velocity, p.weight, force) or touching
         for i in range(3):
             body[i] = s.r[0, i] * force[0] + s.r[1, i] * force[1] + s.r[2, i] * force[2]
-        add_body_force(s.load, px, py, pz, body)
+            point[i] = p.contacts[k, i]
+        add_wrench(s.tree, 0, point, body)
     return touching
 
 
 @kernel
-def _axes(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) -> None:
+def _outside(y: Floats, around: Surroundings, s: Scratch) -> None:
     rotation(y[3], y[4], y[5], y[6], s.r)
     for i in range(3):
-        s.frame[1, i] = y[7 + i]
-        s.frame[2, i] = y[10 + i]
-        s.frame[3, i] = s.r[0, i] * around.wind_north + s.r[1, i] * around.wind_east + s.r[2, i] * around.wind_down
-        s.frame[4, i] = s.r[2, i] * GRAVITY
+        s.base[i] = y[7 + i]
+        s.base[3 + i] = y[10 + i]
+        s.outside[i] = s.r[2, i] * GRAVITY
+        wind = s.r[0, i] * around.wind_north + s.r[1, i] * around.wind_east + s.r[2, i] * around.wind_down
+        s.outside[3 + i] = wind
+    s.outside[6], s.outside[7], s.outside[8] = around.turn_x, around.turn_y, around.turn_z
+
+
+@kernel
+def _hold_joints(y: Floats, p: PlantParameters, s: Scratch) -> None:
+    n = p.joints.kind.shape[0]
+    for i in range(n):
+        angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
+        s.load[BASE + i] -= p.joints.stiffness[i] * angle + p.joints.damping[i] * rate
+
+
+@kernel
+def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
+    """Tell which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
+    any_held = around.launcher != FREE
+    for i in range(BASE):
+        s.held[i] = 1 if any_held else 0
+        s.imposed[i] = 0.0
+    if around.launcher == THROWN:
+        s.imposed[0], s.imposed[1], s.imposed[2] = around.throw_x, around.throw_y, around.throw_z
+    n = p.joints.kind.shape[0]
+    for i in range(n):
+        s.held[BASE + i] = 0
+        if p.joints.kind[i] == FOLLOWS:
+            wanted = c.elevator if p.joints.channel[i] == ELEVATOR else c.rudder
+            s.held[BASE + i] = 1
+            s.imposed[BASE + i] = servo_acceleration(
+                wanted - y[COORDINATES + i], y[COORDINATES + n + i], p.tail_servo[0], p.tail_servo[1]
+            )
+            any_held = True
+    return any_held
+
+
+@kernel
+def servo_acceleration(error: float, rate: float, time_constant: float, rate_limit: float) -> float:
+    """rad/s^2 of a position servo: a rate loop of a quarter of the time constant inside a position loop of it.
+
+    Small errors decay critically damped, as late as a first-order lag of ``time_constant`` s; the rate loop is asked
+    for ``rate_limit`` rad/s at most.
+    """
+    wanted = min(max(error / time_constant, -rate_limit), rate_limit)
+    return (wanted - rate) / (0.25 * time_constant)
 
 
 @kernel
@@ -217,47 +313,28 @@ def derivatives(
     y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch, rate: Floats
 ) -> bool:
     """Fill ``rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched."""
-    n = p.strips.shape[0]
-    clear(s.mass, s.load)
-    _axes(y, around, p, s)
-    add_fuselage(s.mass, s.load, p.fuselage_mass, p.inertia, s.frame[1], s.frame[2])
-    for i in range(3):
-        s.load[i] += p.fuselage_mass * s.frame[4, i]
-    _tail_and_body(y, p, around.density, s)
+    n = p.joints.kind.shape[0]
+    q, rates = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n]
+    s.mass[:, :] = 0.0
+    s.load[:] = 0.0
+    _outside(y, around, s)
+    move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
+    _air_loads(y, around.density, p, s, rate)
     touching = _contacts(y, p, s)
+    assemble(p.tree, s.tree, s.mass, s.load)
+    _hold_joints(y, p, s)
     _drive_wings(y, t, c, p, s)
-    for k in range(2):
-        base, side = LEFT + 4 * k, -1.0 if k == 0 else 1.0
-        s.frame[0, 0] = p.hinge_position[0]
-        s.frame[0, 1] = side * p.hinge_position[1]
-        s.frame[0, 2] = p.hinge_position[2]
-        lags, lag_rates = y[WAKE + n * k : WAKE + n * (k + 1)], rate[WAKE + n * k : WAKE + n * (k + 1)]
-        loads = s.left_loads if k == 0 else s.right_loads
-        add_wing(
-            s.mass, s.load, y[base : base + 4], side, p.strips, p.hinge, s.frame, lags, lag_rates,
-            around.density, p.section, p.washout, s.work, loads,
-        )  # fmt: skip
-        s.load[6 + 2 * k] += s.drive[k] - p.flap_damping * y[base + 2]
-        s.load[7 + 2 * k] -= p.twist[0] * y[base + 1] + p.twist[1] * y[base + 3]
-    _impose_launcher(y, around, s)
+    if _impose(y, c, around, p, s):
+        hold(s.mass, s.load, s.held, s.imposed)
     solve(s.mass, s.load)
     _kinematics(y, c, p, s, rate)
     return touching
 
 
 @kernel
-def _impose_launcher(y: Floats, around: Surroundings, s: Scratch) -> None:
-    if around.launcher == FREE:
-        return
-    s.held[:] = 0.0
-    if around.launcher == THROWN:
-        s.held[0], s.held[1], s.held[2] = around.throw_x, around.throw_y, around.throw_z
-    hold_speeds(s.mass, s.load, s.held, 0, 6)
-
-
-@kernel
 def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Floats) -> None:
-    for i in range(10):
+    n = p.joints.kind.shape[0]
+    for i in range(BASE + n):
         s.accelerations[i] = s.load[i]
     for i in range(3):
         rate[i] = s.r[i, 0] * y[7] + s.r[i, 1] * y[8] + s.r[i, 2] * y[9]
@@ -269,35 +346,30 @@ def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Fl
     rate[4] = 0.5 * (w * a + z_ * d - q * b) + stray * x
     rate[5] = 0.5 * (w * b - x * d + q * a) + stray * z_
     rate[6] = 0.5 * (w * d + x * b - z_ * a) + stray * q
-    for i in range(6):
+    for i in range(BASE):
         rate[7 + i] = s.load[i]
-    for k in range(2):
-        base = LEFT + 4 * k
-        rate[base] = y[base + 2]
-        rate[base + 1] = y[base + 3]
-        rate[base + 2] = s.load[6 + 2 * k]
-        rate[base + 3] = s.load[7 + 2 * k]
-    limit = p.tail_servo[1]
-    rate[ELEVATOR] = min(max((c.elevator - y[ELEVATOR]) / p.tail_servo[0], -limit), limit)
-    rate[RUDDER] = min(max((c.rudder - y[RUDDER]) / p.tail_servo[0], -limit), limit)
-    rate[CRANK_PHASE] = 2.0 * math.pi * y[CRANK_SPEED]
+    for i in range(n):
+        rate[COORDINATES + i] = y[COORDINATES + n + i]
+        rate[COORDINATES + n + i] = s.load[BASE + i]
+    phase = COORDINATES + 2 * n
+    rate[phase] = 2.0 * math.pi * y[phase + 1]
     wanted = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
-    rate[CRANK_SPEED] = (wanted - y[CRANK_SPEED]) / p.crank_shape[2]
-    rate[CHARGE] = s.drive[2]
+    rate[phase + 1] = (wanted - y[phase + 1]) / p.crank_shape[2]
+    rate[phase + 2] = s.drive[CURRENT]
 
 
 @kernel
 def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> None:
     """Add ``share`` of the acceleration at ``r`` less gravity: v' + w x v + w' x r + w x (w x r) - g."""
-    v, w, a = s.frame[1], s.frame[2], s.accelerations
-    inner = s.work[0, 0:3]
+    v, w, a = s.base[0:3], s.base[3:6], s.accelerations
+    inner = s.work[0]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         inner[i] = v[i] + w[j] * r[k] - w[k] * r[j]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         turning = w[j] * inner[k] - w[k] * inner[j] + a[3 + j] * r[k] - a[3 + k] * r[j]
-        means[4 + i] += share * (a[i] + turning - s.frame[4, i])
+        means[4 + i] += share * (a[i] + turning - s.outside[i])
 
 
 @kernel
@@ -326,10 +398,10 @@ def advance(
     for step in range(steps):
         t = step * h
         touching = derivatives(y, t, c, around, p, s, stages[0]) or touching
-        means[0] += s.drive[0] / steps
-        means[1] += s.drive[1] / steps
-        means[2] += s.drive[2] / steps
-        means[3] += s.drive[2] * s.drive[3] / steps
+        means[0] += s.drive[TORQUE_LEFT] / steps
+        means[1] += s.drive[TORQUE_RIGHT] / steps
+        means[2] += s.drive[CURRENT] / steps
+        means[3] += s.drive[CURRENT] * s.drive[VOLTAGE] / steps
         _add_specific_force(p.imu, s, means, 1.0 / steps)
         for i in range(y.shape[0]):
             trial[i] = y[i] + 0.5 * h * stages[0, i]
@@ -342,4 +414,6 @@ def advance(
         derivatives(trial, t + h, c, around, p, s, stages[3])
         for i in range(y.shape[0]):
             y[i] += h / 6.0 * (stages[0, i] + 2.0 * stages[1, i] + 2.0 * stages[2, i] + stages[3, i])
+        memory = y[aero_start(p.joints.kind.shape[0]) :]
+        protocol.advance(p.aerodynamics, p.wings.strips, s.wings.motion, around.density, memory, h)
     return touching

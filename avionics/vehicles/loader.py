@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import NamedTuple, get_type_hints
 
 from avionics.mixing import flapping
-from avionics.quantities import BadInput, VehicleFile, read_vehicle_file
+from avionics.quantities import BadInput, Schema, VehicleFile, read_vehicle_file
 from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
 
 FOLDER = Path(__file__).parent
-SCHEMA = get_type_hints(FlightGains) | {"airframe": Airframe}
+SCHEMA = Schema(get_type_hints(FlightGains) | {"airframe": Airframe})
 
 
 class FlightVehicle(NamedTuple):

@@ -39,7 +39,7 @@ from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.flight.world import load_vehicle as load_world_vehicle
+from sim_bridge.vehicles import load_vehicle as load_world_vehicle
 
 EXAMPLES = (
     "wingbeat fly",

@@ -17,8 +17,8 @@ from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
-from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
-from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 EXAMPLES = (
     "wingbeat sim",

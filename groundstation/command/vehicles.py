@@ -15,8 +15,8 @@ from groundstation.command import options
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from sim_bridge.flight.world import load_vehicle
-from sim_bridge.vehicles import SimulatedVehicle, vehicle_names
+from sim_bridge.mechanism import total_mass
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, vehicle_names
 
 EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat vehicles --json")
 JSON_KEYS = {
@@ -69,7 +69,7 @@ def _record(vehicle: SimulatedVehicle) -> dict[str, Any]:
     return {
         "name": vehicle.name,
         "title": vehicle.title,
-        "mass": vehicle.body.mass,
+        "mass": total_mass(vehicle),
         "wingspan": 2.0 * vehicle.wing.semispan,
         "flies": vehicle.path.stem in flight_names(),
         "sources": count_kinds(vehicle.sources.values()),
@@ -109,8 +109,10 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
 
 
 def _value(vehicle: SimulatedVehicle, key: str) -> Any:
-    section, _, name = key.partition(".")
-    return getattr(vehicle.sections[section], name)
+    section, _, name = key.rpartition(".")
+    family, _, member = section.partition(".")
+    record = vehicle.sections[family]
+    return getattr(record[member] if member else record, name)
 
 
 def _written(value: Any) -> str:

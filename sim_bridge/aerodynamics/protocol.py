@@ -152,7 +152,7 @@ def _is_named_tuple(compile_time_type: Any) -> bool:
     return isinstance(compile_time_type, types.BaseNamedTuple)
 
 
-@overload(loads)
+@overload(loads, strict=False)
 def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, out: Any) -> Any:
     # Resolved by the type of the parameters when the caller is compiled: no branch is left at run time.
     if not _is_named_tuple(parameters):
@@ -163,7 +163,7 @@ def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, sta
     )
 
 
-@overload(advance)
+@overload(advance, strict=False)
 def _compiled_advance(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, dt: Any) -> Any:
     if not _is_named_tuple(parameters):
         return None

@@ -8,8 +8,23 @@ a strip, which is the time-domain form of F'(k), G'(k):  C'(k) = 1 - C1 ik / (ik
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+import numpy as np
+
+from avionics.quantities import Quantity
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    INERTIA,
+    MASS,
+    NOSE_UP,
+    UPWARD,
+    AerodynamicModel,
+    Motion,
+    SectionLoads,
+    Strips,
+    aspect_ratio,
+)
 from sim_bridge.vectors import Floats, kernel
 
 STALL_BLEND = math.radians(3.0)
@@ -18,6 +33,21 @@ SLOWEST = 0.3
 """m/s; chordwise speed below which the reduced frequency is no longer resolved"""
 KINEMATIC_VISCOSITY = 1.46e-5
 """m^2/s; of air at 15 degrees Celsius"""
+PARTS = ("circulatory", "separated", "suction", "camber", "friction", "apparent_couple")
+CIRCULATORY, SEPARATED, SUCTION, CAMBER, FRICTION, COUPLE = range(len(PARTS))
+
+
+class StripTheory(NamedTuple):
+    """Section ``[strip_theory]`` of a vehicle file."""
+
+    zero_lift_angle: Annotated[float, Quantity("rad", -1.6, 1.6)]
+    """of the section, negated: the angle that camber adds to the angle of attack"""
+    suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """share of the leading-edge suction that is realised"""
+    stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
+    """static; raised by Kim's dynamic factor"""
+    wake_lag: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """share of the unsteady wake's effect: 1 is DeLaurier's C'(k) in the time domain, 0 quasi-steady"""
 
 
 class StripParameters(NamedTuple):
@@ -30,6 +60,42 @@ class StripParameters(NamedTuple):
     c1: float
     c2: float
     lift_factor: float
+
+
+class SectionMotion(NamedTuple):
+    """How one section moves through the air."""
+
+    along: float
+    """m/s; forward along the chord"""
+    plunge: float
+    """m/s; of the leading edge against the normal by flapping alone, h' cos(theta - theta_a)"""
+    down: float
+    """m/s; of mid-chord against the normal"""
+    pitch_rate: float
+    """rad/s; about the span, leading edge up"""
+    chord: float
+    """m"""
+
+
+class Section(NamedTuple):
+    """Loads a unit span of one section."""
+
+    circulatory: float
+    """N/m; normal, at a quarter chord"""
+    separated: float
+    """N/m; normal, at mid-chord"""
+    suction: float
+    """N/m; forward along the chord, as the next two"""
+    camber: float
+    """N/m"""
+    friction: float
+    """N/m"""
+    lag_rate: float
+    """m/s^2; of the wake's state"""
+    apparent: float
+    """kg/m; apparent mass at mid-chord"""
+    stalled: float
+    """-; share 0 to 1"""
 
 
 def strip_parameters(
@@ -45,6 +111,19 @@ def strip_parameters(
         0.181 + 0.772 / aspect_ratio,
         aspect_ratio / (2.0 + aspect_ratio),
     )
+
+
+def build(settings: StripTheory, strips: Strips) -> StripParameters:
+    """The model's parameters for the wings of a vehicle."""
+    p = strip_parameters(
+        aspect_ratio(strips), settings.zero_lift_angle, settings.suction_efficiency, settings.stall_angle
+    )
+    return p._replace(c1=p.c1 * settings.wake_lag)
+
+
+def initial(parameters: StripParameters, strips: Strips) -> Floats:
+    """The wakes' states (n,) in m/s at rest: one a strip; none where the wake has no effect."""
+    return np.zeros(strips.chord.shape[0] if parameters.c1 != 0.0 else 0)
 
 
 @kernel
@@ -65,45 +144,93 @@ def friction_coefficient(reynolds: float) -> float:
 
 
 @kernel
-def section_loads(motion: Floats, chord: float, density: float, lag: float, p: StripParameters, out: Floats) -> None:
-    """Loads a unit span of one section.
+def stalled_share(angle: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
+    """How much of a section is stalled, 0 to 1, at the ``angle`` in rad of DeLaurier's stall criterion."""
+    size = abs(angle)
+    # The factor lies between 1 and 2, so that most sections need it not.
+    if size <= p.stall_angle - STALL_BLEND:
+        return 0.0
+    if size >= 2.0 * p.stall_angle + STALL_BLEND:
+        return 1.0
+    plunge_angle = abs(math.atan2(m.plunge, speed))
+    towards = m.pitch_rate if angle >= 0.0 else -m.pitch_rate
+    limit = p.stall_angle * stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle)
+    share = min(max((size - limit) / (2.0 * STALL_BLEND) + 0.5, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
 
-    Args:
-        motion: (5,) forward speed along the chord; downward speed normal to it of the leading edge by flapping
-            alone (h' cos(theta - theta_a)), of the section through the air at 1/2 and at
-            3/4 chord, m/s; pitch rate about the span, leading edge up, rad/s.
-        lag: m/s; the wake's state.
-        out: (6,) normal force at 1/4 chord, normal force at 1/2 chord, chordwise force (forward) in N/m;
-            rate of the lag in m/s^2; apparent mass kg/m at 1/2 chord; stalled share 0 to 1.
-    """
-    along, plunge, half, three_quarter, pitch_rate = motion[0], motion[1], motion[2], motion[3], motion[4]
+
+@kernel
+def section_loads(m: SectionMotion, density: float, lag: float, p: StripParameters) -> Section:
+    """Loads a unit span of one section; ``lag`` in m/s is the wake's state, ``density`` in kg/m^3."""
+    along, pitch_rate, chord = m.along, m.pitch_rate, m.chord
+    three_quarter = m.down + 0.25 * chord * pitch_rate
     speed = max(abs(along), SLOWEST)
-    pressure = 0.5 * density * chord
-    effective = three_quarter - p.c1 * (three_quarter - lag)
-    wash = p.lift_factor * effective
+    wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
     resultant = math.sqrt(along * along + (wash - 0.5 * chord * pitch_rate) ** 2)
-    angle = math.atan2(wash - 0.75 * chord * pitch_rate, speed)
-    plunge_angle = abs(math.atan2(plunge, speed))
-    towards = pitch_rate if angle >= 0.0 else -pitch_rate
-    limit = p.stall_angle * stall_factor(plunge_angle, towards, chord, speed, p.stall_angle)
-    stalled = min(max((abs(angle) - limit) / (2.0 * STALL_BLEND) + 0.5, 0.0), 1.0)
-    stalled = stalled * stalled * (3.0 - 2.0 * stalled)
-    attached = 1.0 - stalled
-    circulation = wash + p.zero_lift_angle * along * p.lift_factor
+    stalled = stalled_share(math.atan2(wash - 0.75 * chord * pitch_rate, speed), m, speed, p)
+    pressure = 0.5 * density * chord
+    attached = (1.0 - stalled) * pressure
     suction = wash - 0.25 * chord * pitch_rate
-    ratio = resultant / speed
-    friction = friction_coefficient(speed * chord / KINEMATIC_VISCOSITY) * along * abs(along)
-    camber = 2.0 * math.pi * p.zero_lift_angle * wash * resultant
-    thrust = p.suction_efficiency * 2.0 * math.pi * suction * suction * ratio
-    out[0] = attached * pressure * 2.0 * math.pi * resultant * circulation
-    out[1] = stalled * 1.98 * pressure * math.sqrt(along * along + half * half) * half
-    out[2] = attached * pressure * (thrust + camber - friction)
-    out[3] = 2.0 * speed / chord * p.c2 * (three_quarter - lag)
-    out[4] = (1.0 - 0.5 * stalled) * density * math.pi * chord * chord / 4.0
-    out[5] = stalled
+    skin = friction_coefficient(speed * chord / KINEMATIC_VISCOSITY)
+    return Section(
+        attached * 2.0 * math.pi * resultant * (wash + p.zero_lift_angle * along * p.lift_factor),
+        stalled * 1.98 * pressure * math.sqrt(along * along + m.down * m.down) * m.down,
+        attached * p.suction_efficiency * 2.0 * math.pi * suction * suction * resultant / speed,
+        attached * 2.0 * math.pi * p.zero_lift_angle * wash * resultant,
+        -attached * skin * along * abs(along),
+        2.0 * speed / chord * p.c2 * (three_quarter - lag),
+        (1.0 - 0.5 * stalled) * density * math.pi * chord * chord / 4.0,
+        stalled,
+    )
+
+
+@kernel
+def loads(
+    parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
+) -> None:
+    """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
+    parts, has_wake = out.parts, state.shape[0] > 0
+    for i in range(strips.chord.shape[0]):
+        chord, width, along, turn = strips.chord[i], strips.width[i], motion.along[i], motion.pitch_rate[i]
+        lag = state[i] if has_wake else 0.0
+        section = section_loads(
+            SectionMotion(along, motion.plunge[i], motion.down[i], turn, chord), density, lag, parameters
+        )
+        apparent = section.apparent * width
+        parts[CIRCULATORY, UPWARD, i] = section.circulatory * width
+        parts[CIRCULATORY, NOSE_UP, i] = 0.25 * chord * section.circulatory * width
+        parts[SEPARATED, UPWARD, i] = section.separated * width
+        parts[SUCTION, FORWARD, i] = section.suction * width
+        parts[CAMBER, FORWARD, i] = section.camber * width
+        parts[FRICTION, FORWARD, i] = section.friction * width
+        parts[COUPLE, NOSE_UP, i] = -0.25 * apparent * chord * abs(along) * turn
+        out.apparent[MASS, i] = apparent
+        out.apparent[INERTIA, i] = apparent * chord * chord / 32.0
+        if has_wake:
+            out.rates[i] = section.lag_rate
+
+
+@kernel
+def advance(
+    parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
+) -> None:
+    """Nothing: the wake's lags move smoothly and belong to the integrator."""
 
 
 def frequency_domain_incidence(alpha: complex, k: float, parameters: StripParameters) -> complex:
     """The printed form alpha' = AR/(2+AR) (F'(k) + i G'(k)) alpha for harmonic motion, for checks."""
     lag = 1j * k / (1j * k + parameters.c2)
     return parameters.lift_factor * (1.0 - parameters.c1 * lag) * alpha
+
+
+MODEL = AerodynamicModel(
+    name="strip_theory",
+    title="Modified strip theory (DeLaurier 1993) with Kim's dynamic stall, as Gerdes 2017 uses it",
+    settings=StripTheory,
+    parameters=StripParameters,
+    parts=PARTS,
+    build=build,
+    initial=initial,
+    loads=loads,
+    advance=advance,
+)

@@ -27,10 +27,9 @@ from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import RawFrame
-from sim_bridge.sensors.suite import SECTIONS, TICK_RATE, SensorSuite, sensor_spec
+from sim_bridge.sensors.suite import TICK_RATE, SensorSuite, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
-from sim_bridge.vehicles import load_vehicle as load_physics
 
 TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
@@ -55,11 +54,6 @@ class Scenario(NamedTuple):
     duration: float = 180.0
     """s; the world ends then at the latest"""
     home: Home = COLLEGE_PARK
-
-
-def load_vehicle(name_or_path: str) -> SimulatedVehicle:
-    """A vehicle with its sensors, see `sim_bridge.vehicles.load_vehicle`."""
-    return load_physics(name_or_path, SECTIONS)
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -144,19 +138,18 @@ class SimulatedWorld:
         """Wings and drives at the end of the last step; current and power averaged over it."""
         y, means = self.plant.y, self._means
         torque_left, torque_right = self.plant.scratch.drive[:2].tolist()
-        left, right = y[k.LEFT : k.LEFT + 4].tolist(), y[k.RIGHT : k.RIGHT + 4].tolist()
+        at = self.plant.layout
+        flap, twist = [float(y[i]) for i in at.flap], [float(y[i]) if i >= 0 else 0.0 for i in at.twist]
+        rates = [float(y[at.rate(i)]) for i in at.flap]
+        deflection = [float(y[i]) if i >= 0 else 0.0 for i in (at.elevator, at.rudder)]
         voltage, power = self._supply()
-        return TruthWing(
-            self.time_us, left[0], right[0], left[2], right[2], left[1], right[1],
-            torque_left, torque_right, means.current, voltage, power,
-            float(y[k.ELEVATOR]), float(y[k.RUDDER]),
-        )  # fmt: skip
+        drives = (torque_left, torque_right, means.current, voltage, power)
+        return TruthWing._make((self.time_us, *flap, *rates, *twist, *drives, *deflection))
 
     def truth_loads(self) -> TruthLoads:
         """Air loads of wings and tail near the end of the last step."""
-        s = self.plant.scratch
-        wings = (s.left_loads.sum(axis=0) + s.right_loads.sum(axis=0)).tolist()
-        return TruthLoads(self.time_us, *wings, *s.tail_load[:6].tolist())
+        wings = self.plant.wing_loads().sum(axis=0).tolist()
+        return TruthLoads(self.time_us, *wings, *self.plant.scratch.plate_load.tolist())
 
     def _record(self) -> None:
         self._publish(topics.STATE, self.truth())
@@ -179,7 +172,7 @@ class SimulatedWorld:
         return k.Surroundings(*self._wind, air.density, self._launcher(), push, 0.0, 0.0)
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
-        travel, tail = self.vehicle.drive.travel, self.vehicle.tail.travel
+        travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
         before = self._targets
         if command.armed:
             self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
@@ -210,7 +203,7 @@ class SimulatedWorld:
 
     def _open_circuit(self) -> float:
         battery = self.vehicle.battery
-        drawn = min(float(self.plant.y[k.CHARGE]) / battery.capacity, 1.2)
+        drawn = min(float(self.plant.y[self.plant.layout.charge]) / battery.capacity, 1.2)
         return battery.full_voltage + (battery.empty_voltage - battery.full_voltage) * drawn
 
     def _rotation(self) -> list[list[float]]:
@@ -220,7 +213,7 @@ class SimulatedWorld:
     def _observe(self, air: Air) -> Observation:
         y = self.plant.y.tolist()
         r, wind, means = self._rotation(), self._wind, self._means
-        v, w, x = y[7:10], y[10:13], self.vehicle.body.contact_nose
+        v, w, x = y[7:10], y[10:13], self.vehicle.fuselage.contact_nose
         turning = (0.0, w[2] * x, -w[1] * x)
         breeze = _rotate_back(r, wind)
         drive = self.vehicle.drive
@@ -239,10 +232,10 @@ class SimulatedWorld:
             static_pressure=air.pressure,
             temperature=air.temperature,
             density=air.density,
-            flap_left=y[k.LEFT],
-            flap_right=y[k.RIGHT],
-            torque_left=float(self.plant.scratch.drive[0]),
-            torque_right=float(self.plant.scratch.drive[1]),
+            flap_left=y[self.plant.layout.flap[0]],
+            flap_right=y[self.plant.layout.flap[1]],
+            torque_left=float(self.plant.scratch.drive[k.TORQUE_LEFT]),
+            torque_right=float(self.plant.scratch.drive[k.TORQUE_RIGHT]),
             current=0.5 * (means.current + self._current_before),
             open_circuit_voltage=self._open_circuit(),
             battery_resistance=self.vehicle.battery.resistance,

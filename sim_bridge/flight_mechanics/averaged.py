@@ -17,7 +17,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.orbit import INTERVALS, Orbit, StrokeMap
-from sim_bridge.plant_kernel import ELEVATOR, GRAVITY
+from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -102,7 +102,7 @@ def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, flo
             controls = controls._replace(elevator=orbit.inputs.elevator + side * AMPLITUDE)
         stroke.plant.advance(controls, stroke.around)
         rows[i, :4] = stroke.pack()[:4]
-        rows[i, 4] = stroke.plant.y[ELEVATOR]
+        rows[i, 4] = stroke.plant.y[stroke.plant.layout.elevator]
     return rows
 
 

@@ -54,21 +54,22 @@ def jacobian(vehicle: SimulatedVehicle, orbit: Orbit) -> Floats:
 def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
     """Every mode of the stroke map, slowest first; frequencies beyond half the flapping frequency alias."""
     multipliers, vectors = np.linalg.eig(jacobian(vehicle, orbit))
+    memory = StrokeMap(vehicle).memory
     found = []
     for multiplier, vector in zip(multipliers, vectors.T, strict=True):
         if multiplier.imag < 0.0 or abs(multiplier) < 1e-9:
             continue
         eigenvalue = complex(np.log(multiplier)) * orbit.inputs.frequency
-        found.append(Mode(eigenvalue, *_shares(vector, orbit)))
+        found.append(Mode(eigenvalue, *_shares(vector, orbit, memory)))
     return sorted(found, key=lambda mode: abs(mode.eigenvalue))
 
 
-def _shares(vector: Floats, orbit: Orbit) -> tuple[float, float]:
+def _shares(vector: Floats, orbit: Orbit, memory: int) -> tuple[float, float]:
     speed = orbit.means.airspeed
     scale = np.ones(vector.shape[0])
     scale[:2] = 1.0 / speed
     scale[2] = 0.2
-    scale[8:] = 1.0 / speed
+    scale[memory:] = 1.0 / speed
     weight = np.abs(vector * scale) ** 2
     body = float(np.sum(weight[:BODY_STATES]))
     return body / float(np.sum(weight)), float(weight[1] + weight[2]) / max(body, 1e-300)

@@ -66,30 +66,36 @@ class StrokeMap:
     def __init__(self, vehicle: SimulatedVehicle) -> None:
         self.vehicle = vehicle
         self.plant = Plant(vehicle)
-        self.strips = vehicle.wing.strips
-        self.size = 8 + self.strips
+        layout = self.plant.layout
+        self.joints = paired_coordinates(self.plant)
+        self.memory = BODY_STATES + 2 * len(self.joints)
+        self.size = self.memory + layout.size - layout.aerodynamics
         self.around = k.Surroundings(0.0, 0.0, 0.0, SEA_LEVEL_DENSITY, k.FREE, 0.0, 0.0, 0.0)
 
     def unpack(self, z: Floats, inputs: StrokeInputs) -> None:
-        """Put the longitudinal state into the plant: (u, w, q, pitch, flap, twist, their rates, wake)."""
-        y, n = self.plant.y, self.strips
+        """Put the longitudinal state into the plant: u, w, q, pitch, coordinates, their rates, the air's memory."""
+        y, layout, n = self.plant.y, self.plant.layout, len(self.joints)
         y[:] = 0.0
         y[2] = -1000.0
         y[3], y[5] = math.cos(z[3] / 2), math.sin(z[3] / 2)
         y[7], y[9], y[11] = z[0], z[1], z[2]
-        y[k.LEFT : k.LEFT + 4] = z[4:8]
-        y[k.RIGHT : k.RIGHT + 4] = z[4:8]
-        y[k.ELEVATOR] = inputs.elevator
-        y[k.CRANK_SPEED] = inputs.frequency
-        y[k.CHARGE] = 0.3 * self.vehicle.battery.capacity
-        y[k.WAKE : k.WAKE + n] = z[8:]
-        y[k.WAKE + n :] = z[8:]
+        for i, places in enumerate(self.joints):
+            for place in places:
+                y[place] = z[BODY_STATES + i]
+                y[layout.rate(place)] = z[BODY_STATES + n + i]
+        if layout.elevator >= 0:
+            y[layout.elevator] = inputs.elevator
+        y[layout.crank_speed] = inputs.frequency
+        y[layout.charge] = 0.3 * self.vehicle.battery.capacity
+        y[layout.aerodynamics :] = z[self.memory :]
 
     def pack(self) -> Floats:
         """The longitudinal state of the plant."""
-        y, n = self.plant.y, self.strips
+        y, layout = self.plant.y, self.plant.layout
         pitch = 2.0 * math.atan2(y[5], y[3])
-        return np.concatenate(([y[7], y[9], y[11], pitch], y[k.LEFT : k.LEFT + 4], y[k.WAKE : k.WAKE + n]))
+        first = [places[0] for places in self.joints]
+        rates = [layout.rate(place) for place in first]
+        return np.concatenate(([y[7], y[9], y[11], pitch], y[first], y[rates], y[layout.aerodynamics :]))
 
     def controls(self, piece: int, inputs: StrokeInputs) -> k.Controls:
         """Commands over one of the `INTERVALS` pieces of the stroke."""
@@ -102,7 +108,7 @@ class StrokeMap:
         return k.Controls(ends[0], ends[1], ends[0], ends[1], throttle, inputs.elevator, 0.0, duration, 1.0)
 
     def __call__(self, z: Floats, inputs: StrokeInputs) -> Floats:
-        """The state (8 + strips,) one period after ``z``."""
+        """The state (size,) one period after ``z``."""
         self.unpack(z, inputs)
         for piece in range(INTERVALS):
             self.plant.advance(self.controls(piece, inputs), self.around)
@@ -124,18 +130,36 @@ class StrokeMap:
         rows = []
         for piece in range(INTERVALS):
             drive = self.plant.advance(self.controls(piece, inputs), self.around)
-            y = self.plant.y
+            y, flap = self.plant.y, self.plant.layout.flap[0]
+            rate = float(y[self.plant.layout.rate(flap)])
             pitch, alpha = 2.0 * math.atan2(y[5], y[3]), math.atan2(y[9], y[7])
-            power = abs(drive.torque_left * y[k.LEFT + 2]) if drive.torque_left * y[k.LEFT + 2] > 0 else 0.0
+            power = max(drive.torque_left * rate, 0.0)
             rows.append(
                 (math.hypot(y[7], y[9]), y[7] * math.sin(pitch) - y[9] * math.cos(pitch), pitch, alpha,
-                 drive.current, drive.electrical_power, 2.0 * power, abs(drive.torque_left), y[k.LEFT],
-                 y[k.LEFT + 2])
+                 drive.current, drive.electrical_power, 2.0 * power, abs(drive.torque_left), y[flap], rate)
             )  # fmt: skip
         table = np.array(rows)
         mean = table.mean(axis=0)
         amplitude = 0.5 * float(np.ptp(table[:, 8]))
         return StrokeMeans._make((*mean[:8].tolist(), amplitude, float(np.max(np.abs(table[:, 9])))))
+
+
+def paired_coordinates(plant: Plant) -> list[tuple[int, ...]]:
+    """Places in the state vector of what moves in symmetric flight: a coordinate of both sides, or of the middle.
+
+    What follows a servo is an input, not a state.
+    """
+    names = plant.layout.coordinates
+    images = {part.mirror_of: name for name, part in plant.vehicle.bodies.items() if part.mirror_of}
+    wing = plant.vehicle.wing
+    images[f"{wing.right}.twist"] = f"{wing.left}.twist"
+    found: list[tuple[int, ...]] = []
+    for i, name in enumerate(names):
+        if plant.parameters.joints.kind[i] == k.FOLLOWS or name in images.values():
+            continue
+        both = [names.index(images[name])] if images.get(name) in names else []
+        found.append(tuple(k.COORDINATES + place for place in (*both, i)))
+    return found
 
 
 def throttle_for(frequency: float, vehicle: SimulatedVehicle) -> float:

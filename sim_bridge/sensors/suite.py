@@ -6,6 +6,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple, get_type_hints
 
+from avionics.quantities import BadInput
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
@@ -60,7 +61,14 @@ class SimulationDiverged(ArithmeticError):
 
 
 def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
-    """The sensors' part of the sections read from a vehicle file (which may hold others too)."""
+    """The sensors' part of the sections read from a vehicle file (which may hold others too).
+
+    Raises:
+        BadInput: the vehicle has no section of one of them.
+    """
+    for name in SensorSpec._fields:
+        if name not in sections:
+            raise BadInput(f"the vehicle file has no section [{name}]: without its sensors it cannot be flown")
     return SensorSpec(**{name: sections[name] for name in SensorSpec._fields})
 
 

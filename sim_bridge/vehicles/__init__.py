@@ -5,19 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, Source, read_vehicle_file
-from sim_bridge.vehicles.sections import Battery, Body, Cruise, Drive, Launch, Tail, Wing
+from avionics.quantities import BadInput, Schema, Source, VehicleFile, read_vehicle_file
+from sim_bridge.aerodynamics.models import MODELS, find_model
+from sim_bridge.sensors.suite import SECTIONS as SENSORS
+from sim_bridge.vehicles.sections import (
+    Aerodynamics,
+    Battery,
+    BodyPart,
+    Cruise,
+    Drive,
+    Fuselage,
+    Launch,
+    Plate,
+    TailServo,
+    Wing,
+)
 
 FOLDER = Path(__file__).parent
-PHYSICS_SCHEMA: dict[str, type[Any]] = {
-    "body": Body,
+REQUIRED: dict[str, type[Any]] = {
+    "fuselage": Fuselage,
     "wing": Wing,
-    "tail": Tail,
+    "aerodynamics": Aerodynamics,
+    "tail_servo": TailServo,
     "drive": Drive,
     "battery": Battery,
     "launch": Launch,
     "cruise": Cruise,
 }
+REPEATED: dict[str, type[Any]] = {"bodies": BodyPart, "plates": Plate}
+SCHEMA = Schema(REQUIRED, SENSORS | {model.name: model.settings for model in MODELS.values()}, REPEATED)
 
 
 class SimulatedVehicle(NamedTuple):
@@ -27,14 +43,18 @@ class SimulatedVehicle(NamedTuple):
     title: str
     path: Path
     text: str
-    body: Body
+    bodies: dict[str, BodyPart]
+    fuselage: Fuselage
     wing: Wing
-    tail: Tail
+    plates: dict[str, Plate]
+    aerodynamics: Aerodynamics
+    tail_servo: TailServo
     drive: Drive
     battery: Battery
     launch: Launch
     cruise: Cruise
     sections: dict[str, Any]
+    """all of the file's, those of aerodynamic models and sensors too"""
     sources: dict[str, Source]
     fitted: dict[str, str]
 
@@ -44,7 +64,7 @@ def vehicle_names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def load_vehicle(name_or_path: str, extra_schema: dict[str, type[Any]] | None = None) -> SimulatedVehicle:
+def load_vehicle(name_or_path: str) -> SimulatedVehicle:
     """Load a vehicle by name or by the path of its file.
 
     Raises:
@@ -55,22 +75,52 @@ def load_vehicle(name_or_path: str, extra_schema: dict[str, type[Any]] | None = 
         path = FOLDER / f"{name_or_path}.toml"
         if not path.exists():
             raise BadInput(f"unknown vehicle {name_or_path!r}; known: {', '.join(vehicle_names())}")
-    file = read_vehicle_file(path, PHYSICS_SCHEMA | (extra_schema or {}))
-    physics = {key: file.sections[key] for key in PHYSICS_SCHEMA}
-    _check(file.path, physics)
+    file = read_vehicle_file(path, SCHEMA)
+    vehicle = _vehicle(file)
+    _check(vehicle)
+    return vehicle
+
+
+def _vehicle(file: VehicleFile) -> SimulatedVehicle:
+    own = {key: file.sections[key] for key in (*REQUIRED, *REPEATED)}
     return SimulatedVehicle(
-        file.name, file.title, file.path, file.text, **physics,
+        file.name, file.title, file.path, file.text, **own,
         sections=file.sections, sources=file.sources, fitted=file.fitted,
     )  # fmt: skip
 
 
-def _check(path: Path, sections: dict[str, Any]) -> None:
-    wing, drive, body = sections["wing"], sections["drive"], sections["body"]
-    if wing.planform not in ("raven", "ellipse"):
-        raise BadInput(f'{path}: wing.planform = "{wing.planform}" must be "raven" or "ellipse"')
-    if drive.kind not in ("servo", "crank"):
-        raise BadInput(f'{path}: drive.kind = "{drive.kind}" must be "servo" or "crank"')
-    if len(drive.frequencies) < 2:
+def with_model(vehicle: SimulatedVehicle, model: str) -> SimulatedVehicle:
+    """The same vehicle flown with another of the aerodynamic models that its file has a section for.
+
+    Raises:
+        BadInput: no such model, or no section of it.
+    """
+    changed = vehicle._replace(aerodynamics=vehicle.aerodynamics._replace(model=model))
+    _check(changed)
+    return changed
+
+
+def _check(vehicle: SimulatedVehicle) -> None:
+    path, model = vehicle.path, vehicle.aerodynamics.model
+    if vehicle.wing.planform not in ("raven", "ellipse"):
+        raise BadInput(f'{path}: wing.planform = "{vehicle.wing.planform}" must be "raven" or "ellipse"')
+    if vehicle.drive.kind not in ("servo", "crank"):
+        raise BadInput(f'{path}: drive.kind = "{vehicle.drive.kind}" must be "servo" or "crank"')
+    if len(vehicle.drive.frequencies) < 2:
         raise BadInput(f"{path}: drive.frequencies must have at least 2 numbers")
-    if body.mass <= 2.0 * wing.mass:
-        raise BadInput(f"{path}: body.mass = {body.mass:g} kg must exceed that of both wings")
+    try:
+        find_model(model)
+    except BadInput as error:
+        raise BadInput(f"{path}: aerodynamics.model: {error}") from None
+    if model not in vehicle.sections:
+        raise BadInput(f'{path}: aerodynamics.model = "{model}" needs a section [{model}]')
+    for name, plate in vehicle.plates.items():
+        _need_body(vehicle, f"plates.{name}.body", plate.body)
+    for key in ("right", "left"):
+        _need_body(vehicle, f"wing.{key}", getattr(vehicle.wing, key))
+
+
+def _need_body(vehicle: SimulatedVehicle, key: str, body: str) -> None:
+    if body not in vehicle.bodies:
+        known = ", ".join(vehicle.bodies)
+        raise BadInput(f'{vehicle.path}: {key} = "{body}" is not one of the bodies: {known}')

@@ -4,97 +4,113 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
+from avionics.quantities import Label, Quantity
 
 Metres = Annotated[float, Quantity("m", -3.0, 3.0)]
 Radians = Annotated[float, Quantity("rad", -1.6, 1.6)]
 
 
-class Body(NamedTuple):
-    """Fuselage with everything that does not flap; axes FRD, origin at its centre of mass."""
+class BodyPart(NamedTuple):
+    """A rigid body, ``[bodies.NAME]``, and the joint it hangs on; a body without a parent is the base.
 
-    mass: Annotated[float, Quantity("kg", 0.001, 50.0)]
-    """all-up mass, wings included"""
-    inertia_xx: Annotated[float, Quantity("kg m^2", 1e-8, 50.0)]
-    """of the fuselage alone"""
-    inertia_yy: Annotated[float, Quantity("kg m^2", 1e-8, 50.0)]
-    """of the fuselage alone"""
-    inertia_zz: Annotated[float, Quantity("kg m^2", 1e-8, 50.0)]
-    """of the fuselage alone"""
-    inertia_xz: Annotated[float, Quantity("kg m^2", -50.0, 50.0)]
-    """of the fuselage alone; the integral of x z dm"""
+    Axes FRD where all joints are at zero; the base's origin is the vehicle's.
+    """
+
+    parent: Annotated[str, Label()] = ""
+    """name of the body it hangs on"""
+    mirror_of: Annotated[str, Label()] = ""
+    """a body of the right side of which this is the mirror image on the left: nothing else but its parent is told"""
+    moved_by: Annotated[str, Label()] = ""
+    """"right_wing", "left_wing", "elevator" or "rudder": what turns the joint; nothing but its spring if empty"""
+    place: Annotated[tuple[float, float, float], Quantity("m", -5.0, 5.0)] = (0.0, 0.0, 0.0)
+    """of the joint, in the parent's axes"""
+    rotation: Annotated[tuple[float, float, float], Quantity("rad", -3.2, 3.2)] = (0.0, 0.0, 0.0)
+    """roll, pitch, yaw of the body's axes to the parent's where the joint is at zero"""
+    axis: Annotated[tuple[float, float, float], Quantity("-", -1.0, 1.0)] = (0.0, 0.0, 0.0)
+    """of the joint's positive turn, in the body's axes; a fixed joint has none"""
+    mass: Annotated[float, Quantity("kg", 0.0, 50.0)] = 0.0
+    center: Annotated[tuple[float, float, float], Quantity("m", -5.0, 5.0)] = (0.0, 0.0, 0.0)
+    """centre of mass, from the joint"""
+    inertia: Annotated[tuple[float, float, float, float, float, float], Quantity("kg m^2", -50.0, 50.0)] = (
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    """about the centre of mass: moments xx, yy, zz, products (integrals) xy, xz, yz"""
+    stiffness: Annotated[float, Quantity("N m/rad", 0.0, 1e4)] = 0.0
+    """of a spring that pulls the joint to zero"""
+    damping: Annotated[float, Quantity("N m s/rad", 0.0, 1e3)] = 0.0
+    """of the joint"""
+
+
+class Fuselage(NamedTuple):
+    """What the base is to the air, the ground and the sensors."""
+
     drag_area: Annotated[float, Quantity("m^2", 0.0, 2.0)]
     """drag over dynamic pressure, along the fuselage"""
     side_area: Annotated[float, Quantity("m^2", 0.0, 2.0)]
     """drag over dynamic pressure, across the fuselage"""
     imu_position: Annotated[tuple[float, float, float], Quantity("m", -2.0, 2.0)]
-    """of the IMU, from the fuselage's centre of mass"""
+    """of the IMU, from the base's origin"""
     contact_nose: Metres
     """x of the foremost contact point"""
     contact_tail: Metres
     """x of the rearmost contact point"""
     contact_below: Annotated[float, Quantity("m", 0.0, 2.0)]
-    """z of the contact points: how far the belly is below the centre of mass"""
+    """z of the contact points: how far the belly is below the origin"""
 
 
 class Wing(NamedTuple):
-    """One of two mirrored wings: a straight leading-edge spar on a flapping hinge, a membrane that twists."""
+    """Two mirrored wings: strips behind a straight leading edge, on a body each; the membrane may twist."""
 
+    right: Annotated[str, Label()]
+    """body that carries the right wing: leading edge along its y axis, chord along x"""
+    left: Annotated[str, Label()]
+    """body that carries the left wing"""
     semispan: Annotated[float, Quantity("m", 0.005, 5.0)]
     """hinge to tip"""
     root_chord: Annotated[float, Quantity("m", 0.001, 2.0)]
     """greatest chord"""
     planform: str
     """"raven" (Gerdes Eq. 1) or "ellipse" (elliptic chord)"""
-    mass: Annotated[float, Quantity("kg", 0.0, 10.0)]
-    """of one wing"""
-    spar_fraction: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """share of the wing's mass on the leading-edge spar; the rest lies at mid-chord"""
-    hinge_x: Metres
-    """of the hinge and leading edge, ahead of the fuselage's centre of mass"""
-    hinge_y: Annotated[float, Quantity("m", 0.0, 1.0)]
-    """of the hinge, from the plane of symmetry"""
-    hinge_z: Metres
-    """of the hinge, below the fuselage's centre of mass"""
-    incidence: Radians
-    """of the flapping axis to the fuselage, leading edge up"""
+    membrane_mass: Annotated[float, Quantity("kg", 0.0, 10.0)]
+    """of one wing, at mid-chord; spars belong to the body"""
     washout: Radians
     """built-in twist of the tip, leading edge up is positive"""
+    twists: bool
+    """whether the membrane turns about the leading edge, linearly from root to tip"""
     twist_stiffness: Annotated[float, Quantity("N m/rad", 0.0, 1e4)]
     """of the membrane against tip twist"""
     twist_damping: Annotated[float, Quantity("N m s/rad", 0.0, 1e3)]
     """structural, of the tip twist rate"""
-    flap_damping: Annotated[float, Quantity("N m s/rad", 0.0, 1e2)]
-    """mechanical, at the hinge"""
-    zero_lift_angle: Radians
-    """of the section, negated: the angle that camber adds to the angle of attack"""
-    suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """share of the leading-edge suction that is realised"""
-    stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
-    """static; raised by Kim's dynamic factor"""
-    wake_lag: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """share of the unsteady wake's effect: 1 is DeLaurier's C'(k) in the time domain, 0 quasi-steady"""
     strips: Annotated[int, Quantity("-", 4, 60)]
     """a wing is cut into"""
 
 
-class Tail(NamedTuple):
-    """All-moving horizontal and vertical surface behind the fuselage."""
+class Plate(NamedTuple):
+    """A flat surface, ``[plates.NAME]``: tail or fin; it moves with its body."""
 
-    position_x: Metres
-    """of the tail's aerodynamic centre, ahead of the fuselage's centre of mass (negative: behind)"""
-    position_z: Metres
-    """of the vertical surface's centre, below the fuselage's centre of mass"""
-    horizontal_area: Annotated[float, Quantity("m^2", 0.0, 2.0)]
-    vertical_area: Annotated[float, Quantity("m^2", 0.0, 2.0)]
+    body: Annotated[str, Label()]
+    """that carries it; chord along its x axis"""
+    place: Annotated[tuple[float, float, float], Quantity("m", -5.0, 5.0)]
+    """of the aerodynamic centre, from the body's joint"""
+    normal: Annotated[tuple[float, float, float], Quantity("-", -1.0, 1.0)]
+    """in the body's axes"""
+    area: Annotated[float, Quantity("m^2", 0.0, 2.0)]
     lift_slope: Annotated[float, Quantity("1/rad", 0.5, 7.0)]
-    """of both surfaces"""
-    incidence: Radians
-    """of the horizontal surface to the fuselage, leading edge up"""
+
+
+class TailServo(NamedTuple):
+    """The servos of elevator and rudder."""
+
     travel: Annotated[float, Quantity("rad", 0.05, 1.5)]
     """greatest deflection either way"""
-    servo_time_constant: Annotated[float, Quantity("s", 0.001, 1.0)]
-    servo_rate_limit: Annotated[float, Quantity("rad/s", 0.1, 100.0)]
+    time_constant: Annotated[float, Quantity("s", 0.001, 1.0)]
+    rate_limit: Annotated[float, Quantity("rad/s", 0.1, 100.0)]
+
+
+class Aerodynamics(NamedTuple):
+    """Which model makes the loads; its values stand in the section of its name."""
+
+    model: str
 
 
 class Drive(NamedTuple):

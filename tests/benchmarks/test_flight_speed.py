@@ -16,7 +16,8 @@ from avionics.missions import load_mission
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
 
 VEHICLE = "robo_raven_ii_d"
 PART = 40.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from sim_bridge.actuators.drives import drive_current
-from sim_bridge.flight.world import load_vehicle
 from sim_bridge.plant import wing_strips
+from sim_bridge.vehicles import load_vehicle
 
 TABLE_3 = {
     "A": (0.527, 0.311, 0.113),

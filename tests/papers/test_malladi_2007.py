@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.flight.world import load_vehicle
 from sim_bridge.plant import wing_strips
 from sim_bridge.plant_kernel import crank_frequency
+from sim_bridge.vehicles import load_vehicle
 
 
 def test_the_elliptic_planform_has_the_published_area() -> None:

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.flight.world import load_vehicle
 from sim_bridge.plant import Plant, wing_strips
 from sim_bridge.vectors import Floats, quaternion_from_euler
-from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 VACUUM = 1e-9

@@ -7,11 +7,11 @@ from typing import Any
 
 from scipy.stats import chi2
 
-from avionics.quantities import read_vehicle_file
+from avionics.quantities import Schema, read_vehicle_file
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.suite import SECTIONS, SensorSpec, sensor_spec
 
-SPEC: SensorSpec = sensor_spec(read_vehicle_file(Path(__file__).with_suffix(".toml"), SECTIONS).sections)
+SPEC: SensorSpec = sensor_spec(read_vehicle_file(Path(__file__).with_suffix(".toml"), Schema(SECTIONS)).sections)
 
 LEVEL_CRUISE = Observation(
     time_us=0,

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from sim_bridge.flight.world import load_vehicle
 from sim_bridge.flight_mechanics.averaged import AveragedModel, short_period_of, stroke_averaged_model
 from sim_bridge.flight_mechanics.modes import modes, short_period
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
+from sim_bridge.vehicles import load_vehicle
 
 VEHICLES = ("robo_raven_ii_d", "arizona_100cm")
 

@@ -7,8 +7,7 @@ import pytest
 from plant_bench import NAMES
 
 from avionics.quantities import BadInput
-from sim_bridge.flight.world import load_vehicle
-from sim_bridge.vehicles import FOLDER, vehicle_names
+from sim_bridge.vehicles import FOLDER, load_vehicle, vehicle_names
 
 RAVEN = (FOLDER / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
 

@@ -22,7 +22,8 @@ from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.flight import fly
-from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
 
 RAVEN, ARIZONA = "robo_raven_ii_d", "arizona_100cm"
 CAPTURED_ALTITUDE = 1.0

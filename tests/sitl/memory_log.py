@@ -15,7 +15,8 @@ from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
 from sim_bridge.flight.flight import fly
-from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
 
 
 class MemoryLog:

@@ -22,7 +22,8 @@ from groundstation.command.onboard import Onboard, scripted_start
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.server import BridgeServer, Tally
 from sim_bridge.flight.flight import fly
-from sim_bridge.flight.world import Scenario, SimulatedWorld, load_vehicle
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
 
 MID_STROKE_US = 12_345_000
 

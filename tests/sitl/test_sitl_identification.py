@@ -17,9 +17,10 @@ from logs.identification.data import Aircraft
 from logs.identification.report import identify
 from logs.identification.short_period import Mode
 from sim_bridge import topics as truth_topics
-from sim_bridge.flight.world import Scenario, load_vehicle
+from sim_bridge.flight.world import Scenario
 from sim_bridge.flight_mechanics.averaged import ShortPeriod, short_period_of, stroke_averaged_model
 from sim_bridge.flight_mechanics.orbit import trim
+from sim_bridge.vehicles import load_vehicle
 
 VEHICLE = "robo_raven_ii_d"
 SEEDS = range(1, 21)

@@ -1,0 +1,285 @@
+"""From a vehicle file to what the multibody kernels take: tree, wings, joints and plates."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from sim_bridge import plant_kernel as k
+from sim_bridge.aerodynamics.models import find_model
+from sim_bridge.aerodynamics.protocol import AerodynamicModel, Strips, blank_loads, blank_motion
+from sim_bridge.multibody.plates import Plates
+from sim_bridge.multibody.tree import Body, Tree, build_tree, parents_first
+from sim_bridge.multibody.wings import Wings, WingWork
+from sim_bridge.vectors import Floats, Integers, quaternion_from_euler, rotation
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles.sections import BodyPart, Wing
+
+CHANNELS = {
+    "right_wing": (k.WING, k.RIGHT),
+    "left_wing": (k.WING, k.LEFT),
+    "elevator": (k.FOLLOWS, k.ELEVATOR),
+    "rudder": (k.FOLLOWS, k.RUDDER),
+    "": (k.PASSIVE, 0),
+}
+MIRRORED = {"right_wing": "left_wing"}
+
+
+class Layout(NamedTuple):
+    """Where in the plant's state vector things are; -1 for what a vehicle has not."""
+
+    coordinates: tuple[str, ...]
+    """names, in order: joints by their body, then the tip twists"""
+    flap: tuple[int, int]
+    """flap angle, left and right"""
+    twist: tuple[int, int]
+    """tip twist, left and right"""
+    elevator: int
+    rudder: int
+    crank_phase: int
+    crank_speed: int
+    charge: int
+    aerodynamics: int
+    """where the aerodynamic model's state begins"""
+    size: int
+
+    def rate(self, coordinate: int) -> int:
+        """Index of the rate of the coordinate at the index ``coordinate``."""
+        return coordinate + len(self.coordinates)
+
+
+class Mechanism(NamedTuple):
+    """A vehicle as the kernels take it."""
+
+    tree: Tree
+    wings: Wings
+    joints: k.Joints
+    plates: Plates
+    model: AerodynamicModel
+    aerodynamics: Any
+    """the model's parameters"""
+    aerodynamic_state: Floats
+    """(s,); of the model at rest"""
+    layout: Layout
+
+
+def chord_shape(planform: str, eta: float) -> float:
+    """Chord over the greatest chord at the relative span ``eta`` (0 root, 1 tip).
+
+    ``raven`` is Gerdes Eq. 1; ``ellipse`` an elliptic chord distribution.
+    """
+    if planform == "raven":
+        return 1.0 if eta < 0.5 else 4.0 * eta * (1.0 - eta)
+    return math.sqrt(max(1.0 - eta * eta, 0.0))
+
+
+def wing_strips(wing: Wing) -> tuple[Strips, Floats]:
+    """Strips of both wings, and the membrane's mass in kg at each, in proportion to area."""
+    width = 1.0 / wing.strips
+    etas = [(i + 0.5) * width for i in range(wing.strips)]
+    # A strip's chord is the mean over its width, so that the strips' areas add up to the planform's.
+    fine = [(j + 0.5) / 40 - 0.5 for j in range(40)]
+    shapes = np.array([sum(chord_shape(wing.planform, eta + f * width) for f in fine) / 40 for eta in etas])
+    one = np.array(etas), shapes * wing.root_chord, np.full(wing.strips, width * wing.semispan)
+    eta, chord, widths = (np.concatenate((column, column)) for column in one)
+    index = np.repeat((0.0, 1.0), wing.strips)
+    membrane = wing.membrane_mass * shapes / float(np.sum(shapes))
+    return Strips(eta * wing.semispan, eta, chord, widths, index), np.concatenate((membrane, membrane))
+
+
+def matrix_of(angles: tuple[float, float, float]) -> Floats:
+    """(3, 3) r_parent_from_body of roll, pitch, yaw in rad."""
+    out = np.zeros((3, 3))
+    rotation(*quaternion_from_euler(*angles), out)
+    return out
+
+
+def mirrored(part: BodyPart, image: BodyPart) -> BodyPart:
+    """``part`` reflected in the plane of symmetry, hanging where ``image`` says."""
+    (px, py, pz), (roll, pitch, yaw), (ax, ay, az) = part.place, part.rotation, part.axis
+    (cx, cy, cz), (xx, yy, zz, xy, xz, yz) = part.center, part.inertia
+    return part._replace(
+        parent=image.parent,
+        mirror_of=image.mirror_of,
+        moved_by=MIRRORED.get(part.moved_by, part.moved_by),
+        place=(px, -py, pz),
+        rotation=(-roll, pitch, -yaw),
+        # A turn is a pseudovector: its mirror image keeps the component across the plane.
+        axis=(-ax, ay, -az),
+        center=(cx, -cy, cz),
+        inertia=(xx, yy, zz, -xy, xz, -yz),
+    )
+
+
+def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
+    """The bodies of a vehicle file with the mirror images filled in.
+
+    Raises:
+        BadInput: a mirror image of a body that is not there, or is itself one.
+    """
+    parts = {}
+    for name, part in vehicle.bodies.items():
+        if part.mirror_of:
+            model = vehicle.bodies.get(part.mirror_of)
+            if model is None or model.mirror_of:
+                raise BadInput(
+                    f'{vehicle.path}: bodies.{name}.mirror_of = "{part.mirror_of}" must be a body told in full'
+                )
+            part = mirrored(model, part)
+        if part.moved_by not in CHANNELS:
+            known = ", ".join(channel for channel in CHANNELS if channel)
+            raise BadInput(f'{vehicle.path}: bodies.{name}.moved_by = "{part.moved_by}" must be one of {known}')
+        parts[name] = part
+    return parts
+
+
+def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
+    """The mechanism of a vehicle.
+
+    Raises:
+        BadInput: the bodies make no tree, or the aerodynamic model does not hold.
+    """
+    parts = all_parts(vehicle)
+    try:
+        bodies = parents_first([_body(name, part) for name, part in parts.items()])
+    except BadInput as error:
+        raise BadInput(f"{vehicle.path}: {error}") from None
+    tree, names = build_tree(bodies)
+    order = {body.name: i for i, body in enumerate(bodies)}
+    joints = [parts[name] for name in names]
+    wings, coordinates = _wings(vehicle.wing, tree, order, names)
+    strips, model = wings.strips, find_model(vehicle.aerodynamics.model)
+    parameters = model.build(vehicle.sections[model.name], strips)
+    state = model.initial(parameters, strips)
+    return Mechanism(
+        tree,
+        wings,
+        _joints(vehicle.wing, joints, len(coordinates)),
+        _plates(vehicle, order),
+        model,
+        parameters,
+        state,
+        _layout(coordinates, joints, wings, state.shape[0]),
+    )
+
+
+def wing_work(mechanism: Mechanism) -> WingWork:
+    """Scratch of the wings' kernels."""
+    strips, n = mechanism.wings.strips, mechanism.wings.strips.chord.shape[0]
+    return WingWork(
+        motion=blank_motion(strips, 2),
+        loads=blank_loads(len(mechanism.model.parts), strips, mechanism.aerodynamic_state.shape[0]),
+        sine=np.zeros(n),
+        cosine=np.zeros(n),
+        frame=np.zeros((4, 6)),
+        inertia=np.zeros((6, 6)),
+        turned=np.zeros((6, 6)),
+        wrench=np.zeros((2, 6)),
+        column=np.zeros(6),
+    )
+
+
+def _body(name: str, part: BodyPart) -> Body:
+    return Body(
+        name, part.parent, part.place, matrix_of(part.rotation), part.axis, part.mass, part.center, part.inertia
+    )
+
+
+def _joints(wing: Wing, parts: list[BodyPart], coordinates: int) -> k.Joints:
+    twists = coordinates - len(parts)
+    kinds = [CHANNELS[part.moved_by] for part in parts] + [CHANNELS[""]] * twists
+    return k.Joints(
+        kind=np.array([kind for kind, _ in kinds], dtype=np.int64),
+        channel=np.array([channel for _, channel in kinds], dtype=np.int64),
+        stiffness=np.array([part.stiffness for part in parts] + [wing.twist_stiffness] * twists),
+        damping=np.array([part.damping for part in parts] + [wing.twist_damping] * twists),
+    )
+
+
+def _wings(wing: Wing, tree: Tree, order: dict[str, int], names: list[str]) -> tuple[Wings, tuple[str, ...]]:
+    strips, membrane = wing_strips(wing)
+    bodies = np.array([order[wing.left], order[wing.right]], dtype=np.int64)
+    twist: Integers = np.array([-1, -1], dtype=np.int64)
+    coordinates = list(names)
+    if wing.twists:
+        twist = np.array([len(names), len(names) + 1], dtype=np.int64)
+        coordinates += [f"{wing.left}.twist", f"{wing.right}.twist"]
+    built = Wings(
+        strips=strips,
+        body=bodies,
+        twist=twist,
+        flap=np.array([_first_joint(tree, int(body)) for body in bodies], dtype=np.int64),
+        first=np.array([0, wing.strips, 2 * wing.strips], dtype=np.int64),
+        side=np.array([-1.0, 1.0]),
+        washout=np.array([wing.washout, wing.washout]),
+        membrane=membrane,
+    )
+    return built, tuple(coordinates)
+
+
+def _first_joint(tree: Tree, body: int) -> int:
+    """The coordinate nearest to the base on the way to ``body``; -1 where nothing moves."""
+    found = -1
+    while body > 0:
+        if tree.coordinate[body] >= 0:
+            found = int(tree.coordinate[body])
+        body = int(tree.parent[body])
+    return found
+
+
+def _plates(vehicle: SimulatedVehicle, order: dict[str, int]) -> Plates:
+    plates = list(vehicle.plates.values())
+    normals = np.array([plate.normal for plate in plates], dtype=np.float64).reshape(-1, 3)
+    return Plates(
+        body=np.array([order[plate.body] for plate in plates], dtype=np.int64),
+        place=np.array([plate.place for plate in plates], dtype=np.float64).reshape(-1, 3),
+        chord=np.tile((1.0, 0.0, 0.0), (len(plates), 1)),
+        normal=normals / np.linalg.norm(normals, axis=1, keepdims=True) if plates else normals,
+        area=np.array([plate.area for plate in plates], dtype=np.float64),
+        lift_slope=np.array([plate.lift_slope for plate in plates], dtype=np.float64),
+    )
+
+
+def _layout(coordinates: tuple[str, ...], joints: list[BodyPart], wings: Wings, states: int) -> Layout:
+    n = len(coordinates)
+    first = k.COORDINATES + 2 * n
+
+    def moved_by(channel: str) -> int:
+        return next((k.COORDINATES + i for i, part in enumerate(joints) if part.moved_by == channel), -1)
+
+    def place(coordinate: int) -> int:
+        return k.COORDINATES + coordinate if coordinate >= 0 else -1
+
+    return Layout(
+        coordinates=coordinates,
+        flap=(place(int(wings.flap[0])), place(int(wings.flap[1]))),
+        twist=(place(int(wings.twist[0])), place(int(wings.twist[1]))),
+        elevator=moved_by("elevator"),
+        rudder=moved_by("rudder"),
+        crank_phase=first,
+        crank_speed=first + 1,
+        charge=first + 2,
+        aerodynamics=first + 3,
+        size=first + 3 + states,
+    )
+
+
+def place_of(
+    vehicle: SimulatedVehicle, body: str, point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[float, float, float]:
+    """Place in m of a ``point`` of a body in the base's axes, with all joints at zero."""
+    parts = all_parts(vehicle)
+    place = np.array(point)
+    while parts[body].parent:
+        place = np.array(parts[body].place) + matrix_of(parts[body].rotation) @ place
+        body = parts[body].parent
+    x, y, z = place.tolist()
+    return x, y, z
+
+
+def total_mass(vehicle: SimulatedVehicle) -> float:
+    """kg; of everything."""
+    return sum(part.mass for part in all_parts(vehicle).values()) + 2.0 * vehicle.wing.membrane_mass

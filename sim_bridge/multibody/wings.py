@@ -1,0 +1,332 @@
+"""Wings on a tree of bodies: strips whose membrane twists about the leading edge, in the air.
+
+A wing sits on a body of the tree, its root at the body's joint: leading edge along the body's y axis (outward: y on
+the right, -y on the left), chord along x, upward normal along -z. Its strips may turn about the leading edge by
+``eta`` times one more coordinate, the tip twist, leading edge up; the membrane's mass lies at mid-chord. The air's
+apparent mass is part of the mass matrix, because the acceleration that it resists is an unknown. Everything is summed
+over the strips in the wing's own axes and then carried to the base once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    INERTIA,
+    MASS,
+    NOSE_UP,
+    OUTWARD,
+    UPWARD,
+    Motion,
+    SectionLoads,
+    Strips,
+)
+from sim_bridge.multibody.tree import BASE, Kinematics, Tree, column
+from sim_bridge.vectors import Floats, Integers, kernel
+
+
+class Wings(NamedTuple):
+    """All wings of a vehicle; w wings, n strips."""
+
+    strips: Strips
+    body: Integers
+    """(w,); the body of the tree that a wing sits on"""
+    twist: Integers
+    """(w,); the coordinate of the tip twist, -1 for a wing that does not twist"""
+    flap: Integers
+    """(w,); the coordinate that is called the flap angle"""
+    first: Integers
+    """(w + 1,); the first strip of each wing, and the number of all"""
+    side: Floats
+    """(w,); +1 for a right wing, -1 for a left one"""
+    washout: Floats
+    """(w,) rad; built-in twist of the tip, leading edge up"""
+    membrane: Floats
+    """(n,) kg; of a strip, at mid-chord"""
+
+
+class WingWork(NamedTuple):
+    """Scratch of the wings."""
+
+    motion: Motion
+    loads: SectionLoads
+    sine: Floats
+    """(n,); of the section's twist"""
+    cosine: Floats
+    """(n,)"""
+    frame: Floats
+    """(4, 6); at the root in wing axes, angular part first: motion of the wing, of the air, of the wing by its joints
+    alone, bias acceleration of the wing"""
+    inertia: Floats
+    """(6, 6); of one wing at its root, wing axes"""
+    turned: Floats
+    """(6, 6)"""
+    wrench: Floats
+    """(2, 6); the twist's column and the bias force of one wing"""
+    column: Floats
+    """(6,); the twist's column about the base's origin"""
+
+
+@kernel
+def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, work: WingWork) -> None:
+    """Fill ``work.motion`` for all strips.
+
+    Args:
+        q, rates: (c,) coordinates and their rates.
+        air: (6,) m/s, rad/s; velocity and angular velocity of the air at the base's origin, body axes.
+    """
+    m = work.motion
+    for i in range(3):
+        m.body[i] = k.velocity[0, 3 + i] - air[i]
+        m.body[3 + i] = k.velocity[0, i]
+    for j in range(w.body.shape[0]):
+        theta, theta_rate = w.washout[j], 0.0
+        if w.twist[j] >= 0:
+            theta += q[w.twist[j]]
+            theta_rate = rates[w.twist[j]]
+        if w.flap[j] >= 0:
+            m.wings[j, 0], m.wings[j, 1] = q[w.flap[j]], rates[w.flap[j]]
+        _root(k, w.body[j], air, work.frame)
+        _strip_motion(w, j, theta, theta_rate, work)
+        _strip_places(k, w, j, work)
+
+
+@kernel
+def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
+    """Fill the rows of ``frame``, see `WingWork`."""
+    r, p = k.r[b], k.p[b]
+    for row in range(4):
+        a0, a1, a2, l0, l1, l2 = _spatial(k, b, air, row)
+        l0 += a1 * p[2] - a2 * p[1]
+        l1 += a2 * p[0] - a0 * p[2]
+        l2 += a0 * p[1] - a1 * p[0]
+        for i in range(3):
+            frame[row, i] = r[0, i] * a0 + r[1, i] * a1 + r[2, i] * a2
+            frame[row, 3 + i] = r[0, i] * l0 + r[1, i] * l1 + r[2, i] * l2
+
+
+@kernel
+def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float, float, float, float, float]:
+    v, base = k.velocity[b], k.velocity[0]
+    if row == 0:
+        return v[0], v[1], v[2], v[3], v[4], v[5]
+    if row == 1:
+        return air[3], air[4], air[5], air[0], air[1], air[2]
+    if row == 2:
+        return v[0] - base[0], v[1] - base[1], v[2] - base[2], v[3] - base[3], v[4] - base[4], v[5] - base[5]
+    a = k.bias[b]
+    return a[0], a[1], a[2], a[3], a[4], a[5]
+
+
+@kernel
+def _strip_motion(w: Wings, j: int, theta: float, theta_rate: float, work: WingWork) -> None:
+    m, f, side, s = work.motion, work.frame, w.side[j], w.strips
+    wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
+    ax, ay, az, ux, uy, uz = f[1, 0], f[1, 1], f[1, 2], f[1, 3], f[1, 4], f[1, 5]
+    jx, jz, px, pz = f[2, 0], f[2, 2], f[2, 3], f[2, 5]
+    # The section turns through the air at wx - ax, ...; its points move through it likewise.
+    wx, wy, wz, vx, vy, vz = wx - ax, wy - ay, wz - az, vx - ux, vy - uy, vz - uz
+    for i in range(w.first[j], w.first[j + 1]):
+        eta, half, y = s.eta[i], 0.5 * s.chord[i], side * s.span[i]
+        sine, cosine = math.sin(theta * eta), math.cos(theta * eta)
+        x, z = -half * cosine, half * sine
+        turn = wy + eta * theta_rate
+        mx = vx + turn * z - wz * y
+        my = vy + wz * x - wx * z
+        mz = vz + wx * y - turn * x
+        work.sine[i], work.cosine[i] = sine, cosine
+        m.along[i] = mx * cosine - mz * sine
+        m.down[i] = mx * sine + mz * cosine
+        m.outward[i] = side * my
+        m.pitch_rate[i] = turn
+        m.plunge[i] = (px - jz * y) * sine + (pz + jx * y) * cosine
+
+
+@kernel
+def _strip_places(k: Kinematics, w: Wings, j: int, work: WingWork) -> None:
+    m, b, side, s = work.motion, w.body[j], w.side[j], w.strips
+    for i in range(3):
+        rx, ry, rz, p = k.r[b, i, 0], k.r[b, i, 1], k.r[b, i, 2], k.p[b, i]
+        for n in range(w.first[j], w.first[j + 1]):
+            sine, cosine = work.sine[n], work.cosine[n]
+            chord = cosine * rx - sine * rz
+            m.axes[0, i, n] = side * ry
+            m.axes[1, i, n] = chord
+            m.axes[2, i, n] = -sine * rx - cosine * rz
+            m.place[i, n] = p + side * s.span[n] * ry - 0.5 * s.chord[n] * chord
+
+
+@kernel
+def add_wings(
+    tree: Tree, k: Kinematics, w: Wings, rates: Floats, outside: Floats, work: WingWork, mass: Floats, load: Floats
+) -> None:
+    """Add the wings' membrane, apparent mass and air loads to their bodies and twist coordinates.
+
+    Args:
+        rates: (c,) rates of the coordinates. outside: (9,) gravity m/s^2, then velocity and angular velocity of the
+            air, body axes.
+        mass, load: of the whole vehicle, see `tree.assemble`, which comes after.
+    """
+    for j in range(w.body.shape[0]):
+        rate = rates[w.twist[j]] if w.twist[j] >= 0 else 0.0
+        _root(k, w.body[j], outside[3:9], work.frame)
+        stiffness = _sum_strips(k, w, j, rate, outside, work)
+        _carry(k, w.body[j], work)
+        if w.twist[j] >= 0:
+            at = BASE + w.twist[j]
+            mass[at, at] += stiffness[0]
+            load[at] += stiffness[1]
+            column(tree, k, w.body[j], -1, work.column, mass, at)
+
+
+@kernel
+def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, work: WingWork) -> tuple[float, float]:
+    """Sum inertia, twist column and bias force of one wing at its root; returns the twist's own mass and load."""
+    f, r, parts, apparent = work.frame, k.r[w.body[j]], work.loads.parts, work.loads.apparent
+    wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
+    bx, by, bz, cx, cy, cz = f[3, 0], f[3, 1], f[3, 2], f[3, 3], f[3, 4], f[3, 5]
+    # Velocity and angular velocity of the air, and gravity, at the root in wing axes.
+    ax, ay, az = f[1, 3], f[1, 4], f[1, 5]
+    gx = r[0, 0] * outside[0] + r[1, 0] * outside[1] + r[2, 0] * outside[2]
+    gy = r[0, 1] * outside[0] + r[1, 1] * outside[1] + r[2, 1] * outside[2]
+    gz = r[0, 2] * outside[0] + r[1, 2] * outside[1] + r[2, 2] * outside[2]
+    i00 = i01 = i02 = i03 = i05 = i11 = i12 = i13 = i15 = i22 = i23 = i25 = i33 = i35 = i55 = 0.0
+    m0 = hx = hy = hz = 0.0
+    t0 = t1 = t2 = t3 = t5 = 0.0
+    n0 = n1 = n2 = f0 = f1 = f2 = 0.0
+    own_mass = own_load = 0.0
+    side, s = w.side[j], w.strips
+    for i in range(w.first[j], w.first[j + 1]):
+        eta, half, y, m = s.eta[i], 0.5 * s.chord[i], side * s.span[i], w.membrane[i]
+        sine, cosine = work.sine[i], work.cosine[i]
+        x, z = -half * cosine, half * sine
+        turn = wy + eta * rate
+        spin = eta * rate
+        # The membrane's point: its acceleration without the speeds' rates, less gravity.
+        px, py, pz = vx + turn * z - wz * y, vy + wz * x - wx * z, vz + wx * y - turn * x
+        sx, sz, ex, ez = bx - wz * spin, bz + wx * spin, cx - vz * spin, cz + vx * spin
+        fx = m * (ex + by * z - sz * y + turn * pz - wz * py - gx)
+        fy = m * (cy + sz * x - sx * z + wz * px - wx * pz - gy)
+        fz = m * (ez + sx * y - by * x + wx * py - turn * px - gz)
+        m0 += m
+        hx += m * x
+        hy += m * y
+        hz += m * z
+        i00 += m * (y * y + z * z)
+        i11 += m * (x * x + z * z)
+        i22 += m * (x * x + y * y)
+        i01 -= m * x * y
+        i02 -= m * x * z
+        i12 -= m * y * z
+        tx, tz = m * eta * z, -m * eta * x
+        t0 += y * tz
+        t1 += z * tx - x * tz
+        t2 -= y * tx
+        t3 += tx
+        t5 += tz
+        own_mass += m * eta * eta * half * half
+        own_load -= eta * (z * fx - x * fz)
+        # The apparent mass resists the rate of the normal speed through the air; see `Motion`.
+        a, rotary = apparent[MASS, i], apparent[INERTIA, i]
+        q0, q1, q2, q3, q5 = -y * cosine, -half, y * sine, -sine, -cosine
+        turned = -turn * cosine * ax + (wx * cosine - wz * sine) * ay + turn * sine * az
+        bias = q0 * sx + q1 * by + q2 * sz + q3 * ex + q5 * ez - turned
+        i00 += a * q0 * q0
+        i01 += a * q0 * q1
+        i02 += a * q0 * q2
+        i03 += a * q0 * q3
+        i05 += a * q0 * q5
+        i11 += a * q1 * q1 + rotary
+        i12 += a * q1 * q2
+        i13 += a * q1 * q3
+        i15 += a * q1 * q5
+        i22 += a * q2 * q2
+        i23 += a * q2 * q3
+        i25 += a * q2 * q5
+        i33 += a * q3 * q3
+        i35 += a * q3 * q5
+        i55 += a * q5 * q5
+        lever = -a * eta * half
+        t0 += lever * q0
+        t1 += lever * q1 + eta * rotary
+        t2 += lever * q2
+        t3 += lever * q3
+        t5 += lever * q5
+        own_mass += eta * eta * (a * half * half + rotary)
+        own_load -= lever * bias + eta * rotary * by
+        # The air loads, in section axes, to the root.
+        forward = upward = outward = nose = 0.0
+        for p in range(parts.shape[0]):
+            forward += parts[p, FORWARD, i]
+            upward += parts[p, UPWARD, i]
+            outward += parts[p, OUTWARD, i]
+            nose += parts[p, NOSE_UP, i]
+        own_load += eta * (nose - half * upward)
+        resisted = a * bias
+        fx += resisted * q3 - forward * cosine + upward * sine
+        fy -= side * outward
+        fz += resisted * q5 + forward * sine + upward * cosine
+        n0 += y * fz - z * fy
+        n1 += z * fx - x * fz + rotary * by - nose
+        n2 += x * fy - y * fx
+        f0 += fx
+        f1 += fy
+        f2 += fz
+    c = work.inertia
+    c[0, 0], c[0, 1], c[0, 2], c[0, 3], c[0, 4], c[0, 5] = i00, i01, i02, i03, -hz, i05 + hy
+    c[1, 1], c[1, 2], c[1, 3], c[1, 4], c[1, 5] = i11, i12, i13 + hz, 0.0, i15 - hx
+    c[2, 2], c[2, 3], c[2, 4], c[2, 5] = i22, i23 - hy, hx, i25
+    c[3, 3], c[3, 4], c[3, 5], c[4, 4], c[4, 5], c[5, 5] = i33 + m0, 0.0, i35, m0, 0.0, i55 + m0
+    t, n = work.wrench[0], work.wrench[1]
+    t[0], t[1], t[2], t[3], t[4], t[5] = t0, t1, t2, t3, 0.0, t5
+    n[0], n[1], n[2], n[3], n[4], n[5] = n0, n1, n2, f0, f1, f2
+    return own_mass, own_load
+
+
+@kernel
+def _carry(k: Kinematics, b: int, work: WingWork) -> None:
+    """Add the wing's sums, told at the root in wing axes, to body ``b`` about the base's origin."""
+    r, p, c, inertia = k.r[b], k.p[b], work.inertia, k.inertia[b]
+    for i in range(6):
+        for j in range(i):
+            c[i, j] = c[j, i]
+    turned = work.turned
+    for block in range(4):
+        at, to = 3 * (block // 2), 3 * (block % 2)
+        for i in range(3):
+            a0 = r[i, 0] * c[at, to] + r[i, 1] * c[at + 1, to] + r[i, 2] * c[at + 2, to]
+            a1 = r[i, 0] * c[at, to + 1] + r[i, 1] * c[at + 1, to + 1] + r[i, 2] * c[at + 2, to + 1]
+            a2 = r[i, 0] * c[at, to + 2] + r[i, 1] * c[at + 1, to + 2] + r[i, 2] * c[at + 2, to + 2]
+            for j in range(3):
+                turned[at + i, to + j] = a0 * r[j, 0] + a1 * r[j, 1] + a2 * r[j, 2]
+    # A force at the root has a moment about the origin: rows first, then columns.
+    for i in range(6):
+        turned[0, i] += p[1] * turned[5, i] - p[2] * turned[4, i]
+        turned[1, i] += p[2] * turned[3, i] - p[0] * turned[5, i]
+        turned[2, i] += p[0] * turned[4, i] - p[1] * turned[3, i]
+    for i in range(6):
+        turned[i, 0] += p[1] * turned[i, 5] - p[2] * turned[i, 4]
+        turned[i, 1] += p[2] * turned[i, 3] - p[0] * turned[i, 5]
+        turned[i, 2] += p[0] * turned[i, 4] - p[1] * turned[i, 3]
+        for j in range(6):
+            inertia[i, j] += turned[i, j]
+    _carry_wrench(r, p, work.wrench[0], work.column, 0.0)
+    _carry_wrench(r, p, work.wrench[1], k.force[b], 1.0)
+
+
+@kernel
+def _carry_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats, keep: float) -> None:
+    """``out`` = ``keep`` times itself plus ``wrench`` carried from the root in wing axes to the base."""
+    f0 = r[0, 0] * wrench[3] + r[0, 1] * wrench[4] + r[0, 2] * wrench[5]
+    f1 = r[1, 0] * wrench[3] + r[1, 1] * wrench[4] + r[1, 2] * wrench[5]
+    f2 = r[2, 0] * wrench[3] + r[2, 1] * wrench[4] + r[2, 2] * wrench[5]
+    for i in range(3):
+        out[i] = keep * out[i] + r[i, 0] * wrench[0] + r[i, 1] * wrench[1] + r[i, 2] * wrench[2]
+    out[0] += p[1] * f2 - p[2] * f1
+    out[1] += p[2] * f0 - p[0] * f2
+    out[2] += p[0] * f1 - p[1] * f0
+    out[3] = keep * out[3] + f0
+    out[4] = keep * out[4] + f1
+    out[5] = keep * out[5] + f2
