@@ -1,0 +1,276 @@
+"""Modified strip theory (DeLaurier 1993) with Kim's dynamic stall (Kim 2011) as Gerdes 2017 uses it, or without.
+
+Written in section velocities instead of angles over a constant flight speed, so that arbitrary motion works
+and the loads stay finite as the airspeed goes to zero. The downwash of the unsteady wake is a first-order lag
+a strip, which is the time-domain form of F'(k), G'(k):  C'(k) = 1 - C1 ik / (ik + C2).
+
+When a section stalls is a choice of the vehicle (``dynamic_stall``):
+
+* ``fixed``: DeLaurier's limit at the stall angle, whatever the motion;
+* ``kim``: that angle times Kim's factor, at most twice. For a wing that only plunges the factor grows faster than the
+  angle of attack, so that its sections stay attached to the bound of twice the stall angle.
+
+Which of them holds is an argument of ours, not Kim's: the delay is the time in which a leading-edge vortex grows over
+the section, and a vortex sheds after about `FORMATION` chords of travel. A half stroke shorter than that ends before
+the delay does, that is k = omega c / 2U above pi / (2 `FORMATION`) = 0.39: Robo Raven and Slow Hawk at their root
+chords. Over a longer one the vortex is gone and DeLaurier's limit holds: the wing of Yeo, Atkins and Shyy (2011),
+k = 0.26 at the root, is measured separated over its outer third, where Kim's factor keeps it attached and gives twice
+the force.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, Quantity
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    INERTIA,
+    MASS,
+    NOSE_UP,
+    UPWARD,
+    AerodynamicModel,
+    Motion,
+    SectionLoads,
+    Strips,
+    aspect_ratio,
+)
+from sim_bridge.vectors import Floats, kernel
+
+STALL_BLEND = math.radians(3.0)
+"""rad; half width over which attached and separated loads are blended: a hard switch makes the force jump"""
+SLOWEST = 0.3
+"""m/s; chordwise speed below which the reduced frequency is no longer resolved"""
+FORMATION = 4.0
+"""-; chords of travel until a leading-edge vortex sheds: the formation number of Gharib, Rambod and Shariff (1998)"""
+STALL_FACTOR_BOUNDS = {"fixed": 1.0, "kim": 2.0}
+"""by the choice of ``dynamic_stall``: what the stall angle may be raised by at most; 1 leaves DeLaurier's limit"""
+KINEMATIC_VISCOSITY = 1.46e-5
+"""m^2/s; of air at 15 degrees Celsius"""
+PARTS = ("circulatory", "separated", "suction", "camber", "friction", "apparent_couple")
+CIRCULATORY, SEPARATED, SUCTION, CAMBER, FRICTION, COUPLE = range(len(PARTS))
+
+
+class StripTheory(NamedTuple):
+    """Section ``[strip_theory]`` of a vehicle file."""
+
+    zero_lift_angle: Annotated[float, Quantity("rad", -1.6, 1.6)]
+    """of the section, negated: the angle that camber adds to the angle of attack"""
+    suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """share of the leading-edge suction that is realised"""
+    stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
+    """static; raised by Kim's factor if ``dynamic_stall`` says so"""
+    wake_lag: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """share of the unsteady wake's effect: 1 is DeLaurier's C'(k) in the time domain, 0 quasi-steady"""
+    dynamic_stall: str
+    """``kim`` where a half stroke is shorter than `FORMATION` chords (see `half_stroke_travel`), else ``fixed``"""
+
+
+class StripParameters(NamedTuple):
+    """What the section loads need beside the motion; SI."""
+
+    aspect_ratio: float
+    zero_lift_angle: float
+    suction_efficiency: float
+    stall_angle: float
+    c1: float
+    c2: float
+    lift_factor: float
+    stall_factor_bound: float
+
+
+class SectionMotion(NamedTuple):
+    """How one section moves through the air."""
+
+    along: float
+    """m/s; forward along the chord"""
+    plunge: float
+    """m/s; of the leading edge against the normal by flapping alone, h' cos(theta - theta_a)"""
+    down: float
+    """m/s; of mid-chord against the normal"""
+    pitch_rate: float
+    """rad/s; about the span, leading edge up"""
+    chord: float
+    """m"""
+
+
+class Section(NamedTuple):
+    """Loads a unit span of one section."""
+
+    circulatory: float
+    """N/m; normal, at a quarter chord"""
+    separated: float
+    """N/m; normal, at mid-chord"""
+    suction: float
+    """N/m; forward along the chord, as the next two"""
+    camber: float
+    """N/m"""
+    friction: float
+    """N/m"""
+    lag_rate: float
+    """m/s^2; of the wake's state"""
+    apparent: float
+    """kg/m; apparent mass at mid-chord"""
+    stalled: float
+    """-; share 0 to 1"""
+
+
+def strip_parameters(
+    aspect_ratio: float,
+    zero_lift_angle: float,
+    suction_efficiency: float,
+    stall_angle: float,
+    stall_factor_bound: float = STALL_FACTOR_BOUNDS["kim"],
+) -> StripParameters:
+    """Constants of the modified Theodorsen function for a wing's aspect ratio (both wings together)."""
+    return StripParameters(
+        aspect_ratio,
+        zero_lift_angle,
+        suction_efficiency,
+        stall_angle,
+        0.5 * aspect_ratio / (2.32 + aspect_ratio),
+        0.181 + 0.772 / aspect_ratio,
+        aspect_ratio / (2.0 + aspect_ratio),
+        stall_factor_bound,
+    )
+
+
+def build(settings: StripTheory, strips: Strips) -> StripParameters:
+    """The model's parameters for the wings of a vehicle.
+
+    Raises:
+        BadInput: ``dynamic_stall`` is none of `STALL_FACTOR_BOUNDS`.
+    """
+    bound = STALL_FACTOR_BOUNDS.get(settings.dynamic_stall)
+    if bound is None:
+        known = " or ".join(STALL_FACTOR_BOUNDS)
+        raise BadInput(f'strip_theory.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
+    wing = aspect_ratio(strips)
+    p = strip_parameters(wing, settings.zero_lift_angle, settings.suction_efficiency, settings.stall_angle, bound)
+    return p._replace(c1=p.c1 * settings.wake_lag)
+
+
+def half_stroke_travel(airspeed: float, frequency: float, chord: float) -> float:
+    """Chords that the air travels over a section in half a stroke: m/s, Hz, m; pi / 2k of the reduced frequency k."""
+    return airspeed / (2.0 * frequency * chord)
+
+
+def initial(parameters: StripParameters, strips: Strips) -> Floats:
+    """The wakes' states (n,) in m/s at rest: one a strip; none where the wake has no effect."""
+    return np.zeros(strips.chord.shape[0] if parameters.c1 != 0.0 else 0)
+
+
+@kernel
+def stall_factor(
+    plunge_angle: float, towards: float, chord: float, speed: float, stall_angle: float, bound: float = 2.0
+) -> float:
+    """Kim's dynamic stall factor xi (Gerdes Eq. 8 as corrected): 1 to ``bound``.
+
+    ``plunge_angle`` is |atan(h' cos(theta - theta_a) / V_x)|, ``towards`` the pitch rate in rad/s counted
+    positive when it increases the magnitude of the angle of attack.
+    """
+    pitching = math.copysign(0.51 * math.sqrt(chord * abs(towards) / (2.0 * speed)), towards)
+    return max(1.0, min(1.0 + (plunge_angle + pitching) / stall_angle, bound))
+
+
+@kernel
+def friction_coefficient(reynolds: float) -> float:
+    """Skin friction of both faces of a plate, 0.89 / (log10 Re)^2.58."""
+    return float(0.89 / math.log10(max(reynolds, 1000.0)) ** 2.58)
+
+
+@kernel
+def stalled_share(angle: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
+    """How much of a section is stalled, 0 to 1, at the ``angle`` in rad of DeLaurier's stall criterion."""
+    size = abs(angle)
+    # The factor lies between 1 and its bound, so that most sections need it not.
+    if size <= p.stall_angle - STALL_BLEND:
+        return 0.0
+    if size >= p.stall_factor_bound * p.stall_angle + STALL_BLEND:
+        return 1.0
+    plunge_angle = abs(math.atan2(m.plunge, speed))
+    towards = m.pitch_rate if angle >= 0.0 else -m.pitch_rate
+    factor = stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle, p.stall_factor_bound)
+    limit = p.stall_angle * factor
+    share = min(max((size - limit) / (2.0 * STALL_BLEND) + 0.5, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+@kernel
+def section_loads(m: SectionMotion, density: float, lag: float, p: StripParameters) -> Section:
+    """Loads a unit span of one section; ``lag`` in m/s is the wake's state, ``density`` in kg/m^3."""
+    along, pitch_rate, chord = m.along, m.pitch_rate, m.chord
+    three_quarter = m.down + 0.25 * chord * pitch_rate
+    speed = max(abs(along), SLOWEST)
+    wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
+    resultant = math.sqrt(along * along + (wash - 0.5 * chord * pitch_rate) ** 2)
+    stalled = stalled_share(math.atan2(wash - 0.75 * chord * pitch_rate, speed), m, speed, p)
+    pressure = 0.5 * density * chord
+    attached = (1.0 - stalled) * pressure
+    suction = wash - 0.25 * chord * pitch_rate
+    skin = friction_coefficient(speed * chord / KINEMATIC_VISCOSITY)
+    return Section(
+        attached * 2.0 * math.pi * resultant * (wash + p.zero_lift_angle * along * p.lift_factor),
+        stalled * 1.98 * pressure * math.sqrt(along * along + m.down * m.down) * m.down,
+        attached * p.suction_efficiency * 2.0 * math.pi * suction * suction * resultant / speed,
+        attached * 2.0 * math.pi * p.zero_lift_angle * wash * resultant,
+        -attached * skin * along * abs(along),
+        2.0 * speed / chord * p.c2 * (three_quarter - lag),
+        (1.0 - 0.5 * stalled) * density * math.pi * chord * chord / 4.0,
+        stalled,
+    )
+
+
+@kernel
+def loads(
+    parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
+) -> None:
+    """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
+    parts, has_wake = out.parts, state.shape[0] > 0
+    for i in range(strips.chord.shape[0]):
+        chord, width, along, turn = strips.chord[i], strips.width[i], motion.along[i], motion.pitch_rate[i]
+        lag = state[i] if has_wake else 0.0
+        section = section_loads(
+            SectionMotion(along, motion.plunge[i], motion.down[i], turn, chord), density, lag, parameters
+        )
+        apparent = section.apparent * width
+        parts[CIRCULATORY, UPWARD, i] = section.circulatory * width
+        parts[CIRCULATORY, NOSE_UP, i] = 0.25 * chord * section.circulatory * width
+        parts[SEPARATED, UPWARD, i] = section.separated * width
+        parts[SUCTION, FORWARD, i] = section.suction * width
+        parts[CAMBER, FORWARD, i] = section.camber * width
+        parts[FRICTION, FORWARD, i] = section.friction * width
+        parts[COUPLE, NOSE_UP, i] = -0.25 * apparent * chord * abs(along) * turn
+        out.apparent[MASS, i] = apparent
+        out.apparent[INERTIA, i] = apparent * chord * chord / 32.0
+        if has_wake:
+            out.rates[i] = section.lag_rate
+
+
+@kernel
+def advance(
+    parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
+) -> None:
+    """Nothing: the wake's lags move smoothly and belong to the integrator."""
+
+
+def frequency_domain_incidence(alpha: complex, k: float, parameters: StripParameters) -> complex:
+    """The printed form alpha' = AR/(2+AR) (F'(k) + i G'(k)) alpha for harmonic motion, for checks."""
+    lag = 1j * k / (1j * k + parameters.c2)
+    return parameters.lift_factor * (1.0 - parameters.c1 * lag) * alpha
+
+
+MODEL = AerodynamicModel(
+    name="strip_theory",
+    title="Modified strip theory (DeLaurier 1993) with Kim's dynamic stall, as Gerdes 2017 uses it",
+    settings=StripTheory,
+    parameters=StripParameters,
+    parts=PARTS,
+    build=build,
+    initial=initial,
+    loads=loads,
+    advance=advance,
+)
