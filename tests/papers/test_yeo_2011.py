@@ -1,133 +1,267 @@
-"""Yeo, Atkins and Shyy 2011: lift of a rigid flapping wing from pressures over one stroke. Nothing is fitted."""
+"""Yeo, Atkins and Shyy 2011: lift of a rigid flapping wing from pressures over one stroke. Nothing is fitted.
+
+The air travels 6.1 root chords in a half stroke, longer than a leading-edge vortex stays: DeLaurier's fixed limit
+holds, at the 13 degrees of his own example. The RMS comes out 4.5 % high, the mean absolute error is 0.0226 N. Most
+of that error is the measured mean lift of 0.023 N, which a flat wing at no angle of attack that flaps up as down
+cannot have; without the means 0.008 N are left.
+"""
 
 from __future__ import annotations
 
 import math
+import statistics
+import sys
+import time
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from sim_bridge.aerodynamics.strip_theory import StripParameters, section_loads, strip_parameters
-from sim_bridge.vectors import Floats
+from sim_bridge.aerodynamics.protocol import (
+    MASS,
+    UPWARD,
+    Motion,
+    SectionLoads,
+    Strips,
+    blank_loads,
+    blank_motion,
+)
+from sim_bridge.aerodynamics.strip_theory_model import (
+    FORMATION,
+    MODEL,
+    StripParameters,
+    StripTheory,
+    half_stroke_travel,
+)
+from sim_bridge.vectors import Floats, kernel
+
+loads = MODEL.loads
 
 DATA = Path(__file__).parent.parent / "data" / "yeo2011"
 PASCALS = 248.84
 """in one inch of water"""
-AREAS = {
-    "blue_leading": 0.072 * 0.024,
-    "blue_middle": 0.072 * 0.024,
-    "blue_trailing": 0.072 * 0.024,
-    "orange_leading": 0.07 * 0.02112,
-    "orange_middle": 0.07 * 0.02112,
-    "orange_trailing": 0.07 * 0.02112,
-    "green_leading": 0.04165 * 0.015,
-    "green_middle": 0.06565 * 0.015,
-    "green_trailing": 0.071 * 0.015,
+ROWS = ("leading", "middle", "trailing")
+PANELS = {
+    "blue": ((0.072, 0.024), (0.072, 0.024), (0.072, 0.024)),
+    "orange": ((0.07, 0.02112), (0.07, 0.02112), (0.07, 0.02112)),
+    "green": ((0.071, 0.015), (0.06565, 0.015), (0.04165, 0.015)),
 }
-"""m^2; of the panel of the half wing that each pressure stands for"""
-SEMISPAN, AIRSPEED, FREQUENCY, DENSITY = 0.213, 2.9, 3.3, 1.225
+"""m; span and height of the panel that each pressure stands for, root to tip and from the leading edge back"""
+OUTER_TAPS = (0.01569, 0.03069, 0.04569)
+"""m; of the outermost panels' middles behind the root's leading edge, digitised with the pressures"""
+DIGITISED_RMS = 0.0715
+"""N; of the lift over the stroke, as printed beside the digitised pressures"""
+SEMISPAN, ROOT_CHORD, AIRSPEED, FREQUENCY, DENSITY = 0.213, 0.072, 2.9, 3.3, 1.225
+OUTERMOST = 0.142
+"""m; where the outermost panels begin"""
 OMEGA = 2.0 * math.pi * FREQUENCY
-STRIPS, STEPS, PHASES = 12, 400, 100
-ALPHA_MAX = math.radians(13.0)
+STRIPS, STEPS = 12, 100
+STALL_ANGLE = math.radians(13.0)
+"""static; DeLaurier (1993), of the section of his example"""
+RMS_WITHIN, ERROR_AT_MOST, STROKE_AT_MOST = 0.05, 0.025, 1e-3
+"""-, N, s; the figures to reach"""
+
+
+class Rig(NamedTuple):
+    """What a stroke is computed with."""
+
+    strips: Strips
+    motion: Motion
+    out: SectionLoads
+    midway: Floats
+    """(s,); the state in the middle of a step"""
+    unused: Floats
+    """(n,)"""
 
 
 def read(name: str) -> Floats:
     return np.loadtxt(DATA / name, delimiter=",", encoding="utf-8-sig")
 
 
-def flap(phase: Floats | float) -> Floats:
-    """Flap angle in rad, its rate and acceleration; the measured motion's first three harmonics."""
-    p = 2.0 * math.pi * np.asarray(phase)
+def flap(phase: Floats) -> Floats:
+    """Flap angle in rad, its rate and acceleration (n, 3); the measured motion's first three harmonics."""
+    p = 2.0 * math.pi * phase
     angle = 0.0354 + 0.3793 * np.sin(p) - 0.0322 * np.cos(2 * p) - 0.0035 * np.sin(3 * p)
     rate = OMEGA * (0.3793 * np.cos(p) + 0.0644 * np.sin(2 * p) - 0.0105 * np.cos(3 * p))
     acceleration = OMEGA**2 * (-0.3793 * np.sin(p) + 0.1288 * np.cos(2 * p) + 0.0315 * np.sin(3 * p))
-    return np.array([angle, rate, acceleration])
+    return np.stack([angle, rate, acceleration], axis=1)
+
+
+def measured_normal(station: str) -> Floats:
+    """N; of one wing's panels at one station over the stroke."""
+    rows = zip(ROWS, PANELS[station], strict=True)
+    files = [(f"{station}_{row}_point_experimental_pressures.csv", width * height) for row, (width, height) in rows]
+    return np.asarray(sum(read(name)[:, 1] * PASCALS * area for name, area in files))
 
 
 def measured_lift() -> Floats:
-    """N; both wings, at `PHASES` equal steps of the stroke."""
-    half = sum(
-        read(f"{name}_point_experimental_pressures.csv")[:, 1] * PASCALS * area for name, area in AREAS.items()
-    )
-    return 2.0 * np.asarray(half) * np.cos(flap(np.arange(PHASES) / PHASES)[0])
+    """N; both wings, at `STEPS` equal steps of the stroke."""
+    half = sum(measured_normal(station) for station in PANELS)
+    return 2.0 * np.asarray(half) * np.cos(flap(np.arange(STEPS) / STEPS)[:, 0])
 
 
-def chords() -> tuple[Floats, Floats]:
-    """Middle of each strip and its mean chord, m."""
+def edges(span: Floats) -> tuple[Floats, Floats]:
+    """Leading and trailing edge in m ahead of the root's trailing edge."""
     outline = read("extracted_planform_coordinates.csv") * 1e-3
     tip = int(np.argmax(outline[:, 0]))
+    ahead = np.interp(span, *np.unique(outline[: tip + 1], axis=0).T)
+    return ahead, np.interp(span, *np.unique(outline[tip:], axis=0).T)
+
+
+def wings() -> Strips:
     fine = (np.arange(STRIPS * 100) + 0.5) / (STRIPS * 100) * SEMISPAN
-    leading = np.interp(fine, *np.unique(outline[: tip + 1], axis=0).T)
-    trailing = np.interp(fine, *np.unique(outline[tip:], axis=0).T)
-    return fine.reshape(STRIPS, -1).mean(axis=1), (leading - trailing).reshape(STRIPS, -1).mean(axis=1)
+    leading, trailing = edges(fine)
+    span = np.tile(fine.reshape(STRIPS, -1).mean(axis=1), 2)
+    chord = np.tile((leading - trailing).reshape(STRIPS, -1).mean(axis=1), 2)
+    width = np.full(2 * STRIPS, SEMISPAN / STRIPS)
+    return Strips(span, span / SEMISPAN, chord, width, np.repeat([0.0, 1.0], STRIPS))
 
 
-def section(stall_angle: float) -> StripParameters:
-    _, chord = chords()
-    return strip_parameters(2.0 * SEMISPAN / chord.mean(), 0.0, 0.9, stall_angle)
+def rig(states: int) -> Rig:
+    strips = wings()
+    motion = blank_motion(strips, 2)
+    motion.along[:] = AIRSPEED
+    return Rig(strips, motion, blank_loads(len(MODEL.parts), strips, states), np.zeros(states), 0.0 * strips.span)
 
 
-def modelled_lift(p: StripParameters) -> Floats:
-    """N; both wings in prescribed motion at `PHASES` steps of the third stroke."""
-    middle, chord = chords()
-    width, dt = SEMISPAN / STRIPS, 1.0 / FREQUENCY / STEPS
-    lag, out, lift = np.zeros(STRIPS), np.zeros(6), np.zeros(STEPS)
-    for i in range(3 * STEPS):
-        angle, rate, acceleration = flap(i / STEPS).tolist()
-        normal = 0.0
-        for j in range(STRIPS):
-            down = -rate * middle[j]
-            section_loads(np.array([AIRSPEED, down, down, down, 0.0]), chord[j], DENSITY, lag[j], p, out)
-            normal += (out[0] + out[1] - out[4] * acceleration * middle[j]) * width
-            lag[j] += dt * out[3]
-        lift[i % STEPS] = 2.0 * normal * math.cos(angle)
-    return lift[:: STEPS // PHASES]
+@kernel
+def normal_forces(parameters: StripParameters, r: Rig, state: Floats, flapping: Floats, normal: Floats) -> None:
+    """Fill ``normal`` (n,) in N of every strip for a flap angle, rate and acceleration (3,)."""
+    for j in range(normal.shape[0]):
+        r.motion.down[j] = -flapping[1] * r.strips.span[j]
+        r.motion.plunge[j] = r.motion.down[j]
+    loads(parameters, r.strips, r.motion, DENSITY, state, r.out)
+    for j in range(normal.shape[0]):
+        normal[j] = -r.out.apparent[MASS, j] * flapping[2] * r.strips.span[j]
+        for part in range(r.out.parts.shape[0]):
+            normal[j] += r.out.parts[part, UPWARD, j]
 
 
-class Score(NamedTuple):
-    rms: float
-    """model over measurement"""
-    error: float
-    """N; mean absolute"""
-    correlation: float
+@kernel
+def stroke(parameters: StripParameters, r: Rig, state: Floats, flapping: Floats, normal: Floats) -> None:
+    """One stroke of midpoint steps from ``state``; ``flapping`` (2 STEPS, 3) at half steps, ``normal`` (STEPS, n)."""
+    n, dt = state.shape[0], 1.0 / FREQUENCY / normal.shape[0]
+    for i in range(normal.shape[0]):
+        normal_forces(parameters, r, state, flapping[2 * i], normal[i])
+        for j in range(n):
+            r.midway[j] = state[j] + 0.5 * dt * r.out.rates[j]
+        normal_forces(parameters, r, r.midway, flapping[2 * i + 1], r.unused)
+        for j in range(n):
+            state[j] += dt * r.out.rates[j]
 
 
-def score(p: StripParameters) -> Score:
-    ours, theirs = modelled_lift(p), measured_lift()
-    rms = math.sqrt(float(np.mean(ours**2) / np.mean(theirs**2)))
-    return Score(rms, float(np.mean(np.abs(ours - theirs))), float(np.corrcoef(ours, theirs)[0, 1]))
+def section(dynamic_stall: str, wake_lag: float = 1.0) -> StripParameters:
+    """A flat plate without camber, its suction kept: neither enters the lift at no angle of attack."""
+    built: StripParameters = MODEL.build(StripTheory(0.0, 1.0, STALL_ANGLE, wake_lag, dynamic_stall), wings())
+    return built
+
+
+@cache
+def modelled_normal(parameters: StripParameters, steps: int = STEPS) -> Floats:
+    """N; of every strip of both wings (steps, n) over the third stroke."""
+    state = MODEL.initial(parameters, wings())
+    r, flapping = rig(state.shape[0]), flap(np.arange(2 * steps) / (2 * steps))
+    normal = np.zeros((steps, 2 * STRIPS))
+    for _ in range(3):
+        stroke(parameters, r, state, flapping, normal)
+    return normal
+
+
+def modelled_lift(parameters: StripParameters, steps: int = STEPS) -> Floats:
+    return modelled_normal(parameters, steps).sum(axis=1) * np.cos(flap(np.arange(steps) / steps)[:, 0])
+
+
+def rms(x: Floats) -> float:
+    return math.sqrt(float(np.mean(x**2)))
+
+
+def mean_error(parameters: StripParameters) -> float:
+    """N; mean absolute difference of modelled and measured lift."""
+    return float(np.mean(np.abs(modelled_lift(parameters) - measured_lift())))
+
+
+def outer_strength(normal: Floats) -> float:
+    """N; standard deviation over the stroke of one wing's normal force outside of `OUTERMOST`."""
+    span = wings().span[:STRIPS]
+    return float(normal[:, :STRIPS][:, span > OUTERMOST].sum(axis=1).std())
 
 
 def test_the_panels_cover_the_wing() -> None:
-    _, chord = chords()
-    assert sum(AREAS.values()) == pytest.approx(chord.mean() * SEMISPAN, rel=0.02)
+    strips = wings()
+    panels = sum(width * height for rows in PANELS.values() for width, height in rows)
+    assert 2.0 * panels == pytest.approx(float(np.sum(strips.chord * strips.width)), rel=0.02)
+
+
+def test_the_outermost_panels_lie_inside_the_outline() -> None:
+    """The trailing edge curves to the tip, so that the leading panel is the longest."""
+    span = np.linspace(OUTERMOST, SEMISPAN, 2001)
+    leading, trailing = edges(span)
+    for behind, (width, _) in zip(OUTER_TAPS, PANELS["green"], strict=True):
+        ahead = ROOT_CHORD - behind
+        inside = float(np.mean((ahead < leading) & (ahead > trailing))) * (SEMISPAN - OUTERMOST)
+        assert inside == pytest.approx(width, abs=0.003)
+
+
+def test_the_sum_of_the_pressures_is_the_lift_that_was_digitised() -> None:
+    assert rms(measured_lift()) == pytest.approx(DIGITISED_RMS, abs=0.0001)
 
 
 def test_the_motion_is_the_measured_one() -> None:
     positions = read("measured_wing_positions.csv")
-    assert flap(positions[:, 0])[0] == pytest.approx(np.radians(positions[:, 1]), abs=0.07)
+    assert flap(positions[:, 0])[:, 0] == pytest.approx(np.radians(positions[:, 1]), abs=0.07)
+
+
+def test_the_steps_of_a_stroke_are_fine_enough() -> None:
+    p = section("fixed")
+    assert rms(modelled_lift(p)) == pytest.approx(rms(modelled_lift(p, 8 * STEPS)), rel=2e-3)
+
+
+def test_a_half_stroke_outlasts_a_leading_edge_vortex() -> None:
+    assert half_stroke_travel(AIRSPEED, FREQUENCY, ROOT_CHORD) > FORMATION
+
+
+def test_rms_lift_within_five_percent() -> None:
+    assert rms(modelled_lift(section("fixed"))) == pytest.approx(rms(measured_lift()), rel=RMS_WITHIN)
+
+
+def test_mean_absolute_error_of_the_lift() -> None:
+    assert mean_error(section("fixed")) <= ERROR_AT_MOST
 
 
 def test_the_lift_of_the_stroke_has_the_measured_shape() -> None:
-    assert score(section(ALPHA_MAX)).correlation > 0.98
+    assert np.corrcoef(modelled_lift(section("fixed")), measured_lift())[0, 1] > 0.99
 
 
-def test_with_kims_stall_factor_lift_is_too_large() -> None:
-    """The factor keeps the sections attached to twice 13 degrees: the gap as it is, not a target."""
-    found = score(section(ALPHA_MAX))
-    assert found.rms == pytest.approx(1.45, abs=0.08)
-    assert found.error < 0.04
+def test_the_outer_wing_is_separated_where_kims_factor_keeps_it_attached() -> None:
+    """The pressures themselves tell which stall limit holds: no sum over the wing, no other part of the model."""
+    measured = float(measured_normal("green").std())
+    assert outer_strength(modelled_normal(section("fixed"))) == pytest.approx(measured, rel=0.15)
+    assert outer_strength(modelled_normal(section("kim"))) > 1.8 * measured
 
 
-def test_without_kims_stall_factor_the_lift_is_the_measured_one() -> None:
-    """DeLaurier's own criterion: as plunging takes the factor to its bound of 2, half the angle gives a fixed 13."""
-    found = score(section(ALPHA_MAX / 2.0))
-    assert found.error < 0.025
-    assert found.rms == pytest.approx(1.0, abs=0.12)
+def test_with_kims_factor_lift_is_too_large() -> None:
+    assert rms(modelled_lift(section("kim"))) > 1.3 * rms(measured_lift())
 
 
-@pytest.mark.xfail(strict=True, reason="Kim's factor stays on; without it 10 % remain against the pressures' own sum")
-def test_rms_lift_within_five_percent() -> None:
-    assert score(section(ALPHA_MAX)).rms == pytest.approx(1.0, abs=0.05)
+def test_without_the_wake_lift_is_too_large() -> None:
+    quasi_steady = rms(modelled_lift(section("fixed", wake_lag=0.0)))
+    assert quasi_steady > (1.0 + RMS_WITHIN) * rms(measured_lift())
+
+
+def test_the_measured_mean_lift_is_not_of_the_motion() -> None:
+    """Bias of pressures or incidence, 0.18 in lift coefficient: no model of the motion alone can have it."""
+    assert abs(float(modelled_lift(section("fixed")).mean())) < 0.1 * float(measured_lift().mean())
+
+
+@pytest.mark.bench
+def test_the_time_of_a_stroke() -> None:
+    p, state, flapping = section("fixed"), np.zeros(2 * STRIPS), flap(np.arange(2 * STEPS) / (2 * STEPS))
+    r, normal, times = rig(state.shape[0]), np.zeros((STEPS, 2 * STRIPS)), []
+    for _ in range(200):
+        begun = time.perf_counter()
+        stroke(p, r, state, flapping, normal)
+        times.append(time.perf_counter() - begun)
+    sys.stdout.write(f"strip theory, one stroke  {statistics.median(times) * 1e3:6.3f} ms at the median\n")
+    assert statistics.median(times) < STROKE_AT_MOST
