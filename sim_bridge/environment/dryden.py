@@ -1,0 +1,316 @@
+"""Dryden gusts of MIL-F-8785C (3.7.2 to 3.7.3), stepped through the distance flown.
+
+The field of gusts is frozen: what counts is the distance through the air between two ticks, so that the filters are
+exact for any airspeed and any tick, at rest too. Their states have fixed variances; scale and strength follow height.
+
+    Phi_u(W) = sigma_u^2 2 L_u / pi / (1 + (L_u W)^2)
+    Phi_v(W) = sigma_v^2 L_v / pi (1 + 3 (L_v W)^2) / (1 + (L_v W)^2)^2,  Phi_w alike
+    Phi_p(W) = sigma_w^2 / L_w 0.8 (pi L_w / 4b)^(1/3) / (1 + (4b W / pi)^2)
+    Phi_q(W) = W^2 / (1 + (4b W / pi)^2) Phi_w(W),  Phi_r(W) = W^2 / (1 + (3b W / pi)^2) Phi_v(W)
+
+for W in rad/m, each from 0 to infinity; b is the span. Rotation is that of the air as of a rigid body: q = -dw/dx,
+r = dv/dx. Axes: along the flight through the mean air, horizontal; across it to the right; down. The specification
+turns them into body axes above 2000 ft; they are left level here, where length and intensity know no direction.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from sim_bridge.observation import Vector
+from sim_bridge.vectors import kernel
+
+FOOT = 0.3048
+"""m"""
+KNOT = 1852.0 / 3600.0
+"""m/s"""
+LOWEST, LOW, MEDIUM = 10.0, 1000.0, 2000.0
+"""ft; the low-altitude model holds from the first to the second, that of medium and high altitude above the third"""
+FREE_LENGTH = 1750.0
+"""ft; scale of turbulence in the free air"""
+WIND_AT_20_FT = {"none": 0.0, "light": 15.0 * KNOT, "moderate": 30.0 * KNOT, "severe": 45.0 * KNOT}
+"""m/s; by level of turbulence (MIL-F-8785C 3.7.3.4)"""
+HEIGHTS = (1750.0, 3750.0, 7500.0, 15000.0, 25000.0, 35000.0, 45000.0)
+"""ft; of the columns of `INTENSITIES`"""
+INTENSITIES = {
+    "none": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0),
+    "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2),
+    "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1),
+}
+"""ft/s; exceeded with a probability of 1e-2, 1e-3 and 1e-5 (MIL-F-8785C Fig. 7)"""
+NARROWEST, WIDEST = 0.01, 100.0
+"""m; span of a vehicle"""
+DRAWS, BLOCK = 6, 256
+"""numbers a tick; ticks drawn at once"""
+SERIES = 0.05
+"""-; step over scale below which the closed form of the noise's covariance loses digits"""
+ROOT_3 = math.sqrt(3.0)
+
+Memory = tuple[float, float, float, float, float, float, float, float]
+"""the filters of a `GustState`, in its order"""
+Noise = tuple[float, float, float, float, float, float]
+"""-; independent normal numbers of one tick"""
+Strength = tuple[float, float, float, float, float, float, float, float]
+"""m/s and ft/s; a level's `WIND_AT_20_FT` and its row of `INTENSITIES`"""
+
+
+class Turbulence(NamedTuple):
+    """Which gusts a vehicle meets."""
+
+    level: str
+    """none, light, moderate or severe"""
+    span: float
+    """m; of the vehicle"""
+    seed: int
+
+
+class GustState(NamedTuple):
+    """Memory of the filters, of unit variance where no other is told."""
+
+    tick: int
+    """-; steps made; selects the noise"""
+    along: float
+    across: float
+    """-; first-order stage of the gust across, variance 1/2"""
+    across_slow: float
+    """-; second-order stage, variance 1/4"""
+    down: float
+    """-; as ``across``"""
+    down_slow: float
+    """-; as ``across_slow``"""
+    roll: float
+    pitch_lag: float
+    """-; gust down as the span smooths it"""
+    yaw_lag: float
+    """-; gust across as the span smooths it"""
+
+
+class Gust(NamedTuple):
+    """What the air adds to the mean wind; NED."""
+
+    velocity: Vector
+    """m/s"""
+    omega: Vector
+    """rad/s; angular velocity of the air, NED axes"""
+
+
+class Scale(NamedTuple):
+    """Size and strength of the gusts at one height."""
+
+    level_length: float
+    """m; L_u, L_v"""
+    down_length: float
+    """m; L_w"""
+    level_intensity: float
+    """m/s; sigma_u, sigma_v"""
+    down_intensity: float
+    """m/s; sigma_w"""
+
+
+def turbulence(level: str, span: float, seed: int) -> Turbulence:
+    """Gusts of a ``level`` for a vehicle of ``span`` in m; the same ``seed`` gives the same gusts.
+
+    Raises:
+        BadInput: level unknown, span outside 0.01 to 100 m, seed negative.
+    """
+    if level not in WIND_AT_20_FT:
+        raise BadInput(f'turbulence "{level}" is unknown; it is none, light, moderate or severe')
+    if not NARROWEST <= span <= WIDEST:
+        raise BadInput(f"span {span:g} m is outside {NARROWEST:g} to {WIDEST:g} m")
+    if seed < 0:
+        raise BadInput(f"seed {seed} of the turbulence is negative")
+    return Turbulence(level, span, seed)
+
+
+def scale(level: str, height: float) -> Scale:
+    """Scales and intensities at ``height`` in m above ground (MIL-F-8785C 3.7.2.1, 3.7.3.4; linear in between)."""
+    return _scale(_strength(level), height)
+
+
+@lru_cache
+def _strength(level: str) -> Strength:
+    return (WIND_AT_20_FT[level], *INTENSITIES[level])
+
+
+@kernel
+def _scale(strength: Strength, height: float) -> Scale:
+    feet, down = max(height / FOOT, LOWEST), 0.1 * strength[0]
+    if feet <= LOW:
+        shape = 0.177 + 0.000823 * feet
+        return Scale(feet / shape**1.2 * FOOT, feet * FOOT, down / shape**0.4, down)
+    # At 1000 ft the low-altitude model knows no direction any more: one length, one intensity.
+    share = min((feet - LOW) / (MEDIUM - LOW), 1.0)
+    intensity = (1.0 - share) * down + share * _free_intensity(strength, max(feet, MEDIUM))
+    length = ((1.0 - share) * LOW + share * FREE_LENGTH) * FOOT
+    return Scale(length, length, intensity, intensity)
+
+
+@kernel
+def _free_intensity(strength: Strength, feet: float) -> float:
+    """m/s; read from the level's row, which begins after the wind."""
+    for i in range(len(HEIGHTS) - 1):
+        if feet <= HEIGHTS[i + 1]:
+            share = (feet - HEIGHTS[i]) / (HEIGHTS[i + 1] - HEIGHTS[i])
+            return FOOT * ((1.0 - share) * strength[i + 1] + share * strength[i + 2])
+    return FOOT * strength[len(HEIGHTS)]
+
+
+@lru_cache(maxsize=8)
+def _block(seed: int, index: int) -> list[Noise]:
+    # A counter instead of a generator's memory: the noise of any tick is had without that of the ticks before.
+    generator = np.random.Generator(np.random.Philox(key=seed, counter=index << 64))
+    return [tuple(row) for row in generator.standard_normal((BLOCK, DRAWS)).tolist()]
+
+
+def _noise(seed: int, tick: int) -> Noise:
+    return _block(seed, tick // BLOCK)[tick % BLOCK]
+
+
+def initial(t: Turbulence) -> GustState:
+    """A state drawn from the stationary distribution, so that gusts have their strength from the first tick."""
+    n = _noise(t.seed, 0)
+    across, across_slow = _stationary(n[1], n[2])
+    down, down_slow = _stationary(n[3], n[4])
+    return GustState(
+        0,
+        n[0],
+        across,
+        across_slow,
+        down,
+        down_slow,
+        n[5],
+        _second_order(down, down_slow),
+        _second_order(across, across_slow),
+    )
+
+
+def _stationary(first: float, second: float) -> tuple[float, float]:
+    return math.sqrt(0.5) * first, math.sqrt(0.125) * (first + second)
+
+
+@kernel
+def _second_order(fast: float, slow: float) -> float:
+    """(1 + sqrt(3) L s) / (1 + L s)^2 of white noise, from the states after one and after two lags."""
+    return ROOT_3 * fast + (1.0 - ROOT_3) * slow
+
+
+@kernel
+def _walk(fast: float, slow: float, step: float, first: float, second: float) -> tuple[float, float]:
+    """Both lags after a ``step`` in scales: exact, with two independent normal numbers."""
+    if step <= 0.0:
+        return fast, slow
+    keep = math.exp(-step)
+    covariance, variance = lag_covariance(step, keep * keep)
+    strength = math.sqrt(-0.5 * math.expm1(-2.0 * step))
+    shared = covariance / strength
+    rest = math.sqrt(max(variance - shared * shared, 0.0))
+    return keep * fast + strength * first, keep * (slow + step * fast) + shared * first + rest * second
+
+
+@kernel
+def lag_covariance(step: float, square: float) -> tuple[float, float]:
+    """Integrals over a step x of x exp(-2x) and of x^2 exp(-2x)."""
+    if step >= SERIES:
+        single = 0.25 - square * (0.5 * step + 0.25)
+        return single, single - 0.5 * square * step * step
+    a, x = step * step, -2.0 * step
+    single = a * (1 / 2 + x * (1 / 3 + x * (1 / 8 + x * (1 / 30 + x * (1 / 144 + x / 840)))))
+    return single, a * step * (1 / 3 + x * (1 / 4 + x * (1 / 10 + x * (1 / 36 + x * (1 / 168 + x / 960)))))
+
+
+@kernel
+def _smoothed(lag: float, before: float, after: float, step: float) -> float:
+    """First-order lag after a ``step`` in its own lengths, its input going straight from one value to the other."""
+    if step <= 0.0:
+        return lag
+    slope = (after - before) * -math.expm1(-step) / step
+    return after - slope + (lag - before) * math.exp(-step)
+
+
+@kernel
+def pitch_length(span: float) -> float:
+    """m; over which a vehicle of ``span`` m smooths gusts in roll and pitch."""
+    return 4.0 * span / math.pi
+
+
+@kernel
+def yaw_length(span: float) -> float:
+    """m; the same in yaw."""
+    return 3.0 * span / math.pi
+
+
+@kernel
+def roll_intensity(size: Scale, span: float) -> float:
+    """sigma_p in rad/s: the root of the integral of Phi_p."""
+    length = pitch_length(span)
+    share = 0.4 * math.pi * (size.down_length / length) ** (1.0 / 3.0)
+    return size.down_intensity * math.sqrt(share / (length * size.down_length))
+
+
+@kernel
+def _filtered(m: Memory, noise: Noise, size: Scale, span: float, way: float) -> Memory:
+    """The filters after a ``way`` in m through the frozen field; ``noise`` are `DRAWS` numbers."""
+    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag = m
+    keep, calm = math.exp(-way / size.level_length), math.exp(-way / pitch_length(span))
+    new_across = _walk(across, across_slow, way / size.level_length, noise[1], noise[2])
+    new_down = _walk(down, down_slow, way / size.down_length, noise[3], noise[4])
+    v_before, v_after = _second_order(across, across_slow), _second_order(new_across[0], new_across[1])
+    w_before, w_after = _second_order(down, down_slow), _second_order(new_down[0], new_down[1])
+    return (
+        keep * along + math.sqrt(1.0 - keep * keep) * noise[0],
+        new_across[0],
+        new_across[1],
+        new_down[0],
+        new_down[1],
+        calm * roll + math.sqrt(1.0 - calm * calm) * noise[5],
+        _smoothed(pitch_lag, w_before, w_after, way / pitch_length(span)),
+        _smoothed(yaw_lag, v_before, v_after, way / yaw_length(span)),
+    )
+
+
+@kernel
+def _gust(m: Memory, size: Scale, span: float, north: float, east: float) -> tuple[Vector, Vector]:
+    """Velocity in m/s and angular velocity in rad/s of the air, NED."""
+    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag = m
+    level = math.sqrt(north * north + east * east)
+    cosine, sine = (north / level, east / level) if level > 0.0 else (1.0, 0.0)
+    v, w = _second_order(across, across_slow), _second_order(down, down_slow)
+    u, p = size.level_intensity * along, roll_intensity(size, span) * roll
+    q = -size.down_intensity * (w - pitch_lag) / pitch_length(span)
+    r = size.level_intensity * (v - yaw_lag) / yaw_length(span)
+    v *= size.level_intensity
+    return (
+        (cosine * u - sine * v, sine * u + cosine * v, size.down_intensity * w),
+        (cosine * p - sine * q, sine * p + cosine * q, r),
+    )
+
+
+@kernel
+def _advance(
+    m: Memory, noise: Noise, strength: Strength, place: tuple[float, float], flight: Vector, dt: float
+) -> tuple[Memory, Vector, Vector]:
+    """Filters and gust of the next tick; ``place`` is span and height in m."""
+    span, height = place
+    size = _scale(strength, height)
+    airspeed = math.sqrt(flight[0] * flight[0] + flight[1] * flight[1] + flight[2] * flight[2])
+    after = _filtered(m, noise, size, span, airspeed * dt)
+    velocity, omega = _gust(after, size, span, flight[0], flight[1])
+    return after, velocity, omega
+
+
+def step(t: Turbulence, state: GustState, height: float, flight: Vector, dt: float) -> tuple[GustState, Gust]:
+    """State and gust after ``dt`` s of flight, ``height`` m above ground.
+
+    ``flight`` is the velocity in m/s, NED, through the mean air; while it has no level part, the gust along the
+    flight blows north or south.
+    """
+    tick = state.tick + 1
+    noise = _noise(t.seed, tick)
+    after, velocity, omega = _advance(state[1:], noise, _strength(t.level), (t.span, height), flight, dt)
+    return GustState(tick, *after), Gust(velocity, omega)
