@@ -1,8 +1,21 @@
-"""Modified strip theory (DeLaurier 1993) with Kim's dynamic stall (Kim 2011), as Gerdes 2017 uses it.
+"""Modified strip theory (DeLaurier 1993) with Kim's dynamic stall (Kim 2011) as Gerdes 2017 uses it, or without.
 
 Written in section velocities instead of angles over a constant flight speed, so that arbitrary motion works
 and the loads stay finite as the airspeed goes to zero. The downwash of the unsteady wake is a first-order lag
 a strip, which is the time-domain form of F'(k), G'(k):  C'(k) = 1 - C1 ik / (ik + C2).
+
+When a section stalls is a choice of the vehicle (``dynamic_stall``):
+
+* ``fixed``: DeLaurier's limit at the stall angle, whatever the motion;
+* ``kim``: that angle times Kim's factor, at most twice. For a wing that only plunges the factor grows faster than the
+  angle of attack, so that its sections stay attached to the bound of twice the stall angle.
+
+Which of them holds is an argument of ours, not Kim's: the delay is the time in which a leading-edge vortex grows over
+the section, and a vortex sheds after about `FORMATION` chords of travel. A half stroke shorter than that ends before
+the delay does, that is k = omega c / 2U above pi / (2 `FORMATION`) = 0.39: Robo Raven and Slow Hawk at their root
+chords. Over a longer one the vortex is gone and DeLaurier's limit holds: the wing of Yeo, Atkins and Shyy (2011),
+k = 0.26 at the root, is measured separated over its outer third, where Kim's factor keeps it attached and gives twice
+the force.
 """
 
 from __future__ import annotations
@@ -12,7 +25,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import Quantity
+from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import (
     FORWARD,
     INERTIA,
@@ -31,6 +44,10 @@ STALL_BLEND = math.radians(3.0)
 """rad; half width over which attached and separated loads are blended: a hard switch makes the force jump"""
 SLOWEST = 0.3
 """m/s; chordwise speed below which the reduced frequency is no longer resolved"""
+FORMATION = 4.0
+"""-; chords of travel until a leading-edge vortex sheds: the formation number of Gharib, Rambod and Shariff (1998)"""
+STALL_FACTOR_BOUNDS = {"fixed": 1.0, "kim": 2.0}
+"""by the choice of ``dynamic_stall``: what the stall angle may be raised by at most; 1 leaves DeLaurier's limit"""
 KINEMATIC_VISCOSITY = 1.46e-5
 """m^2/s; of air at 15 degrees Celsius"""
 PARTS = ("circulatory", "separated", "suction", "camber", "friction", "apparent_couple")
@@ -45,9 +62,11 @@ class StripTheory(NamedTuple):
     suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
     """share of the leading-edge suction that is realised"""
     stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
-    """static; raised by Kim's dynamic factor"""
+    """static; raised by Kim's factor if ``dynamic_stall`` says so"""
     wake_lag: Annotated[float, Quantity("-", 0.0, 1.0)]
     """share of the unsteady wake's effect: 1 is DeLaurier's C'(k) in the time domain, 0 quasi-steady"""
+    dynamic_stall: str
+    """``kim`` where a half stroke is shorter than `FORMATION` chords (see `half_stroke_travel`), else ``fixed``"""
 
 
 class StripParameters(NamedTuple):
@@ -60,6 +79,7 @@ class StripParameters(NamedTuple):
     c1: float
     c2: float
     lift_factor: float
+    stall_factor_bound: float
 
 
 class SectionMotion(NamedTuple):
@@ -99,7 +119,11 @@ class Section(NamedTuple):
 
 
 def strip_parameters(
-    aspect_ratio: float, zero_lift_angle: float, suction_efficiency: float, stall_angle: float
+    aspect_ratio: float,
+    zero_lift_angle: float,
+    suction_efficiency: float,
+    stall_angle: float,
+    stall_factor_bound: float = STALL_FACTOR_BOUNDS["kim"],
 ) -> StripParameters:
     """Constants of the modified Theodorsen function for a wing's aspect ratio (both wings together)."""
     return StripParameters(
@@ -110,15 +134,28 @@ def strip_parameters(
         0.5 * aspect_ratio / (2.32 + aspect_ratio),
         0.181 + 0.772 / aspect_ratio,
         aspect_ratio / (2.0 + aspect_ratio),
+        stall_factor_bound,
     )
 
 
 def build(settings: StripTheory, strips: Strips) -> StripParameters:
-    """The model's parameters for the wings of a vehicle."""
-    p = strip_parameters(
-        aspect_ratio(strips), settings.zero_lift_angle, settings.suction_efficiency, settings.stall_angle
-    )
+    """The model's parameters for the wings of a vehicle.
+
+    Raises:
+        BadInput: ``dynamic_stall`` is none of `STALL_FACTOR_BOUNDS`.
+    """
+    bound = STALL_FACTOR_BOUNDS.get(settings.dynamic_stall)
+    if bound is None:
+        known = " or ".join(STALL_FACTOR_BOUNDS)
+        raise BadInput(f'strip_theory.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
+    wing = aspect_ratio(strips)
+    p = strip_parameters(wing, settings.zero_lift_angle, settings.suction_efficiency, settings.stall_angle, bound)
     return p._replace(c1=p.c1 * settings.wake_lag)
+
+
+def half_stroke_travel(airspeed: float, frequency: float, chord: float) -> float:
+    """Chords that the air travels over a section in half a stroke: m/s, Hz, m; pi / 2k of the reduced frequency k."""
+    return airspeed / (2.0 * frequency * chord)
 
 
 def initial(parameters: StripParameters, strips: Strips) -> Floats:
@@ -127,14 +164,16 @@ def initial(parameters: StripParameters, strips: Strips) -> Floats:
 
 
 @kernel
-def stall_factor(plunge_angle: float, towards: float, chord: float, speed: float, stall_angle: float) -> float:
-    """Kim's dynamic stall factor xi (Gerdes Eq. 8 as corrected): 1 to 2, at most.
+def stall_factor(
+    plunge_angle: float, towards: float, chord: float, speed: float, stall_angle: float, bound: float = 2.0
+) -> float:
+    """Kim's dynamic stall factor xi (Gerdes Eq. 8 as corrected): 1 to ``bound``.
 
     ``plunge_angle`` is |atan(h' cos(theta - theta_a) / V_x)|, ``towards`` the pitch rate in rad/s counted
     positive when it increases the magnitude of the angle of attack.
     """
     pitching = math.copysign(0.51 * math.sqrt(chord * abs(towards) / (2.0 * speed)), towards)
-    return max(1.0, min(1.0 + (plunge_angle + pitching) / stall_angle, 2.0))
+    return max(1.0, min(1.0 + (plunge_angle + pitching) / stall_angle, bound))
 
 
 @kernel
@@ -147,14 +186,15 @@ def friction_coefficient(reynolds: float) -> float:
 def stalled_share(angle: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
     """How much of a section is stalled, 0 to 1, at the ``angle`` in rad of DeLaurier's stall criterion."""
     size = abs(angle)
-    # The factor lies between 1 and 2, so that most sections need it not.
+    # The factor lies between 1 and its bound, so that most sections need it not.
     if size <= p.stall_angle - STALL_BLEND:
         return 0.0
-    if size >= 2.0 * p.stall_angle + STALL_BLEND:
+    if size >= p.stall_factor_bound * p.stall_angle + STALL_BLEND:
         return 1.0
     plunge_angle = abs(math.atan2(m.plunge, speed))
     towards = m.pitch_rate if angle >= 0.0 else -m.pitch_rate
-    limit = p.stall_angle * stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle)
+    factor = stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle, p.stall_factor_bound)
+    limit = p.stall_angle * factor
     share = min(max((size - limit) / (2.0 * STALL_BLEND) + 0.5, 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
 

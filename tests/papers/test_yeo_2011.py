@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from sim_bridge.aerodynamics.models import find_model
 from sim_bridge.aerodynamics.protocol import (
     MASS,
     UPWARD,
@@ -27,18 +28,17 @@ from sim_bridge.aerodynamics.protocol import (
     Strips,
     blank_loads,
     blank_motion,
+    loads,
 )
-from sim_bridge.aerodynamics.strip_theory_model import (
+from sim_bridge.aerodynamics.strip_theory import (
     FORMATION,
-    MODEL,
     StripParameters,
     StripTheory,
     half_stroke_travel,
 )
 from sim_bridge.vectors import Floats, kernel
 
-loads = MODEL.loads
-
+MODEL = find_model("strip_theory")
 DATA = Path(__file__).parent.parent / "data" / "yeo2011"
 PASCALS = 248.84
 """in one inch of water"""

@@ -9,7 +9,7 @@ import pytest
 
 from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Strips
-from sim_bridge.aerodynamics.strip_theory_model import (
+from sim_bridge.aerodynamics.strip_theory import (
     STALL_BLEND,
     Section,
     SectionMotion,
