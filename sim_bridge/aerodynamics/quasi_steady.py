@@ -15,7 +15,8 @@ Where the paper is silent or misprinted:
 * **Flow from behind** (beyond the measured 95 degrees) is the plate turned round: Eq. 8 as printed would push the
   wing the way it goes. The moment about mid-chord passes zero between 85 and 95 degrees.
 * **Signs.** C_M turns with the side that the air strikes (Eq. B.9 omits it). A nose-up rotation pushes the wing up
-  (Kramer), whereby pronation gives thrust, as the paper says; its printed axes would make it drag.
+  (Kramer), whereby pronation gives thrust, as the paper says: Eq. B.8 as printed, in the axes of Eq. B.1, would push
+  it down. Added mass resists acceleration; as printed it would aid it. The deviation's rate in Eq. B.3 is negative.
 * **Other planforms.** The exponents' singular points are those of the wing that Table 1 was fitted to; only the
   reference point, where J is taken, is the vehicle's.
 * **Moments.** C_M is about the quarter chord: with it, C_M / C_N at 90 degrees puts the centre of pressure within 4 %

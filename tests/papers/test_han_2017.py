@@ -10,7 +10,11 @@ import pytest
 
 from sim_bridge.aerodynamics.quasi_steady import (
     FORCE_RADIUS,
+    MODEL,
     ROTATIONAL,
+    QuasiSteady,
+    advance_ratio,
+    build,
     correction_factors,
     drag_coefficient,
     elliptic_strips,
@@ -20,10 +24,20 @@ from sim_bridge.aerodynamics.quasi_steady import (
     moment_radius,
 )
 from sim_bridge.flight_mechanics.hawkmoth import CASES, Shares, hawkmoth_loads, shares
-from sim_bridge.flight_mechanics.prescribed import StrokeLoads, lift_and_thrust
+from sim_bridge.flight_mechanics.prescribed import (
+    Harmonics,
+    PrescribedStroke,
+    StrokeLoads,
+    kinematics,
+    lift_and_thrust,
+    series,
+    stroke_loads,
+)
+from sim_bridge.vectors import Floats
 
 SLOW, FAST = CASES
 ANGLES = np.radians(np.linspace(0.0, 90.0, 9001))
+MODEL_WING = elliptic_strips(0.3, 0.25 / 3.0, 0.2, 20)
 TOP_OF_UPSTROKE = np.arange(-40, 0)
 """phases of 200: the last fifth of the upstroke, where the wing pronates"""
 
@@ -87,6 +101,57 @@ def test_radii_of_the_model_wing() -> None:
     assert force_radius(wing) == pytest.approx(FORCE_RADIUS, abs=0.0025)
     assert moment_radius(wing) == pytest.approx(0.541, abs=0.0005)
     assert float(np.sum(wing.chord * wing.width)) == pytest.approx(2 * 0.25 * 0.25 / 3.0)
+
+
+def appendix_b(stroke: PrescribedStroke, airspeed: float, phase: float, i: int) -> Floats:
+    """Rotation from body to wing axes (3, 3) and velocity of blade i in wing axes as a fourth row (Eq. B.1-B.5).
+
+    Its rate of deviation is taken negative, as R_psi turns; printed positive.
+    """
+    (phi, dphi, _), (psi, dpsi, _), (theta, dtheta, _) = (
+        series(h, np.array([phase]), stroke.frequency)[:, 0].tolist()
+        for h in (stroke.stroke, stroke.deviation, stroke.feathering)
+    )
+    cb, sb, cf, sf = math.cos(stroke.stroke_plane), math.sin(stroke.stroke_plane), math.cos(phi), math.sin(phi)
+    cp, sp, ct, st = math.cos(psi), math.sin(psi), math.cos(theta), math.sin(theta)
+    r_beta = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
+    r_phi = np.array([[cf, sf, 0], [-sf, cf, 0], [0, 0, 1]])
+    r_psi = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    r_theta = np.array([[ct, 0, -st], [0, 1, 0], [st, 0, ct]])
+    r = r_theta @ r_psi @ r_phi @ r_beta
+    omega = np.array([0, dtheta, 0]) + r_theta @ [-dpsi, 0, 0] + r_theta @ r_psi @ [0, 0, dphi]
+    velocity = r @ [airspeed, 0, 0] + np.cross(omega, [0, MODEL_WING.span[i], 0])
+    return np.vstack((r, velocity * [1, 0, 1]))
+
+
+@pytest.mark.parametrize("phase", [0.05, 0.2, 0.3, 0.45, 0.6, 0.7, 0.8, 0.95])
+def test_a_blade_element_in_three_dimensions_is_that_of_appendix_b(phase: float) -> None:
+    """Angle of attack by Eq. B.6, directions and force of translation by B.8, on both sides of the wing."""
+    airspeed, blade = 2.0, 30
+    body = np.array([airspeed, 0, 0, 0, 0, 0.0])
+    stroke = PrescribedStroke(
+        3.0,
+        0.6,
+        Harmonics(0.1, (0.8,)),
+        Harmonics(0.1, (0.1,), (0.05,)),
+        Harmonics(0.1, (), (-0.6,)),
+    )
+    moving = kinematics(stroke, MODEL_WING, body, 20)
+    p, at = build(QuasiSteady(0.25), MODEL_WING), round(phase * 20)
+    ours = stroke_loads(MODEL, p, MODEL_WING, moving, 1.2).sections[at, :2, :2, blade].sum(axis=0)
+    axes = moving.motions[at].axes[..., blade]
+    matrix = appendix_b(stroke, airspeed, phase, blade)
+    r, v = matrix[:3], matrix[3]
+    speed = float(np.linalg.norm(v))
+    leading = np.array([0.0, 0.0, -1.0])
+    angle = math.atan2(float(np.linalg.norm(np.cross(v, leading))), float(v @ leading))
+    assert angle < math.pi / 2
+    lift_direction = math.copysign(1.0, v[0]) * np.array([v[2], 0.0, -v[0]]) / speed
+    ratio = advance_ratio(p, MODEL_WING, moving.motions[at], 20, 40)
+    area = MODEL_WING.chord[blade] * MODEL_WING.width[blade]
+    lift, drag = lift_coefficient(angle, ratio), drag_coefficient(angle, ratio)
+    printed = 0.5 * 1.2 * speed**2 * area * (lift * lift_direction - drag * v / speed)
+    assert ours[0] * axes[1] + ours[1] * axes[2] == pytest.approx(r.T @ printed, rel=1e-6)
 
 
 def assert_shares(found: Shares, printed: tuple[float, float, float]) -> None:
