@@ -212,13 +212,12 @@ def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: 
         rate[start + i] = s.wings.loads.rates[i]
     add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
     s.body_load[:] = 0.0
-    if p.whole_aircraft:
-        s.plate_load[:] = 0.0
-        for i in range(6):
-            s.body_load[i] = s.wings.loads.body[i]
-    else:
+    s.plate_load[:] = 0.0
+    if not p.whole_aircraft:
         add_plates(s.tree, p.plates, air, density, s.work, s.plate_load)
         body_drag(s.wings.motion.body[0:3], p.drag_areas[0], p.drag_areas[1], density, s.body_load[0:3])
+    for i in range(6):
+        s.body_load[i] += s.wings.loads.body[i]
     for i in range(3):
         s.tree.force[0, i] -= s.body_load[3 + i]
         s.tree.force[0, 3 + i] -= s.body_load[i]

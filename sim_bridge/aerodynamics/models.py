@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from avionics.quantities import BadInput
-from sim_bridge.aerodynamics import strip_theory
+from sim_bridge.aerodynamics import blade_element, quasi_steady, regression, strip_theory
 from sim_bridge.aerodynamics.protocol import MODELS, AerodynamicModel
 
 __all__ = ["MODELS", "find_model"]
 
-for _model in (strip_theory.MODEL,):
+for _model in (strip_theory.MODEL, quasi_steady.MODEL, blade_element.MODEL, regression.MODEL):
     MODELS[_model.name] = _model
 
 

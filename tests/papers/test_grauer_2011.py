@@ -23,7 +23,7 @@ from sim_bridge.aerodynamics.regression import (
     coefficients,
     level_heave,
 )
-from sim_bridge.flight_mechanics.prescribed import (
+from sim_bridge.flight_mechanics.recorded import (
     SLOW_HAWK_STROKE,
     elliptic_wing,
     prescribed_loads,

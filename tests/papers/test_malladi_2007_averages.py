@@ -28,7 +28,7 @@ from sim_bridge.aerodynamics.stroke_averages import (
     stroke_matrix,
     stroke_record,
 )
-from sim_bridge.flight_mechanics.prescribed import (
+from sim_bridge.flight_mechanics.recorded import (
     Stroke,
     WingMotion,
     elliptic_wing,

@@ -24,7 +24,7 @@ from sim_bridge.aerodynamics.protocol import (
     blank_loads,
     blank_motion,
 )
-from sim_bridge.flight_mechanics.prescribed import (
+from sim_bridge.flight_mechanics.recorded import (
     Stroke,
     body_loads,
     elliptic_wing,

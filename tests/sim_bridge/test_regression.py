@@ -22,7 +22,7 @@ from sim_bridge.aerodynamics.regression import (
     part_loads,
     regressors,
 )
-from sim_bridge.flight_mechanics.prescribed import (
+from sim_bridge.flight_mechanics.recorded import (
     SLOW_HAWK_STROKE,
     WingMotion,
     elliptic_wing,
