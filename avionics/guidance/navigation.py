@@ -15,6 +15,11 @@ from avionics.limits import clip, wrap
 from avionics.messages import Mode, Stage
 from avionics.quantities import Quantity
 
+FUNNEL = 0.25
+"""-; half width per way to go of the funnel in which an approach is joined, 14 degrees to each side"""
+JOINING_TURN = 0.5
+"""rad; greatest turn with which it is joined"""
+
 
 class Gains(NamedTuple):
     """What the navigation is tuned with."""
@@ -244,23 +249,49 @@ def _land(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situat
 
 
 def _to_approach(gains: Gains, state: State, item: MissionItem, seen: Situation) -> tuple[State, Target]:
+    """To the head of the line, and from too high a circle there; who is over the line already needs no way."""
     head = (
         item.north - gains.approach_length * math.cos(item.heading),
         item.east - gains.approach_length * math.sin(item.heading),
     )
     line = leg((state.from_north, state.from_east), head, (seen.north, seen.east))
     distance = math.hypot(item.north - seen.north, item.east - seen.east)
-    low = seen.altitude <= gains.approach_altitude + gains.approach_margin
+    joined, low = in_funnel(gains, item, seen), seen.altitude <= _joining_altitude(gains, item, seen)
     if state.arrived:
         course = _circle_at_head(gains, head, item.heading, seen)
         aligned = abs(wrap(item.heading - seen.heading)) <= gains.capture_heading
     else:
         course, aligned = course_to_leg(line, gains.lookahead), True
-        state = state._replace(arrived=int(reached(line, gains.acceptance)))
-    if not seen.valid or (state.arrived and low and aligned):
+        state = state._replace(arrived=int(joined or reached(line, gains.acceptance)))
+    if not seen.valid or (low and (joined or (state.arrived and aligned))):
         state = state._replace(final=1, touch_north=item.north, touch_east=item.east)
     course = course if seen.valid else state.heading
     return state, Target(Stage.APPROACH, gains.approach_altitude, course, distance, line.cross)
+
+
+def in_funnel(gains: Gains, item: MissionItem, seen: Situation) -> bool:
+    """Whether the line down to the landing place can be joined from here, without the way to its head.
+
+    The funnel opens backward from the landing place to the head of the line, by `FUNNEL` to each side; inside
+    it the course must be within `JOINING_TURN` of the line's.
+    """
+    to_go, cross = _to_go((item.north, item.east), item.heading, seen)
+    along = 0.0 < to_go <= gains.approach_length and abs(cross) <= FUNNEL * to_go
+    return along and abs(wrap(item.heading - seen.heading)) <= JOINING_TURN
+
+
+def _joining_altitude(gains: Gains, item: MissionItem, seen: Situation) -> float:
+    """Greatest altitude (m) at which the line is joined here: the line's, and what the greatest sink makes good."""
+    to_go, _ = _to_go((item.north, item.east), item.heading, seen)
+    share = clip(to_go / gains.approach_length, 0.0, 1.0)
+    return gains.approach_altitude * share + gains.approach_margin
+
+
+def _to_go(place: tuple[float, float], heading: float, seen: Situation) -> tuple[float, float]:
+    """Way to go (m) along the line that reaches ``place`` at ``heading``, and distance (m) to the right of it."""
+    c, s = math.cos(heading), math.sin(heading)
+    dn, de = seen.north - place[0], seen.east - place[1]
+    return -(dn * c + de * s), de * c - dn * s
 
 
 def _circle_at_head(gains: Gains, head: tuple[float, float], heading: float, seen: Situation) -> float:
@@ -276,9 +307,7 @@ def _down_the_line(gains: Gains, state: State, heading: float, seen: Situation) 
         return state._replace(flare=1), Target(Stage.FLARE, 0.0, heading)
     if not seen.valid:
         return state, Target(Stage.APPROACH, -gains.approach_altitude, heading)
-    c, s = math.cos(heading), math.sin(heading)
-    dn, de = seen.north - state.touch_north, seen.east - state.touch_east
-    to_go, cross = -(dn * c + de * s), de * c - dn * s
+    to_go, cross = _to_go((state.touch_north, state.touch_east), heading, seen)
     altitude = clip(
         gains.approach_altitude * to_go / gains.approach_length, -gains.approach_altitude, gains.approach_altitude
     )
