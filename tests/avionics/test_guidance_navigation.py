@@ -194,6 +194,46 @@ def test_a_landing_that_comes_in_high_circles_down_before_the_line() -> None:
     assert state.final == 1
 
 
+def on_the_line(to_go: float, cross: float = 0.0, turn: float = 0.0, above: float = 0.0) -> Situation:
+    """Over LAND's line down, ``above`` m above it, ``cross`` m to its right, ``turn`` rad off its course."""
+    altitude = GAINS.approach_altitude * to_go / GAINS.approach_length + above
+    return SEEN._replace(north=200.0 - to_go, east=cross, heading=turn, altitude=altitude)
+
+
+@pytest.mark.parametrize("cross", [-12.0, 0.0, 12.0])
+@pytest.mark.parametrize("to_go", [60.0, 100.0, GAINS.approach_length])
+def test_a_landing_joins_the_line_where_it_meets_it(to_go: float, cross: float) -> None:
+    state, _ = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=5.0))
+    assert state.final == 1
+    _, target = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=5.0), state)
+    assert target.altitude == pytest.approx(GAINS.approach_altitude * to_go / GAINS.approach_length)
+    assert target.heading * cross <= 0.0
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        on_the_line(-5.0),
+        on_the_line(60.0, cross=20.0),
+        on_the_line(60.0, turn=0.7),
+        on_the_line(60.0, turn=math.pi),
+        on_the_line(GAINS.approach_length + 30.0),
+    ],
+    ids=["past the place", "beside the funnel", "turned away", "coming back", "before the head"],
+)
+def test_a_landing_from_outside_the_funnel_flies_to_the_head(seen: Situation) -> None:
+    state, target = fly((LAND,), seen)
+    assert (state.final, state.arrived) == (0, 0)
+    assert target.altitude == GAINS.approach_altitude
+
+
+def test_a_landing_that_meets_the_line_from_too_high_circles_at_once() -> None:
+    state, target = fly((LAND,), on_the_line(60.0, above=GAINS.approach_margin + 1.0))
+    assert (state.final, state.arrived, target.altitude) == (0, 1, GAINS.approach_altitude)
+    state, _ = fly((LAND,), HEAD._replace(altitude=GAINS.approach_altitude), state)
+    assert state.final == 1
+
+
 def test_the_line_descends_with_the_way_to_go_and_then_flares_for_good() -> None:
     low = HEAD._replace(altitude=GAINS.approach_altitude)
     state, _ = fly((LAND,), low)

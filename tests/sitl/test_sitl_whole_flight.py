@@ -14,6 +14,10 @@ from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import LAUNCH_TIME, Scenario
 
 
+AIR_TIME = {RAVEN: (85.0, 97.0), ARIZONA: (85.0, 115.0)}
+"""s; of the circuit in still air: the Arizona's wings cannot beat slowly enough to come down as steeply"""
+
+
 @pytest.fixture(scope="module")
 def raven() -> Flight:
     return flown(RAVEN, Scenario(seed=1))
@@ -38,11 +42,17 @@ def check_sensing(flight: Flight) -> None:
 
 def check_landing(flight: Flight) -> None:
     touchdown = flight.touchdown()
-    assert 0.0 < touchdown.sink < 2.0
-    assert abs(math.degrees(touchdown.bank)) < 30.0
+    assert 0.0 < touchdown.sink < 1.0
+    assert abs(math.degrees(touchdown.bank)) < 10.0
     assert flight.events()[-1] == "touchdown, disarmed"
     last = flight.of(topics.NAVIGATION)[-1]
     assert (last.stage, last.armed) == (Stage.LANDED, 0)
+
+
+def check_air_time(flight: Flight, vehicle: str) -> None:
+    launch, touchdown = flight.air_time()
+    least, most = AIR_TIME[vehicle]
+    assert least <= touchdown - launch <= most
 
 
 def check_wings_still(flight: Flight) -> None:
@@ -81,6 +91,10 @@ def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight)
 def test_it_lands_softly_disarms_and_stops_its_wings(raven: Flight) -> None:
     check_landing(raven)
     check_wings_still(raven)
+
+
+def test_it_is_in_the_air_for_about_ninety_seconds(raven: Flight) -> None:
+    check_air_time(raven, RAVEN)
 
 
 def test_the_doublets_reach_the_tail(raven: Flight) -> None:
@@ -122,3 +136,5 @@ def test_both_vehicles_fly_the_circuit_from_the_hand_to_the_ground(vehicle: str,
     check_doublets(flight)
     check_landing(flight)
     check_wings_still(flight)
+    if not wind:
+        check_air_time(flight, vehicle)
