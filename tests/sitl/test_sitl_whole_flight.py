@@ -13,7 +13,6 @@ from avionics.messages import Stage
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import LAUNCH_TIME, Scenario
 
-
 AIR_TIME = {RAVEN: (85.0, 97.0), ARIZONA: (85.0, 115.0)}
 """s; of the circuit in still air: the Arizona's wings cannot beat slowly enough to come down as steeply"""
 
