@@ -172,6 +172,7 @@ def wing_work(mechanism: Mechanism) -> WingWork:
     return WingWork(
         motion=blank_motion(strips, 2),
         loads=blank_loads(len(mechanism.model.parts), strips, mechanism.aerodynamic_state.shape[0]),
+        total=np.zeros((4, n)),
         sine=np.zeros(n),
         cosine=np.zeros(n),
         frame=np.zeros((4, 6)),

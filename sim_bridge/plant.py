@@ -10,6 +10,7 @@ import numpy as np
 from sim_bridge import plant_kernel as k
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.tree import BASE, blank_kinematics
+from sim_bridge.multibody.wings import wing_places
 from sim_bridge.vectors import Floats, quaternion_from_euler, rotation
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -35,6 +36,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         plates=mechanism.plates,
         aerodynamics=mechanism.aerodynamics,
         whole_aircraft=mechanism.model.whole_aircraft,
+        needs_places=mechanism.model.needs_places,
         drag_areas=np.array([hull.drag_area, hull.side_area]),
         contacts=contact_points(vehicle),
         imu=np.array(hull.imu_position),
@@ -133,6 +135,7 @@ class Plant:
 
         Without the apparent mass, whose force is part of the mass matrix.
         """
+        wing_places(self.scratch.tree, self.mechanism.wings, self.scratch.wings)
         motion, total = self.scratch.wings.motion, self.scratch.wings.loads.parts.sum(axis=0)
         span, chord, normal = motion.axes
         force = total[0] * chord + total[1] * normal + total[2] * span

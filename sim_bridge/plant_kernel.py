@@ -16,8 +16,8 @@ from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Kinematics, Tree, add_wrench, assemble, hold, move, solve
-from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion
-from sim_bridge.vectors import Floats, Integers, kernel, rotation
+from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
+from sim_bridge.vectors import Floats, Integers, inlined, kernel, rotation
 
 GRAVITY = 9.80665
 VOLTAGE_ROUNDS = 3
@@ -61,6 +61,8 @@ class PlantParameters(NamedTuple):
     """parameters of a model of `sim_bridge.aerodynamics.models`"""
     whole_aircraft: bool
     """the model's loads are those of tail and fuselage too"""
+    needs_places: bool
+    """the model asks where the strips are"""
     drag_areas: Floats
     """(2,) m^2; along and across the fuselage"""
     contacts: Floats
@@ -145,7 +147,7 @@ class Scratch(NamedTuple):
     """(6 + c,); the rates imposed"""
 
 
-@kernel
+@inlined
 def crank_frequency(throttle: float, table: Floats) -> float:
     """Flapping frequency in Hz of a crank drive: linear between the table's equal steps of throttle."""
     place = min(max(throttle, 0.0), 1.0) * (table.shape[0] - 1)
@@ -153,13 +155,13 @@ def crank_frequency(throttle: float, table: Floats) -> float:
     return float(table[low] + (place - low) * (table[low + 1] - table[low]))
 
 
-@kernel
+@inlined
 def _supply(charge: float, battery: Floats) -> float:
     full, empty, capacity = battery[0], battery[1], battery[2]
     return float(full + (empty - full) * min(max(charge / capacity, 0.0), 1.2))
 
 
-@kernel
+@inlined
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
     # the open-circuit voltage three rounds come within a millivolt.
@@ -176,7 +178,7 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
             s.load[BASE + i] += s.drive[p.joints.channel[i]]
 
 
-@kernel
+@inlined
 def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
     total, n = 0.0, p.joints.kind.shape[0]
     phase, speed = y[COORDINATES + 2 * n], y[COORDINATES + 2 * n + 1]
@@ -201,12 +203,14 @@ def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
     s.drive[CURRENT] = total
 
 
-@kernel
+@inlined
 def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
     n = p.joints.kind.shape[0]
     q, rates, start = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
     air = s.outside[3:9]
     wing_motion(s.tree, p.wings, q, rates, air, s.wings)
+    if p.needs_places:
+        wing_places(s.tree, p.wings, s.wings)
     protocol.loads(p.aerodynamics, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         rate[start + i] = s.wings.loads.rates[i]
@@ -223,13 +227,13 @@ def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: 
         s.tree.force[0, 3 + i] -= s.body_load[i]
 
 
-@kernel
+@inlined
 def aero_start(coordinates: int) -> int:
     """Index of the aerodynamic model's state in the state vector."""
     return COORDINATES + 2 * coordinates + 3
 
 
-@kernel
+@inlined
 def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
     touching = False
     if y[2] < -2.0:
@@ -254,7 +258,7 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
     return touching
 
 
-@kernel
+@inlined
 def _outside(y: Floats, around: Surroundings, s: Scratch) -> None:
     rotation(y[3], y[4], y[5], y[6], s.r)
     for i in range(3):
@@ -266,7 +270,7 @@ def _outside(y: Floats, around: Surroundings, s: Scratch) -> None:
     s.outside[6], s.outside[7], s.outside[8] = around.turn_x, around.turn_y, around.turn_z
 
 
-@kernel
+@inlined
 def _hold_joints(y: Floats, p: PlantParameters, s: Scratch) -> None:
     n = p.joints.kind.shape[0]
     for i in range(n):
@@ -274,7 +278,7 @@ def _hold_joints(y: Floats, p: PlantParameters, s: Scratch) -> None:
         s.load[BASE + i] -= p.joints.stiffness[i] * angle + p.joints.damping[i] * rate
 
 
-@kernel
+@inlined
 def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
     """Tell which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
     any_held = around.launcher != FREE
@@ -296,7 +300,7 @@ def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s:
     return any_held
 
 
-@kernel
+@inlined
 def servo_acceleration(error: float, rate: float, time_constant: float, rate_limit: float) -> float:
     """rad/s^2 of a position servo: a rate loop of a quarter of the time constant inside a position loop of it.
 
@@ -330,7 +334,7 @@ def derivatives(
     return touching
 
 
-@kernel
+@inlined
 def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Floats) -> None:
     n = p.joints.kind.shape[0]
     for i in range(BASE + n):
@@ -357,7 +361,7 @@ def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Fl
     rate[phase + 2] = s.drive[CURRENT]
 
 
-@kernel
+@inlined
 def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> None:
     """Add ``share`` of the acceleration at ``r`` less gravity: v' + w x v + w' x r + w x (w x r) - g."""
     v, w, a = s.base[0:3], s.base[3:6], s.accelerations

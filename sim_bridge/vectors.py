@@ -45,13 +45,22 @@ if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
 
-def kernel(function: Compiled) -> Compiled:
-    """Compile with numba, cached on disk; sums may be reordered, but not-a-number still propagates."""
+def _compile(function: Compiled, **options: Any) -> Compiled:
     # Kernels allocate nothing: without numba's reference counts a call with a hundred arrays is three times as fast.
-    options: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+    options |= {"_nrt": False, "error_model": "numpy"}
     fast = {"contract", "arcp", "nsz", "reassoc", "afn"}
     compiled: Compiled = njit(cache=True, fastmath=fast, **options)(function)
     return compiled
+
+
+def kernel(function: Compiled) -> Compiled:
+    """Compile with numba, cached on disk; sums may be reordered, but not-a-number still propagates."""
+    return _compile(function)
+
+
+def inlined(function: Compiled) -> Compiled:
+    """A `kernel` that is laid into its compiled callers: what passes many arrays copies none."""
+    return _compile(function, forceinline=True)
 
 
 @kernel

@@ -60,9 +60,9 @@ class Motion(NamedTuple):
     plunge: Floats
     """m/s; of the leading edge against the normal by the wing's joints alone (h' cos(theta - theta_a))"""
     place: Floats
-    """(3, n) m; of mid-chord in body axes, from the origin of the fuselage"""
+    """(3, n) m; of mid-chord in body axes, from the origin of the fuselage; for models that need it"""
     axes: Floats
-    """(3, 3, n) -; span, chord and normal, each in body axes"""
+    """(3, 3, n) -; span, chord and normal, each in body axes; likewise"""
     wings: Floats
     """(wings, 2) rad, rad/s; flap angle and rate, wing up positive"""
     body: Floats
@@ -118,6 +118,8 @@ class AerodynamicModel(NamedTuple):
     initial: Callable[[Any, Strips], Floats]
     loads: Callable[..., None]
     advance: Callable[..., None]
+    needs_places: bool = False
+    """the model asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
     whole_aircraft: bool = False
     """the loads are those of tail and fuselage too"""
 

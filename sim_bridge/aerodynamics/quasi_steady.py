@@ -323,4 +323,5 @@ MODEL = AerodynamicModel(
     initial=initial,
     loads=loads,
     advance=advance,
+    needs_places=True,
 )

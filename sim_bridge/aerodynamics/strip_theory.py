@@ -24,6 +24,7 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import (
@@ -80,6 +81,8 @@ class StripParameters(NamedTuple):
     c2: float
     lift_factor: float
     stall_factor_bound: float
+    attached_slope: float
+    """-; tangent of the angle below which no section stalls"""
 
 
 class SectionMotion(NamedTuple):
@@ -135,6 +138,7 @@ def strip_parameters(
         0.181 + 0.772 / aspect_ratio,
         aspect_ratio / (2.0 + aspect_ratio),
         stall_factor_bound,
+        math.tan(max(stall_angle - STALL_BLEND, 0.0)),
     )
 
 
@@ -176,23 +180,39 @@ def stall_factor(
     return max(1.0, min(1.0 + (plunge_angle + pitching) / stall_angle, bound))
 
 
+def _friction_polynomial() -> tuple[float, ...]:
+    """Coefficients, highest power first, of 0.89 / (log10 Re)^2.58 as a polynomial in Re^(-1/8)."""
+    powers = np.linspace(3.0, 7.0, 400)
+    target = 0.89 / powers**2.58
+    fit = Polynomial.fit(10.0 ** (-powers / 8.0), target, 6, w=1.0 / target).convert()
+    return tuple(float(c) for c in fit.coef[::-1])
+
+
+FRICTION_POLYNOMIAL = _friction_polynomial()
+
+
 @kernel
 def friction_coefficient(reynolds: float) -> float:
-    """Skin friction of both faces of a plate, 0.89 / (log10 Re)^2.58."""
-    return float(0.89 / math.log10(max(reynolds, 1000.0)) ** 2.58)
+    """Skin friction of both faces of a plate, 0.89 / (log10 Re)^2.58, to 1e-5 from Re 1e3 to 1e7.
+
+    A polynomial in Re^(-1/8): the logarithm and the power cost as much as all the rest of a section.
+    """
+    x = math.sqrt(math.sqrt(math.sqrt(1.0 / min(max(reynolds, 1.0e3), 1.0e7))))
+    a6, a5, a4, a3, a2, a1, a0 = FRICTION_POLYNOMIAL
+    return a0 + x * (a1 + x * (a2 + x * (a3 + x * (a4 + x * (a5 + x * a6)))))
 
 
 @kernel
-def stalled_share(angle: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
-    """How much of a section is stalled, 0 to 1, at the ``angle`` in rad of DeLaurier's stall criterion."""
-    size = abs(angle)
-    # The factor lies between 1 and its bound, so that most sections need it not.
-    if size <= p.stall_angle - STALL_BLEND:
+def stalled_share(across: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
+    """How much of a section is stalled, 0 to 1; the angle of DeLaurier's stall criterion is atan(across / speed)."""
+    # The factor lies between 1 and its bound, so that most sections need neither it nor the angle.
+    if abs(across) <= p.attached_slope * speed:
         return 0.0
+    size = abs(math.atan2(across, speed))
     if size >= p.stall_factor_bound * p.stall_angle + STALL_BLEND:
         return 1.0
     plunge_angle = abs(math.atan2(m.plunge, speed))
-    towards = m.pitch_rate if angle >= 0.0 else -m.pitch_rate
+    towards = m.pitch_rate if across >= 0.0 else -m.pitch_rate
     factor = stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle, p.stall_factor_bound)
     limit = p.stall_angle * factor
     share = min(max((size - limit) / (2.0 * STALL_BLEND) + 0.5, 0.0), 1.0)
@@ -207,7 +227,7 @@ def section_loads(m: SectionMotion, density: float, lag: float, p: StripParamete
     speed = max(abs(along), SLOWEST)
     wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
     resultant = math.sqrt(along * along + (wash - 0.5 * chord * pitch_rate) ** 2)
-    stalled = stalled_share(math.atan2(wash - 0.75 * chord * pitch_rate, speed), m, speed, p)
+    stalled = stalled_share(wash - 0.75 * chord * pitch_rate, m, speed, p)
     pressure = 0.5 * density * chord
     attached = (1.0 - stalled) * pressure
     suction = wash - 0.25 * chord * pitch_rate

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sim_bridge.aerodynamics.surfaces import plate_pressure
 from sim_bridge.multibody.tree import Kinematics, add_wrench, point_velocity
-from sim_bridge.vectors import Floats, Integers, kernel
+from sim_bridge.vectors import Floats, Integers, inlined
 
 
 class Plates(NamedTuple):
@@ -26,13 +26,13 @@ class Plates(NamedTuple):
     """(p,) 1/rad"""
 
 
-@kernel
+@inlined
 def _turned(r: Floats, v: Floats, out: Floats) -> None:
     for i in range(3):
         out[i] = r[i, 0] * v[0] + r[i, 1] * v[1] + r[i, 2] * v[2]
 
 
-@kernel
+@inlined
 def add_plates(k: Kinematics, plates: Plates, air: Floats, density: float, work: Floats, total: Floats) -> None:
     """Let the air act on the plates.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.vectors import Floats, Integers, kernel
+from sim_bridge.vectors import Floats, Integers, inlined
 
 BASE = 6
 """speeds of the base, before those of the coordinates"""
@@ -169,7 +169,7 @@ def blank_kinematics(tree: Tree) -> Kinematics:
     )
 
 
-@kernel
+@inlined
 def turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
     """``out`` (3, 3) = ``zero`` times the turn by ``angle`` about ``axis`` (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -185,7 +185,7 @@ def turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
         out[i, 2] = a * m02 + b * m12 + e * m22
 
 
-@kernel
+@inlined
 def _place_body(tree: Tree, b: int, angle: float, k: Kinematics) -> None:
     up, local = tree.parent[b], k.turned
     turn(tree.axis[b], angle, tree.rotation[b], local)
@@ -202,7 +202,7 @@ def _place_body(tree: Tree, b: int, angle: float, k: Kinematics) -> None:
     k.s[b, 5] = k.p[b, 0] * a1 - k.p[b, 1] * a0
 
 
-@kernel
+@inlined
 def _move_body(up: int, b: int, rate: float, k: Kinematics) -> None:
     v, s = k.velocity[up], k.s[b]
     for i in range(6):
@@ -215,7 +215,7 @@ def _move_body(up: int, b: int, rate: float, k: Kinematics) -> None:
         k.bias[b, 3 + i] += rate * linear
 
 
-@kernel
+@inlined
 def _load_body(tree: Tree, b: int, gravity: Floats, k: Kinematics) -> None:
     """Set the body's own inertia and the force of its bias motion and weight."""
     r, m, inertia = k.r[b], tree.mass[b], k.inertia[b]
@@ -256,7 +256,7 @@ def _load_body(tree: Tree, b: int, gravity: Floats, k: Kinematics) -> None:
     k.force[b, 5] -= g2
 
 
-@kernel
+@inlined
 def _bias_force(inertia: Floats, v: Floats, bias: Floats, force: Floats) -> None:
     """``force`` (6,) = inertia bias + v x* (inertia v)."""
     h0 = h1 = h2 = l0 = l1 = l2 = 0.0
@@ -280,7 +280,7 @@ def _bias_force(inertia: Floats, v: Floats, bias: Floats, force: Floats) -> None
     force[5] += v[0] * l1 - v[1] * l0
 
 
-@kernel
+@inlined
 def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k: Kinematics) -> None:
     """Place and move every body, and load it with its own inertia and weight.
 
@@ -301,7 +301,7 @@ def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k:
         _load_body(tree, b, gravity, k)
 
 
-@kernel
+@inlined
 def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
     """Let a force (3,) in N act on body ``b`` at ``point`` (3,) in m; both in the base's axes, from its origin."""
     k.force[b, 0] -= point[1] * force[2] - point[2] * force[1]
@@ -311,7 +311,7 @@ def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
         k.force[b, 3 + i] -= force[i]
 
 
-@kernel
+@inlined
 def point_velocity(k: Kinematics, b: int, point: Floats, out: Floats) -> None:
     """Velocity (3,) in m/s of the point of body ``b`` at ``point`` (3,), both in the base's axes."""
     v = k.velocity[b]
@@ -320,7 +320,7 @@ def point_velocity(k: Kinematics, b: int, point: Floats, out: Floats) -> None:
     out[2] = v[5] + v[0] * point[1] - v[1] * point[0]
 
 
-@kernel
+@inlined
 def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
     """Add the tree to ``mass`` (6 + c, 6 + c), upper triangle, and ``load`` (6 + c,); folds the subtrees of ``k``."""
     for b in range(tree.mass.shape[0] - 1, 0, -1):
@@ -343,7 +343,7 @@ def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
             mass[i, 3 + j] += k.inertia[0, 3 + i, j]
 
 
-@kernel
+@inlined
 def column(tree: Tree, k: Kinematics, start: int, own: int, force: Floats, mass: Floats, at: int) -> float:
     """Fill the part of column ``at`` that a unit rate's ``force`` (6,) on body ``start`` makes on base and ancestors.
 
@@ -366,12 +366,12 @@ def column(tree: Tree, k: Kinematics, start: int, own: int, force: Floats, mass:
     return found
 
 
-@kernel
+@inlined
 def _dot(a: Floats, b: Floats) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
-@kernel
+@inlined
 def hold(mass: Floats, load: Floats, held: Integers, rates: Floats) -> None:
     """Impose the rates (n,) of the speeds whose ``held`` (n,) is not zero, keeping ``mass`` symmetric."""
     n = load.shape[0]
@@ -391,23 +391,25 @@ def hold(mass: Floats, load: Floats, held: Integers, rates: Floats) -> None:
         load[i] = rates[i]
 
 
-@kernel
+@inlined
 def solve(mass: Floats, load: Floats) -> None:
-    """Solve ``mass x = load`` in place (x in ``load``) by an LDL^T of the upper triangle.
+    """Solve ``mass x = load`` in place (x in ``load``) by a U D U^T of the upper triangle.
 
-    A matrix that is not positive definite leaves not-a-number in ``load``.
+    From the last row up: branches of the tree that do not touch stay apart until only the base is left. A matrix that
+    is not positive definite leaves not-a-number in ``load``.
     """
     n = load.shape[0]
-    for i in range(n):
-        pivot = 1.0 / mass[i, i]
-        for j in range(i + 1, n):
-            factor = mass[i, j] * pivot
-            if factor != 0.0:
-                for k in range(j, n):
-                    mass[j, k] -= factor * mass[i, k]
-                load[j] -= factor * load[i]
     for i in range(n - 1, -1, -1):
-        total = load[i]
-        for k in range(i + 1, n):
-            total -= mass[i, k] * load[k]
-        load[i] = total / mass[i, i]
+        pivot = 1.0 / mass[i, i]
+        for j in range(i):
+            factor = mass[j, i] * pivot
+            if factor != 0.0:
+                for k in range(j + 1):
+                    mass[k, j] -= factor * mass[k, i]
+                load[j] -= factor * load[i]
+        load[i] *= pivot
+    for i in range(n):
+        total, pivot = load[i], 1.0 / mass[i, i]
+        for k in range(i):
+            total -= mass[k, i] * pivot * load[k]
+        load[i] = total

@@ -24,7 +24,7 @@ from sim_bridge.aerodynamics.protocol import (
     Strips,
 )
 from sim_bridge.multibody.tree import BASE, Kinematics, Tree, column
-from sim_bridge.vectors import Floats, Integers, kernel
+from sim_bridge.vectors import Floats, Integers, inlined, kernel
 
 
 class Wings(NamedTuple):
@@ -52,6 +52,8 @@ class WingWork(NamedTuple):
 
     motion: Motion
     loads: SectionLoads
+    total: Floats
+    """(4, n) N, N m; sum of the parts of the loads"""
     sine: Floats
     """(n,); of the section's twist"""
     cosine: Floats
@@ -69,9 +71,9 @@ class WingWork(NamedTuple):
     """(6,); the twist's column about the base's origin"""
 
 
-@kernel
+@inlined
 def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, work: WingWork) -> None:
-    """Fill ``work.motion`` for all strips.
+    """Fill ``work.motion`` for all strips but for places and axes.
 
     Args:
         q, rates: (c,) coordinates and their rates.
@@ -90,10 +92,9 @@ def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, 
             m.wings[j, 0], m.wings[j, 1] = q[w.flap[j]], rates[w.flap[j]]
         _root(k, w.body[j], air, work.frame)
         _strip_motion(w, j, theta, theta_rate, work)
-        _strip_places(k, w, j, work)
 
 
-@kernel
+@inlined
 def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
     """Fill the rows of ``frame``, see `WingWork`."""
     r, p = k.r[b], k.p[b]
@@ -107,7 +108,7 @@ def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
             frame[row, 3 + i] = r[0, i] * l0 + r[1, i] * l1 + r[2, i] * l2
 
 
-@kernel
+@inlined
 def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float, float, float, float, float]:
     v, base = k.velocity[b], k.velocity[0]
     if row == 0:
@@ -120,7 +121,7 @@ def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float
     return a[0], a[1], a[2], a[3], a[4], a[5]
 
 
-@kernel
+@inlined
 def _strip_motion(w: Wings, j: int, theta: float, theta_rate: float, work: WingWork) -> None:
     m, f, side, s = work.motion, work.frame, w.side[j], w.strips
     wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
@@ -145,6 +146,13 @@ def _strip_motion(w: Wings, j: int, theta: float, theta_rate: float, work: WingW
 
 
 @kernel
+def wing_places(k: Kinematics, w: Wings, work: WingWork) -> None:
+    """Fill place and axes of ``work.motion``, after `wing_motion`."""
+    for j in range(w.body.shape[0]):
+        _strip_places(k, w, j, work)
+
+
+@inlined
 def _strip_places(k: Kinematics, w: Wings, j: int, work: WingWork) -> None:
     m, b, side, s = work.motion, w.body[j], w.side[j], w.strips
     for i in range(3):
@@ -158,7 +166,7 @@ def _strip_places(k: Kinematics, w: Wings, j: int, work: WingWork) -> None:
             m.place[i, n] = p + side * s.span[n] * ry - 0.5 * s.chord[n] * chord
 
 
-@kernel
+@inlined
 def add_wings(
     tree: Tree, k: Kinematics, w: Wings, rates: Floats, outside: Floats, work: WingWork, mass: Floats, load: Floats
 ) -> None:
@@ -169,6 +177,7 @@ def add_wings(
             air, body axes.
         mass, load: of the whole vehicle, see `tree.assemble`, which comes after.
     """
+    _sum_parts(work.loads.parts, work.total)
     for j in range(w.body.shape[0]):
         rate = rates[w.twist[j]] if w.twist[j] >= 0 else 0.0
         _root(k, w.body[j], outside[3:9], work.frame)
@@ -181,10 +190,20 @@ def add_wings(
             column(tree, k, w.body[j], -1, work.column, mass, at)
 
 
-@kernel
+@inlined
+def _sum_parts(parts: Floats, total: Floats) -> None:
+    for c in range(4):
+        for i in range(total.shape[1]):
+            total[c, i] = parts[0, c, i]
+        for p in range(1, parts.shape[0]):
+            for i in range(total.shape[1]):
+                total[c, i] += parts[p, c, i]
+
+
+@inlined
 def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, work: WingWork) -> tuple[float, float]:
     """Sum inertia, twist column and bias force of one wing at its root; returns the twist's own mass and load."""
-    f, r, parts, apparent = work.frame, k.r[w.body[j]], work.loads.parts, work.loads.apparent
+    f, r, total, apparent = work.frame, k.r[w.body[j]], work.total, work.loads.apparent
     wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
     bx, by, bz, cx, cy, cz = f[3, 0], f[3, 1], f[3, 2], f[3, 3], f[3, 4], f[3, 5]
     # Velocity and angular velocity of the air, and gravity, at the root in wing axes.
@@ -257,12 +276,7 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
         own_mass += eta * eta * (a * half * half + rotary)
         own_load -= lever * bias + eta * rotary * by
         # The air loads, in section axes, to the root.
-        forward = upward = outward = nose = 0.0
-        for p in range(parts.shape[0]):
-            forward += parts[p, FORWARD, i]
-            upward += parts[p, UPWARD, i]
-            outward += parts[p, OUTWARD, i]
-            nose += parts[p, NOSE_UP, i]
+        forward, upward, outward, nose = total[FORWARD, i], total[UPWARD, i], total[OUTWARD, i], total[NOSE_UP, i]
         own_load += eta * (nose - half * upward)
         resisted = a * bias
         fx += resisted * q3 - forward * cosine + upward * sine
@@ -285,7 +299,7 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
     return own_mass, own_load
 
 
-@kernel
+@inlined
 def _carry(k: Kinematics, b: int, work: WingWork) -> None:
     """Add the wing's sums, told at the root in wing axes, to body ``b`` about the base's origin."""
     r, p, c, inertia = k.r[b], k.p[b], work.inertia, k.inertia[b]
@@ -316,7 +330,7 @@ def _carry(k: Kinematics, b: int, work: WingWork) -> None:
     _carry_wrench(r, p, work.wrench[1], k.force[b], 1.0)
 
 
-@kernel
+@inlined
 def _carry_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats, keep: float) -> None:
     """``out`` = ``keep`` times itself plus ``wrench`` carried from the root in wing axes to the base."""
     f0 = r[0, 0] * wrench[3] + r[0, 1] * wrench[4] + r[0, 2] * wrench[5]

@@ -18,9 +18,9 @@ from plant_bench import (
     state,
     vehicle,
 )
+from sim_bridge.multibody.flapper import hold_speeds, solve
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.multibody.flapper import hold_speeds, solve
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import euler_from_quaternion, quaternion_from_euler, rotation
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from plant_bench import NAMES, VACUUM, air, hold, mirrored, rates, state, vehicle
+from sim_bridge.multibody.flapper import SPEEDS, add_wing, clear
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.strip_theory import (
@@ -16,7 +17,6 @@ from sim_bridge.aerodynamics.strip_theory import (
     strip_parameters,
 )
 from sim_bridge.aerodynamics.surfaces import body_drag, plate_normal_force, plate_pressure
-from sim_bridge.multibody.flapper import SPEEDS, add_wing, clear
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 
