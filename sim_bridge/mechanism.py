@@ -23,6 +23,7 @@ CHANNELS = {
     "left_wing": (k.WING, k.LEFT),
     "elevator": (k.FOLLOWS, k.ELEVATOR),
     "rudder": (k.FOLLOWS, k.RUDDER),
+    "stroke": (k.PRESCRIBED, 0),
     "": (k.PASSIVE, 0),
 }
 MIRRORED = {"right_wing": "left_wing"}
@@ -111,6 +112,7 @@ def mirrored(part: BodyPart, image: BodyPart) -> BodyPart:
         axis=(-ax, ay, -az),
         center=(cx, -cy, cz),
         inertia=(xx, yy, zz, -xy, xz, -yz),
+        motion_by_rudder=-part.motion_by_rudder,
     )
 
 
@@ -132,6 +134,11 @@ def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
         if part.moved_by not in CHANNELS:
             known = ", ".join(channel for channel in CHANNELS if channel)
             raise BadInput(f'{vehicle.path}: bodies.{name}.moved_by = "{part.moved_by}" must be one of {known}')
+        if part.moved_by == "stroke" and len(part.motion) % 2 == 0:
+            raise BadInput(
+                f"{vehicle.path}: bodies.{name}.motion must be a mean and then pairs of cosine and sine,"
+                f" not {len(part.motion)} numbers"
+            )
         parts[name] = part
     return parts
 
@@ -197,7 +204,19 @@ def _joints(wing: Wing, parts: list[BodyPart], coordinates: int) -> k.Joints:
         channel=np.array([channel for _, channel in kinds], dtype=np.int64),
         stiffness=np.array([part.stiffness for part in parts] + [wing.twist_stiffness] * twists),
         damping=np.array([part.damping for part in parts] + [wing.twist_damping] * twists),
+        motion=_motions([part.motion for part in parts] + [()] * twists),
+        steered=np.array(
+            [(part.motion_by_elevator, part.motion_by_rudder) for part in parts] + [(0.0, 0.0)] * twists
+        ).reshape(-1, 2),
     )
+
+
+def _motions(series: list[tuple[float, ...]]) -> Floats:
+    """The prescribed motions, filled up with harmonics of no amplitude."""
+    out = np.zeros((len(series), max([1, *(len(one) for one in series)])))
+    for row, one in zip(out, series, strict=True):
+        row[: len(one)] = one
+    return out
 
 
 def _wings(wing: Wing, tree: Tree, order: dict[str, int], names: list[str]) -> tuple[Wings, tuple[str, ...]]:

@@ -8,12 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
 from sim_bridge.vectors import Floats, quaternion_from_euler, rotation
 from sim_bridge.vehicles import SimulatedVehicle
 
+DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
+NO_LINKAGE = FourBar(0.0, 1.0, 1.0, 1.0, 0.0, 0.0, False)
+NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0, 1.0, 1.0)
+"""what stands in the kernel's parameters for vehicles that have none"""
 STEP = 0.001
 """s; of the integrator (a tick is cut into equal steps no longer than this)"""
 
@@ -41,7 +46,9 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         contacts=contact_points(vehicle),
         imu=np.array(hull.imu_position),
         tail_servo=np.array([servo.time_constant, servo.rate_limit]),
-        crank=drive.kind == "crank",
+        drive_kind=DRIVES[drive.kind],
+        linkage=vehicle.linkage or NO_LINKAGE,
+        motor=vehicle.motor or NO_MOTOR,
         drive=np.array(
             [drive.stall_torque, drive.no_load_speed, drive.nominal_voltage, drive.position_gain, drive.rate_gain]
         ),
@@ -71,6 +78,8 @@ def scratch(mechanism: Mechanism) -> k.Scratch:
         accelerations=np.zeros(speeds),
         held=np.zeros(speeds, dtype=np.int64),
         imposed=np.zeros(speeds),
+        crank=np.zeros(1),
+        motion=np.zeros(3),
     )
 
 
@@ -80,6 +89,11 @@ def initial_state(vehicle: SimulatedVehicle, mechanism: Mechanism) -> Floats:
     y[2] = -vehicle.launch.height
     y[3:7] = quaternion_from_euler(0.0, vehicle.launch.pitch, 0.0)
     y[mechanism.layout.aerodynamics :] = mechanism.aerodynamic_state
+    joints, start = mechanism.joints, np.zeros(3)
+    for i, kind in enumerate(joints.kind):
+        if kind == k.PRESCRIBED:
+            k.prescribed_motion(joints.motion[i], 0.0, start)
+            y[k.COORDINATES + i] = start[0]
     return y
 
 

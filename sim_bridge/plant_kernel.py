@@ -11,6 +11,8 @@ import math
 from typing import Any, NamedTuple
 
 from sim_bridge.actuators.drives import drive_current, servo_torque
+from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
+from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.multibody.contact import ground_force
@@ -27,8 +29,12 @@ COORDINATES = 13
 # Phases of the flight as the launcher sees them.
 HELD, THROWN, FREE = 0, 1, 2
 
-# What moves a coordinate: nothing but its spring and damper, a wing's drive, or a servo that its motion follows.
-PASSIVE, WING, FOLLOWS = 0, 1, 2
+# What moves a coordinate: nothing but its spring and damper, a wing's drive, a servo that its motion follows, or a
+# motion prescribed by the phase of the stroke.
+PASSIVE, WING, FOLLOWS, PRESCRIBED = 0, 1, 2, 3
+
+# What drives the wings: a position servo each, a crank that turns as the throttle says, or a motor on a four-bar.
+SERVO, CRANK, LINKAGE = 0, 1, 2
 
 # The channels that a coordinate may be moved by.
 LEFT, RIGHT, ELEVATOR, RUDDER = 0, 1, 2, 3
@@ -41,13 +47,17 @@ class Joints(NamedTuple):
     """How each of the c coordinates is moved and held."""
 
     kind: Integers
-    """(c,); PASSIVE, WING or FOLLOWS"""
+    """(c,); PASSIVE, WING, FOLLOWS or PRESCRIBED"""
     channel: Integers
     """(c,); LEFT, RIGHT, ELEVATOR or RUDDER"""
     stiffness: Floats
     """(c,) N m/rad"""
     damping: Floats
     """(c,) N m s/rad"""
+    motion: Floats
+    """(c, 1 + 2 h) rad; prescribed: mean, then cosine and sine of each harmonic of the stroke's phase"""
+    steered: Floats
+    """(c, 2) -; prescribed: shift of the mean by elevator and rudder commands"""
 
 
 class PlantParameters(NamedTuple):
@@ -71,7 +81,10 @@ class PlantParameters(NamedTuple):
     """(3,) m; on the base"""
     tail_servo: Floats
     """(2,) time constant s, rate limit rad/s"""
-    crank: bool
+    drive_kind: int
+    """SERVO, CRANK or LINKAGE"""
+    linkage: FourBar
+    motor: Motor
     drive: Floats
     """(5,) stall torque N m, no-load speed rad/s, nominal voltage V, position gain N m/rad, rate gain N m s/rad"""
     crank_shape: Floats
@@ -145,6 +158,10 @@ class Scratch(NamedTuple):
     """(6 + c,); 1 where the rate of a speed is imposed"""
     imposed: Floats
     """(6 + c,); the rates imposed"""
+    crank: Floats
+    """(1,) Hz/s; rate of the crank's speed"""
+    motion: Floats
+    """(3,); of a prescribed coordinate, see `prescribed_motion`"""
 
 
 @inlined
@@ -163,6 +180,7 @@ def _supply(charge: float, battery: Floats) -> float:
 
 @inlined
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
+    """Load the wings with their drives' torques, and tell how the crank gathers speed."""
     # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
     # the open-circuit voltage three rounds come within a millivolt.
     n = p.joints.kind.shape[0]
@@ -180,26 +198,45 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
 
 @inlined
 def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
-    total, n = 0.0, p.joints.kind.shape[0]
+    total, reaction, n = 0.0, 0.0, p.joints.kind.shape[0]
     phase, speed = y[COORDINATES + 2 * n], y[COORDINATES + 2 * n + 1]
+    crank_rate, slope = 2.0 * math.pi * speed, 0.0
     for i in range(n):
         if p.joints.kind[i] != WING:
             continue
         left = p.joints.channel[i] == LEFT
         angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
-        if p.crank:
+        if p.drive_kind == CRANK:
             wanted = p.crank_shape[1] + p.crank_shape[0] * math.sin(phase)
-            wanted_rate = p.crank_shape[0] * math.cos(phase) * 2.0 * math.pi * speed
+            wanted_rate = p.crank_shape[0] * math.cos(phase) * crank_rate
+        elif p.drive_kind == LINKAGE:
+            flap = flap_motion(p.linkage, phase)
+            wanted, slope = flap.angle, flap.slope
+            wanted_rate = slope * crank_rate
         else:
             start = c.left_start if left else c.right_start
             end = c.left_end if left else c.right_end
             wanted = start + share * (end - start)
             wanted_rate = (end - start) / c.duration
         gains = (p.drive[3], p.drive[4])
-        torque = servo_torque(wanted - angle, wanted_rate - rate, rate, gains, p.drive[0] * ratio, p.drive[1] * ratio)
-        torque *= c.powered
+        if p.drive_kind == LINKAGE:
+            # The rods are stiff, not ideal: what they do to the wing they do, through the slope, to the crank.
+            torque = gains[0] * (wanted - angle) + gains[1] * (wanted_rate - rate)
+            reaction += torque * slope
+        else:
+            bounds = (p.drive[0] * ratio, p.drive[1] * ratio)
+            torque = c.powered * servo_torque(wanted - angle, wanted_rate - rate, rate, gains, bounds[0], bounds[1])
+            total += drive_current(torque, p.current[0], p.current[1], p.current[2])
         s.drive[p.joints.channel[i]] = torque
-        total += drive_current(torque, p.current[0], p.current[1], p.current[2])
+    if p.drive_kind == LINKAGE:
+        duty = min(max(c.throttle, 0.0), 1.0) * c.powered
+        turning = motor_drive(p.motor, duty * ratio * p.drive[2], crank_rate)
+        total = duty * turning.current
+        inertia = p.motor.rotor_inertia * p.motor.gear_ratio * p.motor.gear_ratio
+        s.crank[0] = (turning.torque - reaction) / inertia / (2.0 * math.pi)
+    else:
+        turned = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
+        s.crank[0] = (turned - speed) / p.crank_shape[2]
     s.drive[CURRENT] = total
 
 
@@ -297,7 +334,37 @@ def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s:
                 wanted - y[COORDINATES + i], y[COORDINATES + n + i], p.tail_servo[0], p.tail_servo[1]
             )
             any_held = True
+        elif p.joints.kind[i] == PRESCRIBED:
+            s.held[BASE + i] = 1
+            s.imposed[BASE + i] = _prescribed_acceleration(y, i, c, p, s)
+            any_held = True
     return any_held
+
+
+@inlined
+def prescribed_motion(series: Floats, phase: float, out: Floats) -> None:
+    """Angle in rad and its first and second derivative with the phase, (3,), of a motion as `Joints` keeps it."""
+    out[0], out[1], out[2] = series[0], 0.0, 0.0
+    for h in range(1, (series.shape[0] + 1) // 2):
+        a, b = series[2 * h - 1], series[2 * h]
+        cosine, sine = math.cos(h * phase), math.sin(h * phase)
+        out[0] += a * cosine + b * sine
+        out[1] += h * (b * cosine - a * sine)
+        out[2] -= h * h * (a * cosine + b * sine)
+
+
+@inlined
+def _prescribed_acceleration(y: Floats, i: int, c: Controls, p: PlantParameters, s: Scratch) -> float:
+    """rad/s^2 of a prescribed coordinate; what steers it, and what has strayed, is made good like a servo's error."""
+    n, motion = p.joints.kind.shape[0], s.motion
+    phase, rate = y[COORDINATES + 2 * n], 2.0 * math.pi * y[COORDINATES + 2 * n + 1]
+    prescribed_motion(p.joints.motion[i], phase, motion)
+    shift = p.joints.steered[i, 0] * c.elevator + p.joints.steered[i, 1] * c.rudder
+    error = motion[0] + shift - y[COORDINATES + i]
+    error_rate = motion[1] * rate - y[COORDINATES + n + i]
+    pull = 2.0 / p.tail_servo[0]
+    feedforward = motion[2] * rate * rate + motion[1] * 2.0 * math.pi * s.crank[0]
+    return float(feedforward + pull * pull * error + 2.0 * pull * error_rate)
 
 
 @inlined
@@ -356,8 +423,7 @@ def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Fl
         rate[COORDINATES + n + i] = s.load[BASE + i]
     phase = COORDINATES + 2 * n
     rate[phase] = 2.0 * math.pi * y[phase + 1]
-    wanted = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
-    rate[phase + 1] = (wanted - y[phase + 1]) / p.crank_shape[2]
+    rate[phase + 1] = s.crank[0]
     rate[phase + 2] = s.drive[CURRENT]
 
 

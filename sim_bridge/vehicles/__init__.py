@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput, Schema, Source, VehicleFile, read_vehicle_file
+from sim_bridge.actuators.linkage import FourBar, Motor, checked
 from sim_bridge.aerodynamics.models import MODELS, find_model
 from sim_bridge.sensors.suite import SECTIONS as SENSORS
 from sim_bridge.vehicles.sections import (
@@ -33,7 +34,9 @@ REQUIRED: dict[str, type[Any]] = {
     "cruise": Cruise,
 }
 REPEATED: dict[str, type[Any]] = {"bodies": BodyPart, "plates": Plate}
-SCHEMA = Schema(REQUIRED, SENSORS | {model.name: model.settings for model in MODELS.values()}, REPEATED)
+OPTIONAL: dict[str, type[Any]] = {"linkage": FourBar, "motor": Motor}
+MODEL_SECTIONS = {model.name: model.settings for model in MODELS.values()}
+SCHEMA = Schema(REQUIRED, OPTIONAL | SENSORS | MODEL_SECTIONS, REPEATED)
 
 
 class SimulatedVehicle(NamedTuple):
@@ -53,6 +56,8 @@ class SimulatedVehicle(NamedTuple):
     battery: Battery
     launch: Launch
     cruise: Cruise
+    linkage: FourBar | None
+    motor: Motor | None
     sections: dict[str, Any]
     """all of the file's, those of aerodynamic models and sensors too"""
     sources: dict[str, Source]
@@ -85,6 +90,7 @@ def _vehicle(file: VehicleFile) -> SimulatedVehicle:
     own = {key: file.sections[key] for key in (*REQUIRED, *REPEATED)}
     return SimulatedVehicle(
         file.name, file.title, file.path, file.text, **own,
+        linkage=file.sections.get("linkage"), motor=file.sections.get("motor"),
         sections=file.sections, sources=file.sources, fitted=file.fitted,
     )  # fmt: skip
 
@@ -104,8 +110,10 @@ def _check(vehicle: SimulatedVehicle) -> None:
     path, model = vehicle.path, vehicle.aerodynamics.model
     if vehicle.wing.planform not in ("raven", "ellipse"):
         raise BadInput(f'{path}: wing.planform = "{vehicle.wing.planform}" must be "raven" or "ellipse"')
-    if vehicle.drive.kind not in ("servo", "crank"):
-        raise BadInput(f'{path}: drive.kind = "{vehicle.drive.kind}" must be "servo" or "crank"')
+    if vehicle.drive.kind not in ("servo", "crank", "linkage"):
+        raise BadInput(f'{path}: drive.kind = "{vehicle.drive.kind}" must be "servo", "crank" or "linkage"')
+    if vehicle.drive.kind == "linkage":
+        _check_linkage(vehicle)
     if len(vehicle.drive.frequencies) < 2:
         raise BadInput(f"{path}: drive.frequencies must have at least 2 numbers")
     try:
@@ -118,6 +126,17 @@ def _check(vehicle: SimulatedVehicle) -> None:
         _need_body(vehicle, f"plates.{name}.body", plate.body)
     for key in ("right", "left"):
         _need_body(vehicle, f"wing.{key}", getattr(vehicle.wing, key))
+
+
+def _check_linkage(vehicle: SimulatedVehicle) -> None:
+    if vehicle.linkage is None or vehicle.motor is None:
+        raise BadInput(f'{vehicle.path}: drive.kind = "linkage" needs sections [linkage] and [motor]')
+    if vehicle.motor.rotor_inertia <= 0.0:
+        raise BadInput(f"{vehicle.path}: motor.rotor_inertia must be above 0 kg m^2")
+    try:
+        checked(vehicle.linkage)
+    except BadInput as error:
+        raise BadInput(f"{vehicle.path}: {error}") from None
 
 
 def _need_body(vehicle: SimulatedVehicle, key: str, body: str) -> None:

@@ -21,7 +21,8 @@ class BodyPart(NamedTuple):
     mirror_of: Annotated[str, Label()] = ""
     """a body of the right side of which this is the mirror image on the left: nothing else but its parent is told"""
     moved_by: Annotated[str, Label()] = ""
-    """"right_wing", "left_wing", "elevator" or "rudder": what turns the joint; nothing but its spring if empty"""
+    """what turns the joint: "right_wing", "left_wing" (the drive), "elevator", "rudder" (a servo that it follows),
+    "stroke" (the motion prescribed below); nothing but its spring if empty"""
     place: Annotated[tuple[float, float, float], Quantity("m", -5.0, 5.0)] = (0.0, 0.0, 0.0)
     """of the joint, in the parent's axes"""
     rotation: Annotated[tuple[float, float, float], Quantity("rad", -3.2, 3.2)] = (0.0, 0.0, 0.0)
@@ -39,6 +40,12 @@ class BodyPart(NamedTuple):
     """of a spring that pulls the joint to zero"""
     damping: Annotated[float, Quantity("N m s/rad", 0.0, 1e3)] = 0.0
     """of the joint"""
+    motion: Annotated[tuple[float, ...], Quantity("rad", -3.2, 3.2)] = ()
+    """prescribed by the stroke's phase: mean, then cosine and sine of each harmonic"""
+    motion_by_elevator: Annotated[float, Quantity("-", -5.0, 5.0)] = 0.0
+    """shift of the mean of a prescribed motion by the elevator command"""
+    motion_by_rudder: Annotated[float, Quantity("-", -5.0, 5.0)] = 0.0
+    """shift of the mean of a prescribed motion by the rudder command, opposite on the mirror image"""
 
 
 class Fuselage(NamedTuple):
@@ -114,10 +121,10 @@ class Aerodynamics(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What moves the wings: two position servos, or one motor on a crank."""
+    """What moves the wings: two position servos, one motor on a crank, or a motor model on a four-bar linkage."""
 
     kind: str
-    """"servo" or "crank\""""
+    """"servo" (one on each wing), "crank" (turns as the throttle says) or "linkage" (sections [linkage], [motor])"""
     stall_torque: Annotated[float, Quantity("N m", 0.0, 500.0)]
     """of one wing's servo at nominal voltage"""
     no_load_speed: Annotated[float, Quantity("rad/s", 0.1, 1000.0)]
