@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 HOLD_AT_LEAST = 5.0
 """s; setpoints constant for this long while en route are a hold"""
-CAPTURE_ALTITUDE = 2.0
+CAPTURE_ALTITUDE = 1.0
 """m; a hold counts from when it was first this near its altitude ..."""
-CAPTURE_HEADING = np.radians(15.0)
-"""rad; ... and this near its heading"""
+CAPTURE_HEADING = 0.15
+"""rad; ... and this near its heading: what the flight computers call captured"""
 
 
 class Touchdown(NamedTuple):

@@ -20,16 +20,13 @@ from avionics.missions import load_mission
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
+from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 
 RAVEN, ARIZONA = "robo_raven_ii_d", "arizona_100cm"
-CAPTURED_ALTITUDE = 1.0
-"""m; a hold counts from when it was first this near its altitude ..."""
-CAPTURED_COURSE = np.radians(8.6)
-"""rad; ... and this near its heading: what the flight computers call captured"""
 DETERMINISTIC = tuple(topic for topic in topics.TOPICS + truth_topics.TOPICS if topic.deterministic)
 
 Alter = Callable[[SensorFrame], SensorFrame]
@@ -132,7 +129,7 @@ class Flight:
         altitude_error = wanted.altitude - self.altitude()[inside]
         course = np.arctan2(truth["v_east"], truth["v_north"])[inside]
         course_error = (wanted.heading - course + np.pi) % (2 * np.pi) - np.pi
-        captured = (np.abs(altitude_error) <= CAPTURED_ALTITUDE) & (np.abs(course_error) <= CAPTURED_COURSE)
+        captured = (np.abs(altitude_error) <= CAPTURE_ALTITUDE) & (np.abs(course_error) <= CAPTURE_HEADING)
         assert captured.any(), "the hold was never captured"
         first = int(np.argmax(captured))
         duration = (end - truth["time_us"][inside][first]) * 1e-6
