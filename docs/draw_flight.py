@@ -78,6 +78,8 @@ def draw_doublet(axes: Any, log: Log) -> None:
         inside = (columns.time >= begin) & (columns.time <= end)
         axes.plot(columns.time[inside], np.degrees(columns[field][inside]), color=colour, lw=1.5, label=label)
     axes.set(xlabel="time (s)", title="a doublet for identification", ylim=(-60, 75))
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.35 * (high - low))
     axes.legend(frameon=False, loc="upper right")
 
 
