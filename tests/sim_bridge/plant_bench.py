@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.plant import Plant, wing_strips
+from sim_bridge.mechanism import all_parts, wing_strips
+from sim_bridge.multibody.tree import assemble, inertia_matrix, move
+from sim_bridge.plant import Plant, scratch
 from sim_bridge.vectors import Floats, quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from sim_bridge.vehicles.sections import BodyPart
 
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 VACUUM = 1e-9
@@ -25,10 +28,16 @@ def vehicle(name: str) -> SimulatedVehicle:
 
 
 def frictionless(name: str) -> Plant:
-    """A plant without damping in hinge and membrane."""
-    plant = Plant(vehicle(name))
-    twist = np.array([plant.parameters.twist[0], 0.0])
-    plant.parameters = plant.parameters._replace(twist=twist, flap_damping=0.0)
+    """A plant whose joints have neither damping nor servos, only the springs of its vehicle."""
+    return freed(Plant(vehicle(name)))
+
+
+def freed(plant: Plant) -> Plant:
+    """The plant with nothing on its joints but their springs."""
+    joints = plant.parameters.joints
+    nothing = np.zeros_like(joints.damping)
+    free = joints._replace(kind=np.full_like(joints.kind, k.PASSIVE), damping=nothing)
+    plant.parameters = plant.parameters._replace(joints=free)
     return plant
 
 
@@ -44,17 +53,35 @@ def slack(duration: float = 0.005) -> k.Controls:
     return hold(0.0, duration, 0.0)
 
 
+def joints(plant: Plant) -> slice:
+    """Where the coordinates stand in the state."""
+    return slice(k.COORDINATES, k.COORDINATES + len(plant.layout.coordinates))
+
+
+def joint_rates(plant: Plant) -> slice:
+    """Where the rates of the coordinates stand in the state."""
+    n = len(plant.layout.coordinates)
+    return slice(k.COORDINATES + n, k.COORDINATES + 2 * n)
+
+
+def speeds(plant: Plant) -> list[int]:
+    """Where the speeds stand in the state: the base's six, then the coordinates' rates."""
+    found = joint_rates(plant)
+    return [*range(7, 13), *range(found.start, found.stop)]
+
+
 def state(plant: Plant, rng: np.random.Generator, speed: float = 0.0) -> Floats:
     """A random state high above the ground, flying forward at ``speed`` m/s."""
-    y = np.zeros_like(plant.y)
+    y, layout = np.zeros_like(plant.y), plant.layout
     y[0:3] = (*rng.normal(size=2), -500.0)
     y[3:7] = quaternion_from_euler(*rng.uniform(-1.2, 1.2, 3))
     y[7:10] = rng.normal(size=3) + np.array([speed, 0.0, 0.0])
     y[10:13] = rng.normal(size=3) * 2.0
-    for base in (k.LEFT, k.RIGHT):
-        y[base : base + 4] = rng.normal(size=4) * (0.5, 0.3, 8.0, 8.0)
-    y[k.ELEVATOR], y[k.RUDDER] = rng.uniform(-0.3, 0.3, 2)
-    y[k.WAKE :] = rng.normal(size=y.shape[0] - k.WAKE)
+    y[joints(plant)] = rng.normal(size=len(layout.coordinates)) * 0.3
+    y[joint_rates(plant)] = rng.normal(size=len(layout.coordinates)) * 8.0
+    for tail in (layout.elevator, layout.rudder):
+        y[[tail, layout.rate(tail)]] = rng.uniform(-0.3, 0.3, 2)
+    y[layout.aerodynamics :] = rng.normal(size=layout.size - layout.aerodynamics)
     return y
 
 
@@ -65,95 +92,132 @@ def rates(plant: Plant, y: Floats, controls: k.Controls, around: k.Surroundings)
 
 def integrate(plant: Plant, y: Floats, duration: float, steps: int, around: k.Surroundings) -> Floats:
     """The state after ``duration`` s of slack wings in ``steps`` Runge-Kutta steps."""
-    return _advance(plant, y, slack(duration), steps, around)
-
-
-def _advance(plant: Plant, y: Floats, controls: k.Controls, steps: int, around: k.Surroundings) -> Floats:
-    end = y.copy()
-    work = k.Scratch(*[np.zeros_like(part) for part in plant.scratch])
-    work.drive[3] = plant.vehicle.battery.full_voltage
-    k.advance(end, steps, controls, around, plant.parameters, work, np.zeros((6, end.shape[0])), np.zeros(7))
-    return end
+    return driven(plant, y, slack(duration), steps, around)
 
 
 def driven(plant: Plant, y: Floats, controls: k.Controls, steps: int, around: k.Surroundings) -> Floats:
     """The state after the interval of ``controls`` in ``steps`` Runge-Kutta steps."""
-    return _advance(plant, y, controls, steps, around)
+    end, work = y.copy(), scratch(plant.mechanism)
+    k.advance(end, steps, controls, around, plant.parameters, work, np.zeros((6, end.shape[0])), np.zeros(7))
+    return end
 
 
-def mirrored(y: Floats, strips: int) -> Floats:
+def equations(plant: Plant, y: Floats, around: k.Surroundings) -> tuple[Floats, Floats]:
+    """Mass matrix and load of tree, wings and air alone: without drives, springs, ground and launcher."""
+    p, s = plant.parameters, scratch(plant.mechanism)
+    k._outside(y, around, s)
+    move(p.tree, y[joints(plant)], y[joint_rates(plant)], s.base, s.outside[0:3], s.tree)
+    k._air_loads(y, around.density, p, s, np.zeros_like(y))
+    assemble(p.tree, s.tree, s.mass, s.load)
+    return np.triu(s.mass) + np.triu(s.mass, 1).T, s.load
+
+
+def swapped(name: str) -> str:
+    """The name of a coordinate's mirror image."""
+    if "left" in name:
+        return name.replace("left", "right")
+    return name.replace("right", "left")
+
+
+def mirrored(plant: Plant, y: Floats) -> Floats:
     """The state, or its rates, seen in a mirror in the plane of symmetry."""
-    m = y.copy()
-    for i in (1, 4, 6, 8, 10, 12, k.RUDDER):
-        m[i] = -y[i]
-    m[k.LEFT : k.LEFT + 4], m[k.RIGHT : k.RIGHT + 4] = y[k.RIGHT : k.RIGHT + 4], y[k.LEFT : k.LEFT + 4]
-    m[k.WAKE : k.WAKE + strips], m[k.WAKE + strips :] = y[k.WAKE + strips :], y[k.WAKE : k.WAKE + strips]
+    m, names = y.copy(), plant.layout.coordinates
+    m[[1, 4, 6, 8, 10, 12]] *= -1.0
+    image = np.array([names.index(swapped(name)) for name in names])
+    sign = np.array([-1.0 if name == "rudder" else 1.0 for name in names])
+    for where in (joints(plant), joint_rates(plant)):
+        m[where] = sign * y[where][image]
+    wakes = y[plant.layout.aerodynamics :]
+    m[plant.layout.aerodynamics :] = np.roll(wakes, len(wakes) // 2)
     return m
 
 
-def _about_x(angle: Any) -> Any:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+def _cross(v: Any) -> Any:
+    a, b, c = v
+    return np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
 
 
-def _about_y(angle: Any) -> Any:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+def turned(axis: Any, angle: Any) -> Any:
+    """Rotation by ``angle``, which may be complex, about the unit vector ``axis``."""
+    cross = _cross(axis)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def _exponential(phi: Any) -> Any:
     """Rotation of a small rotation vector; exact in its first four derivatives at zero."""
-    a, b, c = phi
-    cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
+    cross = _cross(phi)
     square = cross @ cross
     return np.eye(3) + cross + square / 2 + square @ cross / 6 + square @ square / 24
 
 
-def _fuselage_points(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
-    """Point masses (some may be negative) with this mass and inertia (Ixx, Iyy, Izz, Ixz) about the origin."""
-    xx, yy, zz, xz = inertia
-    tensor = np.array([[xx, 0, -xz], [0, yy, 0], [-xz, 0, zz]])
+def from_euler(angles: tuple[float, float, float]) -> Floats:
+    """(3, 3) of roll, pitch, yaw: yaw first, then pitch about the new y, then roll about the new x."""
+    roll, pitch, yaw = (turned(axis, angle) for axis, angle in zip(np.eye(3), angles, strict=True))
+    out: Floats = yaw @ pitch @ roll
+    return out
+
+
+def particles(part: BodyPart) -> tuple[Floats, Floats]:
+    """Point masses (some may be negative), (n, 3) and (n,), of the body's mass, centre of mass and inertia."""
+    tensor = inertia_matrix(part.inertia)
     second = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     values, axes = np.linalg.eigh(second)
-    arm = 0.1
-    points = [sign * arm * axes[:, i] for i in range(3) for sign in (1, -1)]
+    arm, center = 0.1, np.array(part.center)
+    points = [center + sign * arm * axes[:, i] for i in range(3) for sign in (1, -1)]
     masses = [values[i] / (2 * arm**2) for i in range(3) for _ in (1, -1)]
-    return np.array([*points, np.zeros(3)]), np.array([*masses, mass - sum(masses)])
+    return np.array([*points, center]), np.array([*masses, part.mass - sum(masses)])
 
 
 class Mechanism:
-    """Fuselage and wings as particles, by differentiating their positions; knows nothing of the kernel.
+    """A vehicle as particles, by differentiating their positions; knows nothing of the kernels.
 
-    Ten coordinates: displacement (NED), rotation vector from the present attitude, flap and twist left and right.
+    Coordinates: displacement (NED), rotation vector from the present attitude, then those of the plant.
     """
 
     STEP = 1e-30
 
     def __init__(self, plant: Plant, y: Floats) -> None:
-        self.wing, self.twist_stiffness = plant.vehicle.wing, plant.parameters.twist[0]
-        self.y = y
-        self.body, body_masses = _fuselage_points(plant.parameters.fuselage_mass, plant.parameters.inertia)
-        self.strips = wing_strips(self.wing)
-        side = self.strips[:, 4:6].ravel()
-        self.masses = np.concatenate((body_masses, side, side))
-        w, a, b, c = y[3:7] / np.linalg.norm(y[3:7])
-        cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
+        self.parts, self.wing, self.y = all_parts(plant.vehicle), plant.vehicle.wing, y
+        self.names, self.stiffness = plant.layout.coordinates, plant.parameters.joints.stiffness
+        strips, membrane = wing_strips(self.wing)
+        self.strips = np.stack((strips.span, strips.eta, strips.chord), axis=1)[: self.wing.strips]
+        self.bodies = {name: particles(part) for name, part in self.parts.items()}
+        self.masses = np.concatenate([masses for _, masses in self.bodies.values()] + [membrane])
+        w, *axis = y[3:7] / np.linalg.norm(y[3:7])
+        cross = _cross(axis)
         self.r = np.eye(3) + 2 * w * cross + 2 * cross @ cross
-        self.q = np.concatenate((np.zeros(6), y[k.LEFT : k.LEFT + 2], y[k.RIGHT : k.RIGHT + 2]))
-        wings = (y[k.LEFT + 2 : k.LEFT + 4], y[k.RIGHT + 2 : k.RIGHT + 4])
-        self.qd = np.concatenate((self.r @ y[7:10], y[10:13], *wings))
+        self.q = np.concatenate((np.zeros(6), y[joints(plant)]))
+        self.qd = np.concatenate((self.r @ y[7:10], y[10:13], y[joint_rates(plant)]))
+
+    def _angle(self, q: Any, name: str) -> Any:
+        return q[6 + self.names.index(name)] if name in self.names else 0.0
+
+    def _frame(self, q: Any, name: str) -> tuple[Any, Any]:
+        """Place and axes of a body, in the base's axes."""
+        part = self.parts[name]
+        if not part.parent:
+            return np.zeros(3), np.eye(3)
+        place, axes = self._frame(q, part.parent)
+        axis = np.array(part.axis) / (np.linalg.norm(part.axis) or 1.0)
+        turn = from_euler(part.rotation) @ turned(axis, self._angle(q, name))
+        return place + axes @ np.array(part.place), axes @ turn
+
+    def _membrane(self, q: Any, name: str, side: int) -> list[Any]:
+        place, axes = self._frame(q, name)
+        tip = self._angle(q, f"{name}.twist") + self.wing.washout
+        rows = []
+        for span, eta, chord in self.strips:
+            back = turned((0.0, 1.0, 0.0), tip * eta) @ np.array([-0.5 * chord, 0.0, 0.0])
+            rows.append(place + axes @ (np.array([0.0, side * span, 0.0]) + back))
+        return rows
 
     def positions(self, q: Any) -> Any:
-        """(n, 3) NED from the present place of the fuselage; q may be complex."""
-        wing, rows = self.wing, [*self.body]
-        incidence = _about_y(wing.incidence)
-        for side, (flap, twist) in ((-1, q[6:8]), (1, q[8:10])):
-            hinge = np.array([wing.hinge_x, side * wing.hinge_y, wing.hinge_z])
-            flapped = incidence @ _about_x(-side * flap)
-            for span, eta, chord, *_ in self.strips:
-                chordwise = _about_y((twist + wing.washout) * eta) @ np.array([-1.0, 0.0, 0.0])
-                out = np.array([0.0, side * span, 0.0])
-                rows += [hinge + flapped @ (out + share * chord * chordwise) for share in (0.0, 0.5)]
+        """(n, 3) NED from the present place of the base; q may be complex."""
+        rows = []
+        for name, (points, _) in self.bodies.items():
+            place, axes = self._frame(q, name)
+            rows += [place + axes @ point for point in points]
+        rows += self._membrane(q, self.wing.left, -1) + self._membrane(q, self.wing.right, 1)
         return q[0:3] + np.array(rows) @ (self.r @ _exponential(q[3:6])).T
 
     def _along(self, direction: Floats, at: float = 0.0) -> Floats:
@@ -161,14 +225,14 @@ class Mechanism:
         return np.imag(self.positions(q)) / self.STEP
 
     def accelerations(self) -> Floats:
-        """(10,) rates of the speeds in the kernel's order: gravity and twist springs, no air, no drive."""
-        jacobian = np.stack([self._along(e) for e in np.eye(10)], axis=2)
+        """Rates of the speeds in the kernel's order: gravity and springs, no air, no drive."""
+        jacobian = np.stack([self._along(e) for e in np.eye(self.q.shape[0])], axis=2)
         d = 2e-4
         near, far = (self._along(self.qd, s * d) - self._along(self.qd, -s * d) for s in (1, 2))
         bias = (8 * near - far) / (12 * d)
         mass = np.einsum("nij,n,nik->jk", jacobian, self.masses, jacobian)
         load = np.einsum("nij,n,ni->j", jacobian, self.masses, GRAVITY - bias)
-        load[[7, 9]] -= self.twist_stiffness * self.q[[7, 9]]
+        load[6:] -= self.stiffness * self.q[6:]
         qdd = np.linalg.solve(mass, load)
         v, omega = self.y[7:10], self.y[10:13]
         return np.concatenate((self.r.T @ qdd[:3] - np.cross(omega, v), qdd[3:]))
@@ -181,10 +245,10 @@ class Mechanism:
         return np.concatenate((linear, np.cross(r - centre, self.masses[:, None] * v).sum(axis=0)))
 
     def energy(self) -> float:
-        """J; kinetic, of gravity and of the twist springs."""
+        """J; kinetic, of gravity and of the springs."""
         v, r = self._along(self.qd), np.real(self.positions(self.q)) + self.y[:3]
         kinetic = 0.5 * float(self.masses @ np.sum(v * v, axis=1))
-        spring = 0.5 * self.twist_stiffness * float(np.sum(self.q[[7, 9]] ** 2))
+        spring = 0.5 * float(self.stiffness @ self.q[6:] ** 2)
         return kinetic - float(self.masses @ r @ GRAVITY) + spring
 
 

@@ -75,7 +75,7 @@ def test_a_dropped_vehicle_comes_to_rest(name: str, roll: float) -> None:
     assert max(speeds) < math.sqrt(3.0**2 + 2.0 * 9.80665 * 0.5) * 1.02
     assert speeds[-1] < 0.01
     assert np.max(np.abs(plant.y[10:13])) < 0.02
-    below = plant.vehicle.body.contact_below
+    below = plant.vehicle.fuselage.contact_below
     assert plant.y[2] == pytest.approx(-below, abs=PENETRATION)
     slide = math.hypot(plant.y[0], plant.y[1])
     assert 0.2 < slide < 5.0

@@ -13,29 +13,27 @@ from plant_bench import (
     driven,
     frictionless,
     integrate,
+    joint_rates,
+    joints,
     rates,
     slack,
+    speeds,
     state,
     vehicle,
 )
-from sim_bridge.multibody.flapper import hold_speeds, solve
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.multibody.tree import hold, solve
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import euler_from_quaternion, quaternion_from_euler, rotation
-
-ACCELERATIONS = [*range(7, 13), 15, 16, 19, 20]
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", range(6))
 def test_accelerations_are_those_of_the_same_mechanism_of_particles(name: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
     plant = frictionless(name)
-    inertia = np.array([*rng.uniform(0.01, 0.03, 3), rng.uniform(-0.005, 0.005)])
-    plant.parameters = plant.parameters._replace(inertia=inertia)
-    y = state(plant, rng)
-    ours = rates(plant, y, slack(), air(VACUUM * 1e-3))[ACCELERATIONS]
+    y = state(plant, np.random.default_rng(seed))
+    ours = rates(plant, y, slack(), air(VACUUM * 1e-3))[speeds(plant)]
     independent = Mechanism(plant, y).accelerations()
     assert ours == pytest.approx(independent, rel=1e-6, abs=1e-6 * np.max(np.abs(independent)))
 
@@ -50,7 +48,8 @@ def test_momentum_and_energy_are_conserved_in_vacuum(name: str) -> None:
     # Gravity adds exactly m g t to the momentum and nothing to the spin about the centre of mass.
     expected = before.momentum()
     expected[:3] += before.masses.sum() * GRAVITY
-    assert np.max(np.abs(end[[15, 19]] - start[[15, 19]])) > 3.0
+    changed = (end - start)[joint_rates(plant)]
+    assert np.max(np.abs(changed)) > 3.0
     assert after.momentum() == pytest.approx(expected, abs=2e-6 * np.max(np.abs(expected)))
     assert after.energy() == pytest.approx(before.energy(), abs=1e-6)
 
@@ -65,12 +64,16 @@ def test_a_membrane_with_damping_loses_energy() -> None:
 @pytest.mark.parametrize("density", [VACUUM, 1.225])
 def test_the_integrator_is_of_fourth_order(density: float) -> None:
     plant = frictionless("robo_raven_ii_d")
-    y = state(plant, np.random.default_rng(2), speed=8.0)
-    y[10:13] *= 0.2
-    y[k.LEFT : k.LEFT + 4] = y[k.RIGHT : k.RIGHT + 4] = (0.1, 0.02, 0.5, 0.2)
-    y[7:10] = 8.0, 0.1, 0.3
-    y[k.WAKE :] = 0.3
-    steps = 160 if density > 0.1 else 50
+    layout, y = plant.layout, state(plant, np.random.default_rng(2), speed=8.0)
+    steps = 200
+    if density > VACUUM:
+        # Gentle enough that no section reaches the stall, whose blend is smooth only once.
+        steps, y[10:13] = 50, 0.2 * y[10:13]
+        y[joints(plant)] = y[joint_rates(plant)] = 0.0
+        for flap, twist in zip(layout.flap, layout.twist, strict=True):
+            y[flap], y[twist], y[layout.rate(flap)], y[layout.rate(twist)] = 0.1, 0.02, 0.5, 0.2
+        y[7:10] = 8.0, 0.1, 0.3
+        y[layout.aerodynamics :] = 0.3
     coarse, middle, fine = (integrate(plant, y, 0.05, steps * n, air(density)) for n in (1, 2, 4))
     assert np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine) == pytest.approx(16.0, rel=0.15)
 
@@ -83,7 +86,7 @@ def test_halving_the_step_keeps_its_worth_with_saturated_drives(resistance: floa
     y[2], y[3], y[7] = -100.0, 1.0, 7.0
     controls = k.Controls(0.6, 1.0, 0.6, 1.0, 0.0, 0.0, 0.0, 0.02, 1.0)
     coarse, fine = (driven(plant, y, controls, steps, air()) for steps in (20, 320))
-    assert np.linalg.norm((coarse - fine)[: k.CHARGE]) < 1e-5
+    assert np.linalg.norm((coarse - fine)[: plant.layout.charge]) < 1e-5
 
 
 def test_the_rates_are_a_function_of_the_state() -> None:
@@ -99,13 +102,13 @@ def test_imposed_rates_come_out_as_imposed_and_the_rest_obeys_newton() -> None:
     rng = np.random.default_rng(5)
     root = rng.normal(size=(10, 10))
     full = root @ root.T + np.eye(10)
-    load, held = rng.normal(size=10), np.zeros(10)
-    held[:6] = rng.normal(size=6)
+    load, imposed = rng.normal(size=10), rng.normal(size=10)
+    held = np.array([1, 0, 0, 1, 1, 0, 0, 0, 1, 0])
     mass, x = np.triu(full), load.copy()
-    hold_speeds(mass, x, held, 0, 6)
+    hold(mass, x, held, imposed)
     solve(mass, x)
-    assert x[:6] == pytest.approx(held[:6])
-    assert (full @ x)[6:] == pytest.approx(load[6:])
+    assert x[held == 1] == pytest.approx(imposed[held == 1])
+    assert (full @ x)[held == 0] == pytest.approx(load[held == 0])
 
 
 def test_solve_is_the_inverse_of_multiplication() -> None:

@@ -4,33 +4,43 @@ import math
 
 import numpy as np
 import pytest
-from plant_bench import NAMES, air, hold, pitching, vehicle
+from plant_bench import NAMES, air, equations, hold, joint_rates, mirrored, pitching, rates, slack, state, vehicle
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.plant import Plant, aspect_ratio, chord_shape, plant_parameters, wing_strips
-from sim_bridge.vectors import quaternion_from_euler
+from sim_bridge.aerodynamics.protocol import aspect_ratio
+from sim_bridge.mechanism import chord_shape, total_mass, wing_strips
+from sim_bridge.plant import Plant
+from sim_bridge.vectors import Floats, quaternion_from_euler
 
 
-def gliding(name: str, **changes: float) -> Plant:
-    """A plant in level flight with its wings held, its state changed by index name."""
+def gliding(name: str, elevator: float = 0.0, rudder: float = 0.0) -> Plant:
+    """A plant in level flight with its wings held and its tail at these angles in rad."""
     plant = Plant(vehicle(name))
     plant.y[2], plant.y[3:7] = -100.0, (1.0, 0.0, 0.0, 0.0)
     plant.y[7] = 7.0
-    for key, value in changes.items():
-        plant.y[getattr(k, key)] = value
+    plant.y[plant.layout.elevator], plant.y[plant.layout.rudder] = elevator, rudder
     return plant
+
+
+def steered(plant: Plant) -> k.Controls:
+    """Controls that leave wings and tail where they are."""
+    layout = plant.layout
+    return hold()._replace(elevator=plant.y[layout.elevator], rudder=plant.y[layout.rudder])
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_strips_add_up_to_the_wing(name: str) -> None:
     wing = vehicle(name).wing
-    strips = wing_strips(wing)
-    assert strips[:, 3].sum() == pytest.approx(wing.semispan)
-    assert strips[:, 4:6].sum() == pytest.approx(wing.mass)
-    assert strips[:, 4].sum() == pytest.approx(wing.mass * wing.spar_fraction)
-    more = wing_strips(wing._replace(strips=48))
-    assert strips[:, 2] @ strips[:, 3] == pytest.approx(more[:, 2] @ more[:, 3], rel=1e-3)
-    assert aspect_ratio(wing, strips) == pytest.approx(2 * wing.semispan**2 / (strips[:, 2] @ strips[:, 3]))
+    strips, membrane = wing_strips(wing)
+    n = wing.strips
+    assert strips.chord.shape == membrane.shape == (2 * n,)
+    assert strips.width[:n].sum() == pytest.approx(wing.semispan)
+    assert membrane[:n].sum() == membrane[n:].sum() == pytest.approx(wing.membrane_mass)
+    assert strips.span == pytest.approx(strips.eta * wing.semispan)
+    more, _ = wing_strips(wing._replace(strips=48))
+    area = strips.chord @ strips.width
+    assert area == pytest.approx(more.chord @ more.width, rel=1e-3)
+    assert aspect_ratio(strips) == pytest.approx((2.0 * wing.semispan) ** 2 / area)
 
 
 def test_chords_at_root_and_tip() -> None:
@@ -42,18 +52,25 @@ def test_chords_at_root_and_tip() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_parts_weigh_what_the_vehicle_weighs(name: str) -> None:
-    p = plant_parameters(vehicle(name))
-    total = p.fuselage_mass + 2.0 * p.strips[:, 4:6].sum()
-    assert total == pytest.approx(vehicle(name).body.mass)
-    assert p.weight == pytest.approx(total * k.GRAVITY)
+    plant, bodies = Plant(vehicle(name)), vehicle(name).bodies
+    parts = sum(bodies[body.mirror_of or key].mass for key, body in bodies.items())
+    total = parts + 2.0 * vehicle(name).wing.membrane_mass
+    assert total_mass(vehicle(name)) == pytest.approx(total)
+    assert plant.parameters.weight == pytest.approx(total * k.GRAVITY)
+    assert plant.parameters.tree.mass.sum() + plant.parameters.wings.membrane.sum() == pytest.approx(total)
+
+
+def test_robo_raven_weighs_what_gerdes_weighed() -> None:
+    """Gerdes Table 4: 0.359 kg with wing D."""
+    assert total_mass(vehicle("robo_raven_ii_d")) == pytest.approx(0.359, abs=5e-4)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_elevator_pitches_the_nose_up_and_the_rudder_yaws_it_right(name: str) -> None:
-    neutral, up = gliding(name), gliding(name, ELEVATOR=0.2)
-    rates = [plant.evaluate(hold(), air()) for plant in (neutral, up, gliding(name, RUDDER=0.2))]
-    assert rates[1][11] > rates[0][11] + 1.0
-    assert rates[2][12] > rates[0][12] + 0.5
+    plants = gliding(name), gliding(name, elevator=0.2), gliding(name, rudder=0.2)
+    neutral, up, right = (plant.evaluate(steered(plant), air()) for plant in plants)
+    assert up[11] > neutral[11] + 1.0
+    assert right[12] > neutral[12] + 0.5
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,20 +86,22 @@ def test_it_weathercocks_and_damps_its_turning(name: str) -> None:
 def test_tail_servos_reach_their_command_no_faster_than_they_can() -> None:
     plant = gliding("robo_raven_ii_d")
     command = hold(duration=0.01)._replace(elevator=0.6, rudder=-0.1)
-    tail, before = plant.vehicle.tail, 0.0
+    layout, limit, angles = plant.layout, plant.vehicle.tail_servo.rate_limit, [0.0]
     for _ in range(60):
         plant.advance(command, air(launcher=k.HELD))
-        assert plant.y[k.ELEVATOR] - before <= tail.servo_rate_limit * 0.01 + 1e-12
-        before = float(plant.y[k.ELEVATOR])
-    assert plant.y[k.ELEVATOR] == pytest.approx(0.6, abs=1e-6)
-    assert plant.y[k.RUDDER] == pytest.approx(-0.1, abs=1e-6)
+        angles.append(float(plant.y[layout.elevator]))
+        assert plant.y[layout.rate(layout.elevator)] <= limit * (1.0 + 1e-9)
+    assert np.all(np.diff(angles) <= limit * 0.01 * (1.0 + 1e-9))
+    assert np.max(np.diff(angles)) > 0.8 * limit * 0.01
+    assert np.max(angles) <= 0.6 * 1.001
+    assert angles[-1] == pytest.approx(0.6, abs=1e-6)
+    assert plant.y[layout.rudder] == pytest.approx(-0.1, abs=1e-6)
 
 
 def test_flying_in_steady_wind_is_flying_in_still_air_seen_from_a_balloon() -> None:
     still, windy = gliding("robo_raven_ii_d"), gliding("robo_raven_ii_d")
     heading = quaternion_from_euler(0.1, 0.15, 0.7)
     still.y[3:7] = windy.y[3:7] = heading
-    still.y[k.WAKE :] = windy.y[k.WAKE :] = 0.0
     wind = np.array([2.0, -1.5, 0.4])
     windy.advance(hold(duration=1e-9), air(launcher=k.HELD))
     windy.y[:] = still.y
@@ -123,7 +142,7 @@ def test_the_drives_current_is_what_the_battery_loses() -> None:
         means = plant.advance(command, air(launcher=k.HELD, wind=(-7.0, 0.0, 0.0)))
         drawn += means.current * 0.005
         assert means.electrical_power <= means.current * 8.4
-    assert plant.y[k.CHARGE] == pytest.approx(drawn, rel=0.01)
+    assert plant.y[plant.layout.charge] == pytest.approx(drawn, rel=0.01)
     assert drawn > 0.5
 
 
@@ -134,3 +153,59 @@ def test_the_quaternion_stays_of_unit_length() -> None:
         plant.advance(hold(0.2, 0.01), air())
     assert np.linalg.norm(plant.y[3:7]) == pytest.approx(1.0, abs=1e-6)
     assert abs(pitching(plant)) <= math.pi / 2
+
+
+def without_turning(plant: Plant, y: Floats) -> Floats:
+    """The state without any turning: then the apparent mass has no bias."""
+    still = y.copy()
+    still[10:13] = still[joint_rates(plant)] = 0.0
+    return still
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_strips_sum_to_what_moves_the_body(name: str) -> None:
+    plant = Plant(vehicle(name))
+    y = without_turning(plant, state(plant, np.random.default_rng(4), speed=7.0))
+    loads = []
+    for density in (0.0, 1.225):
+        rates(plant, y, slack(), air(density, launcher=k.HELD))
+        loads.append(-plant.scratch.tree.force[0, [3, 4, 5, 0, 1, 2]])
+    parts = plant.wing_loads().sum(axis=0) + plant.scratch.body_load + plant.scratch.plate_load
+    assert np.max(np.abs(parts)) > 0.1
+    assert loads[1] - loads[0] == pytest.approx(parts, abs=1e-12 * np.max(np.abs(parts)) + 1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_air_loads_and_apparent_mass_scale_with_density(name: str) -> None:
+    plant = Plant(vehicle(name))
+    y = state(plant, np.random.default_rng(6), speed=7.0)
+    dry, once, thrice = (equations(plant, y, air(density)) for density in (0.0, 0.8, 2.4))
+    for nothing, one, three in zip(dry, once, thrice, strict=True):
+        part = one - nothing
+        assert np.max(np.abs(part)) > 0.001
+        assert three - nothing == pytest.approx(3.0 * part, abs=1e-10 * np.max(np.abs(part)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_mirrored_motion_has_the_mirrored_rates(name: str, seed: int) -> None:
+    plant = Plant(vehicle(name))
+    y = state(plant, np.random.default_rng(seed), speed=7.0)
+    left = k.Controls(0.1, 0.12, -0.2, -0.19, 0.4, 0.1, 0.2, 0.005, 1.0)
+    right = left._replace(left_start=-0.2, left_end=-0.19, right_start=0.1, right_end=0.12, rudder=-0.2)
+    turn, image = {"turn_x": 0.4, "turn_y": 0.3, "turn_z": -0.2}, {"turn_x": -0.4, "turn_y": 0.3, "turn_z": 0.2}
+    ours = rates(plant, y, left, air(wind=(2.0, 1.0, 0.3))._replace(**turn))
+    theirs = rates(plant, mirrored(plant, y), right, air(wind=(2.0, -1.0, 0.3))._replace(**image))
+    assert mirrored(plant, theirs) == pytest.approx(ours, rel=1e-9, abs=1e-9 * np.max(np.abs(ours)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_launcher_holds_and_throws_what_it_has_in_hand(name: str) -> None:
+    plant = Plant(vehicle(name))
+    y = state(plant, np.random.default_rng(9), speed=3.0)
+    held = rates(plant, y, slack(), air(launcher=k.HELD))
+    assert np.all(held[7:13] == 0.0)
+    thrown = rates(plant, y, slack(), air(launcher=k.THROWN)._replace(throw_x=20.0, throw_y=1.0, throw_z=-3.0))
+    assert thrown[7:13].tolist() == [20.0, 1.0, -3.0, 0.0, 0.0, 0.0]
+    # What it does not hold follows: the throw's acceleration moves the joints.
+    assert np.max(np.abs((thrown - held)[joint_rates(plant)])) > 1.0
