@@ -22,9 +22,12 @@ VACUUM = 1e-9
 GRAVITY = np.array([0.0, 0.0, k.GRAVITY])
 
 
+MECHANISMS = (*NAMES, "insect")
+
+
 @cache
 def vehicle(name: str) -> SimulatedVehicle:
-    return load_vehicle(name)
+    return insect() if name == "insect" else load_vehicle(name)
 
 
 def frictionless(name: str) -> Plant:
@@ -256,3 +259,25 @@ def pitching(plant: Plant) -> float:
     """rad; pitch of the plant."""
     y = plant.y
     return math.asin(2 * (y[3] * y[5] - y[6] * y[4]))
+
+
+def insect() -> SimulatedVehicle:
+    """Robo Raven's wings on two joints each (flap, lead-lag) at raised hinges, its tail on two joints in a row."""
+    raven = vehicle("robo_raven_ii_d")
+    b = dict(raven.bodies)
+    root = b["right_wing"]
+    hinge = root._replace(mass=0.0, center=(0.0, 0.0, 0.0), inertia=(0.0,) * 6, rotation=(0.1, 0.05, 0.2))
+    lag = root._replace(
+        parent="right_hinge", moved_by="", place=(0.01, 0.02, 0.0), axis=(0.1, 0.2, 1.0), stiffness=0.8
+    )
+    image = b["left_wing"]
+    bodies = {
+        "right_wing": lag,
+        "left_wing": image._replace(parent="left_hinge"),
+        "rudder": b["rudder"]._replace(parent="elevator", place=(-0.01, 0.0, -0.03), center=(-0.02, 0.0, -0.04)),
+        "right_hinge": hinge,
+        "left_hinge": image._replace(mirror_of="right_hinge"),
+        "elevator": b["elevator"]._replace(mass=0.0, inertia=(0.0,) * 6, rotation=(0.0, -0.12, 0.0)),
+        "fuselage": b["fuselage"],
+    }
+    return raven._replace(bodies=bodies, wing=raven.wing._replace(washout=0.15))

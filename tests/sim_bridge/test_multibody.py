@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plant_bench import (
     GRAVITY,
-    NAMES,
+    MECHANISMS,
     VACUUM,
     Mechanism,
     air,
@@ -28,7 +28,7 @@ from sim_bridge.plant import Plant
 from sim_bridge.vectors import euler_from_quaternion, quaternion_from_euler, rotation
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", MECHANISMS)
 @pytest.mark.parametrize("seed", range(6))
 def test_accelerations_are_those_of_the_same_mechanism_of_particles(name: str, seed: int) -> None:
     plant = frictionless(name)
@@ -38,7 +38,7 @@ def test_accelerations_are_those_of_the_same_mechanism_of_particles(name: str, s
     assert ours == pytest.approx(independent, rel=1e-6, abs=1e-6 * np.max(np.abs(independent)))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", MECHANISMS)
 def test_momentum_and_energy_are_conserved_in_vacuum(name: str) -> None:
     plant = frictionless(name)
     start = state(plant, np.random.default_rng(11))
