@@ -182,7 +182,7 @@ def wing_work(mechanism: Mechanism) -> WingWork:
         total=np.zeros((4, n)),
         sine=np.zeros(n),
         cosine=np.zeros(n),
-        frame=np.zeros((4, 6)),
+        frame=np.zeros((5, 6)),
         inertia=np.zeros((6, 6)),
         turned=np.zeros((6, 6)),
         wrench=np.zeros((2, 6)),

@@ -3,7 +3,9 @@
 A wing sits on a body of the tree, its root at the body's joint: leading edge along the body's y axis (outward: y on
 the right, -y on the left), chord along x, upward normal along -z. Its strips may turn about the leading edge by
 ``eta`` times one more coordinate, the tip twist, leading edge up; the membrane's mass lies at mid-chord. The air's
-apparent mass is part of the mass matrix, because the acceleration that it resists is an unknown. Everything is summed
+apparent mass is part of the mass matrix, because the acceleration that it resists is an unknown: it resists the rates
+of `Motion.down` and `Motion.pitch_rate`, in air whose velocity at the base's origin is steady in NED and whose turning
+is steady in the base's axes. Everything is summed
 over the strips in the wing's own axes and then carried to the base once.
 """
 
@@ -59,8 +61,8 @@ class WingWork(NamedTuple):
     cosine: Floats
     """(n,)"""
     frame: Floats
-    """(4, 6); at the root in wing axes, angular part first: motion of the wing, of the air, of the wing by its joints
-    alone, bias acceleration of the wing"""
+    """(5, 6); at the root in wing axes, angular part first: motion of the wing, of the air, of the wing by its joints
+    alone, bias acceleration of the wing, and what of the wing's motion through the air has a rate besides"""
     inertia: Floats
     """(6, 6); of one wing at its root, wing axes"""
     turned: Floats
@@ -98,7 +100,7 @@ def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, 
 def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
     """Fill the rows of ``frame``, see `WingWork`."""
     r, p = k.r[b], k.p[b]
-    for row in range(4):
+    for row in range(5):
         a0, a1, a2, l0, l1, l2 = _spatial(k, b, air, row)
         l0 += a1 * p[2] - a2 * p[1]
         l1 += a2 * p[0] - a0 * p[2]
@@ -117,8 +119,21 @@ def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float
         return air[3], air[4], air[5], air[0], air[1], air[2]
     if row == 2:
         return v[0] - base[0], v[1] - base[1], v[2] - base[2], v[3] - base[3], v[4] - base[4], v[5] - base[5]
-    a = k.bias[b]
-    return a[0], a[1], a[2], a[3], a[4], a[5]
+    if row == 3:
+        a = k.bias[b]
+        return a[0], a[1], a[2], a[3], a[4], a[5]
+    # In the wing's axes the air's motion has a rate although in the base's axes its turning has none, and in NED's
+    # the velocity at the base's origin: V x A of the wing less that of the base, whose axes and origin it goes by.
+    w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
+    v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
+    return (
+        w1 * air[5] - w2 * air[4],
+        w2 * air[3] - w0 * air[5],
+        w0 * air[4] - w1 * air[3],
+        v[1] * air[2] - v[2] * air[1] + v1 * air[5] - v2 * air[4],
+        v[2] * air[0] - v[0] * air[2] + v2 * air[3] - v0 * air[5],
+        v[0] * air[1] - v[1] * air[0] + v0 * air[4] - v1 * air[3],
+    )
 
 
 @inlined
@@ -206,8 +221,9 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
     f, r, total, apparent = work.frame, k.r[w.body[j]], work.total, work.loads.apparent
     wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
     bx, by, bz, cx, cy, cz = f[3, 0], f[3, 1], f[3, 2], f[3, 3], f[3, 4], f[3, 5]
-    # Velocity and angular velocity of the air, and gravity, at the root in wing axes.
-    ax, ay, az = f[1, 3], f[1, 4], f[1, 5]
+    # The root through the air: its turn and velocity, and the bias of their rates.
+    rx, rz, ux, uz = wx - f[1, 0], wz - f[1, 2], vx - f[1, 3], vz - f[1, 5]
+    dx, dy, dz, ox, oz = bx + f[4, 0], by + f[4, 1], bz + f[4, 2], cx + f[4, 3], cz + f[4, 5]
     gx = r[0, 0] * outside[0] + r[1, 0] * outside[1] + r[2, 0] * outside[2]
     gy = r[0, 1] * outside[0] + r[1, 1] * outside[1] + r[2, 1] * outside[2]
     gz = r[0, 2] * outside[0] + r[1, 2] * outside[1] + r[2, 2] * outside[2]
@@ -250,8 +266,8 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
         # The apparent mass resists the rate of the normal speed through the air; see `Motion`.
         a, rotary = apparent[MASS, i], apparent[INERTIA, i]
         q0, q1, q2, q3, q5 = -y * cosine, -half, y * sine, -sine, -cosine
-        turned = -turn * cosine * ax + (wx * cosine - wz * sine) * ay + turn * sine * az
-        bias = q0 * sx + q1 * by + q2 * sz + q3 * ex + q5 * ez - turned
+        bias = q0 * (dx - rz * spin) + q1 * dy + q2 * (dz + rx * spin) + q3 * (ox - uz * spin)
+        bias += q5 * (oz + ux * spin)
         i00 += a * q0 * q0
         i01 += a * q0 * q1
         i02 += a * q0 * q2
@@ -274,7 +290,7 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
         t3 += lever * q3
         t5 += lever * q5
         own_mass += eta * eta * (a * half * half + rotary)
-        own_load -= lever * bias + eta * rotary * by
+        own_load -= lever * bias + eta * rotary * dy
         # The air loads, in section axes, to the root.
         forward, upward, outward, nose = total[FORWARD, i], total[UPWARD, i], total[OUTWARD, i], total[NOSE_UP, i]
         own_load += eta * (nose - half * upward)
@@ -283,7 +299,7 @@ def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, w
         fy -= side * outward
         fz += resisted * q5 + forward * sine + upward * cosine
         n0 += y * fz - z * fy
-        n1 += z * fx - x * fz + rotary * by - nose
+        n1 += z * fx - x * fz + rotary * dy - nose
         n2 += x * fy - y * fx
         f0 += fx
         f1 += fy

@@ -100,14 +100,19 @@ def integrate(plant: Plant, y: Floats, duration: float, steps: int, around: k.Su
 
 def driven(plant: Plant, y: Floats, controls: k.Controls, steps: int, around: k.Surroundings) -> Floats:
     """The state after the interval of ``controls`` in ``steps`` Runge-Kutta steps."""
-    end, work = y.copy(), scratch(plant.mechanism)
+    end, work = y.copy(), scratched(plant)
     k.advance(end, steps, controls, around, plant.parameters, work, np.zeros((6, end.shape[0])), np.zeros(7))
     return end
 
 
+def scratched(plant: Plant) -> k.Scratch:
+    """Fresh work space."""
+    return scratch(plant.mechanism)
+
+
 def equations(plant: Plant, y: Floats, around: k.Surroundings) -> tuple[Floats, Floats]:
     """Mass matrix and load of tree, wings and air alone: without drives, springs, ground and launcher."""
-    p, s = plant.parameters, scratch(plant.mechanism)
+    p, s = plant.parameters, scratched(plant)
     k._outside(y, around, s)
     move(p.tree, y[joints(plant)], y[joint_rates(plant)], s.base, s.outside[0:3], s.tree)
     k._air_loads(y, around.density, p, s, np.zeros_like(y))
@@ -183,7 +188,7 @@ class Mechanism:
         self.parts, self.wing, self.y = all_parts(plant.vehicle), plant.vehicle.wing, y
         self.names, self.stiffness = plant.layout.coordinates, plant.parameters.joints.stiffness
         strips, membrane = wing_strips(self.wing)
-        self.strips = np.stack((strips.span, strips.eta, strips.chord), axis=1)[: self.wing.strips]
+        self.strip_shapes = np.stack((strips.span, strips.eta, strips.chord), axis=1)[: self.wing.strips]
         self.bodies = {name: particles(part) for name, part in self.parts.items()}
         self.masses = np.concatenate([masses for _, masses in self.bodies.values()] + [membrane])
         w, *axis = y[3:7] / np.linalg.norm(y[3:7])
@@ -192,36 +197,44 @@ class Mechanism:
         self.q = np.concatenate((np.zeros(6), y[joints(plant)]))
         self.qd = np.concatenate((self.r @ y[7:10], y[10:13], y[joint_rates(plant)]))
 
-    def _angle(self, q: Any, name: str) -> Any:
+    def angle(self, q: Any, name: str) -> Any:
         return q[6 + self.names.index(name)] if name in self.names else 0.0
 
-    def _frame(self, q: Any, name: str) -> tuple[Any, Any]:
+    def frame(self, q: Any, name: str) -> tuple[Any, Any]:
         """Place and axes of a body, in the base's axes."""
         part = self.parts[name]
         if not part.parent:
             return np.zeros(3), np.eye(3)
-        place, axes = self._frame(q, part.parent)
+        place, axes = self.frame(q, part.parent)
         axis = np.array(part.axis) / (np.linalg.norm(part.axis) or 1.0)
-        turn = from_euler(part.rotation) @ turned(axis, self._angle(q, name))
+        turn = from_euler(part.rotation) @ turned(axis, self.angle(q, name))
         return place + axes @ np.array(part.place), axes @ turn
 
-    def _membrane(self, q: Any, name: str, side: int) -> list[Any]:
-        place, axes = self._frame(q, name)
-        tip = self._angle(q, f"{name}.twist") + self.wing.washout
+    def membrane(self, q: Any, name: str, side: int) -> list[Any]:
+        place, axes = self.frame(q, name)
         rows = []
-        for span, eta, chord in self.strips:
-            back = turned((0.0, 1.0, 0.0), tip * eta) @ np.array([-0.5 * chord, 0.0, 0.0])
+        for (span, _, chord), twist in zip(self.strip_shapes, self.twists(q, name), strict=True):
+            back = twist @ np.array([-0.5 * chord, 0.0, 0.0])
             rows.append(place + axes @ (np.array([0.0, side * span, 0.0]) + back))
         return rows
+
+    def twists(self, q: Any, name: str) -> list[Any]:
+        """Turn of each section of a wing against the wing's body."""
+        tip = self.angle(q, f"{name}.twist") + self.wing.washout
+        return [turned((0.0, 1.0, 0.0), tip * eta) for _, eta, _ in self.strip_shapes]
+
+    def attitude(self, q: Any) -> Any:
+        """r_ned_from_frd."""
+        return self.r @ _exponential(q[3:6])
 
     def positions(self, q: Any) -> Any:
         """(n, 3) NED from the present place of the base; q may be complex."""
         rows = []
         for name, (points, _) in self.bodies.items():
-            place, axes = self._frame(q, name)
+            place, axes = self.frame(q, name)
             rows += [place + axes @ point for point in points]
-        rows += self._membrane(q, self.wing.left, -1) + self._membrane(q, self.wing.right, 1)
-        return q[0:3] + np.array(rows) @ (self.r @ _exponential(q[3:6])).T
+        rows += self.membrane(q, self.wing.left, -1) + self.membrane(q, self.wing.right, 1)
+        return q[0:3] + np.array(rows) @ self.attitude(q).T
 
     def _along(self, direction: Floats, at: float = 0.0) -> Floats:
         q = self.q + (at + 1j * self.STEP) * direction
