@@ -19,6 +19,8 @@ from sim_bridge.vectors import Floats, Integers, inlined
 
 BASE = 6
 """speeds of the base, before those of the coordinates"""
+ROUNDING = 0.02
+"""-; by which moments of inertia, told with two digits, may miss what a body can have"""
 
 
 class Body(NamedTuple):
@@ -122,15 +124,16 @@ def parents_first(bodies: list[Body]) -> list[Body]:
 
     Raises:
         BadInput: no base or several, a parent that is unknown or comes round to the body itself, a repeated name, a
-            leaf without mass.
+            leaf without mass, moments of inertia that no body has.
     """
     named = {body.name: body for body in bodies}
     if len(named) != len(bodies):
         twice = next(body.name for body in bodies if sum(other.name == body.name for other in bodies) > 1)
         raise BadInput(f'body "{twice}" is there twice')
     bases = [body for body in bodies if not body.parent]
-    if len(bases) != 1:
-        raise BadInput(f"a body tree needs one body without a parent, not {len(bases)}")
+    if len(bases) > 1:
+        names = ", ".join(f'"{body.name}"' for body in bases)
+        raise BadInput(f"a body tree needs one body without a parent, not {len(bases)}: {names}")
     for body in bodies:
         if body.parent and body.parent not in named:
             raise BadInput(f'body "{body.name}" hangs on "{body.parent}", which is not there')
@@ -139,18 +142,39 @@ def parents_first(bodies: list[Body]) -> list[Body]:
         done = {body.name for body in ordered}
         ready = [body for body in bodies if body.parent in done and body.name not in done]
         if not ready:
-            stuck = next(body.name for body in bodies if body.name not in done)
-            raise BadInput(f'body "{stuck}" hangs on itself: its parents form a loop')
+            loop = _loop(next(body for body in bodies if body.name not in done), named)
+            raise BadInput(f'body "{loop[0]}" hangs on itself: {" on ".join(loop)}')
         ordered = ordered + ready
     _check_leaves(ordered)
+    for body in ordered:
+        _check_inertia(body)
     return ordered
+
+
+def _loop(body: Body, named: dict[str, Body]) -> list[str]:
+    """The names of the loop that the parents of ``body`` run into, the first repeated at the end."""
+    path: list[str] = []
+    while body.name not in path:
+        path.append(body.name)
+        body = named[body.parent]
+    return [*path[path.index(body.name) :], body.name]
 
 
 def _check_leaves(bodies: list[Body]) -> None:
     parents = {body.parent for body in bodies}
     for body in bodies:
-        if body.name not in parents and body.mass <= 0.0 and body.parent:
+        if body.name not in parents and body.mass <= 0.0:
             raise BadInput(f'body "{body.name}" is a leaf without mass: it would accelerate without bound')
+
+
+def _check_inertia(body: Body) -> None:
+    least, middle, greatest = np.linalg.eigvalsh(inertia_matrix(body.inertia)).tolist()
+    if least < -ROUNDING * greatest or greatest > (1.0 + ROUNDING) * (least + middle):
+        moments = f"{least:.3g}, {middle:.3g}, {greatest:.3g} kg m^2"
+        raise BadInput(
+            f'body "{body.name}" has principal moments of inertia {moments}: none may be negative or exceed '
+            "the sum of the others"
+        )
 
 
 def blank_kinematics(tree: Tree) -> Kinematics:

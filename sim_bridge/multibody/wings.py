@@ -4,9 +4,9 @@ A wing sits on a body of the tree, its root at the body's joint: leading edge al
 the right, -y on the left), chord along x, upward normal along -z. Its strips may turn about the leading edge by
 ``eta`` times one more coordinate, the tip twist, leading edge up; the membrane's mass lies at mid-chord. The air's
 apparent mass is part of the mass matrix, because the acceleration that it resists is an unknown: it resists the rates
-of `Motion.down` and `Motion.pitch_rate`, in air whose velocity at the base's origin is steady in NED and whose turning
-is steady in the base's axes. Everything is summed
-over the strips in the wing's own axes and then carried to the base once.
+of `Motion.down` and `Motion.pitch_rate`, in air whose velocity at the base's origin is steady in NED and whose
+turning is steady in the base's axes. Everything is summed over the strips in the wing's own axes and then carried to
+the base once.
 """
 
 from __future__ import annotations
