@@ -10,7 +10,7 @@ from plant_bench import MECHANISMS, Mechanism, air, joint_rates, joints, rates, 
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.multibody.tree import assemble, move
-from sim_bridge.multibody.wings import add_wings, wing_motion
+from sim_bridge.multibody.wings import add_wings, wing_motion, wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 
@@ -108,6 +108,7 @@ def test_strips_move_through_the_air_as_their_particles_do(name: str, around: k.
     plant = Plant(vehicle(name))
     y = state(plant, np.random.default_rng(21), speed=6.0)
     rates(plant, y, slack(), around)
+    wing_places(plant.scratch.tree, plant.parameters.wings, plant.scratch.wings)
     motion, sections = plant.scratch.wings.motion, Sections(plant, y)
     through, pitch, at = sections.through_air(sections.q, sections.qd, around)
     assert motion.along == pytest.approx(np.sum(through * at.chord, axis=1))
