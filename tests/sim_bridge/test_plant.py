@@ -209,3 +209,29 @@ def test_the_launcher_holds_and_throws_what_it_has_in_hand(name: str) -> None:
     assert thrown[7:13].tolist() == [20.0, 1.0, -3.0, 0.0, 0.0, 0.0]
     # What it does not hold follows: the throw's acceleration moves the joints.
     assert np.max(np.abs((thrown - held)[joint_rates(plant)])) > 1.0
+
+
+def test_a_prescribed_joint_is_where_the_phase_of_the_stroke_says() -> None:
+    bird = vehicle("arizona_100cm")
+    motion = (0.05, 0.2, -0.1, 0.03, 0.04)
+    elevator = bird.bodies["elevator"]._replace(moved_by="stroke", motion=motion)
+    plant = Plant(bird._replace(bodies=bird.bodies | {"elevator": elevator}))
+    at, layout = k.COORDINATES + plant.layout.coordinates.index("elevator"), plant.layout
+
+    def series(phase: float) -> tuple[float, float]:
+        terms = [(h, *motion[2 * h - 1 : 2 * h + 1]) for h in (1, 2)]
+        angle = motion[0] + sum(a * math.cos(h * phase) + b * math.sin(h * phase) for h, a, b in terms)
+        slope = sum(h * (b * math.cos(h * phase) - a * math.sin(h * phase)) for h, a, b in terms)
+        return angle, slope
+
+    plant.y[2], plant.y[3:7], plant.y[7] = -100.0, (1.0, 0.0, 0.0, 0.0), 7.0
+    plant.y[layout.crank_speed] = 2.0
+    plant.y[at], plant.y[layout.rate(at)] = series(0.0)[0], series(0.0)[1] * 2.0 * math.pi * 2.0
+    # The crank gathers speed meanwhile: its own acceleration is part of what is imposed.
+    for _ in range(100):
+        plant.advance(hold(duration=0.004)._replace(throttle=0.7), air())
+        angle, slope = series(plant.y[layout.crank_phase])
+        assert plant.y[at] == pytest.approx(angle, abs=1e-5)
+        rate = slope * 2.0 * math.pi * plant.y[layout.crank_speed]
+        assert plant.y[layout.rate(at)] == pytest.approx(rate, abs=1e-3)
+    assert plant.y[layout.crank_speed] > 3.0
