@@ -200,7 +200,7 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     values = json.loads(capsys.readouterr().out)["values"]
     assert all(value["kind"] in ("published", "identified", "chosen") and value["source"] for value in values)
     assert main(["vehicles", "robo_raven_ii_d"]) == 0
-    assert "body.mass" in capsys.readouterr().out
+    assert "bodies.fuselage.mass" in capsys.readouterr().out
 
 
 def test_a_broken_pipe_is_quiet(log: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_bridge.actuators.drives import drive_current
-from sim_bridge.plant import wing_strips
+from sim_bridge.mechanism import wing_strips
 from sim_bridge.vehicles import load_vehicle
 
 TABLE_3 = {
@@ -28,8 +28,8 @@ GAP_OF_EQ_1 = {"A": 0.209, "B": 0.079, "C": 0.043, "D": -0.020}
 def planform(wing: str) -> float:
     semispan, chord, _ = TABLE_3[wing]
     shape = load_vehicle("robo_raven_ii_d").wing._replace(semispan=semispan, root_chord=chord)
-    strips = wing_strips(shape)
-    return float(strips[:, 2] @ strips[:, 3])
+    strips, _ = wing_strips(shape)
+    return 0.5 * float(strips.chord @ strips.width)
 
 
 @pytest.mark.parametrize("wing", TABLE_3)

@@ -51,7 +51,7 @@ def test_the_current_never_falls_below_idle() -> None:
 def _stuck(charge: float) -> Plant:
     plant = Plant(vehicle("robo_raven_ii_d"))
     y = np.zeros_like(plant.y)
-    y[2], y[3], y[k.CHARGE] = -100.0, 1.0, charge
+    y[2], y[3], y[plant.layout.charge] = -100.0, 1.0, charge
     # Every servo stands 0.3 rad away from where it is wanted: a known torque within its bound.
     rates(plant, y, hold(0.3), air(launcher=k.HELD))
     return plant
@@ -72,7 +72,7 @@ def test_a_lower_voltage_lowers_the_torque_bound() -> None:
     for drawn in (0.0, 2664.0):
         plant = Plant(vehicle("robo_raven_ii_d"))
         y = np.zeros_like(plant.y)
-        y[2], y[3], y[k.CHARGE] = -100.0, 1.0, drawn
+        y[2], y[3], y[plant.layout.charge] = -100.0, 1.0, drawn
         rates(plant, y, hold(1.0), air(launcher=k.HELD))
         torques.append(float(plant.scratch.drive[0]))
         voltages.append(float(plant.scratch.drive[3]))
@@ -92,11 +92,11 @@ def test_a_crank_runs_up_to_the_frequency_of_its_throttle() -> None:
     command = hold(duration=0.05)._replace(throttle=0.5)
     for _ in range(60):
         plant.advance(command, air(launcher=k.HELD))
-    assert plant.y[k.CRANK_SPEED] == pytest.approx(4.75, rel=1e-6)
+    assert plant.y[plant.layout.crank_speed] == pytest.approx(4.75, rel=1e-6)
     angles = []
     for _ in range(200):
         plant.advance(command._replace(duration=0.002), air(launcher=k.HELD))
-        angles.append(plant.y[k.LEFT])
+        angles.append(plant.y[plant.layout.flap[0]])
     assert np.ptp(angles) / 2 == pytest.approx(0.6, rel=0.1)
 
 
@@ -104,14 +104,14 @@ def flapped(frequency: float, amplitude: float, airspeed: float) -> tuple[Floats
     """Achieved and commanded flap rate over the third stroke of a wing held in the wind."""
     plant = Plant(vehicle("robo_raven_ii_d"))
     pieces, around = 400, air(launcher=k.HELD, wind=(-airspeed, 0.0, 0.0))
-    dt, rows = 1.0 / frequency / pieces, []
+    dt, rows, rate = 1.0 / frequency / pieces, [], plant.layout.rate(plant.layout.flap[0])
     for i in range(3 * pieces):
         start, end = (amplitude * math.sin(2.0 * math.pi * j / pieces) for j in (i, i + 1))
         plant.advance(
             hold(duration=dt)._replace(left_start=start, left_end=end, right_start=start, right_end=end), around
         )
         phase = 2.0 * math.pi * (i + 1) / pieces
-        rows.append((plant.y[k.LEFT + 2], 2.0 * math.pi * frequency * amplitude * math.cos(phase)))
+        rows.append((plant.y[rate], 2.0 * math.pi * frequency * amplitude * math.cos(phase)))
     table = np.array(rows[2 * pieces :])
     return table[:, 0], table[:, 1]
 

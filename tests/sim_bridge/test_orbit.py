@@ -37,7 +37,7 @@ def test_the_stroke_repeats_itself_at_the_speed_and_climb_asked_for(trimmed: Tri
 
 def test_the_trim_is_within_what_the_vehicle_can_do(trimmed: Trimmed) -> None:
     orbit, bird = trimmed.orbit, trimmed.vehicle
-    assert abs(orbit.inputs.elevator) < bird.tail.travel
+    assert abs(orbit.inputs.elevator) < bird.tail_servo.travel
     assert abs(bird.cruise.stroke_mean) + orbit.inputs.amplitude < bird.drive.travel
     assert 0.0 < orbit.means.mechanical_power < orbit.means.electrical_power
     assert orbit.means.pitch == pytest.approx(orbit.means.angle_of_attack, abs=0.01)

@@ -4,36 +4,54 @@ import math
 
 import numpy as np
 import pytest
-from plant_bench import NAMES, VACUUM, air, hold, mirrored, rates, state, vehicle
-from sim_bridge.multibody.flapper import SPEEDS, add_wing, clear
 
-from sim_bridge import plant_kernel as k
+from sim_bridge.aerodynamics import protocol
+from sim_bridge.aerodynamics.models import find_model
+from sim_bridge.aerodynamics.protocol import FORWARD, INERTIA, MASS, NOSE_UP, OUTWARD, UPWARD, SectionLoads, Strips
 from sim_bridge.aerodynamics.strip_theory import (
+    CAMBER,
+    CIRCULATORY,
+    COUPLE,
+    FRICTION,
+    SEPARATED,
+    SUCTION,
+    Section,
+    SectionMotion,
     StripParameters,
+    StripTheory,
+    build,
     frequency_domain_incidence,
     friction_coefficient,
+    initial,
     section_loads,
     stall_factor,
     strip_parameters,
 )
 from sim_bridge.aerodynamics.surfaces import body_drag, plate_normal_force, plate_pressure
-from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 
+MODEL = find_model("strip_theory")
 CHORD, DENSITY, SPEED = 0.3, 1.2, 8.0
 INFINITE = 1e9
 """aspect ratio of a wing without downwash"""
+SETTINGS = StripTheory(0.05, 0.9, 0.3, 1.0, "kim")
+COUNT = 8
+"""strips of a wing"""
 
 
 def parameters(aspect_ratio: float = 5.0, camber: float = 0.0, stall: float = 0.4) -> StripParameters:
     return strip_parameters(aspect_ratio, camber, 1.0, stall)
 
 
-def steady(p: StripParameters, angle: float, speed: float = SPEED, density: float = DENSITY) -> Floats:
+def moving(along: float, down: float, pitch_rate: float = 0.0) -> SectionMotion:
+    """A section whose whole downward speed is its own flapping."""
+    return SectionMotion(along, down, down, pitch_rate, CHORD)
+
+
+def steady(p: StripParameters, angle: float, speed: float = SPEED, density: float = DENSITY) -> Section:
     """Loads of a section in steady flow at an angle of attack, its wake settled."""
-    along, down, out = speed * math.cos(angle), speed * math.sin(angle), np.zeros(6)
-    section_loads(np.array([along, 0.0, down, down, 0.0]), CHORD, density, down, p, out)
-    return out
+    down = speed * math.sin(angle)
+    return section_loads(SectionMotion(speed * math.cos(angle), 0.0, down, 0.0, CHORD), density, down, p)
 
 
 def friction(along: float) -> float:
@@ -44,27 +62,29 @@ def friction(along: float) -> float:
 def test_a_small_steady_angle_gives_the_lift_of_a_finite_thin_wing() -> None:
     out = steady(parameters(5.0), 0.02)
     slope = 2.0 * math.pi * 5.0 / 7.0
-    assert out[0] == pytest.approx(0.5 * DENSITY * SPEED**2 * CHORD * slope * 0.02, rel=1e-3)
-    assert out[1] == 0.0 and out[5] == 0.0
+    assert out.circulatory == pytest.approx(0.5 * DENSITY * SPEED**2 * CHORD * slope * 0.02, rel=1e-3)
+    assert out.separated == 0.0 and out.stalled == 0.0
 
 
 def test_across_the_flow_it_is_hoerners_plate_and_the_chordwise_force_is_gone() -> None:
     out = steady(parameters(), math.pi / 2)
-    assert out[1] == pytest.approx(0.5 * DENSITY * SPEED**2 * CHORD * 1.98)
-    assert out[0] == 0.0 and out[2] == 0.0 and out[5] == 1.0
-    assert out[4] == pytest.approx(0.5 * DENSITY * math.pi * CHORD**2 / 4.0)
+    assert out.separated == pytest.approx(0.5 * DENSITY * SPEED**2 * CHORD * 1.98)
+    assert out.circulatory == out.suction == out.camber == out.friction == 0.0 and out.stalled == 1.0
+    assert out.apparent == pytest.approx(0.5 * DENSITY * math.pi * CHORD**2 / 4.0)
 
 
 def test_suction_and_friction_are_delauriers() -> None:
     p = strip_parameters(6.0, 0.0, 0.7, 0.4)
-    u, down, rate, out = 7.0, 0.5, 2.0, np.zeros(6)
-    section_loads(np.array([u, down, down, down, rate]), CHORD, DENSITY, down, p, out)
-    flow = 6.0 / 8.0 * down  # U (alpha' + theta)
+    u, down, rate = 7.0, 0.5, 2.0
+    three_quarter = down + 0.25 * CHORD * rate
+    out = section_loads(moving(u, down, rate), DENSITY, three_quarter, p)
+    flow = 6.0 / 8.0 * three_quarter  # U (alpha' + theta)
     v = math.hypot(u, flow - 0.5 * CHORD * rate)
     suction = 0.7 * 2.0 * math.pi * (flow / u - CHORD * rate / (4.0 * u)) ** 2 * DENSITY * u * v / 2.0 * CHORD
-    assert out[2] == pytest.approx(suction - friction(u), rel=1e-12)
-    assert out[0] == pytest.approx(DENSITY * u * v / 2.0 * 2.0 * math.pi * flow / u * CHORD)
-    assert out[5] == 0.0
+    assert out.suction == pytest.approx(suction, rel=1e-12)
+    assert out.friction == pytest.approx(-friction(u), rel=1e-12)
+    assert out.circulatory == pytest.approx(DENSITY * u * v / 2.0 * 2.0 * math.pi * flow / u * CHORD)
+    assert out.camber == 0.0 and out.stalled == 0.0
 
 
 def test_friction_of_a_plate() -> None:
@@ -72,28 +92,23 @@ def test_friction_of_a_plate() -> None:
     assert math.isfinite(friction_coefficient(0.0))
 
 
-@pytest.mark.parametrize(
-    "camber",
-    [
-        0.0,
-        0.05,
-    ],
-)
+@pytest.mark.parametrize("camber", [0.0, 0.05])
 def test_an_infinite_wing_in_ideal_flow_has_no_drag(camber: float) -> None:
     angle = 0.08
     out = steady(parameters(INFINITE, camber), angle)
-    chordwise = out[2] + friction(SPEED * math.cos(angle))
-    assert chordwise == pytest.approx(out[0] * math.tan(angle), rel=1e-6)
+    assert out.suction + out.camber == pytest.approx(out.circulatory * math.tan(angle), rel=1e-6)
+    assert out.friction == pytest.approx(-friction(SPEED * math.cos(angle)))
 
 
 def test_a_steady_section_stalls_at_its_static_angle() -> None:
-    assert steady(parameters(INFINITE, stall=0.3), 0.4)[5] == 1.0
+    assert steady(parameters(INFINITE, stall=0.3), 0.4).stalled == 1.0
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.5, 0.8, 1.2])
 def test_an_uncambered_section_upside_down_gives_the_opposite_normal_force(angle: float) -> None:
     up, down = steady(parameters(), angle), steady(parameters(), -angle)
-    assert (down[0], down[1], down[2]) == pytest.approx((-up[0], -up[1], up[2]))
+    assert (down.circulatory, down.separated) == pytest.approx((-up.circulatory, -up.separated))
+    assert (down.suction, down.friction) == pytest.approx((up.suction, up.friction))
 
 
 def test_stall_factor_by_hand_and_its_bounds() -> None:
@@ -108,18 +123,17 @@ def test_stall_factor_by_hand_and_its_bounds() -> None:
 def test_the_stall_comes_without_a_jump() -> None:
     angles = np.linspace(0.0, 1.5, 3001)
     rows = np.array([steady(parameters(), angle) for angle in angles])
-    normal, stalled = rows[:, 0] + rows[:, 1], rows[:, 5]
+    normal, stalled = rows[:, 0] + rows[:, 1], rows[:, 7]
     assert np.min(stalled[stalled > 0.0]) > 0.0 and np.all(np.diff(stalled) >= 0.0)
     assert np.max(np.abs(np.diff(normal))) < 0.03 * np.max(normal)
 
 
 @pytest.mark.parametrize("along", [0.0, 1e-9, -5.0])
 def test_loads_stay_finite_without_airspeed_and_backwards(along: float) -> None:
-    out = np.zeros(6)
     for down in (-10.0, 0.0, 3.0):
-        section_loads(np.array([along, down, down, down, 4.0]), CHORD, DENSITY, 0.1, parameters(), out)
+        out = section_loads(moving(along, down, 4.0), DENSITY, 0.1, parameters())
         assert np.all(np.isfinite(out))
-        assert np.all(np.abs(out[:3]) < 200.0)
+        assert np.all(np.abs(out[:5]) < 200.0)
 
 
 def test_the_printed_frequency_form() -> None:
@@ -135,87 +149,94 @@ def test_the_printed_frequency_form() -> None:
 def test_the_wake_in_time_is_the_printed_one_in_frequency(k_: float) -> None:
     p, size, steps, strokes = parameters(6.4), 0.01, 2000, 12
     omega = 2.0 * SPEED * k_ / CHORD
-    dt, lag, out, total = 2.0 * math.pi / omega / steps, 0.0, np.zeros(6), 0.0 + 0.0j
+    dt, lag, total = 2.0 * math.pi / omega / steps, 0.0, 0.0 + 0.0j
 
-    def loads(time: float, wake: float) -> None:
-        down = SPEED * size * math.sin(omega * time)
-        section_loads(np.array([SPEED, down, down, down, 0.0]), CHORD, DENSITY, wake, p, out)
+    def loads(time: float, wake: float) -> Section:
+        return section_loads(moving(SPEED, SPEED * size * math.sin(omega * time)), DENSITY, wake, p)
 
     for i in range(strokes * steps):
-        loads(i * dt, lag)
+        out = loads(i * dt, lag)
         if i >= (strokes - 1) * steps:
-            total += out[0] * complex(math.cos(omega * i * dt), -math.sin(omega * i * dt)) * 2.0 / steps
-        slope = out[3]
-        loads((i + 0.5) * dt, lag + 0.5 * dt * slope)
-        lag += dt * out[3]
+            turned = complex(math.cos(omega * i * dt), -math.sin(omega * i * dt))
+            total += out.circulatory * turned * 2.0 / steps
+        lag += dt * loads((i + 0.5) * dt, lag + 0.5 * dt * out.lag_rate).lag_rate
     incidence = 1j * total / (0.5 * DENSITY * SPEED**2 * CHORD * 2.0 * math.pi)
     assert abs(incidence / frequency_domain_incidence(size, k_, p) - 1.0) < 0.01
 
 
-def _wing(plant: Plant, y: Floats, side: float, density: float) -> tuple[Floats, Floats, Floats]:
-    p, n = plant.parameters, plant.vehicle.wing.strips
-    mass, load = np.zeros((SPEEDS, SPEEDS)), np.zeros(SPEEDS)
-    clear(mass, load)
-    frame = np.zeros((5, 3))
-    frame[0] = p.hinge_position * (1.0, side, 1.0)
-    frame[1], frame[2] = y[7:10], y[10:13]
-    base, wake = (k.RIGHT, k.WAKE + n) if side > 0 else (k.LEFT, k.WAKE)
-    loads = np.zeros((n, 6))
-    add_wing(
-        mass, load, y[base : base + 4], side, p.strips, p.hinge, frame, y[wake : wake + n], np.zeros(n),
-        density, p.section, p.washout, np.zeros((8, 18)), loads,
-    )  # fmt: skip
-    return mass, load, loads
+def strips() -> Strips:
+    """Two wings of `COUNT` tapering strips."""
+    eta = (np.arange(COUNT) + 0.5) / COUNT
+    both = [np.tile(column, 2) for column in (0.6 * eta, eta, 0.3 - 0.2 * eta, np.full(COUNT, 0.6 / COUNT))]
+    return Strips(*both, np.repeat((0.0, 1.0), COUNT))
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_strips_sum_to_what_moves_the_body(name: str, side: float) -> None:
-    plant = Plant(vehicle(name))
-    y = state(plant, np.random.default_rng(4), speed=7.0)
-    # Without turning the apparent mass has no bias, and the load is that of the strips alone.
-    y[10:13] = 0.0
-    for base in (k.LEFT, k.RIGHT):
-        y[base + 2 : base + 4] = 0.0
-    _, load, strips = _wing(plant, y, side, 1.225)
-    total = strips.sum(axis=0)
+def loaded(
+    settings: StripTheory = SETTINGS, density: float = DENSITY, seed: int = 4
+) -> tuple[protocol.Motion, SectionLoads, Floats]:
+    """A random motion, its loads by the protocol's call, and the wake that they were taken with."""
+    wing, rng = strips(), np.random.default_rng(seed)
+    motion = protocol.blank_motion(wing, 2)
+    motion.along[:], motion.down[:] = rng.uniform(-2.0, 9.0, 2 * COUNT), rng.normal(0.0, 3.0, 2 * COUNT)
+    motion.plunge[:], motion.pitch_rate[:] = rng.normal(0.0, 3.0, (2, 2 * COUNT))
+    p = build(settings, wing)
+    wake = initial(p, wing)
+    wake[:] = rng.normal(size=wake.shape[0])
+    out = protocol.blank_loads(len(MODEL.parts), wing, wake.shape[0])
+    protocol.loads(p, wing, motion, density, wake, out)
+    return motion, out, wake
+
+
+def test_a_strip_bears_its_width_of_the_sections_loads_each_at_its_place() -> None:
+    wing, p = strips(), build(SETTINGS, strips())
+    motion, out, wake = loaded()
+    for i in range(2 * COUNT):
+        chord, width = float(wing.chord[i]), float(wing.width[i])
+        turn = float(motion.pitch_rate[i])
+        one = SectionMotion(motion.along[i], motion.plunge[i], motion.down[i], turn, chord)
+        section = section_loads(one, DENSITY, wake[i], p)
+        expected = np.zeros((len(MODEL.parts), 4))
+        expected[CIRCULATORY, UPWARD] = section.circulatory * width
+        expected[CIRCULATORY, NOSE_UP] = section.circulatory * width * chord / 4.0
+        expected[SEPARATED, UPWARD] = section.separated * width
+        for part, force in ((SUCTION, section.suction), (CAMBER, section.camber), (FRICTION, section.friction)):
+            expected[part, FORWARD] = force * width
+        # DeLaurier's dM_a less what is apparent inertia: -1/4 of the apparent mass times chord, speed and pitch rate.
+        expected[COUPLE, NOSE_UP] = -0.25 * section.apparent * width * chord * abs(motion.along[i]) * turn
+        assert out.parts[:, :, i] == pytest.approx(expected, rel=1e-12, abs=1e-15)
+        assert out.apparent[MASS, i] == pytest.approx(section.apparent * width)
+        assert out.apparent[INERTIA, i] == pytest.approx(section.apparent * width * chord**2 / 32.0)
+        assert out.rates[i] == section.lag_rate
+    assert np.all(out.parts[:, OUTWARD] == 0.0)
+    assert {int(np.argmax(np.abs(out.parts[:, UPWARD, i]))) for i in range(2 * COUNT)} == {CIRCULATORY, SEPARATED}
+
+
+def test_the_sum_over_the_strips_is_that_of_its_parts() -> None:
+    _, out, _ = loaded()
+    total = out.parts.sum(axis=(0, 2))
     assert np.max(np.abs(total)) > 0.1
-    assert load[:6] == pytest.approx(total, abs=1e-12 * np.max(np.abs(total)) + 1e-14)
+    by_part = np.array([out.parts[part].sum(axis=1) for part in range(len(MODEL.parts))])
+    assert by_part.sum(axis=0) == pytest.approx(total, abs=1e-12 * np.max(np.abs(total)))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_air_loads_and_apparent_mass_scale_with_density(name: str) -> None:
-    plant = Plant(vehicle(name))
-    y = state(plant, np.random.default_rng(6), speed=7.0)
-    dry, once, thrice = (_wing(plant, y, 1.0, density) for density in (0.0, 0.8, 2.4))
-    for nothing, one, three in zip(dry, once, thrice, strict=True):
-        part = one - nothing
-        assert np.max(np.abs(part)) > 0.001
-        assert three - nothing == pytest.approx(3.0 * part, abs=1e-10 * np.max(np.abs(part)))
+def test_air_loads_and_apparent_mass_scale_with_density_and_the_wake_does_not() -> None:
+    (_, once, _), (_, thrice, _) = loaded(density=0.8), loaded(density=2.4)
+    assert np.max(np.abs(once.parts)) > 0.01 and np.min(once.apparent) > 0.0
+    assert thrice.parts == pytest.approx(3.0 * once.parts, rel=1e-12, abs=1e-15)
+    assert thrice.apparent == pytest.approx(3.0 * once.apparent, rel=1e-12)
+    assert np.array_equal(once.rates, thrice.rates)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_mirrored_motion_has_the_mirrored_rates(name: str, seed: int) -> None:
-    plant = Plant(vehicle(name))
-    n = plant.vehicle.wing.strips
-    y = state(plant, np.random.default_rng(seed), speed=7.0)
-    left = k.Controls(0.1, 0.12, -0.2, -0.19, 0.4, 0.1, 0.2, 0.005, 0.0)
-    right = left._replace(left_start=-0.2, left_end=-0.19, right_start=0.1, right_end=0.12, rudder=-0.2)
-    ours = rates(plant, y, left, air(wind=(2.0, 1.0, 0.3)))
-    theirs = rates(plant, mirrored(y, n), right, air(wind=(2.0, -1.0, 0.3)))
-    assert mirrored(theirs, n) == pytest.approx(ours, rel=1e-9, abs=1e-9 * np.max(np.abs(ours)))
-
-
-def test_the_whole_vehicle_at_rest_in_still_air_feels_gravity_alone() -> None:
-    plant = Plant(vehicle("robo_raven_ii_d"))
-    y = np.zeros_like(plant.y)
-    y[2], y[3] = -50.0, 1.0
-    y_dot = rates(plant, y, hold(powered=0.0), air(VACUUM))
-    assert y_dot[7:13] == pytest.approx([0.0, 0.0, k.GRAVITY, 0.0, 0.0, 0.0], abs=1e-6)
-    y_dot = rates(plant, y, hold(powered=0.0), air())
-    # In air the fuselage falls freely at first, but the wings have to push theirs aside.
-    assert np.all(np.isfinite(y_dot)) and 5.0 < y_dot[9] < k.GRAVITY
+def test_without_a_wakes_lag_there_is_no_state_and_the_loads_are_those_of_a_settled_wake() -> None:
+    quasi_steady = SETTINGS._replace(wake_lag=0.0)
+    assert initial(build(quasi_steady, strips()), strips()).shape == (0,)
+    motion, out, _ = loaded(quasi_steady)
+    wing, p = strips(), build(SETTINGS, strips())
+    settled = protocol.blank_loads(len(MODEL.parts), wing, 2 * COUNT)
+    wake = motion.down + 0.25 * wing.chord * motion.pitch_rate
+    protocol.loads(p, wing, motion, DENSITY, wake, settled)
+    assert settled.parts == pytest.approx(out.parts, rel=1e-12, abs=1e-15)
+    assert settled.rates == pytest.approx(np.zeros(2 * COUNT), abs=1e-9)
 
 
 def test_a_plate_at_small_and_right_angles() -> None:

@@ -123,7 +123,7 @@ def test_a_command_that_is_no_number_does_not_end_the_world(name: str, wrong: fl
     flown(world, lambda _: ActuatorCommand(0, wrong, wrong, wrong, wrong, wrong, 1), 50)
     truth = world.truth_wing()
     assert all(math.isfinite(part) for part in (*truth, *world.plant.y.tolist()))
-    assert abs(truth.elevator) <= world.vehicle.tail.travel
+    assert abs(truth.elevator) <= world.vehicle.tail_servo.travel
 
 
 def test_a_vehicle_that_is_not_armed_does_not_move_its_wings() -> None:
