@@ -184,7 +184,10 @@ def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
     joints = [parts[name] for name in names]
     wings, coordinates = _wings(vehicle.wing, tree, order, names)
     strips, model = wings.strips, find_model(vehicle.aerodynamics.model)
-    parameters = model.build(vehicle.sections[model.name], strips)
+    try:
+        parameters = model.build(vehicle.sections[model.name], strips)
+    except BadInput as error:
+        raise BadInput(f"{vehicle.path}: {error}") from None
     state = model.initial(parameters, strips)
     return Mechanism(
         tree,

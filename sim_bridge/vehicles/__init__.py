@@ -101,9 +101,16 @@ def with_model(vehicle: SimulatedVehicle, model: str) -> SimulatedVehicle:
     Raises:
         BadInput: no such model, or no section of it.
     """
-    changed = vehicle._replace(aerodynamics=vehicle.aerodynamics._replace(model=model))
-    _check(changed)
-    return changed
+    find_model(model)
+    if model not in vehicle.sections:
+        has = ", ".join(models_of(vehicle))
+        raise BadInput(f"aerodynamic model {model}: {vehicle.name} has no section [{model}]; it has {has}")
+    return vehicle._replace(aerodynamics=vehicle.aerodynamics._replace(model=model))
+
+
+def models_of(vehicle: SimulatedVehicle) -> list[str]:
+    """Names of the aerodynamic models that the vehicle's file has a section for, in the order of the table."""
+    return [name for name in MODELS if name in vehicle.sections]
 
 
 def _check(vehicle: SimulatedVehicle) -> None:

@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from plant_bench import NAMES
 
 from avionics.quantities import BadInput
-from sim_bridge.vehicles import FOLDER, load_vehicle, vehicle_names
+from sim_bridge.mechanism import all_parts, build_mechanism, total_mass
+from sim_bridge.vehicles import FOLDER, REPEATED, load_vehicle, vehicle_names, with_model
 
 RAVEN = (FOLDER / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
 
@@ -19,11 +22,14 @@ def written(tmp_path: Path, text: str) -> str:
 
 
 def changed(key: str, value: str, section: str = "") -> str:
-    """The file of Robo Raven with another value for the first ``key`` of ``section``."""
+    """The file of Robo Raven with another value, or name, for the first ``key`` of ``section``."""
     head, mark, rest = RAVEN.partition(f"[{section}]") if section else ("", "", RAVEN)
-    new, count = re.subn(
-        rf"(?m)^{key} = \{{ value = (\[[^\]]*\]|[^,]+)", f"{key} = {{ value = {value}", rest, count=1
-    )
+    if re.search(rf'(?m)^{key} = "', rest):
+        new, count = re.subn(rf"(?m)^{key} = .*", f"{key} = {value}", rest, count=1)
+    else:
+        new, count = re.subn(
+            rf"(?m)^{key} = \{{ value = (\[[^\]]*\]|[^,]+)", f"{key} = {{ value = {value}", rest, count=1
+        )
     assert count == 1
     return head + mark + new
 
@@ -34,6 +40,18 @@ def without(key: str) -> str:
     return text
 
 
+def told_of_many(name: str) -> set[str]:
+    """Keys of the values that the file tells of bodies and plates; what it leaves out is at rest, or nothing."""
+    document: dict[str, Any] = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    return {
+        f"{family}.{member}.{key}"
+        for family in REPEATED
+        for member, table in document[family].items()
+        for key, entry in table.items()
+        if not isinstance(entry, str)
+    }
+
+
 def test_the_folder_holds_the_known_vehicles() -> None:
     assert set(NAMES) <= set(vehicle_names())
 
@@ -41,8 +59,11 @@ def test_the_folder_holds_the_known_vehicles() -> None:
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_value_of_every_vehicle_has_a_source(name: str) -> None:
     vehicle = load_vehicle(name)
-    keys = {f"{section}.{key}" for section, values in vehicle.sections.items() for key in values._fields}
-    assert set(vehicle.sources) == keys
+    sections = {key: values for key, values in vehicle.sections.items() if key not in REPEATED}
+    keys = {f"{section}.{key}" for section, values in sections.items() for key in values._fields}
+    names = {"wing.right", "wing.left"}
+    assert set(vehicle.sources) - told_of_many(name) == keys - names
+    assert told_of_many(name) <= set(vehicle.sources)
     assert vehicle.name == name
     assert all(source.text for source in vehicle.sources.values())
     assert all(vehicle.sources[key].kind == "chosen" for key in vehicle.fitted)
@@ -68,10 +89,17 @@ def test_a_file_is_loaded_by_its_path(tmp_path: Path) -> None:
         (changed("planform", '"delta"'), r'planform = "delta" must be "raven" or "ellipse"'),
         (changed("kind", '"rubber band"', "drive"), r'drive\.kind = "rubber band" must be'),
         (changed("frequencies", "[1.0]"), r"drive\.frequencies must have at least 2"),
-        (changed("mass", "0.04", "body"), r"body\.mass = 0\.04 kg must exceed"),
+        (changed("mass", "-0.04", "bodies.fuselage"), r"bodies\.fuselage\.mass = -0\.04 is outside 0 to 50 kg"),
+        (changed("center", "[0.0, 0.0]", "bodies.right_wing"), r"bodies\.right_wing\.center must have 3 numbers"),
+        (changed("area", "5.0", "plates.fin"), r"plates\.fin\.area = 5 is outside 0 to 2 m\^2"),
+        (changed("body", '"nose"', "plates.fin"), r'plates\.fin\.body = "nose" is not one of the bodies: fuselage, '),
+        (changed("left", '"third_wing"', "wing"), r'wing\.left = "third_wing" is not one of the bodies'),
+        (RAVEN.replace('right = "right_wing"', "right = 1"), r"wing\.right must be a name in quotes"),
+        (changed("model", '"panels"', "aerodynamics"), r'unknown aerodynamic model "panels"; known: strip_theory, '),
+        (changed("model", '"regression"', "aerodynamics"), r'model = "regression" needs a section \[regression\]'),
         (RAVEN.replace('value = 0.762, unit = "m"', 'value = 762, unit = "mm"'), r"wing\.semispan"),
         (RAVEN.replace("published: Gerdes Table 3, wing D; the", "rumour: the"), r"wing\.semispan"),
-        (RAVEN.replace("[tail]", "[tial]"), "tial"),
+        (RAVEN.replace("[tail_servo]", "[tial_servo]"), "tial_servo"),
         ("not = [valid", "not valid TOML"),
         ("", "section .* is missing"),
     ],
@@ -90,3 +118,70 @@ def test_an_unknown_vehicle_is_told_the_known_ones() -> None:
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"gone\.toml"):
         load_vehicle(str(tmp_path / "gone.toml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (changed("parent", '"tree"', "bodies.elevator"), r'body "elevator" hangs on "tree", which is not there'),
+        (changed("parent", '"elevator"', "bodies.elevator"), r'"elevator" hangs on itself'),
+        (
+            RAVEN.replace('parent = "fuselage"\nmoved_by = "rudder"', 'moved_by = "rudder"'),
+            "one body without a parent",
+        ),
+        (
+            changed("moved_by", '"helm"', "bodies.rudder"),
+            r'bodies\.rudder\.moved_by = "helm" must be one of right_wing',
+        ),
+        (changed("mirror_of", '"wing"', "bodies.left_wing"), r'bodies\.left_wing\.mirror_of = "wing" must be a body'),
+        (changed("mass", "0.0", "bodies.rudder"), r'body "rudder" is a leaf without mass'),
+        (
+            changed("dynamic_stall", '"never"', "strip_theory"),
+            r'dynamic_stall = "never" is unknown; it is fixed or kim',
+        ),
+    ],
+)
+def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(BadInput, match=said) as refused:
+        build_mechanism(load_vehicle(path))
+    assert "\n" not in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize(("name", "grams"), [("robo_raven_ii_d", 359.0), ("arizona_100cm", 369.0)])
+def test_the_bodies_weigh_what_the_papers_weighed(name: str, grams: float) -> None:
+    """Gerdes Table 4, all-up weight with wing D; Malladi Table 1."""
+    assert 1e3 * total_mass(load_vehicle(name)) == pytest.approx(grams, abs=0.1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_mirror_image_is_told_by_its_parent_alone(name: str) -> None:
+    parts = all_parts(load_vehicle(name))
+    left, right = parts["left_wing"], parts["right_wing"]
+    assert (left.mass, left.stiffness, left.damping) == (right.mass, right.stiffness, right.damping)
+    for x, y in zip(left.place[::2], right.place[::2], strict=True):
+        assert x == y
+    assert (left.place[1], left.center[1]) == (-right.place[1], -right.center[1])
+    assert left.moved_by == "left_wing"
+    # Wing up is a turn about x one way on the right, the other way on the left.
+    assert left.axis == tuple(-part for part in right.axis)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_vehicle_flies_with_any_model_that_its_file_has_a_section_of(name: str) -> None:
+    bird = load_vehicle(name)
+    for model in ("strip_theory", "quasi_steady", "blade_element"):
+        other = with_model(bird, model)
+        assert other.aerodynamics.model == model
+        assert other._replace(aerodynamics=bird.aerodynamics) == bird
+        assert build_mechanism(other).model.name == model
+
+
+def test_another_model_is_refused_with_those_there_are() -> None:
+    bird = load_vehicle("robo_raven_ii_d")
+    with pytest.raises(BadInput, match=r'^unknown aerodynamic model "panels"; known: strip_theory, quasi_steady'):
+        with_model(bird, "panels")
+    has = r"robo_raven_ii_d has no section \[regression\]; it has strip_theory, quasi_steady, blade_element$"
+    with pytest.raises(BadInput, match=has):
+        with_model(bird, "regression")
