@@ -1,0 +1,430 @@
+"""What every model of the table keeps to, whatever it computes: `sim_bridge.aerodynamics.protocol`."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from aerodynamics_bench import (
+    CASES,
+    DENSITY,
+    ELSEWHERE,
+    MIRROR,
+    NAMES,
+    SLACK,
+    STATES,
+    Case,
+    air,
+    blank,
+    evaluated,
+    flown,
+    inertia_and_load,
+    loaded,
+    mirrored,
+    mirrored_strips,
+    motion_of,
+    moving,
+    numbers,
+    plant_of,
+    strips_of,
+    tumbling,
+)
+
+from avionics.quantities import BadInput
+from sim_bridge import plant_kernel as k
+from sim_bridge.aerodynamics import protocol
+from sim_bridge.aerodynamics.models import MODELS, find_model
+from sim_bridge.aerodynamics.protocol import MASS
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.plant import Plant
+from sim_bridge.vehicles import load_vehicle, models_of
+
+README = Path(protocol.__file__).with_name("README.md")
+WITH_APPARENT_MASS = {"strip_theory", "quasi_steady"}
+"""models that tell the air's mass; the others have none"""
+
+every_case = pytest.mark.parametrize("case", CASES, ids=str)
+every_vehicle = pytest.mark.parametrize("name", NAMES)
+every_state = pytest.mark.parametrize("state", STATES)
+
+
+@numba.njit
+def compiled_loads(parameters, strips, motion, density, state, out):  # type: ignore[no-untyped-def]
+    protocol.loads(parameters, strips, motion, density, state, out)
+
+
+@numba.njit
+def compiled_advance(parameters, strips, motion, density, state, dt):  # type: ignore[no-untyped-def]
+    protocol.advance(parameters, strips, motion, density, state, dt)
+
+
+# --- the table --------------------------------------------------------------------------------------------------
+
+
+def test_names_settings_and_parameters_belong_to_one_model_each() -> None:
+    assert list(MODELS) == [model.name for model in MODELS.values()]
+    assert len({model.settings for model in MODELS.values()}) == len(MODELS)
+    # The type of the parameters is all that selects the compiled functions.
+    assert len({model.parameters for model in MODELS.values()}) == len(MODELS)
+    for model in MODELS.values():
+        assert protocol.model_of(model.parameters) is model
+        assert find_model(model.name) is model
+        assert len(set(model.parts)) == len(model.parts) > 0
+
+
+def test_an_unknown_model_is_told_the_known_ones() -> None:
+    with pytest.raises(BadInput, match=r'^unknown aerodynamic model "panels"; known: ' + ", ".join(MODELS)):
+        find_model("panels")
+    with pytest.raises(KeyError, match="float"):
+        protocol.model_of(float)
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+def test_a_model_says_what_it_is(model: protocol.AerodynamicModel) -> None:
+    assert model.title
+    for piece in (model.settings, model.parameters, model.build, model.initial, model.loads, model.advance):
+        text = inspect.getdoc(piece)
+        # A NamedTuple without a docstring gets one of its fields' names.
+        assert text and not text.startswith(f"{getattr(piece, '__name__', '')}(")
+    assert len(inspect.getdoc(inspect.getmodule(model.build)) or "") > 100
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+def test_the_readme_has_a_row_for_the_model_with_its_parts(model: protocol.AerodynamicModel) -> None:
+    rows = [line for line in README.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{model.name}`")]
+    assert len(rows) == 1
+    assert ", ".join(part.replace("_", " ") for part in model.parts) in rows[0]
+
+
+@every_vehicle
+def test_a_model_flies_the_vehicles_whose_files_have_its_section(name: str) -> None:
+    assert set(models_of(load_vehicle(name))) == set(MODELS) - set(ELSEWHERE)
+
+
+# --- parameters and state ---------------------------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+def test_parameters_are_a_tuple_of_the_models_own_type(name: str, case: Case) -> None:
+    vehicle = flown(name, case)
+    model, strips = MODELS[case.model], strips_of(plant_of(name, case))
+    settings = vehicle.sections[case.model]
+    assert type(settings) is model.settings
+    parameters = model.build(settings, strips)
+    assert type(parameters) is model.parameters and isinstance(parameters, tuple)
+    assert model.build(settings, strips) == parameters
+
+
+@every_vehicle
+@every_case
+def test_the_state_begins_finite_and_has_a_rate_for_each_of_its_numbers(name: str, case: Case) -> None:
+    plant, model = plant_of(name, case), MODELS[case.model]
+    state = model.initial(plant.mechanism.aerodynamics, strips_of(plant))
+    assert state.ndim == 1 and state.dtype == np.float64 and np.all(np.isfinite(state))
+    assert state.shape == loaded(plant, motion_of(plant, tumbling(plant, 1))).rates.shape
+    assert plant.y.shape[0] == plant.layout.aerodynamics + state.shape[0] == plant.layout.size
+    assert np.array_equal(plant.y[plant.layout.aerodynamics :], state)
+
+
+# --- loads ------------------------------------------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+@every_state
+def test_loads_are_finite_and_bounded(name: str, case: Case, state: str) -> None:
+    plant = plant_of(name, case)
+    out = loaded(plant, motion_of(plant, STATES[state](plant)))
+    assert np.all(np.isfinite(numbers(out)))
+    assert out.parts.shape[0] == len(MODELS[case.model].parts)
+    # No section of these wings pulls more than two hundred times the weight of the vehicle.
+    assert np.max(np.abs(out.parts)) < 200.0 * plant.parameters.weight
+
+
+@every_vehicle
+@every_case
+def test_a_wing_at_rest_in_still_air_bears_nothing(name: str, case: Case) -> None:
+    plant = plant_of(name, case)
+    out = loaded(plant, motion_of(plant, moving(plant, (0.0, 0.0, 0.0))))
+    assert np.all(out.parts == 0.0) and np.all(out.body == 0.0) and np.all(out.rates == 0.0)
+
+
+@every_case
+def test_every_part_and_the_body_of_a_model_of_the_body_bear_something_somewhere(case: Case) -> None:
+    plant = plant_of("arizona_100cm", case)
+    found = [loaded(plant, motion_of(plant, STATES[state](plant))) for state in STATES]
+    largest = np.max([np.max(np.abs(out.parts), axis=(1, 2)) for out in found], axis=0)
+    on_body = max(float(np.max(np.abs(out.body))) for out in found)
+    assert np.all(largest > 1e-6) or (np.all(largest == 0.0) and on_body > 0.1)
+
+
+@every_vehicle
+@every_case
+def test_the_loads_are_of_this_instant_and_not_of_what_was_in_their_place(name: str, case: Case) -> None:
+    plant, out = plant_of(name, case), blank(plant_of(name, case))
+    motions = [motion_of(plant, tumbling(plant, seed)) for seed in (1, 2)]
+    memory, mechanism = plant.mechanism.aerodynamic_state.copy(), plant.mechanism
+    for motion in (*motions, motions[0]):
+        protocol.loads(mechanism.aerodynamics, mechanism.wings.strips, motion, DENSITY, memory, out)
+    assert np.array_equal(numbers(out), numbers(loaded(plant, motions[0])))
+    assert np.array_equal(memory, mechanism.aerodynamic_state)
+
+
+@every_vehicle
+@every_case
+def test_air_loads_and_apparent_mass_scale_with_density(name: str, case: Case) -> None:
+    plant = plant_of(name, case)
+    motion = motion_of(plant, tumbling(plant, 6))
+    once, thrice = (loaded(plant, motion, density) for density in (0.8, 2.4))
+    assert max(float(np.max(np.abs(part))) for part in (once.parts, once.body)) > 0.01
+    for one, three in zip(
+        (once.parts, once.apparent, once.body), (thrice.parts, thrice.apparent, thrice.body), strict=True
+    ):
+        assert three == pytest.approx(3.0 * one, rel=1e-12, abs=1e-12 * float(np.max(np.abs(one))) + 1e-300)
+    assert thrice.rates == pytest.approx(once.rates)
+
+
+@every_vehicle
+@every_case
+@every_state
+def test_apparent_mass_is_positive_where_the_model_has_one(name: str, case: Case, state: str) -> None:
+    plant = plant_of(name, case)
+    out = loaded(plant, motion_of(plant, STATES[state](plant)))
+    if case.model in WITH_APPARENT_MASS:
+        assert np.min(out.apparent[MASS]) > 0.0
+    assert np.min(out.apparent) >= 0.0 and np.any(out.apparent) == (case.model in WITH_APPARENT_MASS)
+    # Less than that of a plate across an ideal flow, which moves a cylinder of air about its chord.
+    strips = strips_of(plant)
+    cylinder = 0.25 * math.pi * DENSITY * strips.chord**2 * strips.width
+    assert np.all(out.apparent[MASS] <= cylinder * (1.0 + 1e-12))
+
+
+@every_vehicle
+@every_case
+@every_state
+def test_the_compiled_call_is_the_call_from_python(name: str, case: Case, state: str) -> None:
+    plant, model = plant_of(name, case), MODELS[case.model]
+    motion = motion_of(plant, STATES[state](plant))
+    arguments = (plant.mechanism.aerodynamics, strips_of(plant), motion, DENSITY)
+    memory, plain, compiled = plant.mechanism.aerodynamic_state, blank(plant), blank(plant)
+    model.loads.py_func(*arguments, memory.copy(), plain)  # type: ignore[attr-defined]
+    compiled_loads(*arguments, memory.copy(), compiled)
+    assert np.array_equal(numbers(compiled), numbers(loaded(plant, motion)))
+    scale = max(float(np.max(np.abs(plain.parts))), float(np.max(np.abs(plain.body))), 1e-9)
+    assert numbers(compiled) == pytest.approx(numbers(plain), rel=1e-12, abs=1e-12 * scale)
+
+
+# --- parts, strips, and what moves the body ---------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_parts_sum_to_the_strips_loads(name: str, case: Case, seed: int) -> None:
+    plant = plant_of(name, case)
+    evaluated(plant, tumbling(plant, seed))
+    whole, parts = plant.wing_loads(), plant.scratch.wings.loads.parts.copy()
+    pieces = np.zeros_like(whole)
+    for part in range(parts.shape[0]):
+        plant.scratch.wings.loads.parts[:] = 0.0
+        plant.scratch.wings.loads.parts[part] = parts[part]
+        pieces += plant.wing_loads()
+    assert pieces == pytest.approx(whole, abs=1e-12 * max(float(np.max(np.abs(parts))), 1e-9))
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_strips_sum_to_the_force_and_moment_on_the_body(name: str, case: Case, seed: int) -> None:
+    plant = plant_of(name, case)
+    evaluated(plant, tumbling(plant, seed))
+    strips, parts = plant.wing_loads(), plant.scratch.wings.loads.parts.copy()
+    _, alone = inertia_and_load(plant, 0.0 * parts)
+    _, with_air = inertia_and_load(plant, parts)
+    scale = max(float(np.max(np.abs(strips))), float(np.max(np.abs(alone))))
+    assert (with_air - alone)[:6] == pytest.approx(strips.sum(axis=0), abs=1e-12 * scale)
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_accelerations_are_those_that_the_strips_loads_give(name: str, case: Case, seed: int) -> None:
+    """Newton and Euler backwards: what the base's motion takes, less all else, is the air of the wings."""
+    plant = plant_of(name, case)
+    evaluated(plant, tumbling(plant, seed))
+    scratch, strips = plant.scratch, plant.wing_loads().sum(axis=0)
+    others = scratch.plate_load + scratch.body_load
+    mass, inertial = inertia_and_load(plant, 0.0 * scratch.wings.loads.parts)
+    taken = mass[:6] @ scratch.accelerations
+    scale = max(float(np.max(np.abs(part))) for part in (taken, inertial, strips, others))
+    assert taken - inertial[:6] - others == pytest.approx(strips, abs=1e-10 * scale)
+    assert np.max(np.abs(strips)) + np.max(np.abs(scratch.wings.loads.body)) > 0.1
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_air_takes_from_the_mechanism_what_its_strips_do(name: str, case: Case, seed: int) -> None:
+    """Virtual power in still air: the load on every speed, joints and twist too, against the sections' own motion."""
+    plant = plant_of(name, case)
+    evaluated(plant, tumbling(plant, seed))
+    parts, motion = plant.scratch.wings.loads.parts.copy(), plant.scratch.wings.motion
+    c = len(plant.layout.coordinates)
+    speeds = np.concatenate((plant.y[7:13], plant.y[k.COORDINATES + c : k.COORDINATES + 2 * c]))
+    loads = inertia_and_load(plant, parts)[1] - inertia_and_load(plant, 0.0 * parts)[1]
+    forward, upward, outward, nose_up = parts.sum(axis=0)
+    power = forward * motion.along - upward * motion.down + outward * motion.outward + nose_up * motion.pitch_rate
+    scale = max(float(np.sum(np.abs(power))), 1e-9)
+    assert loads @ speeds == pytest.approx(np.sum(power), abs=1e-11 * scale)
+
+
+# --- symmetry ---------------------------------------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+@every_state
+def test_a_mirrored_motion_has_the_mirrored_loads(name: str, case: Case, state: str) -> None:
+    plant, image = plant_of(name, case), mirrored_strips(plant_of(name, case))
+    y = STATES[state](plant)
+    ours = loaded(plant, motion_of(plant, y))
+    theirs = loaded(plant, motion_of(plant, mirrored(plant, y)))
+    scale = max(float(np.max(np.abs(ours.parts))), 1e-9)
+    assert theirs.parts[:, :, image] == pytest.approx(ours.parts, rel=1e-9, abs=1e-12 * scale)
+    assert theirs.apparent[:, image] == pytest.approx(ours.apparent, rel=1e-9)
+    assert theirs.body == pytest.approx(ours.body * (*MIRROR, *-MIRROR), rel=1e-9, abs=1e-12)
+
+
+@every_vehicle
+@every_case
+def test_a_mirrored_flight_is_the_flight_in_a_mirror(name: str, case: Case) -> None:
+    """Wings, tail and wind without symmetry; the air's memory grows on the way and is never asked."""
+    plant, image = plant_of(name, case), mirrored_strips(plant_of(name, case))
+    start = tumbling(plant, 3)
+    commands = k.Controls(0.1, 0.12, -0.2, -0.19, 0.4, 0.1, 0.2, 0.005, 1.0)
+    swapped = commands._replace(left_start=-0.2, left_end=-0.19, right_start=0.1, right_end=0.12, rudder=-0.2)
+    if plant.parameters.crank:
+        swapped = commands._replace(rudder=-0.2)
+    flights = []
+    for y, command, wind in ((start, commands, (2.0, 1.0, 0.3)), (mirrored(plant, start), swapped, (2.0, -1.0, 0.3))):
+        plant.y[:] = y
+        for _ in range(4):
+            plant.advance(command, air(wind))
+        flights.append((plant.y.copy(), plant.wing_loads()))
+    (ours, loads), (theirs, images) = flights
+    mechanical = slice(0, plant.layout.aerodynamics)
+    assert mirrored(plant, theirs)[mechanical] == pytest.approx(ours[mechanical], rel=1e-7, abs=1e-7)
+    turned = images[image] * (*MIRROR, *-MIRROR)
+    assert turned == pytest.approx(loads, rel=1e-6, abs=1e-6 * max(float(np.max(np.abs(loads))), 1e-9))
+
+
+@every_vehicle
+@every_case
+def test_moving_through_still_air_is_standing_in_wind(name: str, case: Case) -> None:
+    plant, wind = plant_of(name, case), np.array([4.0, -1.5, 0.7])
+    y = tumbling(plant, 8)
+    still = evaluated(plant, y)
+    loads, motion = plant.wing_loads(), [column.copy() for column in plant.scratch.wings.motion]
+    r = plant.scratch.r.copy()
+    carried = y.copy()
+    carried[7:10] += r.T @ wind
+    windy = evaluated(plant, carried, air(wind))
+    for ours, theirs in zip(motion, plant.scratch.wings.motion, strict=True):
+        assert theirs == pytest.approx(ours, rel=1e-9, abs=1e-9)
+    assert plant.wing_loads() == pytest.approx(loads, rel=1e-9, abs=1e-9 * max(float(np.max(np.abs(loads))), 1.0))
+    # The body's axes turn under the wind that it is carried by.
+    expected = still.copy()
+    expected[0:3] += wind
+    expected[7:10] -= np.cross(y[10:13], r.T @ wind)
+    assert windy == pytest.approx(expected, rel=1e-8, abs=1e-8 * float(np.max(np.abs(still))))
+
+
+# --- memory -----------------------------------------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+def test_advance_leaves_the_state_finite_and_what_the_integrator_moves_alone(name: str, case: Case) -> None:
+    plant = plant_of(name, case)
+    plant.y[:] = tumbling(plant, 2)
+    for _ in range(3):
+        plant.advance(SLACK, air())
+    motion = motion_of(plant, plant.y.copy())
+    before = plant.y[plant.layout.aerodynamics :].copy()
+    smooth = loaded(plant, motion, state=before.copy()).rates != 0.0
+    after, compiled = before.copy(), before.copy()
+    arguments = (plant.mechanism.aerodynamics, strips_of(plant), motion, DENSITY)
+    protocol.advance(*arguments, after, 0.001)
+    compiled_advance(*arguments, compiled, 0.001)
+    assert np.all(np.isfinite(after))
+    assert np.array_equal(after[smooth], before[smooth])
+    assert np.array_equal(after, compiled)
+
+
+def test_a_wake_remembers() -> None:
+    plant = plant_of("robo_raven_ii_d", Case("strip_theory", {"wake_lag": 1.0}))
+    plant.y[:] = tumbling(plant, 2)
+    plant.advance(SLACK, air())
+    assert np.all(plant.y[plant.layout.aerodynamics :] != 0.0)
+
+
+# --- in the plant -----------------------------------------------------------------------------------------------
+
+
+@every_vehicle
+@every_case
+def test_a_model_swapped_at_run_time_flies(name: str, case: Case) -> None:
+    plant = plant_of(name, case)
+    assert plant.vehicle.aerodynamics.model == case.model
+    start = moving(plant, (9.2, 0.0, 0.5), (5.0, 5.0))
+    plant.y[:] = start
+    means = plant.advance(SLACK, air())
+    assert np.all(np.isfinite(plant.y)) and np.all(np.isfinite(means))
+    assert plant.y[0] == pytest.approx(9.2 * 0.005, rel=0.02)
+
+
+@every_vehicle
+def test_the_models_differ_in_what_they_do_to_a_flight(name: str) -> None:
+    ends = []
+    for case in CASES[: len(MODELS)]:
+        plant = plant_of(name, case)
+        plant.y[:] = moving(plant, (9.2, 0.0, 0.5), (5.0, 5.0))
+        plant.advance(SLACK, air())
+        ends.append(plant.y[7:10].copy())
+    for i, one in enumerate(ends):
+        for other in ends[:i]:
+            assert np.linalg.norm(one - other) > 1e-4
+
+
+@every_case
+def test_the_world_tells_the_loads_of_the_wings_whatever_bears_them(case: Case) -> None:
+    world = SimulatedWorld(flown("arizona_100cm", case), Scenario())
+    plant = world.plant
+    evaluated(plant, tumbling(plant, 4))
+    told = np.array(world.truth_loads()[1:7])
+    expected = plant.wing_loads().sum(axis=0) + plant.scratch.wings.loads.body
+    assert told == pytest.approx(expected)
+    assert np.max(np.abs(told)) > 0.1
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if not MODELS[case.model].whole_aircraft], ids=str)
+def test_tail_and_fuselage_are_the_mechanisms_where_the_model_is_of_the_wings(case: Case) -> None:
+    plant = plant_of("robo_raven_ii_d", case)
+    evaluated(plant, tumbling(plant, 4))
+    assert np.max(np.abs(plant.scratch.plate_load)) > 0.1
+    drag = plant.scratch.body_load - plant.scratch.wings.loads.body
+    assert drag[:3] @ plant.scratch.wings.motion.body[:3] < 0.0
+
+
+def test_a_model_of_the_whole_aircraft_leaves_tail_and_fuselage_without_loads() -> None:
+    plant = Plant(flown("arizona_100cm", Case("regression", {})))
+    plant.parameters = plant.parameters._replace(whole_aircraft=True)
+    evaluated(plant, tumbling(plant, 4))
+    assert np.all(plant.scratch.plate_load == 0.0)
+    assert np.array_equal(plant.scratch.body_load, plant.scratch.wings.loads.body)
+    assert np.any(plant.scratch.body_load)
