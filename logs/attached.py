@@ -11,22 +11,30 @@ from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
 from logs.reader import Log
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 WORLD_VEHICLE = "world_vehicle.toml"
 """Name of the attachment in which the world leaves its vehicle file."""
+WORLD = "wingbeat.world"
+"""Name of the metadata record in which the world notes what a flight chose beside that file."""
+AERODYNAMICS = "aerodynamics"
+"""Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
 FLIGHT_VEHICLE = "avionics_vehicle.toml"
 """Name of the attachment in which the flight computer leaves its vehicle file."""
 Loaded = TypeVar("Loaded")
 
 
 def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
-    """The vehicle as it is in the world of ``log``; None for a flight that was not simulated.
+    """The vehicle as it is in the world of ``log``, with the aerodynamic model that was flown.
+
+    None for a flight that was not simulated.
 
     Raises:
-        BadInput: the attached vehicle file cannot be used.
+        BadInput: the attached vehicle file cannot be used, or the model is unknown.
     """
-    return _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path)))
+    vehicle = _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path)))
+    model = log.metadata.get(WORLD, {}).get(AERODYNAMICS)
+    return with_model(vehicle, model) if vehicle and model else vehicle
 
 
 def flight_vehicle(log: Log) -> FlightVehicle | None:

@@ -23,6 +23,7 @@ from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify, options
 from groundstation.command.children import Children, Failure
+from groundstation.command.sim import simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection, listen_locally
@@ -39,17 +40,18 @@ from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.vehicles import load_vehicle as load_world_vehicle
 
 EXAMPLES = (
     "wingbeat fly",
     "wingbeat fly --vehicle arizona_100cm --wind 2 --seed 7",
+    "wingbeat fly --aerodynamics blade_element",
     "wingbeat fly --vehicle my_bird/        # a folder with world.toml and avionics.toml",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
 )
 JSON_KEYS = {
     "log": "path of the joined log",
     "vehicle": "name",
+    "aerodynamics": "name of the model of the wings' air loads",
     "seed": "of sensor noise and wind",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
@@ -71,6 +73,8 @@ class Plan(NamedTuple):
     """-; name or path, as given"""
     title: str
     """-; for people"""
+    aerodynamics: str
+    """-; model of the wings' air loads"""
     log: Path
     """the joined log"""
     parts: tuple[Path, Path]
@@ -82,6 +86,7 @@ def build_parser() -> options.Parser:
     summary = "Fly a modelled ornithopter: two processes in lockstep over MAVLink, recorded and identified."
     parser = options.build_parser("fly", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
+    options.add_aerodynamics(parser)
     options.add_mission(parser)
     options.add_world(parser, DURATION)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
@@ -94,7 +99,7 @@ def run(arguments: Sequence[str]) -> int:
     """Fly, join the recordings, and say what was flown and identified.
 
     Raises:
-        BadInput: unknown vehicle, malformed mission, port in use, existing log.
+        BadInput: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log.
         NoAnswer: the world or the flight computer ended badly; the recordings are kept.
     """
     chosen = build_parser().parse_args(arguments)
@@ -123,7 +128,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     """
     world, computer = options.vehicle_files(chosen.vehicle)
     vehicle = load_vehicle(computer)
-    load_world_vehicle(world)
+    model = simulated(world, chosen.aerodynamics).aerodynamics.model
     steady_wind(chosen.wind, chosen.wind_from)
     load_mission(chosen.mission)
     for url in chosen.gcs:
@@ -133,7 +138,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     for path in (log, *parts):
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
-    return Plan(chosen.vehicle, vehicle.title, log, parts)
+    return Plan(chosen.vehicle, vehicle.title, model, log, parts)
 
 
 def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
@@ -160,6 +165,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
+    world += ["--aerodynamics", plan.aerodynamics]
     children.start("the world", ["sim", *world])
     links = [word for url in chosen.gcs for word in ("--gcs", url)]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
@@ -257,6 +263,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
             {
                 "log": str(plan.log),
                 "vehicle": chosen.vehicle,
+                "aerodynamics": plan.aerodynamics,
                 "seed": chosen.seed,
                 "wall_time": wall_time,
                 "speed": speed,

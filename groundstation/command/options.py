@@ -54,6 +54,15 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_aerodynamics(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--aerodynamics``."""
+    parser.add_argument(
+        "--aerodynamics",
+        metavar="MODEL",
+        help="of the wings, one that the vehicle's file has a section of (default: what the file chooses)",
+    )
+
+
 def vehicle_files(vehicle: str) -> tuple[str, str]:
     """What the world and what the flight computer load: a name for both, or the two files of a folder."""
     folder = Path(vehicle)

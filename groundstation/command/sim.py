@@ -12,17 +12,19 @@ from pathlib import Path
 from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
 from groundstation.command import options
-from logs.attached import WORLD_VEHICLE
+from logs.attached import AERODYNAMICS, WORLD, WORLD_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.world import Scenario, SimulatedWorld
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from sim_bridge.mechanism import build_mechanism
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 EXAMPLES = (
     "wingbeat sim",
     "wingbeat sim --vehicle arizona_100cm --listen tcp:0.0.0.0:4560 --speed 1 --wind 3",
+    "wingbeat sim --aerodynamics quasi_steady",
 )
 DURATION = 600.0
 """s; longest simulation"""
@@ -33,6 +35,7 @@ def build_parser() -> options.Parser:
     summary = "The world alone: waits for a flight computer on TCP and flies it in lockstep over MAVLink."
     parser = options.build_parser("sim", summary, EXAMPLES)
     options.add_vehicle(parser)
+    options.add_aerodynamics(parser)
     parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=f"tcp:HOST:PORT ({DEFAULT_URL})")
     options.add_world(parser, DURATION)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
@@ -44,10 +47,11 @@ def run(arguments: Sequence[str]) -> int:
     """Serve one flight.
 
     Raises:
-        BadInput: unknown vehicle, port in use, existing log, a flight computer that does not come or answer.
+        BadInput: unknown vehicle or aerodynamic model, port in use, existing log, a flight computer that does not
+            come or answer.
     """
     chosen = build_parser().parse_args(arguments)
-    vehicle = load_vehicle(chosen.vehicle)
+    vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.duration)
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
@@ -69,12 +73,26 @@ def _serve(server: BridgeServer, world: SimulatedWorld) -> None:
         raise BadInput(str(silence)) from None
 
 
+def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
+    """The vehicle of a name or file, flown with an aerodynamic model, or its file's own; nothing is started.
+
+    Raises:
+        BadInput: no such vehicle or model, no section of the model, or bodies that make no vehicle.
+    """
+    loaded = load_vehicle(vehicle)
+    if model is not None:
+        loaded = with_model(loaded, model)
+    build_mechanism(loaded)
+    return loaded
+
+
 def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: Scenario) -> None:
-    """Store what the world is made of: vehicle file, seed, wind, home, version."""
+    """Store what the world is made of: vehicle file, aerodynamic model, seed, wind, home, version."""
     recorder.attach(WORLD_VEHICLE, "application/toml", vehicle.text.encode())
     values = {
         "version": version("wingbeat"),
         "vehicle": vehicle.name,
+        AERODYNAMICS: vehicle.aerodynamics.model,
         "seed": str(scenario.seed),
         "wind_speed": repr(scenario.wind_speed),
         "wind_from": repr(scenario.wind_from),
@@ -83,4 +101,4 @@ def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: S
         "home_longitude": repr(scenario.home.longitude),
         "home_altitude": repr(scenario.home.altitude),
     }
-    recorder.note("wingbeat.world", values)
+    recorder.note(WORLD, values)

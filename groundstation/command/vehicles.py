@@ -16,11 +16,12 @@ from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from sim_bridge.mechanism import total_mass
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, vehicle_names
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, models_of, vehicle_names
 
 EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat vehicles --json")
 JSON_KEYS = {
-    "vehicles": "list of {name, title, mass, wingspan, flies, sources}; kg, m; flies: has a flight computer's file",
+    "vehicles": "list of {name, title, mass, wingspan, aerodynamics, flies, sources}; kg, m; aerodynamics: names of"
+    " the models that --aerodynamics takes; flies: has a flight computer's file",
     "values": "with a name: list of {key, value, kind, source, fitted}",
 }
 
@@ -71,6 +72,7 @@ def _record(vehicle: SimulatedVehicle) -> dict[str, Any]:
         "title": vehicle.title,
         "mass": total_mass(vehicle),
         "wingspan": 2.0 * vehicle.wing.semispan,
+        "aerodynamics": models_of(vehicle),
         "flies": vehicle.path.stem in flight_names(),
         "sources": count_kinds(vehicle.sources.values()),
     }
@@ -98,6 +100,7 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
         return
     console = open_console()
     console.print(Text(vehicle.title, style="bold"))
+    console.print(Text(_models(vehicle)))
     table = tables.plain_table(("", ""), ("value", "right"), ("", ""), ("source", ""))
     for value in values:
         table.add_row(value["key"], _written(value["value"]), Text(str(value["kind"]), style="dim"), value["source"])
@@ -106,6 +109,12 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
         flight = load_flight_vehicle(vehicle.path.stem)
         counts = ", ".join(f"{count} {kind}" for kind, count in count_kinds(flight.file.sources.values()).items())
         console.print(f"\nthe flight computer's file has {counts} values", style="dim")
+
+
+def _models(vehicle: SimulatedVehicle) -> str:
+    flown = vehicle.aerodynamics.model
+    others = ", ".join(name for name in models_of(vehicle) if name != flown)
+    return f"flown with {flown}" + (f"; --aerodynamics takes {others} too" if others else "")
 
 
 def _value(vehicle: SimulatedVehicle, key: str) -> Any:

@@ -14,8 +14,10 @@ import pytest
 
 from avionics.messages import Attitude
 from avionics.topics import ATTITUDE
+from avionics.vehicles.loader import FOLDER as COMPUTERS
 from groundstation.command.main import SUBCOMMANDS, main
 from logs.recorder import McapRecorder
+from sim_bridge.vehicles import FOLDER as WORLDS
 
 Capture = pytest.CaptureFixture[str]
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
@@ -81,7 +83,11 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["fly", "--seed", "1.5"], "1.5 is not a whole number"),
         (["fly", "--gcs", "http://here"], "is not one of udpin:HOST:PORT"),
         (["fly", "--fast"], "unrecognized arguments: --fast"),
+        (["fly", "--aerodynamics", "panels"], 'unknown aerodynamic model "panels"; known: strip_theory, '),
+        (["fly", "--aerodynamics", "regression"], "no section [regression]; it has strip_theory, quasi_steady"),
         (["sim", "--vehicle", "no_such_bird"], "no_such_bird"),
+        (["sim", "--aerodynamics", "panels"], 'unknown aerodynamic model "panels"'),
+        (["sim", "--aerodynamics", "regression"], "no section [regression]"),
         (["sim", "--listen", "udpin:127.0.0.1:4560"], "a world listens on tcp:HOST:PORT"),
         (["avionics"], "--board"),
         (["gcs", "udpin:0.0.0.0", "status"], "is not one of udpin:HOST:PORT"),
@@ -115,6 +121,22 @@ def test_a_malformed_vehicle_names_the_key(tmp_path: Path, capsys: Capture) -> N
     vehicle.write_text("[wings]\n")
     assert main(["fly", "--vehicle", str(vehicle)]) == 2
     assert "unknown section [wings]" in complaint(capsys)
+
+
+@pytest.mark.parametrize("command", ["fly", "sim"])
+def test_bodies_that_make_no_vehicle_are_told_before_anything_is_recorded(
+    command: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, started = tmp_path / "bird", tmp_path / "here"
+    folder.mkdir()
+    started.mkdir()
+    monkeypatch.chdir(started)
+    text = (WORLDS / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
+    (folder / "world.toml").write_text(text.replace('mirror_of = "right_wing"', 'mirror_of = "wing"'))
+    (folder / "avionics.toml").write_text((COMPUTERS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
+    assert main([command, "--vehicle", str(folder if command == "fly" else folder / "world.toml")]) == 2
+    assert "bodies.left_wing.mirror_of" in complaint(capsys)
+    assert not any(started.iterdir())
 
 
 @pytest.mark.parametrize("verb", [["log", "info"], ["log", "export"], ["log", "recover"], ["identify"]])
@@ -196,11 +218,14 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     listed = json.loads(capsys.readouterr().out)["vehicles"]
     assert {"robo_raven_ii_d", "arizona_100cm"} <= {vehicle["name"] for vehicle in listed}
     assert all(vehicle["flies"] and vehicle["sources"]["published"] > 0 for vehicle in listed)
+    assert all({"strip_theory", "quasi_steady", "blade_element"} <= set(bird["aerodynamics"]) for bird in listed)
     assert main(["vehicles", "robo_raven_ii_d", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)["values"]
     assert all(value["kind"] in ("published", "identified", "chosen") and value["source"] for value in values)
     assert main(["vehicles", "robo_raven_ii_d"]) == 0
-    assert "bodies.fuselage.mass" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "bodies.fuselage.mass" in told
+    assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element too" in told
 
 
 def test_a_broken_pipe_is_quiet(log: Path) -> None:

@@ -16,8 +16,10 @@ import pytest
 from mcap.reader import make_reader
 
 from groundstation.command.children import Children
+from logs.attached import simulated_vehicle
 from logs.reader import open_log
 from logs.scene import SCENE, TRANSFORMS
+from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
 
@@ -57,7 +59,9 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
     out, err = flight.communicate(timeout=180)
     assert (flight.returncode, err) == (0, "")
     document = json.loads(out)
-    assert set(document) == {"log", "vehicle", "seed", "wall_time", "speed", "flight", "identified"}
+    keys = {"log", "vehicle", "aerodynamics", "seed", "wall_time", "speed", "flight", "identified"}
+    assert set(document) == keys
+    assert document["aerodynamics"] == "strip_theory"
     assert document["flight"]["against_truth"] is True
     assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
     assert [path.name for path in tmp_path.iterdir()] == ["flight.mcap"]
@@ -67,12 +71,26 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
         for viewer_topic in (TRANSFORMS, SCENE):
             assert log.topics[viewer_topic.name].messages > 5
         assert log.metadata["wingbeat.world"]["seed"] == "5"
+        assert log.metadata["wingbeat.world"]["aerodynamics"] == "strip_theory"
         assert {"avionics_vehicle.toml", "world_vehicle.toml", "mission.json"} <= {a.name for a in log.attachments}
         commands = [json.loads(text.text) for text in log.texts("/system/inputs")]
     assert [(c["kind"], c["time_us"], c["source"]) for c in commands] == [
         ("ARM", 2_000_000, "script"),
         ("SET_MODE", 2_000_000, "script"),
     ]
+
+
+def test_a_flight_with_another_aerodynamic_model_says_so_in_its_log(tmp_path: Path) -> None:
+    flight = fly(tmp_path, "--duration", "9", "--json", "--aerodynamics", "blade_element")
+    out, err = flight.communicate(timeout=180)
+    assert (flight.returncode, err) == (0, "")
+    assert json.loads(out)["aerodynamics"] == "blade_element"
+    with open_log(tmp_path / "flight.mcap") as log:
+        vehicle = simulated_vehicle(log)
+        # The file is attached as it is; which of its models was flown stands beside it.
+        attached = log.attachment("world_vehicle.toml").decode()
+    assert vehicle is not None and vehicle.aerodynamics.model == "blade_element"
+    assert attached == load_vehicle("robo_raven_ii_d").text
 
 
 def payloads(path: Path) -> dict[str, str]:
