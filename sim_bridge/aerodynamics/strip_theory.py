@@ -184,7 +184,7 @@ def _friction_polynomial() -> tuple[float, ...]:
     """Coefficients, highest power first, of 0.89 / (log10 Re)^2.58 as a polynomial in Re^(-1/8)."""
     powers = np.linspace(3.0, 7.0, 400)
     target = 0.89 / powers**2.58
-    fit = Polynomial.fit(10.0 ** (-powers / 8.0), target, 6, w=1.0 / target).convert()
+    fit = Polynomial.fit(10.0 ** (-powers / 8.0), target, 7, w=1.0 / target).convert()
     return tuple(float(c) for c in fit.coef[::-1])
 
 
@@ -198,8 +198,8 @@ def friction_coefficient(reynolds: float) -> float:
     A polynomial in Re^(-1/8): the logarithm and the power cost as much as all the rest of a section.
     """
     x = math.sqrt(math.sqrt(math.sqrt(1.0 / min(max(reynolds, 1.0e3), 1.0e7))))
-    a6, a5, a4, a3, a2, a1, a0 = FRICTION_POLYNOMIAL
-    return a0 + x * (a1 + x * (a2 + x * (a3 + x * (a4 + x * (a5 + x * a6)))))
+    a7, a6, a5, a4, a3, a2, a1, a0 = FRICTION_POLYNOMIAL
+    return a0 + x * (a1 + x * (a2 + x * (a3 + x * (a4 + x * (a5 + x * (a6 + x * a7))))))
 
 
 @kernel

@@ -13,7 +13,7 @@ from sim_bridge.aerodynamics.models import MODELS
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, blank_loads, loads
 from sim_bridge.aerodynamics.regression import Regression
 from sim_bridge.multibody.tree import assemble, move
-from sim_bridge.multibody.wings import add_wings
+from sim_bridge.multibody.wings import add_wings, wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats, quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
@@ -141,8 +141,9 @@ def evaluated(plant: Plant, y: Floats, around: k.Surroundings | None = None) -> 
 
 
 def motion_of(plant: Plant, y: Floats) -> Motion:
-    """Of the wings in still air."""
+    """Of the wings in still air, places and axes of the strips too, whether or not the model needs them."""
     evaluated(plant, y)
+    wing_places(plant.scratch.tree, plant.mechanism.wings, plant.scratch.wings)
     return Motion(*(column.copy() for column in plant.scratch.wings.motion))
 
 

@@ -219,6 +219,17 @@ def test_the_compiled_call_is_the_call_from_python(name: str, case: Case, state:
     assert numbers(compiled) == pytest.approx(numbers(plain), rel=1e-12, abs=1e-12 * scale)
 
 
+@every_vehicle
+@every_case
+def test_a_model_that_does_not_need_the_strips_places_does_not_look_at_them(name: str, case: Case) -> None:
+    plant = plant_of(name, case)
+    motion = motion_of(plant, tumbling(plant, 7))
+    told = numbers(loaded(plant, motion))
+    nowhere = motion._replace(place=np.full_like(motion.place, np.nan), axes=np.full_like(motion.axes, np.nan))
+    untold = numbers(loaded(plant, nowhere))
+    assert np.array_equal(told, untold, equal_nan=False) == (not MODELS[case.model].needs_places)
+
+
 # --- parts, strips, and what moves the body ---------------------------------------------------------------------
 
 
@@ -308,7 +319,7 @@ def test_a_mirrored_flight_is_the_flight_in_a_mirror(name: str, case: Case) -> N
     start = tumbling(plant, 3)
     commands = k.Controls(0.1, 0.12, -0.2, -0.19, 0.4, 0.1, 0.2, 0.005, 1.0)
     swapped = commands._replace(left_start=-0.2, left_end=-0.19, right_start=0.1, right_end=0.12, rudder=-0.2)
-    if plant.parameters.crank:
+    if plant.parameters.drive_kind == k.CRANK:
         swapped = commands._replace(rudder=-0.2)
     flights = []
     for y, command, wind in ((start, commands, (2.0, 1.0, 0.3)), (mirrored(plant, start), swapped, (2.0, -1.0, 0.3))):
