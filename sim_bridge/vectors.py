@@ -55,12 +55,12 @@ def _compile(function: Compiled, **options: Any) -> Compiled:
 
 def kernel(function: Compiled) -> Compiled:
     """Compile with numba, cached on disk; sums may be reordered, but not-a-number still propagates."""
-    return _compile(function)
+    return _compile(function, no_cfunc_wrapper=True)
 
 
 def inlined(function: Compiled) -> Compiled:
     """A `kernel` that is laid into its compiled callers: what passes many arrays copies none."""
-    return _compile(function, forceinline=True)
+    return _compile(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @kernel

@@ -173,10 +173,12 @@ def coefficients(sine: float, cosine: float, k: Factors) -> Coefficients:
 
 
 def _of_angle(angle: Floats | float, advance_ratio: Floats | float) -> Coefficients:
-    ratio = np.maximum(np.asarray(advance_ratio, dtype=np.float64), BORDER)
-    factors = correction_factors.py_func(ratio)  # type: ignore[attr-defined]
-    found: Coefficients = coefficients.py_func(np.sin(angle), np.cos(angle), factors)  # type: ignore[attr-defined]
-    return found
+    one = np.vectorize(_at_one_angle, otypes=[np.float64] * len(Coefficients._fields))
+    return Coefficients._make(one(angle, np.maximum(advance_ratio, BORDER)))
+
+
+def _at_one_angle(angle: float, advance_ratio: float) -> Coefficients:
+    return coefficients(math.sin(angle), math.cos(angle), correction_factors(advance_ratio))
 
 
 def lift_coefficient(angle: Floats | float, advance_ratio: Floats | float) -> Floats:
