@@ -295,6 +295,24 @@ def test_the_air_takes_from_the_mechanism_what_its_strips_do(name: str, case: Ca
     assert loads @ speeds == pytest.approx(np.sum(power), abs=1e-11 * scale)
 
 
+@every_vehicle
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_whatever_a_strip_bears_moves_body_and_joints(name: str, seed: int) -> None:
+    """Loads in every direction of the section, outward too, which no model of the table has: wrench and power."""
+    plant = plant_of(name, CASES[0])
+    evaluated(plant, tumbling(plant, seed))
+    parts = np.random.default_rng(seed).normal(size=plant.scratch.wings.loads.parts.shape)
+    alone = inertia_and_load(plant, 0.0 * parts)[1]
+    loads = inertia_and_load(plant, parts)[1] - alone
+    motion, c = plant.scratch.wings.motion, len(plant.layout.coordinates)
+    scale = max(float(np.sum(np.abs(parts))), float(np.max(np.abs(alone))))
+    assert loads[:6] == pytest.approx(plant.wing_loads().sum(axis=0), abs=1e-12 * scale)
+    speeds = np.concatenate((plant.y[7:13], plant.y[k.COORDINATES + c : k.COORDINATES + 2 * c]))
+    forward, upward, outward, nose_up = parts.sum(axis=0)
+    power = forward * motion.along - upward * motion.down + outward * motion.outward + nose_up * motion.pitch_rate
+    assert loads @ speeds == pytest.approx(np.sum(power), abs=1e-11 * scale)
+
+
 # --- symmetry ---------------------------------------------------------------------------------------------------
 
 
