@@ -9,6 +9,7 @@ import numpy as np
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import FourBar, Motor
+from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
@@ -39,7 +40,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         wings=mechanism.wings,
         joints=mechanism.joints,
         plates=mechanism.plates,
-        aerodynamics=mechanism.aerodynamics,
+        air=air_of(mechanism.model, mechanism.aerodynamics),
         whole_aircraft=mechanism.model.whole_aircraft,
         needs_places=mechanism.model.needs_places,
         drag_areas=np.array([hull.drag_area, hull.side_area]),

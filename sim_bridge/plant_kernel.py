@@ -8,12 +8,12 @@ charge drawn in C, then the state of the aerodynamic model: see `Layout`.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sim_bridge.actuators.drives import drive_current, servo_torque
 from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
 from sim_bridge.actuators.linkage import drive as motor_drive
-from sim_bridge.aerodynamics import protocol
+from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
@@ -67,8 +67,8 @@ class PlantParameters(NamedTuple):
     wings: Wings
     joints: Joints
     plates: Plates
-    aerodynamics: Any
-    """parameters of a model of `sim_bridge.aerodynamics.models`"""
+    air: models.Air
+    """the chosen aerodynamic model"""
     whole_aircraft: bool
     """the model's loads are those of tail and fuselage too"""
     needs_places: bool
@@ -248,7 +248,7 @@ def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: 
     wing_motion(s.tree, p.wings, q, rates, air, s.wings)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
-    protocol.loads(p.aerodynamics, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
+    models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         rate[start + i] = s.wings.loads.rates[i]
     add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
@@ -484,5 +484,5 @@ def advance(
         for i in range(y.shape[0]):
             y[i] += h / 6.0 * (stages[0, i] + 2.0 * stages[1, i] + 2.0 * stages[2, i] + stages[3, i])
         memory = y[aero_start(p.joints.kind.shape[0]) :]
-        protocol.advance(p.aerodynamics, p.wings.strips, s.wings.motion, around.density, memory, h)
+        models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
     return touching

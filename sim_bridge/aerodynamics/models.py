@@ -1,15 +1,39 @@
-"""The table of aerodynamic models: one line each."""
+"""The table of aerodynamic models: a line here, a field of `Air` and a branch of `loads` and `advance` each.
+
+The branches are taken at run time, so that the plant is compiled once for all models and a vehicle may change its
+model without waiting for the compiler.
+"""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple, get_type_hints
+
 from avionics.quantities import BadInput
 from sim_bridge.aerodynamics import blade_element, quasi_steady, regression, strip_theory
-from sim_bridge.aerodynamics.protocol import MODELS, AerodynamicModel
+from sim_bridge.aerodynamics.blade_element import BladeParameters
+from sim_bridge.aerodynamics.protocol import MODELS, AerodynamicModel, Motion, SectionLoads, Strips
+from sim_bridge.aerodynamics.quasi_steady import QuasiSteadyParameters
+from sim_bridge.aerodynamics.regression import RegressionParameters
+from sim_bridge.aerodynamics.strip_theory import StripParameters
+from sim_bridge.vectors import Floats, kernel
 
-__all__ = ["MODELS", "find_model"]
+__all__ = ["MODELS", "Air", "advance", "air_of", "find_model", "loads"]
 
 for _model in (strip_theory.MODEL, quasi_steady.MODEL, blade_element.MODEL, regression.MODEL):
     MODELS[_model.name] = _model
+
+STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION = range(len(MODELS))
+
+
+class Air(NamedTuple):
+    """The parameters of the model that is flown, and blanks in the places of the others."""
+
+    which: int
+    """index of the model in the table"""
+    strip_theory: StripParameters
+    quasi_steady: QuasiSteadyParameters
+    blade_element: BladeParameters
+    regression: RegressionParameters
 
 
 def find_model(name: str) -> AerodynamicModel:
@@ -21,3 +45,41 @@ def find_model(name: str) -> AerodynamicModel:
     if name not in MODELS:
         raise BadInput(f'unknown aerodynamic model "{name}"; known: {", ".join(MODELS)}')
     return MODELS[name]
+
+
+def air_of(model: AerodynamicModel, parameters: Any) -> Air:
+    """What the compiled `loads` takes for ``parameters`` that the ``model`` has built."""
+    blanks = {other.name: _blank(other.parameters) for other in MODELS.values()}
+    return Air(list(MODELS).index(model.name), **(blanks | {model.name: parameters}))
+
+
+def _blank(kind: type[Any]) -> Any:
+    if not hasattr(kind, "_fields"):
+        return kind()
+    return kind(*(_blank(hint) for hint in get_type_hints(kind).values()))
+
+
+@kernel
+def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads) -> None:
+    """Fill ``out`` with the loads of the chosen model, see `sim_bridge.aerodynamics.protocol`."""
+    if air.which == STRIP_THEORY:
+        strip_theory.loads(air.strip_theory, strips, motion, density, state, out)
+    elif air.which == QUASI_STEADY:
+        quasi_steady.loads(air.quasi_steady, strips, motion, density, state, out)
+    elif air.which == BLADE_ELEMENT:
+        blade_element.loads(air.blade_element, strips, motion, density, state, out)
+    elif air.which == REGRESSION:
+        regression.loads(air.regression, strips, motion, density, state, out)
+
+
+@kernel
+def advance(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
+    """Move that share of the chosen model's state that has a clock of its own over ``dt`` s."""
+    if air.which == STRIP_THEORY:
+        strip_theory.advance(air.strip_theory, strips, motion, density, state, dt)
+    elif air.which == QUASI_STEADY:
+        quasi_steady.advance(air.quasi_steady, strips, motion, density, state, dt)
+    elif air.which == BLADE_ELEMENT:
+        blade_element.advance(air.blade_element, strips, motion, density, state, dt)
+    elif air.which == REGRESSION:
+        regression.advance(air.regression, strips, motion, density, state, dt)

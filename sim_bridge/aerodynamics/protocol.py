@@ -20,8 +20,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from sim_bridge.vectors import Floats
 
@@ -110,7 +108,7 @@ class AerodynamicModel(NamedTuple):
     settings: type[Any]
     """section of the vehicle file that carries the model's name"""
     parameters: type[Any]
-    """NamedTuple that ``build`` makes; its type selects the compiled functions"""
+    """NamedTuple of numbers, or of such NamedTuples, that ``build`` makes"""
     parts: tuple[str, ...]
     """names of the parts of the loads, in order"""
     build: Callable[[Any, Strips], Any]
@@ -126,50 +124,3 @@ class AerodynamicModel(NamedTuple):
 
 MODELS: dict[str, AerodynamicModel] = {}
 """the table, by name; filled by `sim_bridge.aerodynamics.models`"""
-
-
-def model_of(parameters: type[Any]) -> AerodynamicModel:
-    """The model whose parameters are of this type.
-
-    Raises:
-        KeyError: none is.
-    """
-    for model in MODELS.values():
-        if model.parameters is parameters:
-            return model
-    raise KeyError(parameters.__name__)
-
-
-def loads(parameters: Any, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads) -> None:
-    """The loads of whatever model ``parameters`` belong to, for compiled and other code; density in kg/m^3."""
-    model_of(type(parameters)).loads(parameters, strips, motion, density, state, out)
-
-
-def advance(parameters: Any, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
-    """Move that share of ``state`` that has a clock of its own over a step of ``dt`` s, in place."""
-    model_of(type(parameters)).advance(parameters, strips, motion, density, state, dt)
-
-
-def _is_named_tuple(compile_time_type: Any) -> bool:
-    return isinstance(compile_time_type, types.BaseNamedTuple)
-
-
-@overload(loads, strict=False)
-def _compiled_loads(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, out: Any) -> Any:
-    # Resolved by the type of the parameters when the caller is compiled: no branch is left at run time.
-    if not _is_named_tuple(parameters):
-        return None
-    chosen = model_of(parameters.instance_class).loads
-    return lambda parameters, strips, motion, density, state, out: chosen(
-        parameters, strips, motion, density, state, out
-    )
-
-
-@overload(advance, strict=False)
-def _compiled_advance(parameters: Any, strips: Any, motion: Any, density: Any, state: Any, dt: Any) -> Any:
-    if not _is_named_tuple(parameters):
-        return None
-    chosen = model_of(parameters.instance_class).advance
-    return lambda parameters, strips, motion, density, state, dt: chosen(
-        parameters, strips, motion, density, state, dt
-    )

@@ -6,7 +6,6 @@ import inspect
 import math
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from aerodynamics_bench import (
@@ -37,7 +36,7 @@ from aerodynamics_bench import (
 from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import protocol
-from sim_bridge.aerodynamics.models import MODELS, find_model
+from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
 from sim_bridge.aerodynamics.protocol import MASS
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant
@@ -52,26 +51,14 @@ every_vehicle = pytest.mark.parametrize("name", NAMES)
 every_state = pytest.mark.parametrize("state", STATES)
 
 
-@numba.njit
-def compiled_loads(parameters, strips, motion, density, state, out):  # type: ignore[no-untyped-def]
-    protocol.loads(parameters, strips, motion, density, state, out)
-
-
-@numba.njit
-def compiled_advance(parameters, strips, motion, density, state, dt):  # type: ignore[no-untyped-def]
-    protocol.advance(parameters, strips, motion, density, state, dt)
-
-
 # --- the table --------------------------------------------------------------------------------------------------
 
 
 def test_names_settings_and_parameters_belong_to_one_model_each() -> None:
     assert list(MODELS) == [model.name for model in MODELS.values()]
     assert len({model.settings for model in MODELS.values()}) == len(MODELS)
-    # The type of the parameters is all that selects the compiled functions.
-    assert len({model.parameters for model in MODELS.values()}) == len(MODELS)
+    assert tuple(MODELS) == Air._fields[1:]
     for model in MODELS.values():
-        assert protocol.model_of(model.parameters) is model
         assert find_model(model.name) is model
         assert len(set(model.parts)) == len(model.parts) > 0
 
@@ -79,8 +66,6 @@ def test_names_settings_and_parameters_belong_to_one_model_each() -> None:
 def test_an_unknown_model_is_told_the_known_ones() -> None:
     with pytest.raises(BadInput, match=r'^unknown aerodynamic model "panels"; known: ' + ", ".join(MODELS)):
         find_model("panels")
-    with pytest.raises(KeyError, match="float"):
-        protocol.model_of(float)
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
@@ -170,7 +155,7 @@ def test_the_loads_are_of_this_instant_and_not_of_what_was_in_their_place(name: 
     motions = [motion_of(plant, tumbling(plant, seed)) for seed in (1, 2)]
     memory, mechanism = plant.mechanism.aerodynamic_state.copy(), plant.mechanism
     for motion in (*motions, motions[0]):
-        protocol.loads(mechanism.aerodynamics, mechanism.wings.strips, motion, DENSITY, memory, out)
+        loads(plant.parameters.air, mechanism.wings.strips, motion, DENSITY, memory, out)
     assert np.array_equal(numbers(out), numbers(loaded(plant, motions[0])))
     assert np.array_equal(memory, mechanism.aerodynamic_state)
 
@@ -210,10 +195,10 @@ def test_apparent_mass_is_positive_where_the_model_has_one(name: str, case: Case
 def test_the_compiled_call_is_the_call_from_python(name: str, case: Case, state: str) -> None:
     plant, model = plant_of(name, case), MODELS[case.model]
     motion = motion_of(plant, STATES[state](plant))
-    arguments = (plant.mechanism.aerodynamics, strips_of(plant), motion, DENSITY)
+    arguments = (strips_of(plant), motion, DENSITY)
     memory, plain, compiled = plant.mechanism.aerodynamic_state, blank(plant), blank(plant)
-    model.loads.py_func(*arguments, memory.copy(), plain)  # type: ignore[attr-defined]
-    compiled_loads(*arguments, memory.copy(), compiled)
+    model.loads.py_func(plant.mechanism.aerodynamics, *arguments, memory.copy(), plain)  # type: ignore[attr-defined]
+    loads(plant.parameters.air, *arguments, memory.copy(), compiled)
     # Laid into their callers, sums may be ordered otherwise: to rounding.
     scale = max(float(np.max(np.abs(plain.parts))), float(np.max(np.abs(plain.body))), 1e-9)
     for other in (plain, loaded(plant, motion)):
@@ -388,9 +373,9 @@ def test_advance_leaves_the_state_finite_and_what_the_integrator_moves_alone(nam
     before = plant.y[plant.layout.aerodynamics :].copy()
     smooth = loaded(plant, motion, state=before.copy()).rates != 0.0
     after, compiled = before.copy(), before.copy()
-    arguments = (plant.mechanism.aerodynamics, strips_of(plant), motion, DENSITY)
-    protocol.advance(*arguments, after, 0.001)
-    compiled_advance(*arguments, compiled, 0.001)
+    arguments = (strips_of(plant), motion, DENSITY)
+    plant.mechanism.model.advance(plant.mechanism.aerodynamics, *arguments, after, 0.001)
+    advance(plant.parameters.air, *arguments, compiled, 0.001)
     assert np.all(np.isfinite(after))
     assert np.array_equal(after[smooth], before[smooth])
     assert np.array_equal(after, compiled)

@@ -188,7 +188,7 @@ def loaded(
     wake = initial(p, wing)
     wake[:] = rng.normal(size=wake.shape[0])
     out = protocol.blank_loads(len(MODEL.parts), wing, wake.shape[0])
-    protocol.loads(p, wing, motion, density, wake, out)
+    MODEL.loads(p, wing, motion, density, wake, out)
     return motion, out, wake
 
 
@@ -239,7 +239,7 @@ def test_without_a_wakes_lag_there_is_no_state_and_the_loads_are_those_of_a_sett
     wing, p = strips(), build(SETTINGS, strips())
     settled = protocol.blank_loads(len(MODEL.parts), wing, 2 * COUNT)
     wake = motion.down + 0.25 * wing.chord * motion.pitch_rate
-    protocol.loads(p, wing, motion, DENSITY, wake, settled)
+    MODEL.loads(p, wing, motion, DENSITY, wake, settled)
     assert settled.parts == pytest.approx(out.parts, rel=1e-12, abs=1e-15)
     assert settled.rates == pytest.approx(np.zeros(2 * COUNT), abs=1e-9)
 
