@@ -13,7 +13,7 @@ from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.vectors import Floats, quaternion_from_euler, rotation
+from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler, rotation
 from sim_bridge.vehicles import SimulatedVehicle
 
 DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
@@ -110,6 +110,11 @@ class Means(NamedTuple):
     specific_force_z: float
 
 
+def physics_compiled() -> bool:
+    """Whether a plant flies at once; if not, the first step of one takes half a minute, once."""
+    return is_compiled(k.advance)
+
+
 class Plant:
     """The vehicle's state and its compiled integrator."""
 
@@ -138,6 +143,16 @@ class Plant:
         )
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
         return Means(*self._means.tolist())
+
+    def compile(self) -> None:
+        """Have the kernels compiled; the state is left as it is."""
+        before = self.y.copy()
+        self.advance(
+            k.Controls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, STEP, 0.0),
+            k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0),
+        )
+        self.y[:] = before
+        self.touching = False
 
     def evaluate(self, controls: k.Controls, around: k.Surroundings) -> Floats:
         """Rates of the state (len(y),) at its present value; loads and accelerations are left in ``scratch``."""

@@ -45,6 +45,12 @@ if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
 
+def is_compiled(function: Callable[..., object]) -> bool:
+    """Whether the cache holds a compiled form of a kernel; a kernel that is not is compiled at its first call."""
+    module, name = function.__module__.rpartition(".")[2], function.__name__
+    return any(Path(numba.config.CACHE_DIR).rglob(f"{module}.{name}-*.nbi"))  # type: ignore[attr-defined]
+
+
 def _compile(function: Compiled, **options: Any) -> Compiled:
     # Kernels allocate nothing: without numba's reference counts a call with a hundred arrays is three times as fast.
     options |= {"_nrt": False, "error_model": "numpy"}

@@ -28,7 +28,7 @@ class Patience(NamedTuple):
     connect: float = 30.0
     """s; for the connection, while the world starts"""
     first: float = 60.0
-    """s; for the first sensor frame, while the world compiles its physics"""
+    """s; for the first sensor frame: a world may have to get ready"""
     frame: float = 5.0
     """s; for every later sensor frame"""
     noise: float = 0.05

@@ -23,7 +23,7 @@ from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify, options
 from groundstation.command.children import Children, Failure
-from groundstation.command.sim import simulated
+from groundstation.command.sim import COMPILING, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection, listen_locally
@@ -40,6 +40,7 @@ from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.environment.wind import steady_wind
+from sim_bridge.plant import Plant, physics_compiled
 
 EXAMPLES = (
     "wingbeat fly",
@@ -106,6 +107,7 @@ def run(arguments: Sequence[str]) -> int:
     plan = check(chosen)
     console = open_console(quiet=chosen.json)
     signal.signal(signal.SIGTERM, _interrupt)
+    _prepare(plan, console)
     began = time.monotonic()
     try:
         _fly(plan, chosen, console)
@@ -139,6 +141,19 @@ def check(chosen: argparse.Namespace) -> Plan:
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
     return Plan(chosen.vehicle, vehicle.title, model, log, parts)
+
+
+def _prepare(plan: Plan, console: Console) -> None:
+    """Compile the physics before the clocks of the flight's waits begin to run."""
+    if physics_compiled():
+        return
+    vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
+    if console.is_terminal:
+        with console.status(COMPILING):
+            Plant(vehicle).compile()
+    else:
+        console.print(COMPILING, markup=False, highlight=False)
+        Plant(vehicle).compile()
 
 
 def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
@@ -197,7 +212,7 @@ class _Speed:
     def note(self, state: VehicleState) -> str:
         """Words for the header."""
         if state.time is None or state.heard_at is None:
-            return "starting; the first flight compiles the physics, up to a minute"
+            return "starting"
         if self._first is None:
             self._first = (state.heard_at, state.time)
         elapsed = state.heard_at - self._first[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +20,7 @@ from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
+from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 EXAMPLES = (
@@ -26,6 +28,7 @@ EXAMPLES = (
     "wingbeat sim --vehicle arizona_100cm --listen tcp:0.0.0.0:4560 --speed 1 --wind 3",
     "wingbeat sim --aerodynamics quasi_steady",
 )
+COMPILING = "compiling the physics, once: about half a minute"
 DURATION = 600.0
 """s; longest simulation"""
 
@@ -52,6 +55,9 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
+    if not physics_compiled():
+        print(COMPILING, file=sys.stderr, flush=True)
+        Plant(vehicle).compile()
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.duration)
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
