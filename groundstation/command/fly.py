@@ -39,6 +39,7 @@ from logs.join import join
 from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
+from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.plant import Plant, physics_compiled
 
@@ -132,6 +133,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     vehicle = load_vehicle(computer)
     model = simulated(world, chosen.aerodynamics).aerodynamics.model
     steady_wind(chosen.wind, chosen.wind_from)
+    dryden.turbulence(chosen.turbulence, 1.0, chosen.seed)
     load_mission(chosen.mission)
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
@@ -179,6 +181,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
+    world += ["--turbulence", chosen.turbulence]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     children.start("the world", ["sim", *world])

@@ -86,7 +86,7 @@ def add_gcs(parser: argparse.ArgumentParser) -> None:
 
 
 def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
-    """Offer what the world is made of: duration, speed, seed, wind."""
+    """Offer what the world is made of: duration, speed, seed, wind, gusts."""
     parser.add_argument(
         "--duration", type=positive, default=duration, metavar="S", help=f"end after so many seconds ({duration:g})"
     )
@@ -101,6 +101,9 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
         default=0.0,
         metavar="DEG",
         help="where it comes from (0: north); launched into it",
+    )
+    parser.add_argument(
+        "--turbulence", default="none", metavar="LEVEL", help="Dryden gusts: none, light, moderate or severe (none)"
     )
 
 

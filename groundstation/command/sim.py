@@ -58,7 +58,7 @@ def run(arguments: Sequence[str]) -> int:
     if not physics_compiled():
         print(COMPILING, file=sys.stderr, flush=True)
         Plant(vehicle).compile()
-    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.duration)
+    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration)
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
@@ -102,6 +102,7 @@ def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: S
         "seed": str(scenario.seed),
         "wind_speed": repr(scenario.wind_speed),
         "wind_from": repr(scenario.wind_from),
+        "turbulence": scenario.turbulence,
         "duration": repr(scenario.duration),
         "home_latitude": repr(scenario.home.latitude),
         "home_longitude": repr(scenario.home.longitude),

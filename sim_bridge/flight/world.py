@@ -20,6 +20,7 @@ from avionics.quantities import BadInput
 from avionics.topics import Topic
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
+from sim_bridge.environment import dryden
 from sim_bridge.environment.atmosphere import Air, isa
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
@@ -38,6 +39,7 @@ REST_TIME = 3.0
 """s; the flight is over when the vehicle has lain still on the ground for so long"""
 REST_SPEED = 0.3
 """m/s; slower than this is still"""
+STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 Publish = Callable[[Topic, Any], None]
@@ -51,6 +53,8 @@ class Scenario(NamedTuple):
     """m/s; steady"""
     wind_from: float = 0.0
     """rad; direction the wind comes from, clockwise from north"""
+    turbulence: str = "none"
+    """Dryden gusts: none, light, moderate or severe"""
     duration: float = 180.0
     """s; the world ends then at the latest"""
     home: Home = COLLEGE_PARK
@@ -70,7 +74,7 @@ class SimulatedWorld:
         """Put the vehicle into the launcher's hand, facing the wind.
 
         Raises:
-            BadInput: seed or wind out of range.
+            BadInput: seed or wind out of range, no such turbulence, or bodies that make no vehicle.
         """
         if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
             raise BadInput(f"duration must be above 0 s, not {scenario.duration:g}")
@@ -81,6 +85,9 @@ class SimulatedWorld:
         launch = vehicle.launch
         self.plant.y[3:7] = quaternion_from_euler(0.0, launch.pitch, scenario.wind_from)
         self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home)
+        self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
+        self._gusts = dryden.initial(self._turbulence)
+        self._gust = STILL
         self._publish = publish
         self._tick = -1
         self._targets = (0.0, 0.0)
@@ -116,6 +123,7 @@ class SimulatedWorld:
         self._tick += 1
         air = self._air()
         self._current_before = self._means.current
+        self._blow()
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
@@ -125,7 +133,7 @@ class SimulatedWorld:
         """The vehicle's state at the end of the last step."""
         y = self.plant.y.tolist()
         r = self._rotation()
-        wind = self._wind
+        wind = self._air_velocity()
         breeze = _rotate_back(r, wind)
         air = (y[7] - breeze[0], y[8] - breeze[1], y[9] - breeze[2])
         v_ned = _rotate(r, y[7:10])
@@ -171,7 +179,22 @@ class SimulatedWorld:
     def _surroundings(self, air: Air) -> k.Surroundings:
         launch = self.vehicle.launch
         push = launch.speed / launch.duration
-        return k.Surroundings(*self._wind, air.density, self._launcher(), push, 0.0, 0.0)
+        turn = _rotate_back(self._rotation(), self._gust.omega)
+        return k.Surroundings(*self._air_velocity(), air.density, self._launcher(), push, 0.0, 0.0, *turn)
+
+    def _air_velocity(self) -> tuple[float, float, float]:
+        """m/s; of the air at the vehicle, NED: the steady wind and the gust."""
+        (a, b, c), (x, y, z) = self._wind, self._gust.velocity
+        return a + x, b + y, c + z
+
+    def _blow(self) -> None:
+        """The gust of the coming tick."""
+        if self.scenario.turbulence == "none":
+            return
+        y, wind = self.plant.y, self._wind
+        over_ground = _rotate(self._rotation(), y[7:10].tolist())
+        through = (over_ground[0] - wind[0], over_ground[1] - wind[1], over_ground[2] - wind[2])
+        self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, -float(y[2]), through, TICK)
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
         travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
@@ -214,7 +237,7 @@ class SimulatedWorld:
 
     def _observe(self, air: Air) -> Observation:
         y = self.plant.y.tolist()
-        r, wind, means = self._rotation(), self._wind, self._means
+        r, wind, means = self._rotation(), self._air_velocity(), self._means
         v, w, x = y[7:10], y[10:13], self.vehicle.fuselage.contact_nose
         turning = (0.0, w[2] * x, -w[1] * x)
         breeze = _rotate_back(r, wind)

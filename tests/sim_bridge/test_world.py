@@ -116,6 +116,31 @@ def test_a_wind_is_felt_by_the_pitot_in_the_launchers_hand(direction: float) -> 
     assert math.atan2(-truth.wind_east, -truth.wind_north) == pytest.approx(direction)
 
 
+def _gusty(seed: int, level: str = "moderate") -> list[TruthState]:
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(seed=seed, wind_speed=3.0, turbulence=level))
+    truths = []
+    for tick in range(2400):
+        world.step(glide(tick))
+        truths.append(world.truth())
+    return truths
+
+
+def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
+    gusty, calm = _gusty(1), _gusty(1, "none")
+    north = [truth.wind_north for truth in gusty]
+    assert {truth.wind_north for truth in calm} == {-3.0}
+    # Held near the ground, where moderate turbulence is some 2 m/s across.
+    spread = math.sqrt(sum((speed + 3.0) ** 2 for speed in north) / len(north))
+    assert 0.3 < spread < 5.0
+    assert len(set(north)) > 2000
+    assert abs(gusty[-1].east - calm[-1].east) > 0.1
+
+
+def test_the_seed_is_the_gusts() -> None:
+    assert _gusty(5)[::40] == _gusty(5)[::40]
+    assert [truth.wind_north for truth in _gusty(5)] != [truth.wind_north for truth in _gusty(6)]
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_command_that_is_no_number_does_not_end_the_world(name: str, wrong: float) -> None:
@@ -152,6 +177,7 @@ def test_loads_and_power_agree_with_each_other() -> None:
         (Scenario(wind_speed=-1.0), "wind speed"),
         (Scenario(wind_speed=51.0), "0 to 50"),
         (Scenario(wind_from=math.inf), "wind direction"),
+        (Scenario(turbulence="breezy"), "none, light, moderate or severe"),
         (Scenario(seed=-1), "seed"),
     ],
 )
