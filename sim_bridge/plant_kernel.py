@@ -486,3 +486,31 @@ def advance(
         memory = y[aero_start(p.joints.kind.shape[0]) :]
         models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
     return touching
+
+
+@kernel
+def follow(
+    y: Floats,
+    commands: Floats,
+    around: Surroundings,
+    p: PlantParameters,
+    s: Scratch,
+    stages: Floats,
+    history: Floats,
+) -> bool:
+    """Advance ``y`` in place through intervals one after another, without coming back to Python in between.
+
+    Args:
+        commands: (n, 10) the fields of `Controls`, then the number of steps of each interval.
+        stages: as for `advance`. history: (n, len(y) + 7) out; state at the end of each interval and its means.
+    Returns:
+        whether the ground was touched.
+    """
+    touching, size = False, y.shape[0]
+    for i in range(commands.shape[0]):
+        row = commands[i]
+        c = Controls(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
+        touching = advance(y, int(row[9]), c, around, p, s, stages, history[i, size:]) or touching
+        for j in range(size):
+            history[i, j] = y[j]
+    return touching

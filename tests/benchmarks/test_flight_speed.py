@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import statistics
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from avionics.autopilot import Autopilot
 from avionics.missions import load_mission
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
+from sim_bridge import plant_kernel as k
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario, SimulatedWorld
-from sim_bridge.vehicles import load_vehicle
+from sim_bridge.plant import Plant
+from sim_bridge.vehicles import load_vehicle, with_model
 
 VEHICLE = "robo_raven_ii_d"
 PART = 40.0
@@ -50,6 +55,32 @@ def test_the_parts_of_a_tick() -> None:
         median, late = statistics.median(ordered), ordered[int(0.99 * len(ordered))]
         say(f"{what:24} {median * 1e6:6.0f} us a tick at the median, {late * 1e6:6.0f} us at the 99th percentile")
     say(f"both in one process      {PART / (sum(worlds) + sum(computers)):6.1f} times real time")
+
+
+PLANT_REAL_TIME = 60.0
+"""-; what the coupled physics of Robo Raven alone must reach, strip theory, 1 kHz, one core"""
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize("model", ["strip_theory", "quasi_steady", "blade_element"])
+def test_the_coupled_physics_alone(model: str) -> None:
+    """Bodies, wings, air and drives in flapping flight: eight times two seconds, the best counts."""
+    plant = Plant(with_model(load_vehicle(VEHICLE), model))
+    start, around = plant.y.copy(), k.Surroundings(0.0, 0.0, 0.0, 1.225, k.FREE, 0.0, 0.0, 0.0)
+    start[2], start[7] = -500.0, 7.0
+    angles = [0.2 + 0.4 * math.sin(2.0 * math.pi * 4.0 * tick / 200.0) for tick in range(401)]
+    ticks = [k.Controls(a, b, a, b, 0.5, 0.0, 0.0, 0.005, 1.0) for a, b in itertools.pairwise(angles)]
+    plant.follow(ticks[:1], around)  # compiled
+    best = math.inf
+    for _ in range(8):
+        plant.y[:] = start
+        begun = time.perf_counter()
+        plant.follow(ticks, around)
+        best = min(best, time.perf_counter() - begun)
+    needed = f" (needed: {PLANT_REAL_TIME:g})" if model == "strip_theory" else ""
+    say(f"physics, {model:15} {2.0 / best:6.1f} times real time on one core{needed}")
+    assert np.all(np.isfinite(plant.y))
+    assert model != "strip_theory" or 2.0 / best >= PLANT_REAL_TIME
 
 
 def flown(log: Path, *words: str) -> tuple[float, float]:

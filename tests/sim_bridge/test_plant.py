@@ -235,3 +235,13 @@ def test_a_prescribed_joint_is_where_the_phase_of_the_stroke_says() -> None:
         rate = slope * 2.0 * math.pi * plant.y[layout.crank_speed]
         assert plant.y[layout.rate(at)] == pytest.approx(rate, abs=1e-3)
     assert plant.y[layout.crank_speed] > 3.0
+
+
+def test_following_commands_is_advancing_through_them_one_by_one() -> None:
+    one, other = Plant(vehicle("robo_raven_ii_d")), Plant(vehicle("robo_raven_ii_d"))
+    controls = [hold(0.4 * math.sin(0.13 * i), 0.005 + 0.001 * (i % 3)) for i in range(30)]
+    states, means = one.follow(controls, air())
+    for i, wanted in enumerate(controls):
+        assert np.array_equal(other.advance(wanted, air()), means[i])
+        assert np.array_equal(other.y, states[i])
+    assert np.array_equal(one.y, other.y)
