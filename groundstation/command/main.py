@@ -34,6 +34,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "log": Subcommand("groundstation.command.log", "look into a log, export it, repair it"),
     "replay": Subcommand("groundstation.command.replay", "run recorded sensors through the flight code"),
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
+    "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
 }
 

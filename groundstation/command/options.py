@@ -115,6 +115,11 @@ def positive(text: str) -> float:
     return value
 
 
+def number(text: str) -> float:
+    """A finite number, for argparse."""
+    return _number(text)
+
+
 def not_negative(text: str) -> float:
     """A number of zero or more, for argparse."""
     value = _number(text)

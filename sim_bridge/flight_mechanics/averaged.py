@@ -11,12 +11,14 @@ moves them some 5 % from the eigenvalues of A, and it is A that a flight test wi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.orbit import INTERVALS, Orbit, StrokeMap
+from sim_bridge.flight_mechanics.orbit import Orbit
+from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
@@ -52,11 +54,16 @@ class ShortPeriod(NamedTuple):
     """-; ratio"""
 
 
-def stroke_averaged_model(vehicle: SimulatedVehicle, orbit: Orbit) -> AveragedModel:
-    """Linearise the stroke-averaged motion about ``orbit``."""
+def stroke_averaged_model(
+    vehicle: SimulatedVehicle, orbit: Orbit, told: Callable[[int, int], None] = lambda done, of: None
+) -> AveragedModel:
+    """Linearise the stroke-averaged motion about ``orbit``; ``told`` hears how many flights of how many are done."""
     strokes = math.ceil(LENGTH * orbit.inputs.frequency)
     rest = _response(vehicle, orbit, (0.0, 0.0), strokes + 1)
-    pieces = [_averaged(vehicle, orbit, width, rest, strokes) for width in WIDTHS]
+    pieces = []
+    for i, width in enumerate(WIDTHS):
+        pieces.append(_averaged(vehicle, orbit, width, rest, strokes))
+        told(i + 1, len(WIDTHS))
     regressors = np.vstack([piece[0] for piece in pieces])
     rates = np.vstack([piece[1] for piece in pieces])
     values = np.linalg.lstsq(regressors, rates, rcond=None)[0]

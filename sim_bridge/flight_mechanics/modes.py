@@ -1,29 +1,45 @@
-"""Modes of the stroke-averaged flight: logarithm of the stroke map's Jacobian (Floquet)."""
+"""Modes of free flight about a trimmed orbit: logarithms of the stroke map's Floquet multipliers, and their names.
+
+A multiplier mu of the map over a period T is an exponent log(mu)/T, which holds its frequency up to half the flapping
+rate alone: what swings faster comes out slower (aliases).
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.orbit import BODY_STATES, Orbit, StrokeMap
+from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, FreeMap, Q, W
+from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 
-LEAST_BODY_SHARE = 0.003
-"""-; below it a mode is one of the wings or of the wake: a body's mode moves the wings much more than itself"""
+LEAST_BODY_SHARE = 0.05
+"""-; below it a mode is one of the wings or of the wake"""
+TURNING = 0.2
+"""s; weight of turn rates against attitudes, about the time of a short period over 2 pi"""
+GONE = 1e-7
+"""-; a multiplier below it is lost in rounding"""
+SHORT_PERIOD, PHUGOID = "short period", "phugoid"
+DUTCH_ROLL, SPIRAL, ROLL_SUBSIDENCE = "dutch roll", "spiral", "roll subsidence"
 
 
 class Mode(NamedTuple):
-    """One mode of the stroke-averaged motion."""
+    """One mode of free flight."""
 
     eigenvalue: complex
     """1/s; one of a conjugate pair (positive imaginary part), or a real one"""
     body_share: float
-    """-; how much of the mode is motion of the body, 0 to 1"""
+    """-; how much of the mode is motion of the body, 0 to 1; the rest is wings and wake"""
     pitching_share: float
-    """-; share of angle of attack and pitch rate in the body's motion (the rest is speed and pitch)"""
+    """-; share of angle of attack and pitch rate in the body's longitudinal motion (the rest is speed and pitch)"""
+    lateral_share: float = 0.0
+    """-; share of sideslip, roll and yaw in the body's motion: 0 or 1 about a symmetric orbit"""
+    name: str = ""
+    """one of those above, or nothing for a mode of wings and wake"""
 
     @property
     def natural_frequency(self) -> float:
@@ -32,56 +48,84 @@ class Mode(NamedTuple):
 
     @property
     def damping(self) -> float:
-        """Damping ratio."""
+        """Damping ratio; 1 or -1 for a real eigenvalue."""
         return -self.eigenvalue.real / abs(self.eigenvalue)
 
+    @property
+    def period(self) -> float:
+        """s; infinite without an oscillation."""
+        return 2.0 * math.pi / self.eigenvalue.imag if self.eigenvalue.imag else math.inf
 
-def jacobian(vehicle: SimulatedVehicle, orbit: Orbit) -> Floats:
-    """Monodromy matrix (n, n) of the stroke map about the orbit, by central differences."""
-    stroke = StrokeMap(vehicle)
-    columns = []
-    for i in range(stroke.size):
-        step = 1e-5 * max(1.0, abs(orbit.state[i]))
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = orbit.state.copy()
-            moved[i] += sign * step
-            ends.append(stroke(moved, orbit.inputs))
-        columns.append((ends[0] - ends[1]) / (2.0 * step))
-    return np.array(columns).T
+    @property
+    def time_to_half(self) -> float:
+        """s; negative: to double."""
+        return -math.log(2.0) / self.eigenvalue.real if self.eigenvalue.real else math.inf
+
+    @property
+    def lateral(self) -> bool:
+        """Whether it is motion out of the plane of symmetry."""
+        return self.lateral_share > 0.5
 
 
 def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
-    """Every mode of the stroke map, slowest first; frequencies beyond half the flapping frequency alias."""
-    multipliers, vectors = np.linalg.eig(jacobian(vehicle, orbit))
-    memory = StrokeMap(vehicle).memory
+    """Every mode of the stroke map, slowest first, the body's named; see `aliases`."""
+    free = FreeMap(vehicle, orbit)
+    multipliers, vectors = np.linalg.eig(free.jacobian())
     found = []
     for multiplier, vector in zip(multipliers, vectors.T, strict=True):
-        if multiplier.imag < 0.0 or abs(multiplier) < 1e-9:
+        if multiplier.imag < 0.0 or abs(multiplier) < GONE:
             continue
-        eigenvalue = complex(np.log(multiplier)) * orbit.inputs.frequency
-        found.append(Mode(eigenvalue, *_shares(vector, orbit, memory)))
-    return sorted(found, key=lambda mode: abs(mode.eigenvalue))
+        eigenvalue = complex(np.log(complex(multiplier))) * orbit.inputs.frequency
+        found.append(Mode(eigenvalue, *_shares(vector, orbit, free.coordinates)))
+    return named(sorted(found, key=lambda mode: abs(mode.eigenvalue)))
 
 
-def _shares(vector: Floats, orbit: Orbit, memory: int) -> tuple[float, float]:
-    speed = orbit.means.airspeed
+def aliases(mode: Mode, frequency: float) -> bool:
+    """Whether a mode swings faster than half the flapping ``frequency`` in Hz, so that its own may be another."""
+    return mode.eigenvalue.imag != 0.0 and mode.natural_frequency > math.pi * frequency
+
+
+def named(found: list[Mode]) -> list[Mode]:
+    """Name the body's modes among ``found``, slowest first.
+
+    Longitudinal: the slowest that is mainly speed and pitch, the slowest that is mainly angle of attack and pitch
+    rate. Lateral: the slowest oscillation, the slowest and the next aperiodic one.
+    """
+    body = [i for i, mode in enumerate(found) if mode.body_share > LEAST_BODY_SHARE]
+    along = [i for i in body if not found[i].lateral]
+    across = [i for i in body if found[i].lateral]
+    aperiodic = [i for i in across if found[i].eigenvalue.imag == 0.0]
+    chosen = {
+        PHUGOID: [i for i in along if found[i].pitching_share <= 0.5][:1],
+        SHORT_PERIOD: [i for i in along if found[i].pitching_share > 0.5][:1],
+        DUTCH_ROLL: [i for i in across if found[i].eigenvalue.imag > 0.0][:1],
+        SPIRAL: aperiodic[:1],
+        ROLL_SUBSIDENCE: aperiodic[1:2],
+    }
+    names = {i: name for name, places in chosen.items() for i in places}
+    return [mode._replace(name=names.get(i, "")) for i, mode in enumerate(found)]
+
+
+def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[float, float, float]:
+    rates = slice(BODY + coordinates, BODY + 2 * coordinates)
     scale = np.ones(vector.shape[0])
-    scale[:2] = 1.0 / speed
-    scale[2] = 0.2
-    scale[memory:] = 1.0 / speed
+    scale[:3] = scale[rates.stop :] = 1.0 / orbit.means.airspeed
+    scale[3:6] = TURNING
+    scale[rates] = 1.0 / (2.0 * math.pi * orbit.inputs.frequency)
     weight = np.abs(vector * scale) ** 2
-    body = float(np.sum(weight[:BODY_STATES]))
-    return body / float(np.sum(weight)), float(weight[1] + weight[2]) / max(body, 1e-300)
+    body, lateral = float(np.sum(weight[:BODY])), float(np.sum(weight[list(LATERAL)]))
+    along = float(np.sum(weight[list(LONGITUDINAL)]))
+    pitching = float(weight[W] + weight[Q]) / max(along, 1e-300)
+    return body / float(np.sum(weight)), pitching, lateral / max(body, 1e-300)
 
 
 def short_period(found: list[Mode]) -> Mode:
-    """The slowest mode in which the body moves mainly in angle of attack and pitch rate.
+    """The short-period mode.
 
     Raises:
         BadInput: there is none.
     """
     for mode in found:
-        if mode.body_share > LEAST_BODY_SHARE and mode.pitching_share > 0.5:
+        if mode.name == SHORT_PERIOD:
             return mode
     raise BadInput("this flight has no short-period mode")

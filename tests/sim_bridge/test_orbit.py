@@ -8,8 +8,20 @@ import pytest
 from plant_bench import NAMES, vehicle
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.modes import Mode, jacobian, modes, short_period
-from sim_bridge.flight_mechanics.orbit import Orbit, StrokeInputs, StrokeMap, throttle_for, trim
+from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, ROLL, FreeMap, P, Q, V, W
+from sim_bridge.flight_mechanics.modes import (
+    DUTCH_ROLL,
+    PHUGOID,
+    ROLL_SUBSIDENCE,
+    SHORT_PERIOD,
+    SPIRAL,
+    Mode,
+    aliases,
+    modes,
+    short_period,
+)
+from sim_bridge.flight_mechanics.orbit import Orbit, trim
+from sim_bridge.flight_mechanics.stroke_map import StrokeInputs, StrokeMap, throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
 
 
@@ -50,23 +62,65 @@ def test_the_short_period_swings_slower_than_half_the_flapping(trimmed: Trimmed)
     assert mode.natural_frequency < math.pi * trimmed.orbit.inputs.frequency
 
 
-def test_every_mode_dies_away(trimmed: Trimmed) -> None:
-    assert all(mode.eigenvalue.real < 0.0 for mode in trimmed.found)
+def test_every_mode_but_the_spiral_dies_away(trimmed: Trimmed) -> None:
+    assert all(mode.eigenvalue.real < 0.0 for mode in trimmed.found if mode.name != SPIRAL)
     assert trimmed.found == sorted(trimmed.found, key=lambda mode: mode.natural_frequency)
 
 
-@pytest.mark.parametrize(("index", "size"), [(2, 0.01), (1, 0.01)])
-def test_a_disturbed_flight_is_what_the_jacobian_foretells(trimmed: Trimmed, index: int, size: float) -> None:
-    orbit, stroke = trimmed.orbit, StrokeMap(trimmed.vehicle)
-    disturbed, calm = orbit.state.copy(), orbit.state.copy()
-    disturbed[index] += size
+@pytest.mark.parametrize("index", [W, Q, V, P, ROLL])
+def test_a_disturbed_flight_is_what_the_jacobian_foretells(trimmed: Trimmed, index: int) -> None:
+    free = FreeMap(trimmed.vehicle, trimmed.orbit)
+    start = np.zeros_like(free.state)
+    start[index] = 0.01
+    disturbed, calm = free.state + start, free.state
     for _ in range(3):
-        disturbed, calm = stroke(disturbed, orbit.inputs), stroke(calm, orbit.inputs)
-    start = np.zeros(stroke.size)
-    start[index] = size
-    foretold = np.linalg.matrix_power(jacobian(trimmed.vehicle, orbit), 3) @ start
+        disturbed, calm = free(disturbed), free(calm)
+    foretold = np.linalg.matrix_power(free.jacobian(), 3) @ start
     flown = disturbed - calm
-    assert np.linalg.norm((flown - foretold)[:4]) < 0.03 * np.linalg.norm(foretold[:4])
+    assert np.linalg.norm((flown - foretold)[:BODY]) < 0.03 * np.linalg.norm(foretold[:BODY])
+
+
+def test_the_map_of_free_flight_is_the_stroke_map_in_the_plane_of_symmetry(trimmed: Trimmed) -> None:
+    orbit, stroke = trimmed.orbit, StrokeMap(trimmed.vehicle)
+    moved = orbit.state.copy()
+    moved[:4] += (0.1, 0.05, 0.02, 0.01)
+    free = FreeMap(trimmed.vehicle, orbit)
+    start = free.state.copy()
+    start[list(LONGITUDINAL)] += (0.1, 0.05, 0.02, 0.01)
+    assert free(start)[list(LONGITUDINAL)] == pytest.approx(stroke(moved, orbit.inputs)[:4], abs=1e-9)
+
+
+def test_what_happens_across_the_plane_of_symmetry_leaves_the_plane_alone(trimmed: Trimmed) -> None:
+    slope = FreeMap(trimmed.vehicle, trimmed.orbit).jacobian()
+    along, across = np.ix_(LONGITUDINAL, LONGITUDINAL), np.ix_(LATERAL, LATERAL)
+    for mixed in (np.ix_(LONGITUDINAL, LATERAL), np.ix_(LATERAL, LONGITUDINAL)):
+        assert np.max(np.abs(slope[mixed])) < 1e-6 * min(np.max(np.abs(slope[along])), np.max(np.abs(slope[across])))
+    assert all(min(mode.lateral_share, 1.0 - mode.lateral_share) < 1e-3 for mode in trimmed.found if mode.name)
+
+
+def test_the_five_modes_of_flight_are_named_once(trimmed: Trimmed) -> None:
+    names = sorted(mode.name for mode in trimmed.found if mode.name)
+    assert names == sorted((PHUGOID, SHORT_PERIOD, DUTCH_ROLL, SPIRAL, ROLL_SUBSIDENCE))
+    by_name = {mode.name: mode for mode in trimmed.found}
+    assert by_name[PHUGOID].natural_frequency < 0.5 * by_name[SHORT_PERIOD].natural_frequency
+    assert abs(by_name[SPIRAL].eigenvalue.real) < abs(by_name[ROLL_SUBSIDENCE].eigenvalue.real)
+    # Lanchester's phugoid of a glider without drag, sqrt(2) g / V, is the order of it.
+    lanchester = math.sqrt(2.0) * 9.80665 / trimmed.orbit.means.airspeed
+    assert by_name[PHUGOID].natural_frequency == pytest.approx(lanchester, rel=0.45)
+
+
+def test_period_and_halving_of_a_mode() -> None:
+    swinging, growing = Mode(-2.0 + 4.0j, 1.0, 1.0), Mode(0.1 + 0j, 1.0, 0.0)
+    assert swinging.period == pytest.approx(math.pi / 2.0)
+    assert math.exp(-2.0 * swinging.time_to_half) == pytest.approx(0.5)
+    assert math.exp(0.1 * -growing.time_to_half) == pytest.approx(2.0)
+    assert math.isinf(growing.period) and growing.damping == -1.0
+
+
+def test_a_mode_that_swings_faster_than_half_the_flapping_may_alias() -> None:
+    assert aliases(Mode(-3.0 + 12.5j, 1.0, 1.0), 4.0)
+    assert not aliases(Mode(-3.0 + 12.0j, 1.0, 1.0), 4.0)
+    assert not aliases(Mode(-50.0 + 0j, 1.0, 1.0), 4.0)
 
 
 def test_settled_wings_leave_the_body_where_it_was() -> None:

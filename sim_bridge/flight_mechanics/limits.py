@@ -1,0 +1,66 @@
+"""What a trimmed flight asks of a vehicle beyond what it has: travels, frequencies, throttle, a model's own range."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from sim_bridge.aerodynamics import regression
+from sim_bridge.flight_mechanics.stroke_map import StrokeInputs
+from sim_bridge.vehicles import SimulatedVehicle
+
+MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {regression.MODEL.name: regression.check}
+"""by model: refuses, from its section of the vehicle file, an airspeed in m/s at which it does not hold"""
+
+
+def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
+    """Refuse an airspeed in m/s at which the vehicle's aerodynamic model does not hold.
+
+    Raises:
+        BadInput: as the model says.
+    """
+    model = vehicle.aerodynamics.model
+    if model in MODEL_RANGES:
+        MODEL_RANGES[model](vehicle.sections[model], airspeed)
+
+
+def excesses(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
+    """What the inputs ask for that the vehicle has not, in words that follow "it needs"; empty within its limits."""
+    found = [_elevator(vehicle, inputs), *DRIVES[vehicle.drive.kind](vehicle, inputs)]
+    return [words for words in found if words]
+
+
+def _elevator(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> str:
+    travel = vehicle.tail_servo.travel
+    return _beyond(abs(inputs.elevator) > travel, f"{inputs.elevator:.2g} rad of elevator, the servo has {travel:g}")
+
+
+def _servo(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
+    reach = abs(vehicle.cruise.stroke_mean) + abs(inputs.amplitude)
+    travel = vehicle.drive.travel
+    return [
+        _beyond(inputs.amplitude < 0.0, "wings that take power out of the air"),
+        _beyond(reach > travel, f"the wings at {reach:.2g} rad, the servos stop at {travel:g}"),
+    ]
+
+
+def _crank(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
+    low, high = min(vehicle.drive.frequencies), max(vehicle.drive.frequencies)
+    range_ = f"the drive has {low:g} to {high:g}"
+    return [_beyond(not low <= inputs.frequency <= high, f"a stroke of {inputs.frequency:.3g} Hz, {range_}")]
+
+
+def _linkage(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
+    return [_beyond(not 0.0 <= inputs.throttle <= 1.0, f"a throttle of {inputs.throttle:.2g}, of 0 to 1")]
+
+
+DRIVES: dict[str, Callable[[SimulatedVehicle, StrokeInputs], list[str]]] = {
+    "servo": _servo,
+    "crank": _crank,
+    "linkage": _linkage,
+}
+"""by the kind of drive"""
+
+
+def _beyond(is_so: bool, words: str) -> str:
+    return words if is_so else ""
