@@ -35,6 +35,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "replay": Subcommand("groundstation.command.replay", "run recorded sensors through the flight code"),
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
+    "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
     "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
 }
 

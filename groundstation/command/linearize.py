@@ -1,0 +1,95 @@
+"""``wingbeat linearize``: modes of a steady flight, by the stroke map and by the stroke-averaged A and B."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from groundstation.command import options
+from groundstation.command.steady import add_steady, asked, trimmed
+from groundstation.command.trim import STEADY_KEYS, steady_document
+from groundstation.views.json_document import print_document
+from groundstation.views.linear_motion import linear_tables
+from groundstation.views.progress import ProgressBar
+from groundstation.views.steady_flight import flight_heading
+from groundstation.views.terminal import open_console
+from sim_bridge.flight_mechanics.averaged import AveragedModel, stroke_averaged_model
+from sim_bridge.flight_mechanics.linear import Linearization, averaged_modes, warnings
+from sim_bridge.flight_mechanics.modes import Mode, aliases, modes
+from sim_bridge.flight_mechanics.orbit import Orbit
+from sim_bridge.vehicles import SimulatedVehicle
+
+EXAMPLES = (
+    "wingbeat linearize robo_raven_ii_d",
+    "wingbeat linearize arizona_100cm --airspeed 9 --climb 0.5 --json",
+)
+MODE_KEYS = "name, eigenvalue [re, im] 1/s, natural_frequency rad/s, damping, period s, time_to_half s (< 0: double)"
+JSON_KEYS = STEADY_KEYS | {
+    "floquet": "modes of the stroke map, list of {" + MODE_KEYS + ", lateral, body_share, aliased}",
+    "averaged": "a, b of (u m/s, w m/s, q rad/s, theta rad) and elevator rad; unexplained: variance of u', w', q'"
+    " that they leave; modes: as above",
+    "warnings": "list of sentences",
+}
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = "Linearise a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
+    parser = options.build_parser("linearize", summary, EXAMPLES, JSON_KEYS)
+    add_steady(parser)
+    options.add_json(parser)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Search the trim, linearise about it, print modes and matrices.
+
+    Raises:
+        BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
+    """
+    chosen = build_parser().parse_args(arguments)
+    flight = asked(chosen)
+    orbit = trimmed(flight)
+    linear = linearized(flight.vehicle, orbit)
+    if chosen.json:
+        print_document(steady_document(flight, orbit) | document(linear, orbit))
+        return 0
+    console = open_console()
+    console.print(flight_heading(flight.vehicle, orbit))
+    console.print(linear_tables(linear, orbit))
+    return 0
+
+
+def linearized(vehicle: SimulatedVehicle, orbit: Orbit) -> Linearization:
+    """Both linear models of an orbit, with a progress bar."""
+    with ProgressBar("linearising") as bar:
+        found = modes(vehicle, orbit)
+        bar.show(1, 4)
+        averaged = stroke_averaged_model(vehicle, orbit, lambda done, of: bar.show(1 + done, 1 + of))
+        return Linearization(found, averaged)
+
+
+def document(linear: Linearization, orbit: Orbit) -> dict[str, Any]:
+    """The keys of `JSON_KEYS` behind those of the trim."""
+    frequency = orbit.inputs.frequency
+    floquet = [
+        _mode(mode) | {"lateral": mode.lateral, "body_share": mode.body_share, "aliased": aliases(mode, frequency)}
+        for mode in linear.floquet
+    ]
+    return {"floquet": floquet, "averaged": _averaged(linear.averaged), "warnings": warnings(linear, orbit)}
+
+
+def _averaged(model: AveragedModel) -> dict[str, Any]:
+    found = [_mode(mode) for mode in averaged_modes(model)]
+    return {"a": model.a, "b": model.b, "unexplained": model.unexplained, "modes": found}
+
+
+def _mode(mode: Mode) -> dict[str, Any]:
+    return {
+        "name": mode.name,
+        "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+        "natural_frequency": mode.natural_frequency,
+        "damping": mode.damping,
+        "period": mode.period,
+        "time_to_half": mode.time_to_half,
+    }

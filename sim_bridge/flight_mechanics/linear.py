@@ -1,0 +1,71 @@
+"""The two linear models of a steady flight beside each other: Floquet modes, and the stroke-averaged A and B."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_bridge.flight_mechanics.averaged import AveragedModel
+from sim_bridge.flight_mechanics.modes import PHUGOID, SHORT_PERIOD, Mode, aliases
+from sim_bridge.flight_mechanics.orbit import Orbit
+
+POORLY_EXPLAINED = 0.02
+"""-; share of variance left by four states, above which A and B are told to be doubtful"""
+NEAR = 2.0
+"""-; a mode of the wings within this factor of the short period's frequency is told to move it"""
+
+
+class Linearization(NamedTuple):
+    """Both linear models of one orbit."""
+
+    floquet: list[Mode]
+    """of the stroke map, slowest first"""
+    averaged: AveragedModel
+
+
+def averaged_modes(model: AveragedModel) -> list[Mode]:
+    """Modes of A, slowest first: the fastest two eigenvalues are the short period's, the others the phugoid's."""
+    roots = sorted((complex(root) for root in np.linalg.eigvals(model.a)), key=abs)
+    named = [(root, PHUGOID if i < 2 else SHORT_PERIOD) for i, root in enumerate(roots)]
+    return [Mode(root, 1.0, float(name == SHORT_PERIOD), 0.0, name) for root, name in named if root.imag >= 0.0]
+
+
+def warnings(linear: Linearization, orbit: Orbit) -> list[str]:
+    """What to beware of in these models, a sentence each."""
+    frequency = orbit.inputs.frequency
+    found = [
+        f"{mode.name}: {mode.natural_frequency:.3g} rad/s is beyond half the flapping rate"
+        f" ({np.pi * frequency:.3g} rad/s), where the logarithm of the stroke map may alias"
+        for mode in linear.floquet
+        if mode.name and aliases(mode, frequency)
+    ]
+    if float(np.max(linear.averaged.unexplained)) > POORLY_EXPLAINED:
+        found.append(
+            f"A and B leave {100.0 * float(np.max(linear.averaged.unexplained)):.0f} % of the response to the"
+            " elevator unexplained: more than four states take part"
+        )
+    return found
+
+
+def difference(linear: Linearization) -> str:
+    """Why the short periods of both models are not the same, in a sentence; empty where one of them has none."""
+    exact = next((mode for mode in linear.floquet if mode.name == SHORT_PERIOD), None)
+    ours = next((mode for mode in averaged_modes(linear.averaged) if mode.name == SHORT_PERIOD), None)
+    if exact is None or ours is None:
+        return ""
+    apart = ours.natural_frequency / exact.natural_frequency - 1.0
+    text = (
+        "The stroke map's modes are the exact decay of the motion left to itself; A and B are what four states"
+        " explain of its answer to the elevator, as a flight test sees it:"
+        f" a short period {100.0 * apart:+.1f} % in frequency."
+    )
+    near = [mode for mode in linear.floquet if _near(mode, exact)]
+    if near:
+        slow = f"{near[0].natural_frequency:.3g} rad/s"
+        text += f" What moves it is a mode of the wings at {slow}, too slow to be left out without a trace."
+    return text
+
+
+def _near(mode: Mode, exact: Mode) -> bool:
+    return not mode.name and not mode.lateral and mode.natural_frequency < NEAR * exact.natural_frequency

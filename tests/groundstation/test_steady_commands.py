@@ -1,0 +1,95 @@
+"""``wingbeat trim`` and ``wingbeat linearize``: what they print, what they refuse."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from groundstation.command import linearize, trim
+from groundstation.command.main import main
+
+Capture = pytest.CaptureFixture[str]
+BIRD = "arizona_100cm"
+
+
+def documented(keys: dict[str, str]) -> set[str]:
+    return {name for key in keys for name in re.split(r", ", key)}
+
+
+def test_a_trim_is_told_to_people(capsys: Capture) -> None:
+    assert main(["trim", BIRD, "--airspeed", "9", "--climb", "0.5"]) == 0
+    said = capsys.readouterr()
+    assert "9.00 m/s, climbing +0.50 m/s" in said.out and said.err == ""
+    for word in ("throttle", "elevator", "angle of attack", "W electrical", "cost of transport", "heaves"):
+        assert word in said.out
+
+
+def test_a_trim_is_told_to_programs(capsys: Capture) -> None:
+    assert main(["trim", BIRD, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told) == documented(trim.JSON_KEYS)
+    assert (told["vehicle"], told["airspeed"], told["climb_rate"]) == (BIRD, 8.0, 0.0)
+    assert told["inputs"]["amplitude"] is None and 0.0 < told["inputs"]["throttle"] < 1.0
+    for section in ("means", "excursions", "figures"):
+        assert all(name in trim.JSON_KEYS[section] for name in told[section])
+
+
+def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
+    found = []
+    for words in ([], ["--aerodynamics", "quasi_steady"]):
+        assert main(["trim", BIRD, "--json", *words]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert [told["aerodynamics"] for told in found] == ["strip_theory", "quasi_steady"]
+    assert found[1]["inputs"]["frequency"] > 1.5 * found[0]["inputs"]["frequency"]
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["trim"], "the following arguments are required: VEHICLE"),
+        (["trim", "no_such_bird"], "unknown vehicle 'no_such_bird'"),
+        (["trim", BIRD, "--airspeed", "0"], "0 is not above 0"),
+        (["trim", BIRD, "--airspeed", "16"], "no trim at 16 m/s climbing 0 m/s: it needs a stroke of 7.9"),
+        (["trim", BIRD, "--aerodynamics", "magic"], "magic"),
+        (["linearize", BIRD, "--climb", "nan"], "nan is not a finite number"),
+        (["linearize", BIRD, "--airspeed", "3", "--climb", "-5"], "3 m/s does not climb -5 m/s"),
+    ],
+)
+def test_what_cannot_be_trimmed_is_one_line(words: list[str], part: str, capsys: Capture) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and part in said.err
+    assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
+
+
+def test_a_linear_model_is_told_to_programs(capsys: Capture) -> None:
+    assert main(["linearize", BIRD, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told) == documented(linearize.JSON_KEYS)
+    names = {mode["name"]: mode for mode in told["floquet"]}
+    assert {"phugoid", "short period", "dutch roll", "spiral", "roll subsidence"} <= set(names)
+    assert all(key in linearize.MODE_KEYS or key in linearize.JSON_KEYS["floquet"] for key in told["floquet"][0])
+    a = np.array(told["averaged"]["a"])
+    ours = [complex(*mode["eigenvalue"]) for mode in told["averaged"]["modes"]]
+    assert sum(2.0 * root.real for root in ours) == pytest.approx(np.trace(a))
+    swing = told["averaged"]["modes"][-1]["natural_frequency"]
+    assert swing == pytest.approx(names["short period"]["natural_frequency"], rel=0.1)
+
+
+def test_a_linear_model_is_told_to_people(capsys: Capture) -> None:
+    assert main(["linearize", BIRD]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    for word in (
+        "dutch roll",
+        "spiral",
+        "rate of theta",
+        "half in",
+        "double in",
+        "unexplained",
+        "stroke map's modes",
+    ):
+        assert word in said.out
