@@ -1,8 +1,10 @@
 """The hawkmoth of Han et al. 2017 (Fig. 9-10) at 2.9 and 5.0 m/s: loads over a stroke, and who bears them.
 
 The paper prints airspeed, stroke-plane angle and weight. Its wing motion, third-order series of figures in Willmott &
-Ellington (1997), is not printed, nor is the moth's wing: those values are chosen, each for a reason that has nothing
-to do with the forces that come out. So the shares are no validation; they show where the model puts the load.
+Ellington (1997), is not printed, nor is the moth's wing: those values are chosen, each for the reason beside it. The
+angles follow what the text says of the angle of attack; the lead of the wing's turn follows insects in general, and
+with it stand and fall the rotational share and the sign of its thrust. So the shares are no validation; they show
+where the model puts the load.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ WING_LENGTH, MEAN_CHORD, ROOT, STRIPS = 0.0521, 0.0197, 0.05, 20
 PITCHING_AXIS = 0.25
 """-; chosen: the quarter chord, near which the two ellipses of the printed planform join"""
 LEAD = 0.3
-"""rad; chosen: the wing turns over somewhat before the stroke reverses, as insects' wings do"""
+"""rad; chosen: the wing turns over somewhat before the stroke reverses, as insects' wings do; how much is free, and
+decides the rotational forces"""
 THIRD = 0.1
 """-; chosen: of the feathering amplitude, third harmonic that flattens it in mid-stroke"""
 

@@ -1,0 +1,84 @@
+"""Published figures beside ours, for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from groundstation.views import tables, wording
+from sim_bridge.validation.papers import PAPERS
+from sim_bridge.validation.row import FITTED, SHORT, UNREPRODUCIBLE, VERDICTS, WITHIN, Figure, Row, nearest
+
+WIDTHS = (18, 38, 12, 8, 3, 9)
+"""characters; at least, so that the papers' columns stand below each other"""
+STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim"}
+
+
+def validation_table(found: Mapping[str, Sequence[Row]]) -> RenderableType:
+    """One row a figure, the papers one below the other."""
+    parts: list[RenderableType] = []
+    for name, rows in found.items():
+        parts += [Text(PAPERS[name].title, style="bold"), _paper_table(rows), Text()]
+    return Group(*parts)
+
+
+def summary_line(found: Mapping[str, Sequence[Row]]) -> Text:
+    """How many rows there are of each verdict."""
+    every = [row for rows in found.values() for row in rows]
+    counts = [f"{verdict} {sum(row.verdict == verdict for row in every)}" for verdict in VERDICTS]
+    return Text(f"{len(every)} figures: {', '.join(counts)}")
+
+
+def _paper_table(rows: Sequence[Row]) -> Table:
+    numbers = (("published", "right"), ("ours", "right"), ("", ""), ("difference", "right"))
+    table = tables.plain_table(("where", ""), ("figure", ""), *numbers, ("verdict", ""))
+    for column, width in zip(table.columns, WIDTHS, strict=False):
+        column.min_width = width
+    said = ""
+    for row in rows:
+        table.add_row(*_cells(row, row.why if row.why != said else ""))
+        said = row.why
+    return table
+
+
+def _cells(row: Row, why: str) -> tuple[str | Text, ...]:
+    printed = row.figure
+    unit = "" if printed.unit == "-" else printed.unit
+    verdict = Text(_judged(row), style=STYLES[row.verdict])
+    if why:
+        verdict.append(f": {why}", style="dim")
+    ours = wording.UNKNOWN if row.ours is None else f"{row.ours:.4g}"
+    return printed.where, printed.quantity, _printed(printed), ours, unit, _difference(row), verdict
+
+
+def _judged(row: Row) -> str:
+    if row.verdict not in (WITHIN, SHORT) or not row.limit:
+        return row.verdict
+    limit = _with_unit(row.limit, row.figure) if row.share is None else f"{100.0 * row.share:g} %"
+    return f"{row.verdict} {'of ' if row.verdict == SHORT else ''}{limit}"
+
+
+def _printed(printed: Figure) -> str:
+    if math.isnan(printed.low):
+        return "no number"
+    if printed.low == printed.high:
+        return f"{printed.low:.4g}"
+    return f"{printed.low:.4g} to {printed.high:.4g}" if math.isfinite(printed.high) else f"{printed.low:.4g} or more"
+
+
+def _difference(row: Row) -> str:
+    """As a share of the published number, or as it is where that is zero."""
+    if row.ours is None or row.difference is None:
+        return ""
+    if row.difference == 0.0 and row.figure.low != row.figure.high:
+        return "inside"
+    reference = abs(nearest(row.figure, row.ours))
+    return f"{100.0 * row.difference / reference:+.1f} %" if reference else _with_unit(row.difference, row.figure)
+
+
+def _with_unit(value: float, printed: Figure) -> str:
+    return f"{value:.3g} {'' if printed.unit == '-' else printed.unit}".rstrip()

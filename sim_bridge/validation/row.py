@@ -1,0 +1,96 @@
+"""One row of the table of published figures: what is printed, what comes out, and what to think of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+WITHIN, SHORT, FITTED, UNREPRODUCIBLE = "within", "falls short", "fitted", "not reproducible"
+VERDICTS = {
+    WITHIN: "within its limit",
+    SHORT: "farther off than its limit",
+    FITTED: "a chosen value was fitted to it: no validation",
+    UNREPRODUCIBLE: "the paper does not print what it hangs on, or contradicts itself",
+}
+
+
+class Figure(NamedTuple):
+    """A published figure."""
+
+    where: str
+    """table, figure, equation or section of the paper"""
+    quantity: str
+    unit: str
+    """"-" for none"""
+    low: float
+    """least value printed"""
+    high: float
+    """greatest value printed; the same for a single number"""
+
+
+class Row(NamedTuple):
+    """A published figure beside ours."""
+
+    figure: Figure
+    ours: float | None
+    """none where nothing can be computed"""
+    limit: float | None
+    """greatest difference allowed, in the figure's unit"""
+    verdict: str
+    """one of `VERDICTS`"""
+    why: str
+    """what has to be said of it"""
+    share: float | None = None
+    """-; the limit as the share of the published value that it was told as; none where it was told in its unit"""
+
+    @property
+    def difference(self) -> float | None:
+        """Ours less what is printed, in the figure's unit; 0 inside of a printed range."""
+        return None if self.ours is None else self.ours - nearest(self.figure, self.ours)
+
+
+class Check(NamedTuple):
+    """Rows that are computed together."""
+
+    title: str
+    rows: Callable[[], list[Row]]
+    slow: bool = False
+    """whether it takes more than some seconds"""
+
+
+class Paper(NamedTuple):
+    """One line of the table of papers."""
+
+    title: str
+    checks: tuple[Check, ...]
+
+
+def figure(where: str, quantity: str, unit: str, printed: float, upto: float | None = None) -> Figure:
+    """A printed number, or a printed range."""
+    return Figure(where, quantity, unit, printed, printed if upto is None else upto)
+
+
+def nearest(printed: Figure, ours: float) -> float:
+    """The printed value nearest to ours."""
+    return min(max(ours, printed.low), printed.high)
+
+
+def compare(printed: Figure, ours: float, limit: float = 0.0, why: str = "") -> Row:
+    """A row judged by the greatest difference allowed, in the figure's unit."""
+    verdict = WITHIN if abs(ours - nearest(printed, ours)) <= limit else SHORT
+    return Row(printed, ours, limit, verdict, why)
+
+
+def compare_share(printed: Figure, ours: float, share: float, why: str = "") -> Row:
+    """A row judged by the greatest difference allowed as a share of the printed value nearest to ours."""
+    return compare(printed, ours, share * abs(nearest(printed, ours)), why)._replace(share=share)
+
+
+def fitted(printed: Figure, ours: float, why: str) -> Row:
+    """A row that a chosen value was fitted to."""
+    return Row(printed, ours, None, FITTED, why)
+
+
+def unreproducible(printed: Figure, ours: float | None, why: str) -> Row:
+    """A row that cannot follow from what the paper prints; ours, if any, is for comparison."""
+    return Row(printed, ours, None, UNREPRODUCIBLE, why)

@@ -1,0 +1,66 @@
+"""``wingbeat validate``: the table, for people and for programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from groundstation.command import validate
+from groundstation.command.main import main
+from sim_bridge.validation.papers import PAPERS
+from sim_bridge.validation.row import VERDICTS
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_one_paper_is_told_to_people(capsys: Capture) -> None:
+    assert main(["validate", "--only", "yeo"]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert "Yeo, Atkins, Shyy 2011" in said.out and "Gerdes" not in said.out
+    assert "within 5 %" in said.out and "falls short of" in said.out and "4 figures: within 3" in said.out
+
+
+def test_one_paper_is_told_to_programs(capsys: Capture) -> None:
+    assert main(["validate", "--only", "gerdes", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told) | {"rows"} == set(validate.JSON_KEYS)
+    (paper,) = told["papers"]
+    assert paper["name"] == "gerdes" and paper["title"] == PAPERS["gerdes"].title
+    assert sum(told["counts"].values()) == len(paper["rows"])
+    assert set(told["counts"]) == set(VERDICTS)
+    for row in paper["rows"]:
+        assert all(key in validate.JSON_KEYS["rows"] for key in row)
+        low, high = row["published"]
+        assert row["ours"] - row["difference"] == pytest.approx(min(max(row["ours"], low), high))
+
+
+def test_what_is_not_printed_is_null(capsys: Capture) -> None:
+    assert main(["validate", "--only", "sibilski", "--json"]) == 0
+    (paper,) = json.loads(capsys.readouterr().out)["papers"]
+    assert paper["rows"][0]["ours"] is None and paper["rows"][0]["published"] == [None, None]
+
+
+def test_slow_rows_are_announced(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = PAPERS["sibilski"].checks[0]._replace(slow=True)
+    monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(slow,)))
+    assert main(["validate", "--only", "sibilski"]) == 0
+    assert capsys.readouterr().err == "sibilski: open loop, which takes a while\n"
+
+
+def test_an_unknown_paper_is_one_line(capsys: Capture) -> None:
+    assert main(["validate", "--only", "lilienthal"]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and "lilienthal" in said.err and said.err.count("\n") == 1
+
+
+def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture) -> None:
+    pytest.importorskip("matplotlib")
+    words = ["validate", "--only", "sibilski", "--json", "--plots", str(tmp_path / "new")]
+    assert main(words) == 0
+    (path,) = json.loads(capsys.readouterr().out)["plots"]
+    assert Path(path).read_bytes().startswith(b"\x89PNG")
+    assert main(words) == 2
+    assert "exists: it is not overwritten" in capsys.readouterr().err

@@ -1,0 +1,85 @@
+"""The table of published figures: its verdicts, and that every row says what it must."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sim_bridge.validation import grauer
+from sim_bridge.validation.papers import PAPERS
+from sim_bridge.validation.row import (
+    FITTED,
+    SHORT,
+    UNREPRODUCIBLE,
+    VERDICTS,
+    WITHIN,
+    Check,
+    compare,
+    compare_share,
+    figure,
+    fitted,
+    unreproducible,
+)
+
+CHECKS = [
+    pytest.param(check, id=f"{name}-{check.title}", marks=[pytest.mark.validate] if check.slow else [])
+    for name, paper in PAPERS.items()
+    for check in paper.checks
+]
+
+
+@pytest.mark.parametrize(
+    ("ours", "difference", "verdict"), [(1.9, 0.0, WITHIN), (2.08, 0.08, WITHIN), (0.85, -0.15, SHORT)]
+)
+def test_a_range_is_met_inside_and_near_its_ends(ours: float, difference: float, verdict: str) -> None:
+    row = compare(figure("Table 1", "a range", "m", 1.0, 2.0), ours, 0.1)
+    assert row.verdict == verdict
+    assert row.difference == pytest.approx(difference)
+
+
+def test_a_limit_as_a_share_is_of_the_printed_value() -> None:
+    negative = figure("Table 1", "a number", "m", -4.0)
+    assert compare_share(negative, -4.3, 0.1).verdict == WITHIN
+    assert compare_share(negative, -4.5, 0.1).verdict == SHORT
+    assert compare_share(negative, -4.5, 0.1).limit == pytest.approx(0.4)
+
+
+def test_not_a_number_is_never_within() -> None:
+    assert compare(figure("Table 1", "a number", "m", 1.0), math.nan, 0.1).verdict == SHORT
+
+
+def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
+    number = figure("Table 1", "a number", "m", 1.0)
+    assert fitted(number, 1.0, "to it").verdict == FITTED
+    row = unreproducible(number, None, "it is not printed")
+    assert (row.verdict, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_every_row_says_where_it_is_from_and_why_it_is_not_met(check: Check) -> None:
+    rows = check.rows()
+    assert rows and len({(row.figure.where, row.figure.quantity) for row in rows}) == len(rows)
+    for row in rows:
+        assert row.figure.where and row.figure.quantity and row.figure.unit
+        assert row.verdict in VERDICTS
+        assert row.verdict == WITHIN or row.why
+        assert row.ours is None or math.isfinite(row.ours)
+
+
+def test_the_rows_that_fall_short_are_the_known_ones() -> None:
+    quick = [check for paper in PAPERS.values() for check in paper.checks if not check.slow]
+    short = {row.figure.quantity for check in quick for row in check.rows() if row.verdict == SHORT}
+    assert short == {
+        "mean lift",
+        "area of wing A by Eq. 1",
+        "area of wing B by Eq. 1",
+        "greatest reduced frequency",
+        "least Reynolds number",
+    }
+
+
+def test_one_column_of_table_1_carries_the_weight_within_the_recorded_heave() -> None:
+    low, high = grauer.RECORDED_HEAVE
+    assert low < grauer.carrying_heave("time") < high
+    assert grauer.carrying_heave("frequency") < low
