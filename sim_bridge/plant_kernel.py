@@ -164,7 +164,7 @@ class Scratch(NamedTuple):
     """(3,); of a prescribed coordinate, see `prescribed_motion`"""
 
 
-@inlined
+@kernel
 def crank_frequency(throttle: float, table: Floats) -> float:
     """Flapping frequency in Hz of a crank drive: linear between the table's equal steps of throttle."""
     place = min(max(throttle, 0.0), 1.0) * (table.shape[0] - 1)
@@ -341,7 +341,7 @@ def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s:
     return any_held
 
 
-@inlined
+@kernel
 def prescribed_motion(series: Floats, phase: float, out: Floats) -> None:
     """Angle in rad and its first and second derivative with the phase, (3,), of a motion as `Joints` keeps it."""
     out[0], out[1], out[2] = series[0], 0.0, 0.0
