@@ -16,15 +16,8 @@ import numpy as np
 
 from sim_bridge.aerodynamics.protocol import Strips
 from sim_bridge.aerodynamics.quasi_steady import MODEL, PARTS, ROTATIONAL, QuasiSteady, build, elliptic_strips
-from sim_bridge.flight_mechanics.prescribed import (
-    Harmonics,
-    PrescribedStroke,
-    StrokeKinematics,
-    StrokeLoads,
-    kinematics,
-    mean_lift_and_thrust,
-    stroke_loads,
-)
+from sim_bridge.flight_mechanics.prescribed import Harmonics, PrescribedStroke, StrokeKinematics, kinematics
+from sim_bridge.flight_mechanics.stroke_loads import StrokeLoads, mean_lift_and_thrust, stroke_loads
 
 WEIGHT = 1.995e-3 * 9.81
 """N; published: 1.995 g"""

@@ -1,4 +1,4 @@
-"""Loads of wings whose joints follow a prescribed stroke, by any aerodynamic model of the protocol.
+"""How wings move whose joints are told: by Fourier series over a stroke, or recorded at instants of one.
 
 The stroke plane passes through the hinges, raised at its rear so that it makes ``stroke_plane`` with the body's x-y
 plane: 0 is an insect's hovering stroke (wings sweep fore and aft), pi/2 a bird's (wings flap up and down). Right wing
@@ -9,35 +9,26 @@ first in words, the left one is its mirror image:
 * *feathering*: the chord turns about the span. At 0 it stands across the plane, leading edge forward or up; positive
   raises the leading edge (bird) or tips it aft (insect). *Twist* is added to it, linearly from root to tip.
 
-Accelerations are those of Han et al. 2017, Eq. B.7: rates of the velocity's components in section axes, which turn.
+A recorded wing is a bird's that flaps and twists about its leading edge. Accelerations are those of Han et al. 2017,
+Eq. B.7: rates of the components in section axes, which turn; velocities those of Grauer et al. 2011, Eq. 9.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.aerodynamics.protocol import (
-    FORWARD,
-    INERTIA,
-    MASS,
-    NOSE_UP,
-    OUTWARD,
-    UPWARD,
-    AerodynamicModel,
-    Motion,
-    SectionLoads,
-    Strips,
-    blank_loads,
-)
+from avionics.quantities import BadInput
+from sim_bridge.aerodynamics.protocol import Motion, Strips
 from sim_bridge.vectors import Floats
 
-APPARENT, FUSELAGE = "apparent_mass", "fuselage"
-"""parts that the runner adds to those of the model"""
-SIDES = (-1.0, 1.0)
-"""of y: left wing, right wing"""
+LEFT, RIGHT = -1.0, 1.0
+SIDES = (LEFT, RIGHT)
+"""of y"""
+MIDDLE = 0.5
+"""chords behind the leading edge; where the protocol wants velocities"""
 
 
 class Harmonics(NamedTuple):
@@ -80,25 +71,127 @@ class StrokeKinematics(NamedTuple):
     """(phases, n) rad/s^2; rate of the pitch rate"""
 
 
-class StrokeLoads(NamedTuple):
-    """Loads over a stroke, part by part: those of the model, then `APPARENT`, then `FUSELAGE` if the model has it."""
+class Wing(NamedTuple):
+    """The sections of one wing, from root to tip, leading edge straight along the hinge's spar."""
 
-    parts: tuple[str, ...]
-    sections: Floats
-    """(phases, parts, 4, n) N, N m; section axes, as `sim_bridge.aerodynamics.protocol` orders them"""
-    force: Floats
-    """(phases, parts, 3) N; body axes (FRD)"""
-    moment: Floats
-    """(phases, parts, 3) N m; about the body's origin"""
+    span: Floats
+    """(n,) m; from the hinge to the middle of each section"""
+    chord: Floats
+    """(n,) m"""
+    width: Floats
+    """(n,) m"""
+    hinge: Floats
+    """(3,) m; of the right wing, from the fuselage's centre of mass, body axes"""
 
 
-class LiftThrust(NamedTuple):
-    """Vertical and forward force, part by part."""
+class WingMotion(NamedTuple):
+    """One stroke at N instants, the last one interval before the stroke repeats."""
 
-    lift: Floats
-    """N; up"""
-    thrust: Floats
-    """N; forward, horizontal"""
+    phase: Floats
+    """(N,) -; of the stroke, 0 to 1"""
+    frequency: float
+    """Hz; of the stroke"""
+    flap: Floats
+    """(N,) rad; wing up positive"""
+    flap_rate: Floats
+    """(N,) rad/s"""
+    twist: Floats
+    """(N,) rad; of the tip, leading edge up, growing linearly from the hinge"""
+    twist_rate: Floats
+    """(N,) rad/s"""
+    velocity: Floats
+    """(N, 3) m/s; of the fuselage through the air, body axes"""
+    omega: Floats
+    """(N, 3) rad/s; of the fuselage, body axes"""
+
+
+class Stroke(NamedTuple):
+    """Flapping between two angles, each half a cosine of its own length."""
+
+    frequency: float
+    """Hz"""
+    highest: float
+    """rad; wing up positive"""
+    lowest: float
+    """rad"""
+    down_from: float
+    """-; phase at which the down-stroke begins"""
+    down_to: float
+    """-; phase at which it ends"""
+
+
+class SectionVelocity(NamedTuple):
+    """Of one point of each section through the air in the section's axes, each (N, n) m/s."""
+
+    along: Floats
+    """forward along the chord"""
+    down: Floats
+    """against the normal"""
+    outward: Floats
+    """towards the tip"""
+
+
+SLOW_HAWK_STROKE = Stroke(frequency=5.91, highest=0.67, lowest=-0.39, down_from=0.24, down_to=0.78)
+"""Grauer V.A: extrema, phases, frequency; its angle counts the wing down positive. The cosines are chosen."""
+
+
+def elliptic_wing(semispan: float, root_chord: float, sections: int, hinge: Floats) -> Wing:
+    """A wing whose chord falls as a quarter of an ellipse from root to tip."""
+    edges = np.linspace(0.0, semispan, sections + 1)
+    span = 0.5 * (edges[1:] + edges[:-1])
+    return Wing(span, root_chord * np.sqrt(1.0 - (span / semispan) ** 2), np.diff(edges), hinge)
+
+
+def flap_angles(stroke: Stroke, phase: Floats) -> tuple[Floats, Floats]:
+    """Flap angle in rad and rate in rad/s (N,) at the ``phase`` (N,) of a stroke.
+
+    Raises:
+        BadInput: the down-stroke's phases do not lie in one stroke, the earlier first.
+    """
+    length = stroke.down_to - stroke.down_from
+    if not 0.0 < length < 1.0:
+        raise BadInput(f"a down-stroke from phase {stroke.down_from:g} to {stroke.down_to:g} is not part of a stroke")
+    since = np.mod(phase - stroke.down_from, 1.0)
+    falling = since < length
+    share = np.where(falling, since / length, (since - length) / (1.0 - length))
+    amplitude = np.where(falling, 1.0, -1.0) * 0.5 * (stroke.highest - stroke.lowest)
+    share_rate = stroke.frequency / np.where(falling, length, 1.0 - length)
+    middle = 0.5 * (stroke.highest + stroke.lowest)
+    return middle + amplitude * np.cos(np.pi * share), -amplitude * np.pi * share_rate * np.sin(np.pi * share)
+
+
+def steady_flight(stroke: Stroke, instants: int, airspeed: float, angle: float = 0.0) -> WingMotion:
+    """A stroke without twist of an aircraft that flies straight, at an ``angle`` of attack in rad of the fuselage."""
+    phase = np.arange(instants) / instants
+    flap, rate = flap_angles(stroke, phase)
+    velocity = np.tile([airspeed * math.cos(angle), 0.0, airspeed * math.sin(angle)], (instants, 1))
+    still = np.zeros(instants)
+    return WingMotion(phase, stroke.frequency, flap, rate, still, still, velocity, np.zeros((instants, 3)))
+
+
+class _Joints(NamedTuple):
+    """What the joints of both wings do: each (3, N), angle in rad, its rate and acceleration."""
+
+    stroke_plane: float
+    """rad"""
+    stroke: Floats
+    deviation: Floats
+    feathering: Floats
+    twist: Floats
+    """of the tip"""
+
+
+class _Mount(NamedTuple):
+    """The sections of one wing and how they hang."""
+
+    span: Floats
+    """(n,) m"""
+    chord: Floats
+    """(n,) m"""
+    axis: float
+    """-; of feathering and twist, in chords behind the leading edge"""
+    hinge: Floats
+    """(3,) m; body axes"""
 
 
 class _Wing(NamedTuple):
@@ -135,13 +228,10 @@ def _turning(vector: Floats, omega: Floats, omega_rate: Floats) -> tuple[Floats,
     return rate, np.cross(omega_rate, vector) + np.cross(omega, rate)
 
 
-def _wing(motion: PrescribedStroke, phases: Floats, eta: Floats) -> _Wing:
+def _wing(joints: _Joints, eta: Floats) -> _Wing:
     """The right wing's directions and their derivatives."""
-    phi, psi, theta, twist = (
-        series(h, phases, motion.frequency)[:, :, None]
-        for h in (motion.stroke, motion.deviation, motion.feathering, motion.twist)
-    )
-    c, s = math.cos(motion.stroke_plane), math.sin(motion.stroke_plane)
+    phi, psi, theta, twist = (angles[:, :, None] for angles in joints[1:])
+    c, s = math.cos(joints.stroke_plane), math.sin(joints.stroke_plane)
     right, back, across = np.array([0.0, 1.0, 0.0]), np.array([-c, 0.0, -s]), np.array([s, 0.0, -c])
     outward = np.cos(phi[0]) * right + np.sin(phi[0]) * back
     swept = np.cos(phi[0]) * back - np.sin(phi[0]) * right
@@ -185,16 +275,18 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.sum(a * b, axis=-1))
 
 
-def _columns(motion: PrescribedStroke, wing: _Wing, hinge: Floats, rows: Strips, body: Floats) -> _Columns:
-    behind, reach = ((0.5 - motion.axis) * rows.chord)[:, None], rows.span[:, None]
-    place = hinge + reach * wing.span[:, None] - behind * wing.chord
+def _columns(wing: _Wing, mount: _Mount, body: Floats, at: float = MIDDLE) -> _Columns:
+    """What the points ``at`` of a chord do, with the ``body``'s velocity and turn rate (N, 6)."""
+    behind, reach = ((at - mount.axis) * mount.chord)[:, None], mount.span[:, None]
+    flight, omega = body[:, None, :3], body[:, None, 3:]
+    place = mount.hinge + reach * wing.span[:, None] - behind * wing.chord
     moving = reach * wing.span_rate[:, None] - behind * wing.chord_rate
     speeding = reach * wing.span_acceleration[:, None] - behind * wing.chord_acceleration
-    velocity = body[:3] + np.cross(body[3:], place) + moving
-    acceleration = np.cross(body[3:], moving) + speeding
+    velocity = flight + np.cross(omega, place) + moving
+    acceleration = np.cross(omega, moving) + speeding
     span = np.broadcast_to(wing.span[:, None], wing.chord.shape)
-    tumbling = np.cross(body[3:], wing.chord)
-    turning = _dot(np.cross(body[3:], wing.chord_rate), wing.normal) + _dot(tumbling, wing.normal_rate)
+    tumbling = np.cross(omega, wing.chord)
+    turning = _dot(np.cross(omega, wing.chord_rate), wing.normal) + _dot(tumbling, wing.normal_rate)
     return _Columns(
         _dot(velocity, wing.chord),
         -_dot(velocity, wing.normal),
@@ -208,89 +300,95 @@ def _columns(motion: PrescribedStroke, wing: _Wing, hinge: Floats, rows: Strips,
     )
 
 
+def _both(joints: _Joints, mount: _Mount, eta: Floats, body: Floats) -> _Columns:
+    """Of both wings, left first; ``mount`` is the right one's."""
+    right = _wing(joints, eta)
+    sides = [
+        _columns(_mirrored(right, side), mount._replace(hinge=mount.hinge * (1.0, side, 1.0)), body) for side in SIDES
+    ]
+    return _Columns(*[np.concatenate(pair, axis=1) for pair in zip(*sides, strict=True)])
+
+
 def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: int = 200) -> StrokeKinematics:
     """The motion at ``phases`` equal steps of a stroke, from phase 0.
 
     ``body`` (6,) is the fuselage's steady velocity through the air in m/s and its angular velocity in rad/s, body
-    axes. ``strips`` are of two wings, left (0) and right (1).
+    axes. ``strips`` are of two wings alike, left (0) and right (1).
     """
     at = np.arange(phases) / phases
-    wings = []
-    for index, side in enumerate(SIDES):
-        rows = Strips(*[column[strips.wing == index] for column in strips])
-        hinge = np.array(motion.hinge) * (1.0, side, 1.0)
-        wings.append(_columns(motion, _mirrored(_wing(motion, at, rows.eta), side), hinge, rows, body))
-    whole = _Columns(*[np.concatenate(pair, axis=1) for pair in zip(*wings, strict=True)])
-    flap = series(motion.stroke, at, motion.frequency)[:2]
+    told = (motion.stroke, motion.deviation, motion.feathering, motion.twist)
+    joints = _Joints(motion.stroke_plane, *(series(harmonics, at, motion.frequency) for harmonics in told))
+    rows = Strips(*[column[strips.wing == 1] for column in strips])
+    mount = _Mount(rows.span, rows.chord, motion.axis, np.array(motion.hinge))
+    flown = np.tile(np.asarray(body, dtype=np.float64), (phases, 1))
+    whole = _both(joints, mount, rows.eta, flown)
     return StrokeKinematics(
         1.0 / motion.frequency,
-        tuple(_motion(whole, i, np.tile(flap[:, i], (2, 1)), body) for i in range(phases)),
+        tuple(_motions(whole, joints.stroke[:2], flown)),
         whole.normal_acceleration,
         whole.pitch_acceleration,
     )
 
 
+def recorded_kinematics(wing: Wing, motion: WingMotion) -> StrokeKinematics:
+    """Both wings over a recorded stroke; accelerations by differences from instant to instant, to second order."""
+    motions = protocol_motions(wing, motion)
+    step = 1.0 / (motion.frequency * len(motions))
+    down, turning = (np.array([getattr(instant, name) for instant in motions]) for name in ("down", "pitch_rate"))
+    return StrokeKinematics(1.0 / motion.frequency, tuple(motions), -_rate(down, step), _rate(turning, step))
+
+
+def protocol_motions(wing: Wing, motion: WingMotion) -> list[Motion]:
+    """The protocol's motion of both wings at each instant."""
+    joints = _recorded(motion)
+    body = np.concatenate((motion.velocity, motion.omega), axis=1)
+    return _motions(_both(joints, _mount(wing), _eta(wing), body), joints.stroke[:2], body)
+
+
+def section_velocity(wing: Wing, motion: WingMotion, aft: float, side: float = RIGHT) -> SectionVelocity:
+    """Velocity of the point ``aft`` of a chord behind each section's leading edge, Grauer Eq. 9."""
+    body = np.concatenate((motion.velocity, motion.omega), axis=1)
+    mount = _mount(wing)._replace(hinge=wing.hinge * (1.0, side, 1.0))
+    found = _columns(_mirrored(_wing(_recorded(motion), _eta(wing)), side), mount, body, aft)
+    return SectionVelocity(found.along, found.down, found.outward)
+
+
+def strips_of(wing: Wing) -> Strips:
+    """Both wings as the protocol's strips, left wing first."""
+    which = np.repeat([0.0, 1.0], len(wing.span))
+    span, eta, chord, width = (np.tile(column, 2) for column in (wing.span, _eta(wing), wing.chord, wing.width))
+    return Strips(span, eta, chord, width, which)
+
+
+def _recorded(motion: WingMotion) -> _Joints:
+    """A bird's joints; what they accelerate is not recorded, and left out."""
+    still = np.zeros((3, len(motion.phase)))
+    flap, twist = (
+        np.stack((angle, rate, still[0]))
+        for angle, rate in ((motion.flap, motion.flap_rate), (motion.twist, motion.twist_rate))
+    )
+    return _Joints(math.pi / 2, flap, still, still, twist)
+
+
+def _mount(wing: Wing) -> _Mount:
+    return _Mount(wing.span, wing.chord, 0.0, wing.hinge)
+
+
+def _eta(wing: Wing) -> Floats:
+    return np.asarray(wing.span / (wing.span[-1] + 0.5 * wing.width[-1]), dtype=np.float64)
+
+
+def _rate(values: Floats, step: float) -> Floats:
+    """Derivative of what repeats itself along the first axis at equal steps."""
+    return np.asarray((np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) / (2.0 * step))
+
+
+def _motions(whole: _Columns, flap: Floats, body: Floats) -> list[Motion]:
+    """One a row: flap angle and rate (2, N), ``body`` (N, 6)."""
+    return [_motion(whole, i, np.tile(flap[:, i], (2, 1)), body[i]) for i in range(len(body))]
+
+
 def _motion(whole: _Columns, i: int, wings: Floats, body: Floats) -> Motion:
     columns = [np.ascontiguousarray(column[i]) for column in whole[:5]]
     place, axes = np.ascontiguousarray(whole.place[i].T), np.ascontiguousarray(whole.axes[i].transpose(1, 2, 0))
-    return Motion._make([*columns, place, axes, wings, np.asarray(body, dtype=np.float64)])
-
-
-def stroke_loads(
-    model: AerodynamicModel,
-    parameters: Any,
-    strips: Strips,
-    stroke: StrokeKinematics,
-    density: float,
-    strokes: int = 3,
-) -> StrokeLoads:
-    """Loads at each phase of the last of ``strokes`` strokes (for a model with memory; others need one).
-
-    The memory's smooth share is carried from phase to phase by Heun's rule. ``density`` in kg/m^3.
-    """
-    motions, count = stroke.motions, len(stroke.motions)
-    state, dt = model.initial(parameters, strips), stroke.period / count
-    now, then = (blank_loads(len(model.parts), strips, len(state)) for _ in range(2))
-    names = (*model.parts, APPARENT, *([FUSELAGE] if model.whole_aircraft else []))
-    n = strips.chord.shape[0]
-    found = StrokeLoads(
-        names, np.zeros((count, len(names), 4, n)), np.zeros((count, len(names), 3)), np.zeros((count, len(names), 3))
-    )
-    last = (strokes if len(state) else 1) * count
-    for step in range(last):
-        i, following = step % count, motions[(step + 1) % count]
-        model.loads(parameters, strips, motions[i], density, state, now)
-        if step >= last - count:
-            _record(found, i, now, motions[i], stroke)
-        if len(state):
-            model.loads(parameters, strips, following, density, state + dt * now.rates, then)
-            state = state + 0.5 * dt * (now.rates + then.rates)
-            model.advance(parameters, strips, following, density, state, dt)
-    return found
-
-
-def _record(found: StrokeLoads, i: int, out: SectionLoads, motion: Motion, stroke: StrokeKinematics) -> None:
-    own = out.parts.shape[0]
-    found.sections[i, :own] = out.parts
-    found.sections[i, own, UPWARD] = -out.apparent[MASS] * stroke.normal_acceleration[i]
-    found.sections[i, own, NOSE_UP] = -out.apparent[INERTIA] * stroke.pitch_acceleration[i]
-    span, chord, normal = motion.axes
-    sections = found.sections[i]
-    force = sections[:, None, FORWARD] * chord + sections[:, None, UPWARD] * normal
-    force = force + sections[:, None, OUTWARD] * span
-    couple = sections[:, None, NOSE_UP] * np.cross(chord, normal, axis=0)
-    found.force[i] = np.sum(force, axis=2)
-    found.moment[i] = np.sum(np.cross(motion.place, force, axisa=0, axisb=1, axisc=1) + couple, axis=2)
-    if found.parts[-1] == FUSELAGE:
-        found.force[i, -1], found.moment[i, -1] = out.body[:3], out.body[3:]
-
-
-def lift_and_thrust(force: Floats, pitch: float = 0.0) -> LiftThrust:
-    """Vertical and forward components of forces (..., 3) in body axes, wings level at ``pitch`` rad."""
-    c, s = math.cos(pitch), math.sin(pitch)
-    return LiftThrust(-c * force[..., 2] + s * force[..., 0], c * force[..., 0] + s * force[..., 2])
-
-
-def mean_lift_and_thrust(loads: StrokeLoads, pitch: float = 0.0) -> LiftThrust:
-    """Means over the stroke, each (parts,)."""
-    return lift_and_thrust(np.mean(loads.force, axis=0), pitch)
+    return Motion._make([*columns, place, axes, wings, body.copy()])

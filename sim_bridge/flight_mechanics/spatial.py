@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.recorded import Wing, WingMotion, section_velocity
+from sim_bridge.flight_mechanics.prescribed import Wing, WingMotion, section_velocity
 from sim_bridge.vectors import Floats
 
 QUARTER_CHORD = 0.25

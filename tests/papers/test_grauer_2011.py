@@ -18,48 +18,36 @@ from sim_bridge.aerodynamics.regression import (
     COLUMNS,
     MODEL,
     RECORDED_HEAVE,
-    Regression,
     Regressors,
     coefficients,
     level_heave,
 )
-from sim_bridge.flight_mechanics.recorded import (
-    SLOW_HAWK_STROKE,
-    elliptic_wing,
-    prescribed_loads,
-    steady_flight,
-)
+from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE, steady_flight
 from sim_bridge.flight_mechanics.spatial import SpatialKinematics, spatial_kinematics
-from sim_bridge.vectors import Floats
+from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
+from sim_bridge.validation.grauer import (
+    ANGLE,
+    LEVEL_LIFT,
+    REDUCED,
+    REYNOLDS,
+    ROOT,
+    SECTION_SPEED,
+    SEMISPAN,
+    SETTINGS,
+    SPEED,
+    WEIGHT,
+    WING,
+    flown,
+    stroke_fields,
+)
 
-SPEED, FREQUENCY, MASS = 9.2, 5.91, 0.45
-SEMISPAN, AREA = 0.6, 0.3
-CHORD = AREA / (2.0 * SEMISPAN)
-ROOT = 2.0 * AREA / (math.pi * SEMISPAN)
-HINGE = np.array([0.05, 0.02, -0.03])
-"""m; chosen, and without effect as long as the fuselage does not turn"""
-WING = elliptic_wing(SEMISPAN, ROOT, 75, HINGE)
 STROKE = SLOW_HAWK_STROKE
-WEIGHT = MASS * 9.80665
-LEVEL_LIFT = WEIGHT / (0.5 * 1.225 * SPEED**2 * AREA)
-SETTINGS = {column: Regression(column, AREA, CHORD) for column in COLUMNS}
-
-PAPER_ANGLE = (-0.94, 0.86)
-"""rad"""
-PAPER_FREQUENCY = (0.0458, 0.7404)
-PAPER_REYNOLDS = (19000.0, 232000.0)
-PAPER_SPEED = (8.9, 11.0)
-"""m/s"""
 
 
 @pytest.fixture(scope="module")
 def fields() -> SpatialKinematics:
     """On the paper's grid: 75 sections, 200 instants."""
-    return spatial_kinematics(WING, steady_flight(STROKE, 200, SPEED))
-
-
-def flown(column: str, angle: float = 0.0) -> Floats:
-    return prescribed_loads(MODEL, SETTINGS[column], WING, steady_flight(STROKE, 200, SPEED, angle))
+    return stroke_fields()
 
 
 def mean_lift(column: str, angle: float) -> float:
@@ -79,21 +67,21 @@ def test_the_stroke_has_the_printed_ratio_and_is_level_near_the_printed_phases()
 
 def test_the_ranges_of_the_angle_of_attack(fields: SpatialKinematics) -> None:
     found = fields.angle_of_attack
-    assert found.min() == pytest.approx(PAPER_ANGLE[0], rel=0.015)
-    assert found.max() == pytest.approx(PAPER_ANGLE[1], rel=0.015)
+    assert found.min() == pytest.approx(ANGLE[0], rel=0.015)
+    assert found.max() == pytest.approx(ANGLE[1], rel=0.015)
 
 
 def test_the_least_reduced_frequency_and_reynolds_number_belong_to_the_tip(fields: SpatialKinematics) -> None:
-    assert fields.reduced_frequency.min() == pytest.approx(PAPER_FREQUENCY[0], rel=0.06)
+    assert fields.reduced_frequency.min() == pytest.approx(REDUCED[0], rel=0.06)
     # The outermost section's chord decides: 21 % above the paper, whose tip is no ellipse.
-    assert fields.reynolds.min() == pytest.approx(PAPER_REYNOLDS[0], rel=0.22)
+    assert fields.reynolds.min() == pytest.approx(REYNOLDS[0], rel=0.22)
     for field in (fields.reduced_frequency, fields.reynolds):
         assert int(np.unravel_index(field.argmin(), field.shape)[0]) == 74
 
 
 def test_the_greatest_values_fall_short_as_the_ellipse_is_narrower_than_the_wing(fields: SpatialKinematics) -> None:
-    frequency = PAPER_FREQUENCY[1] / fields.reduced_frequency.max()
-    reynolds = PAPER_REYNOLDS[1] / fields.reynolds.max()
+    frequency = REDUCED[1] / fields.reduced_frequency.max()
+    reynolds = REYNOLDS[1] / fields.reynolds.max()
     assert frequency == pytest.approx(1.154, abs=0.01)
     assert reynolds == pytest.approx(1.097, abs=0.01)
     # Both ask for a widest chord of about 0.36 m in place of 0.318 m; the wing is 0.4 m deep (II).
@@ -103,15 +91,15 @@ def test_the_greatest_values_fall_short_as_the_ellipse_is_narrower_than_the_wing
 
 def test_the_printed_square_in_eq_11_does_not_give_the_printed_range(fields: SpatialKinematics) -> None:
     squared = fields.reduced_frequency / fields.speed
-    assert squared.max() < 0.1 * PAPER_FREQUENCY[1]
+    assert squared.max() < 0.1 * REDUCED[1]
 
 
 def test_the_greatest_printed_speed_contradicts_the_printed_angle(fields: SpatialKinematics) -> None:
-    assert fields.speed.min() == pytest.approx(PAPER_SPEED[0], rel=0.04)
-    implied = SPEED / math.cos(PAPER_ANGLE[0])
+    assert fields.speed.min() == pytest.approx(SECTION_SPEED[0], rel=0.04)
+    implied = SPEED / math.cos(ANGLE[0])
     assert implied == pytest.approx(15.6, abs=0.05)
     assert fields.speed.max() == pytest.approx(implied, rel=0.01)
-    assert implied > 1.4 * PAPER_SPEED[1]
+    assert implied > 1.4 * SECTION_SPEED[1]
 
 
 @pytest.mark.parametrize(("column", "printed"), [("time", 0.258), ("frequency", 1.375)])

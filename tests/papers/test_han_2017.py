@@ -24,15 +24,8 @@ from sim_bridge.aerodynamics.quasi_steady import (
     moment_radius,
 )
 from sim_bridge.flight_mechanics.hawkmoth import CASES, Shares, hawkmoth_loads, shares
-from sim_bridge.flight_mechanics.prescribed import (
-    Harmonics,
-    PrescribedStroke,
-    StrokeLoads,
-    kinematics,
-    lift_and_thrust,
-    series,
-    stroke_loads,
-)
+from sim_bridge.flight_mechanics.prescribed import Harmonics, PrescribedStroke, kinematics, series
+from sim_bridge.flight_mechanics.stroke_loads import StrokeLoads, lift_and_thrust, stroke_loads
 from sim_bridge.vectors import Floats
 
 SLOW, FAST = CASES

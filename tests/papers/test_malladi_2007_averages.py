@@ -28,16 +28,16 @@ from sim_bridge.aerodynamics.stroke_averages import (
     stroke_matrix,
     stroke_record,
 )
-from sim_bridge.flight_mechanics.recorded import (
+from sim_bridge.flight_mechanics.prescribed import (
     Stroke,
     WingMotion,
     elliptic_wing,
-    prescribed_loads,
     protocol_motions,
     section_velocity,
     steady_flight,
     strips_of,
 )
+from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
 from sim_bridge.vectors import Floats
 
 AIRSPEED, DENSITY = 8.0, 1.225

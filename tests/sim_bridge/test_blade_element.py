@@ -24,14 +24,8 @@ from sim_bridge.aerodynamics.protocol import (
     blank_loads,
     blank_motion,
 )
-from sim_bridge.flight_mechanics.recorded import (
-    Stroke,
-    body_loads,
-    elliptic_wing,
-    prescribed_loads,
-    protocol_motions,
-    steady_flight,
-)
+from sim_bridge.flight_mechanics.prescribed import Stroke, elliptic_wing, protocol_motions, steady_flight
+from sim_bridge.flight_mechanics.stroke_loads import body_loads, prescribed_loads
 from sim_bridge.vectors import Floats
 
 CHORD, WIDTH, DENSITY, SPEED = 0.2, 0.05, 1.2, 8.0

@@ -34,13 +34,8 @@ from sim_bridge.aerodynamics.quasi_steady import (
     moment_coefficient,
     speed_ratio,
 )
-from sim_bridge.flight_mechanics.prescribed import (
-    Harmonics,
-    PrescribedStroke,
-    kinematics,
-    mean_lift_and_thrust,
-    stroke_loads,
-)
+from sim_bridge.flight_mechanics.prescribed import Harmonics, PrescribedStroke, kinematics
+from sim_bridge.flight_mechanics.stroke_loads import mean_lift_and_thrust, stroke_loads
 from sim_bridge.vectors import Floats
 
 REACH, MEAN_CHORD, COUNT = 0.3, 0.08, 24

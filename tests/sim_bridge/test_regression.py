@@ -22,15 +22,15 @@ from sim_bridge.aerodynamics.regression import (
     part_loads,
     regressors,
 )
-from sim_bridge.flight_mechanics.recorded import (
+from sim_bridge.flight_mechanics.prescribed import (
     SLOW_HAWK_STROKE,
     WingMotion,
     elliptic_wing,
-    prescribed_loads,
     protocol_motions,
     steady_flight,
     strips_of,
 )
+from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
 from sim_bridge.vectors import Floats
 
 TIME = Regression("time", 0.3, 0.25)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.recorded import (
+from sim_bridge.flight_mechanics.prescribed import (
     LEFT,
     RIGHT,
     SLOW_HAWK_STROKE,

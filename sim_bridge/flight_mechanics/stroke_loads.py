@@ -1,0 +1,133 @@
+"""Loads of prescribed strokes by any aerodynamic model of the protocol, section by section and on the body."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    INERTIA,
+    MASS,
+    NOSE_UP,
+    OUTWARD,
+    UPWARD,
+    AerodynamicModel,
+    Motion,
+    SectionLoads,
+    Strips,
+    blank_loads,
+)
+from sim_bridge.flight_mechanics.prescribed import StrokeKinematics, Wing, WingMotion, protocol_motions, strips_of
+from sim_bridge.vectors import Floats
+
+APPARENT, FUSELAGE = "apparent_mass", "fuselage"
+"""parts that are added here to those of the model"""
+
+
+class StrokeLoads(NamedTuple):
+    """Loads over a stroke, part by part: those of the model, then `APPARENT`, then `FUSELAGE` if the model has it."""
+
+    parts: tuple[str, ...]
+    sections: Floats
+    """(phases, parts, 4, n) N, N m; section axes, as `sim_bridge.aerodynamics.protocol` orders them"""
+    force: Floats
+    """(phases, parts, 3) N; body axes (FRD)"""
+    moment: Floats
+    """(phases, parts, 3) N m; about the body's origin"""
+
+
+class LiftThrust(NamedTuple):
+    """Vertical and forward force, part by part."""
+
+    lift: Floats
+    """N; up"""
+    thrust: Floats
+    """N; forward, horizontal"""
+
+
+def stroke_loads(
+    model: AerodynamicModel,
+    parameters: Any,
+    strips: Strips,
+    stroke: StrokeKinematics,
+    density: float,
+    strokes: int = 3,
+) -> StrokeLoads:
+    """Loads at each phase of the last of ``strokes`` strokes (for a model with memory; others need one).
+
+    The memory's smooth share is carried from phase to phase by Heun's rule. ``density`` in kg/m^3.
+    """
+    motions, count = stroke.motions, len(stroke.motions)
+    state, dt = model.initial(parameters, strips), stroke.period / count
+    now, then = (blank_loads(len(model.parts), strips, len(state)) for _ in range(2))
+    names = (*model.parts, APPARENT, *([FUSELAGE] if model.whole_aircraft else []))
+    n = strips.chord.shape[0]
+    found = StrokeLoads(
+        names, np.zeros((count, len(names), 4, n)), np.zeros((count, len(names), 3)), np.zeros((count, len(names), 3))
+    )
+    last = (strokes if len(state) else 1) * count
+    for step in range(last):
+        i, following = step % count, motions[(step + 1) % count]
+        model.loads(parameters, strips, motions[i], density, state, now)
+        if step >= last - count:
+            _record(found, i, now, motions[i], stroke)
+        if len(state):
+            model.loads(parameters, strips, following, density, state + dt * now.rates, then)
+            state = state + 0.5 * dt * (now.rates + then.rates)
+            model.advance(parameters, strips, following, density, state, dt)
+    return found
+
+
+def _record(found: StrokeLoads, i: int, out: SectionLoads, motion: Motion, stroke: StrokeKinematics) -> None:
+    own = out.parts.shape[0]
+    found.sections[i, :own] = out.parts
+    found.sections[i, own, UPWARD] = -out.apparent[MASS] * stroke.normal_acceleration[i]
+    found.sections[i, own, NOSE_UP] = -out.apparent[INERTIA] * stroke.pitch_acceleration[i]
+    total = body_loads(motion, found.sections[i])
+    found.force[i], found.moment[i] = total[:, :3], total[:, 3:]
+    if found.parts[-1] == FUSELAGE:
+        found.force[i, -1], found.moment[i, -1] = out.body[:3], out.body[3:]
+
+
+def prescribed_loads(
+    model: AerodynamicModel, settings: Any, wing: Wing, motion: WingMotion, density: float = 1.225
+) -> Floats:
+    """Force and moment (N, 6) in N, N m of both wings on the fuselage, body axes, moment about its centre of mass.
+
+    Instant by instant: without the forces of apparent mass and with a model's state at rest; `stroke_loads` of
+    `recorded_kinematics` has both.
+    """
+    strips = strips_of(wing)
+    parameters = model.build(settings, strips)
+    state = model.initial(parameters, strips)
+    total = np.zeros((len(motion.phase), 6))
+    out = blank_loads(len(model.parts), strips, len(state))
+    for i, instant in enumerate(protocol_motions(wing, motion)):
+        model.loads(parameters, strips, instant, density, state, out)
+        total[i] = out.body + body_loads(instant, out.parts.sum(axis=0))
+    return total
+
+
+def body_loads(motion: Motion, sections: Floats) -> Floats:
+    """Force and moment (..., 6) in N, N m about the body's origin, body axes, of section loads (..., 4, n)."""
+    span, chord, normal = motion.axes
+    force = sections[..., None, FORWARD, :] * chord + sections[..., None, UPWARD, :] * normal
+    force = force + sections[..., None, OUTWARD, :] * span
+    # Nose up turns about the axis to the right on either side: chord times normal.
+    couple = sections[..., None, NOSE_UP, :] * np.cross(chord, normal, axis=0)
+    moment = np.cross(motion.place, force, axisa=0, axisb=-2, axisc=-2) + couple
+    return np.concatenate((force.sum(axis=-1), moment.sum(axis=-1)), axis=-1)
+
+
+def lift_and_thrust(force: Floats, pitch: float = 0.0) -> LiftThrust:
+    """Vertical and forward components of forces (..., 3) in body axes, wings level at ``pitch`` rad."""
+    c, s = math.cos(pitch), math.sin(pitch)
+    return LiftThrust(-c * force[..., 2] + s * force[..., 0], c * force[..., 0] + s * force[..., 2])
+
+
+def mean_lift_and_thrust(loads: StrokeLoads, pitch: float = 0.0) -> LiftThrust:
+    """Means over the stroke, each (parts,)."""
+    return lift_and_thrust(np.mean(loads.force, axis=0), pitch)
