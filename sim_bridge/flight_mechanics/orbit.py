@@ -25,8 +25,8 @@ JACOBIANS, JACOBIANS_ON = 12, 5
 """of one search from nothing (one that converges takes up to 8), and of one from a trim nearby"""
 CONTRACTION, STALL = 0.3, 0.9
 """-; residual after a step over that before: above the one the Jacobian is made anew, above the other it stalls"""
-FIRST_STEP, LAST_STEP = 0.5, 1.0 / 16.0
-"""-; of the way from the cruise"""
+FIRST_STEP, LAST_STEP = 0.5, 0.2
+"""share of the way from the cruise that is tried first; m/s of airspeed and climb below which it is not halved"""
 
 Told = Callable[[str], None]
 """is told in words what the search is at"""
@@ -200,6 +200,7 @@ def _continued(asked: _Search, refusal: str) -> _Point:
         raise BadInput(f"{refusal}, nor at its cruise, {start.words()}")
     done, share, slope = 0.0, FIRST_STEP, np.zeros_like(last.x)
     slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0)
+    way = abs(asked.airspeed - cruise.airspeed) + abs(asked.climb_rate - cruise.climb_rate)
     reached = start.words()
     while done < 1.0:
         ahead = min(done + share, 1.0)
@@ -207,7 +208,7 @@ def _continued(asked: _Search, refusal: str) -> _Point:
         found = there.newton(last.x + (ahead - done) * slope, JACOBIANS_ON)
         if found is None:
             share *= 0.5
-            if share < LAST_STEP:
+            if share * way < LAST_STEP:
                 raise BadInput(f"{refusal}: the nearest found is {reached}, with {_settings(stroke, last.x)}")
             continue
         needs = excesses(stroke.vehicle, inputs_of(stroke, found.x))
