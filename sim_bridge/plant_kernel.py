@@ -241,7 +241,8 @@ def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
 
 
 @inlined
-def _air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
+def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
+    """Let the air act on wings, tail and fuselage, and tell the rates of the aerodynamic model's state."""
     n = p.joints.kind.shape[0]
     q, rates, start = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
     air = s.outside[3:9]
@@ -296,7 +297,8 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
 
 
 @inlined
-def _outside(y: Floats, around: Surroundings, s: Scratch) -> None:
+def set_outside(y: Floats, around: Surroundings, s: Scratch) -> None:
+    """Turn attitude, gravity and the motion of the air into body axes."""
     rotation(y[3], y[4], y[5], y[6], s.r)
     for i in range(3):
         s.base[i] = y[7 + i]
@@ -387,9 +389,9 @@ def derivatives(
     q, rates = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n]
     s.mass[:, :] = 0.0
     s.load[:] = 0.0
-    _outside(y, around, s)
+    set_outside(y, around, s)
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
-    _air_loads(y, around.density, p, s, rate)
+    add_air_loads(y, around.density, p, s, rate)
     touching = _contacts(y, p, s)
     assemble(p.tree, s.tree, s.mass, s.load)
     _hold_joints(y, p, s)

@@ -113,9 +113,9 @@ def scratched(plant: Plant) -> k.Scratch:
 def equations(plant: Plant, y: Floats, around: k.Surroundings) -> tuple[Floats, Floats]:
     """Mass matrix and load of tree, wings and air alone: without drives, springs, ground and launcher."""
     p, s = plant.parameters, scratched(plant)
-    k._outside(y, around, s)
+    k.set_outside(y, around, s)
     move(p.tree, y[joints(plant)], y[joint_rates(plant)], s.base, s.outside[0:3], s.tree)
-    k._air_loads(y, around.density, p, s, np.zeros_like(y))
+    k.add_air_loads(y, around.density, p, s, np.zeros_like(y))
     assemble(p.tree, s.tree, s.mass, s.load)
     return np.triu(s.mass) + np.triu(s.mass, 1).T, s.load
 

@@ -92,7 +92,7 @@ class Sections(Mechanism):
 def resisting(plant: Plant, y: Floats, around: k.Surroundings, apparent: Floats) -> tuple[Floats, Floats]:
     """Mass matrix and load of the plant whose air has this apparent mass (2, n) and makes no loads."""
     p, s = plant.parameters, scratched(plant)
-    k._outside(y, around, s)
+    k.set_outside(y, around, s)
     q, qd = y[joints(plant)], y[joint_rates(plant)]
     move(p.tree, q, qd, s.base, s.outside[0:3], s.tree)
     wing_motion(s.tree, p.wings, q, qd, s.outside[3:9], s.wings)
