@@ -1,7 +1,7 @@
 """Wing twist as Gerdes 2017 models it: a spring, a mass and a damper that ring after each stroke reversal.
 
-The functions carry the corrections that the printed equations need: Eq. 14 divides a torsional stiffness by a mass, so
-that a moment of inertia stands here; in Eq. 16 the first theta_0 of the second term must be its rate.
+The functions carry the corrections that the printed equations need: Eq. 14 divides a torsional stiffness by a mass,
+so that a moment of inertia stands here; in Eq. 16 the first theta_0 of the second term must be its rate.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from sim_bridge.vectors import Floats
 def twist_stiffness(flexural_rigidity: float, chord: float, proportion: float) -> float:
     """Torsional stiffness in N m/rad, Gerdes Eq. 13: ``proportion`` (B, m^2/rad) times 3 E I / L^3.
 
-    Spars of rigidity E I in N m^2 are cantilevered over the ``chord`` in m, so that for wings of one spar material the
-    stiffness falls with the cube of the chord.
+    Spars of rigidity E I in N m^2 are cantilevered over the ``chord`` in m, so that for wings of one spar material
+    the stiffness falls with the cube of the chord.
     """
     return 3.0 * flexural_rigidity / chord**3 * proportion
 

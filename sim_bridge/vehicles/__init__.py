@@ -11,6 +11,7 @@ from sim_bridge.aerodynamics.models import MODELS, find_model
 from sim_bridge.sensors.suite import SECTIONS as SENSORS
 from sim_bridge.vehicles.sections import (
     Aerodynamics,
+    AsMeasured,
     Battery,
     BodyPart,
     Cruise,
@@ -34,7 +35,7 @@ REQUIRED: dict[str, type[Any]] = {
     "cruise": Cruise,
 }
 REPEATED: dict[str, type[Any]] = {"bodies": BodyPart, "plates": Plate}
-OPTIONAL: dict[str, type[Any]] = {"linkage": FourBar, "motor": Motor}
+OPTIONAL: dict[str, type[Any]] = {"linkage": FourBar, "motor": Motor, "as_measured": AsMeasured}
 MODEL_SECTIONS = {model.name: model.settings for model in MODELS.values()}
 SCHEMA = Schema(REQUIRED, OPTIONAL | SENSORS | MODEL_SECTIONS, REPEATED)
 

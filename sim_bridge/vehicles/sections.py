@@ -184,3 +184,21 @@ class Cruise(NamedTuple):
     """middle of the commanded stroke (servo drives)"""
     frequency: Annotated[float, Quantity("Hz", 0.5, 100.0)]
     """flapping, where the search for the trim begins"""
+
+
+class AsMeasured(NamedTuple):
+    """Optional ``[as_measured]``: what reproduces a measured flight where the vehicle flies with another value.
+
+    See `sim_bridge.flight_mechanics.wing_fit`.
+    """
+
+    stall_torque: Annotated[float, Quantity("N m", 0.0, 500.0)]
+    """of one wing's servo at nominal voltage, as the next"""
+    no_load_speed: Annotated[float, Quantity("rad/s", 0.1, 1000.0)]
+    position_gain: Annotated[float, Quantity("N m/rad", 0.0, 1e4)]
+    rate_gain: Annotated[float, Quantity("N m s/rad", 0.0, 1e3)]
+    twist_stiffness: Annotated[float, Quantity("N m/rad", 0.0, 1e4)]
+    """of the membrane; its damping ratio stays"""
+    washout: Radians
+    stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
+    """of strip theory"""

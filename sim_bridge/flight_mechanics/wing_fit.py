@@ -1,0 +1,215 @@
+"""One set of values for drive and membrane fitted to the flights of several wings, and to all but one in turn.
+
+What is fitted to: mean power, greatest plunge speed and stroke amplitude of each flight; that the flight was steady
+(the wings' mean thrust is the fuselage's drag, as their lift is the weight); and that a slow stroke is followed. A
+weak prior, the same in every fit, holds the values near where the search begins: without it a fit to three wings
+would run to the bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from avionics.quantities import BadInput
+from sim_bridge.flight_mechanics.wind_tunnel import (
+    DENSITY,
+    Measures,
+    Stream,
+    Tunnel,
+    fly,
+    levelled,
+    measure,
+    rate_error,
+)
+from sim_bridge.flight_mechanics.wing_twist import scaled_stiffness
+from sim_bridge.mechanism import total_mass
+from sim_bridge.plant_kernel import GRAVITY
+from sim_bridge.vectors import Floats
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles.sections import AsMeasured
+
+REFERENCE_CHORD = 0.311
+"""m; of the wing whose twist stiffness is a parameter of the fit (wing A): it falls with the cube of the chord"""
+POWER_SIGMA, SPEED_SIGMA, AMPLITUDE_SIGMA, LIFT_SIGMA = 0.08, 0.04, 0.12, 0.05
+"""-; what a share of error counts as one in the fit: the first two are what the fit must reach"""
+THRUST_SIGMA = 0.6
+"""N; likewise"""
+SLOW_SIGMA = 0.05
+"""-; likewise, of `rate_error` in the slow stroke"""
+PRIOR_SIGMA = 3.0
+"""-; likewise, of a parameter's distance from its start, in shares of its range"""
+SLOW_ANGLE = 0.1
+"""rad; angle of attack of the slow stroke"""
+STEP, ROUNDS, TOLERANCE = 0.02, 25, 1e-3
+"""-; of the differences, in shares of the ranges; of the search"""
+
+
+class MeasuredFlight(NamedTuple):
+    """A steady flight and what was measured in it."""
+
+    stream: Stream
+    power: float
+    """W; mean mechanical power of both drives"""
+    plunge_speed: float
+    """rad/s; greatest"""
+    amplitude: float
+    """rad; peak to peak"""
+    slow: Stream | None = None
+    """a stroke that the drives follow, if one was looked at"""
+
+
+class Range(NamedTuple):
+    """Where a parameter of the fit may lie and where the search begins."""
+
+    low: float
+    start: float
+    high: float
+    logarithmic: bool = False
+
+
+RANGES = {
+    "stall_torque": Range(1.5, 3.0, 6.0, True),
+    "no_load_speed": Range(13.0, 17.0, 24.0),
+    "position_gain": Range(1.5, 4.0, 15.0, True),
+    "rate_gain": Range(0.05, 0.6, 2.0, True),
+    "twist_stiffness": Range(0.05, 0.2, 0.4, True),
+    "washout": Range(-0.5, 0.27, 0.6),
+    "stall_angle": Range(0.09, 0.16, 0.5),
+}
+"""by the fields of `AsMeasured`"""
+
+
+class WingFit(NamedTuple):
+    """What a fit found."""
+
+    values: AsMeasured
+    """of the wing of `REFERENCE_CHORD`"""
+    cost: float
+    """half the sum of squares"""
+    at_bounds: tuple[str, ...]
+    """parameters that ran to an end of their range"""
+
+
+def with_values(vehicle: SimulatedVehicle, values: AsMeasured) -> SimulatedVehicle:
+    """The vehicle with these values, twist stiffness of its own wing, in the place of those it flies with.
+
+    Raises:
+        BadInput: the vehicle's file has no section [strip_theory].
+    """
+    if "strip_theory" not in vehicle.sections:
+        raise BadInput(f"{vehicle.path}: measured values need a section [strip_theory]")
+    wing, drive = vehicle.wing, vehicle.drive
+    softened = math.sqrt(values.twist_stiffness / wing.twist_stiffness)
+    theory = vehicle.sections["strip_theory"]._replace(stall_angle=values.stall_angle)
+    return vehicle._replace(
+        wing=wing._replace(
+            washout=values.washout,
+            twist_stiffness=values.twist_stiffness,
+            twist_damping=wing.twist_damping * softened,
+        ),
+        drive=drive._replace(
+            stall_torque=values.stall_torque,
+            no_load_speed=values.no_load_speed,
+            position_gain=values.position_gain,
+            rate_gain=values.rate_gain,
+        ),
+        sections=vehicle.sections | {"strip_theory": theory},
+    )
+
+
+def as_measured(vehicle: SimulatedVehicle) -> SimulatedVehicle:
+    """The vehicle with the values of its section [as_measured] in the place of those it flies with.
+
+    Raises:
+        BadInput: its file has no such section.
+    """
+    values = vehicle.sections.get("as_measured")
+    if values is None:
+        raise BadInput(f"{vehicle.path}: no section [as_measured]: this vehicle's wings were not measured")
+    return with_values(vehicle, values)
+
+
+def for_wing(values: AsMeasured, chord: float) -> AsMeasured:
+    """A fit's values for a wing of another greatest chord in m: spars alike, Gerdes Eq. 13."""
+    return values._replace(twist_stiffness=scaled_stiffness(values.twist_stiffness, REFERENCE_CHORD, chord))
+
+
+def flown(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight) -> Measures:
+    """What a flight of the vehicle measures with a fit's values.
+
+    Raises:
+        BadInput: the wings cannot carry the vehicle.
+    """
+    changed = with_values(vehicle, for_wing(values, vehicle.wing.root_chord))
+    return measure(fly(changed, flight.stream), flight.stream)
+
+
+def fit(vehicles: Mapping[str, SimulatedVehicle], flights: Mapping[str, MeasuredFlight]) -> WingFit:
+    """Fit one set of values to the flights of the vehicles of the same names."""
+
+    def residuals(shares: Floats) -> Floats:
+        values = from_shares(shares)
+        rows = [_residuals(vehicles[name], values, flight) for name, flight in flights.items()]
+        return np.concatenate((*rows, (shares - start) / PRIOR_SIGMA))
+
+    start = to_shares({name: one.start for name, one in RANGES.items()})
+    found = least_squares(
+        residuals, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=ROUNDS, ftol=TOLERANCE, xtol=TOLERANCE
+    )
+    ends = [name for name, share in zip(RANGES, found.x, strict=True) if not 0.01 < share < 0.99]
+    return WingFit(from_shares(found.x), float(found.cost), tuple(ends))
+
+
+def leave_one_out(
+    vehicles: Mapping[str, SimulatedVehicle], flights: Mapping[str, MeasuredFlight]
+) -> dict[str, Measures]:
+    """What each flight measures with the values fitted to all the others."""
+    found = {}
+    for name, flight in flights.items():
+        others = {other: flights[other] for other in flights if other != name}
+        found[name] = flown(vehicles[name], fit(vehicles, others).values, flight)
+    return found
+
+
+def to_shares(values: Mapping[str, float]) -> Floats:
+    """(n,) places 0 to 1 of the values in their `RANGES`."""
+    return np.array([_share(RANGES[name], values[name]) for name in RANGES])
+
+
+def from_shares(shares: Floats) -> AsMeasured:
+    """The values at places 0 to 1 of their `RANGES`."""
+    return AsMeasured(*[_value(one, share) for one, share in zip(RANGES.values(), shares.tolist(), strict=True)])
+
+
+def _share(one: Range, value: float) -> float:
+    if one.logarithmic:
+        return math.log(value / one.low) / math.log(one.high / one.low)
+    return (value - one.low) / (one.high - one.low)
+
+
+def _value(one: Range, share: float) -> float:
+    if one.logarithmic:
+        return float(one.low * (one.high / one.low) ** share)
+    return float(one.low + share * (one.high - one.low))
+
+
+def _residuals(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight) -> list[float]:
+    changed = with_values(vehicle, for_wing(values, vehicle.wing.root_chord))
+    stream = flight.stream
+    m = measure(levelled(Tunnel(changed, stream)), stream)
+    drag = 0.5 * DENSITY * stream.airspeed**2 * vehicle.fuselage.drag_area
+    found = [
+        (m.positive_power / flight.power - 1.0) / POWER_SIGMA,
+        (m.plunge_speed / flight.plunge_speed - 1.0) / SPEED_SIGMA,
+        (m.amplitude / flight.amplitude - 1.0) / AMPLITUDE_SIGMA,
+        (m.lift / (total_mass(vehicle) * GRAVITY) - 1.0) / LIFT_SIGMA,
+        (m.thrust - drag) / THRUST_SIGMA,
+    ]
+    if flight.slow is not None:
+        found.append(rate_error(fly(changed, flight.slow, SLOW_ANGLE)) / SLOW_SIGMA)
+    return found
