@@ -35,9 +35,9 @@ class Observation(NamedTuple):
     flap_right: float
     """rad; wing up is positive"""
     torque_left: float
-    """N m; of the drive on the wing, positive when it drives the wing up"""
+    """N m; of the drive on the wing, averaged over the last tick, positive when it drives the wing up"""
     torque_right: float
-    """N m; of the drive on the wing, positive when it drives the wing up"""
+    """N m; likewise"""
     current: float
     """A; drawn by both drives, averaged over whole PWM periods since the last ADC burst (two ticks)"""
     open_circuit_voltage: float

@@ -55,13 +55,13 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
-    if not physics_compiled():
-        print(COMPILING, file=sys.stderr, flush=True)
-        Plant(vehicle).compile()
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration)
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
+        if not physics_compiled():
+            print(COMPILING, file=sys.stderr, flush=True)
+            Plant(vehicle).compile()
         path = chosen.log or new_recording(f"{vehicle.name}-world")
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)

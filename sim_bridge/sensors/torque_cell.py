@@ -1,4 +1,8 @@
-"""Strain-gauge torque cells on the wing drives of instrumented vehicles."""
+"""Strain-gauge torque cells on the wing drives of instrumented vehicles.
+
+The gauges' amplifier passes what lasts a tick: a position servo that is given a new rate every tick jumps by some
+tenths of a newton metre, and a reading at the end of each would be off by half a jump.
+"""
 
 from __future__ import annotations
 

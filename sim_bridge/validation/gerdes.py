@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from sim_bridge.actuators.drives import drive_current
 from sim_bridge.mechanism import wing_strips
+from sim_bridge.validation import gerdes_wings
 from sim_bridge.validation.row import Check, Row, compare_share, figure, fitted
 from sim_bridge.vehicles import load_vehicle
 
@@ -78,5 +79,9 @@ def drive_rows() -> list[Row]:
     return rows
 
 
-CHECKS = (Check("planforms", planform_rows), Check("drives", drive_rows))
-"""one line for each group of rows; those that fly the wings go here"""
+CHECKS = (
+    Check("planforms", planform_rows),
+    Check("drives", drive_rows),
+    Check("wings in a wind tunnel", gerdes_wings.rows, slow=True),
+)
+"""one line for each group of rows; the fits that leave a wing out take minutes and are run by ``make validate``"""

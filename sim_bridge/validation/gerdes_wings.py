@@ -15,7 +15,8 @@ from sim_bridge.flight_mechanics.wind_tunnel import (
     reachable_stroke,
     stiffened,
 )
-from sim_bridge.flight_mechanics.wing_fit import SLOW_ANGLE, MeasuredFlight, as_measured
+from sim_bridge.flight_mechanics.wing_fit import SLOW_ANGLE, MeasuredFlight, as_measured, leave_one_out
+from sim_bridge.validation.row import Row, compare, compare_share, figure, fitted, unreproducible
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 WINGS = ("A", "B", "C", "D")
@@ -232,3 +233,31 @@ def lines() -> list[Line]:
     return [
         *mean_lines(measured), *wing_lines(measured), *stroke_lines(), *kinematics_lines(), *reachable_lines()
     ]  # fmt: skip
+
+
+GAP = 0.15
+"""-; chosen: up to which a figure without a limit of its own counts as reproduced"""
+
+
+def rows() -> list[Row]:
+    """What `lines` tells, as rows of the table of published figures."""
+    return [_row(line) for line in lines()]
+
+
+def left_out_rows() -> list[Row]:
+    """The wings left out of the fit in turn; takes minutes."""
+    return [_row(line) for line in left_out_lines(leave_one_out(vehicles(), measured_flights()))]
+
+
+def _row(line: Line) -> Row:
+    printed = figure(
+        "Tables 4, 6, 7", line.quantity, line.unit, line.ours if line.published is None else line.published
+    )
+    if line.published is None:
+        return unreproducible(printed._replace(low=math.nan, high=math.nan), line.ours, line.note)
+    if line.fitted:
+        allowed = "" if line.limit is None else f"; at most {line.limit:g} was wanted"
+        return fitted(printed, line.ours, line.note + allowed)
+    if line.limit is not None:
+        return compare(printed, line.ours, line.limit, line.note)
+    return compare_share(printed, line.ours, GAP, line.note)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.aerodynamics.models import MODELS
-from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, blank_loads, loads
+from sim_bridge.aerodynamics.models import MODELS, loads
+from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, blank_loads
 from sim_bridge.aerodynamics.regression import Regression
 from sim_bridge.multibody.tree import assemble, move
 from sim_bridge.multibody.wings import add_wings, wing_places
@@ -157,7 +157,7 @@ def loaded(plant: Plant, motion: Motion, density: float = DENSITY, state: Floats
     """What the plant's model makes of a motion."""
     out = blank(plant)
     memory = plant.mechanism.aerodynamic_state.copy() if state is None else state
-    loads(plant.mechanism.aerodynamics, plant.mechanism.wings.strips, motion, density, memory, out)
+    loads(plant.parameters.air, plant.mechanism.wings.strips, motion, density, memory, out)
     return out
 
 

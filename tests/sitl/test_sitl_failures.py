@@ -50,7 +50,7 @@ def test_the_wind_is_estimated() -> None:
 
 def test_a_lost_link_brings_it_home() -> None:
     lost = Command(13_000_000, CommandKind.LINK_LOST, source="test")
-    flight = flown(RAVEN, Scenario(seed=1, duration=35.0), commands=[lost])
+    flight = flown(RAVEN, Scenario(seed=1, duration=32.0), commands=[lost])  # before it circles above home
     check_upright(flight)
     assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(18.0, abs=0.1)
     assert flight.of(topics.NAVIGATION)[-1].mode == Mode.RETURN
