@@ -12,6 +12,11 @@ from sim_bridge.vehicles import SimulatedVehicle
 MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {regression.MODEL.name: regression.check}
 """by model: refuses, from its section of the vehicle file, an airspeed in m/s at which it does not hold"""
 
+MODEL_WARNINGS = {
+    regression.MODEL.name: "as printed, the mean thrust of regression is a drag: its flight needs a tow"
+}
+"""by model: why a vehicle that flies with it may have no trim"""
+
 
 def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
     """Refuse an airspeed in m/s at which the vehicle's aerodynamic model does not hold.
@@ -22,6 +27,11 @@ def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
     model = vehicle.aerodynamics.model
     if model in MODEL_RANGES:
         MODEL_RANGES[model](vehicle.sections[model], airspeed)
+
+
+def model_warning(vehicle: SimulatedVehicle) -> str:
+    """What is to be said of the vehicle's aerodynamic model where no trim is found; mostly nothing."""
+    return MODEL_WARNINGS.get(vehicle.aerodynamics.model, "")
 
 
 def excesses(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from sim_bridge.actuators.linkage import Motor
-from sim_bridge.flight_mechanics.limits import check_model, excesses
+from sim_bridge.flight_mechanics.limits import check_model, excesses, model_warning
 from sim_bridge.flight_mechanics.stroke_map import Stroke, StrokeInputs, StrokeMap, StrokeMeans
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
@@ -25,6 +25,8 @@ JACOBIANS, JACOBIANS_ON = 12, 5
 """of one search from nothing (one that converges takes up to 8), and of one from a trim nearby"""
 CONTRACTION, STALL = 0.3, 0.9
 """-; residual after a step over that before: above the one the Jacobian is made anew, above the other it stalls"""
+SPIN_UP = 12
+"""-; strokes in which a motor on a linkage comes to its frequency"""
 FIRST_STEP, LAST_STEP = 0.5, 0.2
 """share of the way from the cruise that is tried first; m/s of airspeed and climb below which it is not halved"""
 
@@ -170,15 +172,23 @@ def _guess(stroke: StrokeMap, airspeed: float, climb_rate: float) -> Floats:
     """Where the search begins: some angle of attack, the wings settled."""
     vehicle, cruise = stroke.vehicle, stroke.vehicle.cruise
     inputs = StrokeInputs(cruise.frequency, cruise.stroke_amplitude, 0.0, 0.5)
-    tail = [0.0]
     if vehicle.motor is not None and stroke.motor:
         inputs = inputs._replace(throttle=_throttle(vehicle.motor, cruise.frequency, vehicle.drive.nominal_voltage))
-        tail = [0.0, inputs.throttle]
     z = stroke.start(inputs)
     z[0], z[1], z[3] = airspeed, 0.1 * airspeed, 0.1 + climb_rate / airspeed
-    z = stroke.settle_wings(z, inputs, 4)
+    if stroke.motor:
+        return _motor_guess(stroke, z, inputs)
     drive = inputs.amplitude if vehicle.drive.kind == "servo" else inputs.frequency
-    return np.concatenate((z, [drive], tail))
+    return np.concatenate((stroke.settle_wings(z, inputs, 4), [drive, 0.0]))
+
+
+def _motor_guess(stroke: StrokeMap, z: Floats, inputs: StrokeInputs) -> Floats:
+    """The wings settled at about the throttle that keeps the frequency: else a turn ends far from where it began."""
+    for _ in range(SPIN_UP):
+        z = stroke.settle_wings(z, inputs, 1)
+        wanted = inputs.throttle * inputs.frequency / max(float(z[stroke.crank]), 0.5 * inputs.frequency)
+        inputs = inputs._replace(throttle=min(wanted, 1.0))
+    return np.concatenate((z, [inputs.frequency, 0.0, inputs.throttle]))
 
 
 def _throttle(motor: Motor, frequency: float, voltage: float) -> float:
@@ -197,7 +207,8 @@ def _continued(asked: _Search, refusal: str) -> _Point:
     start = _Search(stroke, cruise.airspeed, cruise.climb_rate, asked.told)
     last = start.newton(_guess(stroke, cruise.airspeed, cruise.climb_rate))
     if last is None:
-        raise BadInput(f"{refusal}, nor at its cruise, {start.words()}")
+        warning = model_warning(stroke.vehicle)
+        raise BadInput(f"{refusal}, nor at its cruise, {start.words()}{warning and f'; {warning}'}")
     done, share, slope = 0.0, FIRST_STEP, np.zeros_like(last.x)
     slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0)
     way = abs(asked.airspeed - cruise.airspeed) + abs(asked.climb_rate - cruise.climb_rate)
