@@ -21,6 +21,7 @@ from avionics.link.transport import open_transport
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
+from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import identify, options
 from groundstation.command.children import Children, Failure
 from groundstation.command.sim import COMPILING, simulated
@@ -42,6 +43,7 @@ from logs.summary import FlightSummary, summarize
 from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.plant import Plant, physics_compiled
+from sim_bridge.vehicles import vehicle_names
 
 EXAMPLES = (
     "wingbeat fly",
@@ -130,6 +132,7 @@ def check(chosen: argparse.Namespace) -> Plan:
         BadInput: see `run`.
     """
     world, computer = options.vehicle_files(chosen.vehicle)
+    _check_flown(computer)
     vehicle = load_vehicle(computer)
     model = simulated(world, chosen.aerodynamics).aerodynamics.model
     steady_wind(chosen.wind, chosen.wind_from)
@@ -143,6 +146,19 @@ def check(chosen: argparse.Namespace) -> Plan:
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
     return Plan(chosen.vehicle, vehicle.title, model, log, parts)
+
+
+def _check_flown(name: str) -> None:
+    """Refuse a vehicle of the simulated world that no flight computer knows.
+
+    Raises:
+        BadInput: it is one.
+    """
+    if name in vehicle_names() and name not in flown_names():
+        raise BadInput(
+            f"{name} has no flight-computer file: it can be trimmed and linearized, not flown; "
+            f"{' and '.join(flown_names())} can"
+        )
 
 
 def _prepare(plan: Plan, console: Console) -> None:

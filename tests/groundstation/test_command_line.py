@@ -213,11 +213,17 @@ def test_a_log_without_an_excitation_is_refused_with_the_reason(log: Path, capsy
     assert "excitation" in complaint(capsys)
 
 
+def test_a_vehicle_without_a_flight_computer_is_not_flown(capsys: Capture) -> None:
+    assert main(["fly", "--vehicle", "slow_hawk"]) == 2
+    assert "slow_hawk has no flight-computer file: it can be trimmed and linearized" in complaint(capsys)
+
+
 def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     assert main(["vehicles", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)["vehicles"]
     assert {"robo_raven_ii_d", "arizona_100cm"} <= {vehicle["name"] for vehicle in listed}
-    assert all(vehicle["flies"] and vehicle["sources"]["published"] > 0 for vehicle in listed)
+    assert {bird["name"] for bird in listed if bird["flies"]} == {"robo_raven_ii_d", "arizona_100cm"}
+    assert all(vehicle["sources"]["published"] > 0 for vehicle in listed)
     assert all({"strip_theory", "quasi_steady", "blade_element"} <= set(bird["aerodynamics"]) for bird in listed)
     assert main(["vehicles", "robo_raven_ii_d", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)["values"]

@@ -22,7 +22,7 @@ VACUUM = 1e-9
 GRAVITY = np.array([0.0, 0.0, k.GRAVITY])
 
 
-MECHANISMS = (*NAMES, "insect")
+MECHANISMS = (*NAMES, "slow_hawk", "insect")
 
 
 @cache
