@@ -46,7 +46,7 @@ def told_of_many(name: str) -> set[str]:
     return {
         f"{family}.{member}.{key}"
         for family in REPEATED
-        for member, table in document[family].items()
+        for member, table in document.get(family, {}).items()
         for key, entry in table.items()
         if not isinstance(entry, str)
     }
