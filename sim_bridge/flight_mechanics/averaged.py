@@ -109,7 +109,8 @@ def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, flo
             controls = controls._replace(elevator=orbit.inputs.elevator + side * AMPLITUDE)
         stroke.plant.advance(controls, stroke.around)
         rows[i, :4] = stroke.pack()[:4]
-        rows[i, 4] = stroke.plant.y[stroke.plant.layout.elevator]
+        place = stroke.plant.layout.elevator
+        rows[i, 4] = stroke.plant.y[place] if place >= 0 else controls.elevator
     return rows
 
 
