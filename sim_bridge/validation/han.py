@@ -8,6 +8,7 @@ import numpy as np
 
 from sim_bridge.aerodynamics.quasi_steady import correction_factors, elliptic_strips, force_radius, lift_coefficient
 from sim_bridge.flight_mechanics.hawkmoth import CASES, HawkmothCase, hawkmoth_loads, shares
+from sim_bridge.validation.insects import moth_rows
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure, unreproducible
 
 WHERE = "Eq. 12, Table 1"
@@ -59,4 +60,8 @@ def _share_rows(case: HawkmothCase, printed: tuple[float, float, float]) -> list
     ]
 
 
-CHECKS = (Check("coefficients and planform", coefficient_rows), Check("hawkmoth", hawkmoth_rows, slow=True))
+CHECKS = (
+    Check("coefficients and planform", coefficient_rows),
+    Check("hawkmoth", hawkmoth_rows, slow=True),
+    Check("hawkmoth in free flight", moth_rows, slow=True),
+)

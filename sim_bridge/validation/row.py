@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -45,8 +46,10 @@ class Row(NamedTuple):
 
     @property
     def difference(self) -> float | None:
-        """Ours less what is printed, in the figure's unit; 0 inside of a printed range."""
-        return None if self.ours is None else self.ours - nearest(self.figure, self.ours)
+        """Ours less what is printed, in the figure's unit; 0 inside of a printed range; none without a number."""
+        if self.ours is None or math.isnan(self.figure.low):
+            return None
+        return self.ours - nearest(self.figure, self.ours)
 
 
 class Check(NamedTuple):

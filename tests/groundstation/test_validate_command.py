@@ -40,7 +40,7 @@ def test_one_paper_is_told_to_programs(capsys: Capture) -> None:
 def test_what_is_not_printed_is_null(capsys: Capture) -> None:
     assert main(["validate", "--only", "sibilski", "--json"]) == 0
     (paper,) = json.loads(capsys.readouterr().out)["papers"]
-    assert paper["rows"][0]["ours"] is None and paper["rows"][0]["published"] == [None, None]
+    assert paper["rows"][0]["published"] == [None, None] and paper["rows"][0]["difference"] is None
 
 
 def test_slow_rows_are_announced(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
