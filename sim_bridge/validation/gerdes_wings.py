@@ -15,7 +15,7 @@ from sim_bridge.flight_mechanics.wind_tunnel import (
     reachable_stroke,
     stiffened,
 )
-from sim_bridge.flight_mechanics.wing_fit import SLOW_ANGLE, MeasuredFlight, as_measured, leave_one_out
+from sim_bridge.flight_mechanics.wing_fit import SLOW_ANGLE, MeasuredFlight, as_measured
 from sim_bridge.validation.row import Row, compare, compare_share, figure, fitted, unreproducible
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
@@ -97,6 +97,8 @@ class Line(NamedTuple):
     fitted: bool
     """a chosen value was fitted to it: no validation"""
     note: str
+    where: str = "Table 7"
+    """table or figure of the paper"""
 
 
 FIT = "one set of seven values for four wings, section [as_measured]"
@@ -153,13 +155,22 @@ def wing_lines(measured: Mapping[str, Measures]) -> list[Line]:
             Line(
                 f"greatest plunge speed, wing {wing}", flown.plunge_speed, one.plunge_speed, "rad/s", None, True, FIT
             ),
-            Line(f"stroke, wing {wing}", flown.amplitude, one.amplitude, "rad", None, True, FIT),
+            Line(f"stroke, wing {wing}", flown.amplitude, one.amplitude, "rad", None, True, FIT, "Table 4"),
             Line(f"mean torque, wing {wing}", flown.torque, one.torque, "N m", None, False, ELECTRICAL),
-            Line(f"mean current, wing {wing}", flown.current, one.current, "A", None, False, ELECTRICAL),
-            Line(f"current by energy, wing {wing}", flown.current, drawn(one), "A", None, True, BALANCE),
+            Line(f"mean current, wing {wing}", flown.current, one.current, "A", None, False, ELECTRICAL, "Table 4"),
+            Line(f"current by energy, wing {wing}", flown.current, drawn(one), "A", None, True, BALANCE, "Table 4"),
             Line(f"mean thrust, wing {wing}", flown.thrust, one.thrust, "N", None, False, THRUST),
-            Line(f"incidence, wing {wing}", flown.angle_of_attack, one.angle_of_attack, "rad", None, False, LEVEL),
-            Line(f"overshoot, wing {wing}", flown.overshoot, one.overshoot, "-", None, False, RINGING),
+            Line(
+                f"incidence, wing {wing}",
+                flown.angle_of_attack,
+                one.angle_of_attack,
+                "rad",
+                None,
+                False,
+                LEVEL,
+                "Table 4",
+            ),
+            Line(f"overshoot, wing {wing}", flown.overshoot, one.overshoot, "-", None, False, RINGING, "Table 6"),
         ]
     return lines
 
@@ -196,6 +207,7 @@ def stroke_lines() -> list[Line]:
             FOLLOWED,
             True,
             "followed; one figure of the fit",
+            "Fig. 10",
         ),
         Line(
             "speed reached over commanded at 4 Hz, wing D", 12.61 / 20.0, reached, "-", None, True, "limited; " + FIT
@@ -223,7 +235,9 @@ def reachable_lines() -> list[Line]:
         share = reachable_stroke(bird, stream("D", frequency), SLOW_ANGLE) / COMMANDED
         followed = 1.0 if frequency <= REACHED_TO else None
         note = "Fig. 11: a sine up to 1.5 Hz, beyond it the drive's bandwidth bounds the stroke"
-        lines.append(Line(f"sine within reach at {frequency:g} Hz", followed, share, "-", None, False, note))
+        lines.append(
+            Line(f"sine within reach at {frequency:g} Hz", followed, share, "-", None, False, note, "Fig. 11, 16")
+        )
     return lines
 
 
@@ -244,17 +258,10 @@ def rows() -> list[Row]:
     return [_row(line) for line in lines()]
 
 
-def left_out_rows() -> list[Row]:
-    """The wings left out of the fit in turn; takes minutes."""
-    return [_row(line) for line in left_out_lines(leave_one_out(vehicles(), measured_flights()))]
-
-
 def _row(line: Line) -> Row:
-    printed = figure(
-        "Tables 4, 6, 7", line.quantity, line.unit, line.ours if line.published is None else line.published
-    )
+    printed = figure(line.where, line.quantity, line.unit, math.nan if line.published is None else line.published)
     if line.published is None:
-        return unreproducible(printed._replace(low=math.nan, high=math.nan), line.ours, line.note)
+        return unreproducible(printed, line.ours, line.note)
     if line.fitted:
         allowed = "" if line.limit is None else f"; at most {line.limit:g} was wanted"
         return fitted(printed, line.ours, line.note + allowed)

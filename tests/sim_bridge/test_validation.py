@@ -54,6 +54,8 @@ def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
     assert fitted(number, 1.0, "to it").verdict == FITTED
     row = unreproducible(number, None, "it is not printed")
     assert (row.verdict, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
+    blank = figure("Fig. 1", "a curve", "m", math.nan)
+    assert unreproducible(blank, 1.0, "it has no scale").difference is None
 
 
 @pytest.mark.parametrize("check", CHECKS)
