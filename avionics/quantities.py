@@ -190,9 +190,9 @@ def _value(path: Path, name: str, entry: Mapping[str, Any], hint: Any) -> Any:
         raise BadInput(f'{path}: {name} must be in "{quantity.unit}", not "{unit}"')
     if get_origin(base) is tuple:
         length = len(get_args(base))
-        if not isinstance(value, list):
-            raise BadInput(f"{path}: {name} must be a list of {length} numbers")
         variable = get_args(base)[-1] is Ellipsis
+        if not isinstance(value, list):
+            raise BadInput(f"{path}: {name} must be a list of {'' if variable else f'{length} '}numbers")
         if not variable and len(value) != length:
             raise BadInput(f"{path}: {name} must have {length} numbers, not {len(value)}")
         return tuple(_number(path, name, item, float, quantity) for item in value)
@@ -208,7 +208,11 @@ def _value(path: Path, name: str, entry: Mapping[str, Any], hint: Any) -> Any:
 
 
 def _number(path: Path, name: str, value: Any, base: Any, quantity: Quantity | None) -> float | int:
-    if isinstance(value, bool) or not isinstance(value, int | float) or (base is int and value != int(value)):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or (base is int and not float(value).is_integer())
+    ):
         kind = "a whole number" if base is int else "a number"
         raise BadInput(f"{path}: {name} must be {kind}, not {value!r}")
     low, high = (quantity.low, quantity.high) if quantity else (-INFINITY, INFINITY)

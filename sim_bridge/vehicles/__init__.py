@@ -132,6 +132,8 @@ def _check(vehicle: SimulatedVehicle) -> None:
         raise BadInput(f'{path}: aerodynamics.model = "{model}" needs a section [{model}]')
     for name, plate in vehicle.plates.items():
         _need_body(vehicle, f"plates.{name}.body", plate.body)
+        if not any(plate.normal):
+            raise BadInput(f"{path}: plates.{name}.normal has no direction: not all of it may be 0")
     for key in ("right", "left"):
         _need_body(vehicle, f"wing.{key}", getattr(vehicle.wing, key))
 
