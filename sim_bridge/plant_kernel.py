@@ -22,7 +22,9 @@ from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, 
 from sim_bridge.vectors import Floats, Integers, inlined, kernel, rotation
 
 GRAVITY = 9.80665
+"""m/s^2"""
 VOLTAGE_ROUNDS = 3
+"""of torque, current and sag, see `_drive_wings`"""
 COORDINATES = 13
 """index of the first coordinate in the state vector"""
 
@@ -103,13 +105,18 @@ class Controls(NamedTuple):
     """Commands over one interval; the wing angles move linearly from ``_start`` to ``_end``."""
 
     left_start: float
+    """rad; flap angle, wing up positive, as the next three; servo drives"""
     left_end: float
     right_start: float
     right_end: float
     throttle: float
+    """0 to 1; crank and linkage drives"""
     elevator: float
+    """rad; nose up positive"""
     rudder: float
+    """rad; nose right positive"""
     duration: float
+    """s"""
     powered: float
     """1 when the drives are on, 0 when they are slack"""
 
@@ -118,11 +125,15 @@ class Surroundings(NamedTuple):
     """Air and launcher over one interval."""
 
     wind_north: float
+    """m/s; velocity of the air, NED, as the next two"""
     wind_east: float
     wind_down: float
     density: float
+    """kg/m^3"""
     launcher: int
+    """HELD, THROWN or FREE"""
     throw_x: float
+    """m/s^2; imposed while thrown: rate of the base's velocity in body axes, as the next two"""
     throw_y: float
     throw_z: float
     turn_x: float = 0.0
@@ -135,7 +146,9 @@ class Scratch(NamedTuple):
     """Work space and outputs of one right-hand side."""
 
     mass: Floats
+    """(6 + c, 6 + c); of the speeds, upper triangle"""
     load: Floats
+    """(6 + c,) N, N m; after `solve` the rates of the speeds"""
     tree: Kinematics
     wings: WingWork
     outside: Floats
@@ -151,7 +164,7 @@ class Scratch(NamedTuple):
     body_load: Floats
     """(6,) N, N m; of the fuselage and of models of the whole aircraft"""
     drive: Floats
-    """torque left, right N m; current A; voltage V"""
+    """(4,) torque left, right N m; current A; voltage V"""
     accelerations: Floats
     """(6 + c,); rates of the speeds"""
     held: Integers
