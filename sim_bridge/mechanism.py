@@ -234,6 +234,10 @@ def _check_base(name: str, part: BodyPart) -> None:
 def _check_wings(wing: Wing, bodies: list[Body]) -> None:
     if wing.left == wing.right:
         raise BadInput(f'wing.left = "{wing.left}" is the right wing already')
+    named = {body.name: body for body in bodies}
+    for key, name in (("right", wing.right), ("left", wing.left)):
+        if not _moves(named, name):
+            raise BadInput(f'wing.{key} = "{name}" flaps about no joint')
     if wing.twists and wing.membrane_mass <= 0.0:
         raise BadInput("wing.membrane_mass must exceed 0 kg where the membrane twists: it would follow without bound")
     parents = {body.parent for body in bodies} | {wing.left, wing.right}
@@ -245,6 +249,15 @@ def _check_wings(wing: Wing, bodies: list[Body]) -> None:
         arm = np.cross(turning, body.center)
         if turning @ inertia_matrix(body.inertia) @ turning + body.mass * (arm @ arm) <= 0.0:
             raise BadInput(f'body "{body.name}" has no inertia about the axis of its joint')
+
+
+def _moves(bodies: dict[str, Body], name: str) -> bool:
+    """Whether a joint lies between the body and the base."""
+    while bodies[name].parent:
+        if any(bodies[name].axis):
+            return True
+        name = bodies[name].parent
+    return False
 
 
 def _joints(wing: Wing, parts: list[BodyPart], coordinates: int) -> k.Joints:

@@ -109,3 +109,13 @@ def test_mirror_images_of_rudders_turn_the_same_way_and_of_wings_as_in_a_mirror(
     assert parts["twin"].axis == parts["rudder"].axis and parts["twin"].place == (-0.4, -0.1, 0.0)
     assert parts["twin"].moved_by == "rudder"
     assert parts["left_wing"].axis == (1.0, 0.0, 0.0) and parts["left_wing"].moved_by == "left_wing"
+
+
+def test_a_wing_that_cannot_flap_is_refused() -> None:
+    vehicle = load_vehicle("robo_raven_ii_d")
+    stiff = {
+        name: part._replace(axis=(0.0, 0.0, 0.0), moved_by="", damping=0.0) for name, part in vehicle.bodies.items()
+    }
+    stiff |= {name: part for name, part in vehicle.bodies.items() if part.mirror_of or not part.parent}
+    with pytest.raises(BadInput, match=r'wing\.right = "right_wing" flaps about no joint'):
+        build_mechanism(vehicle._replace(bodies=stiff))
