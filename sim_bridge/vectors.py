@@ -48,7 +48,9 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 def is_compiled(function: Callable[..., object]) -> bool:
     """Whether the cache holds a compiled form of a kernel; a kernel that is not is compiled at its first call."""
     module, name = function.__module__.rpartition(".")[2], function.__name__
-    return any(Path(numba.config.CACHE_DIR).rglob(f"{module}.{name}-*.nbi"))  # type: ignore[attr-defined]
+    # The cache's folder is the kernel's own: another copy of the sources has another, with the same names in it.
+    folder: str = function.stats.cache_path  # type: ignore[attr-defined]
+    return any(Path(folder).glob(f"{module}.{name}-*.nbi"))
 
 
 def _compile(function: Compiled, **options: Any) -> Compiled:

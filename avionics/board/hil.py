@@ -27,7 +27,7 @@ class Patience(NamedTuple):
 
     connect: float = 30.0
     """s; for the connection, while the world starts"""
-    first: float = 60.0
+    first: float = 180.0
     """s; for the first sensor frame: a world may have to get ready"""
     frame: float = 5.0
     """s; for every later sensor frame"""

@@ -59,6 +59,9 @@ def run(arguments: Sequence[str]) -> int:
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
+        alone = chosen.epoch_ns is None
+        if alone:
+            print(f"listening on {chosen.listen}", file=sys.stderr, flush=True)
         if not physics_compiled():
             print(COMPILING, file=sys.stderr, flush=True)
             Plant(vehicle).compile()
@@ -67,7 +70,10 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(recorder.close)
         note_scenario(recorder, vehicle, scenario)
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        _serve(server, SimulatedWorld(vehicle, scenario, seen.record))
+        world = SimulatedWorld(vehicle, scenario, seen.record)
+        _serve(server, world)
+        if alone:
+            print(f"over after {world.time_us * 1e-6:.1f} s; recorded in {path}", file=sys.stderr)
     return 0
 
 

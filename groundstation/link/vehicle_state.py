@@ -82,9 +82,11 @@ class VehicleState(NamedTuple):
     current: float | None = None
     """A; supply"""
     power: float | None = None
-    """W; mean"""
+    """W; mean since the message before"""
     energy: float | None = None
     """J; drawn since boot"""
+    energy_time: float | None = None
+    """s; since boot, of ``energy``"""
     battery_remaining: float | None = None
     """-; 0 to 1"""
     flap_frequency: float | None = None
@@ -227,10 +229,22 @@ def _power(state: VehicleState, message: Any) -> VehicleState:
     return state._replace(
         voltage=message.voltage,
         current=message.current,
-        power=message.power,
+        power=_mean_power(state, message),
         energy=message.energy,
+        energy_time=message.time_boot_ms * 1e-3,
         battery_remaining=message.battery_remaining,
     )
+
+
+def _mean_power(state: VehicleState, message: Any) -> float:
+    """W; from the energy drawn since the message before.
+
+    The message's own power is that of 10 ms: told at a multiple of the stroke, it shows one phase of it for ever.
+    """
+    if state.energy is None or state.energy_time is None:
+        return float(message.power)
+    span, drawn = message.time_boot_ms * 1e-3 - state.energy_time, message.energy - state.energy
+    return float(drawn / span) if span > 0.2 and drawn >= 0.0 else float(message.power)
 
 
 def _wing(state: VehicleState, message: Any) -> VehicleState:

@@ -212,7 +212,7 @@ def progress_line(state: VehicleState, mode: str) -> str:
     item = "" if state.item is None else f"item {state.item}"
     parts = (
         f"{wording.number(state.time, '6.1f', 's')}",
-        f"{mode:<8} {stage:<10}",
+        f"{mode:<13} {stage:<10}",
         f"altitude {wording.number(state.altitude, 'z5.1f', 'm')}",
         f"airspeed {wording.number(state.airspeed, '4.1f', 'm/s')}",
         f"heading {wording.bearing(state.yaw)}",

@@ -231,6 +231,7 @@ def test_parts_sum_to_the_strips_loads(name: str, case: Case, seed: int) -> None
         plant.scratch.wings.loads.parts[:] = 0.0
         plant.scratch.wings.loads.parts[part] = parts[part]
         pieces += plant.wing_loads()
+    plant.scratch.wings.loads.parts[:] = parts
     assert pieces == pytest.approx(whole, abs=1e-12 * max(float(np.max(np.abs(parts))), 1e-9))
 
 
