@@ -59,15 +59,15 @@ def run(arguments: Sequence[str]) -> int:
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
+        path = chosen.log or new_recording(f"{vehicle.name}-world")
+        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
+        stack.callback(recorder.close)
         alone = chosen.epoch_ns is None
         if alone:
             print(f"listening on {chosen.listen}", file=sys.stderr, flush=True)
         if not physics_compiled():
             print(COMPILING, file=sys.stderr, flush=True)
             Plant(vehicle).compile()
-        path = chosen.log or new_recording(f"{vehicle.name}-world")
-        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
-        stack.callback(recorder.close)
         note_scenario(recorder, vehicle, scenario)
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
         world = SimulatedWorld(vehicle, scenario, seen.record)

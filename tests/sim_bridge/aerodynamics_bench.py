@@ -61,6 +61,8 @@ def plant_of(name: str, case: Case) -> Plant:
     """The vehicle's plant in the launcher's hand; made once, shared by all tests."""
     plant = _plant(name, case.model, tuple(case.changes.items()))
     plant.y[:] = Plant(plant.vehicle).y
+    # A model sets what it fills in and nothing else: what another test put there must not stay.
+    plant.scratch.wings.loads.parts[:] = 0.0
     return plant
 
 
@@ -182,11 +184,8 @@ def inertia_and_load(plant: Plant, parts: Floats) -> tuple[Floats, Floats]:
     s, p, c = plant.scratch, plant.parameters, len(plant.layout.coordinates)
     q, rates = plant.y[k.COORDINATES : k.COORDINATES + c], plant.y[k.COORDINATES + c : k.COORDINATES + 2 * c]
     mass, load = np.zeros_like(s.mass), np.zeros_like(s.load)
-    before = s.wings.loads.parts.copy()
     s.wings.loads.parts[:] = parts
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
     add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, mass, load)
     assemble(p.tree, s.tree, mass, load)
-    # A model sets what it fills in and nothing else: what it leaves at zero must be zero for the next test.
-    s.wings.loads.parts[:] = before
     return np.triu(mass) + np.triu(mass, 1).T, load
