@@ -103,7 +103,7 @@ def write(path: Path, items: Sequence[Item]) -> None:
 
 def _line(number: int, item: Item) -> str:
     scale = scale_of(item.frame)
-    places = (f"{item.x / scale:.8g}", f"{item.y / scale:.8g}") if scale == 1e4 else _degrees(item, scale)
+    places = (f"{item.x / scale:.4f}", f"{item.y / scale:.4f}") if scale == 1e4 else _degrees(item, scale)
     parameters = (f"{value:.8g}" for value in item.parameters)
     columns = (number, int(number == 0), item.frame, item.command, *parameters, *places, f"{item.z:.8g}")
     return "\t".join(str(column) for column in (*columns, item.autocontinue))

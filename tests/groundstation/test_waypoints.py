@@ -35,8 +35,8 @@ def test_what_is_written_is_read(tmp_path: Path, mission: list[Item]) -> None:
     read = waypoints.read(path)
     for written, again in zip(mission, read, strict=True):
         assert again[:3] == written[:3] and again[5:] == written[5:]
-        # Local coordinates keep eight digits in the file, degrees seven decimals.
-        assert abs(again.x - written.x) <= 10 and abs(again.y - written.y) <= 20
+        # Local coordinates keep their four decimals in the file, degrees seven.
+        assert abs(again.x - written.x) <= 1 and abs(again.y - written.y) <= 1
 
 
 def test_degrees_are_exact(tmp_path: Path) -> None:
