@@ -39,8 +39,8 @@ def expect(client: Any, kind: str, accept: Any = lambda message: True) -> Any:
 
 
 @pytest.fixture
-def flight(tmp_path: Path) -> Iterator[tuple[Any, Path]]:
-    """A flight in twice real time, and a stock client on its link."""
+def flight(tmp_path: Path) -> Iterator[tuple[Any, Path, subprocess.Popen[bytes]]]:
+    """A flight in twice real time: a stock client on its link, its log and its process."""
     port, log = free_port(), tmp_path / "flight.mcap"
     words = ["fly", "--speed", "2", "--duration", "24", "--json", "--log", str(log)]
     flying = subprocess.Popen(
@@ -49,15 +49,16 @@ def flight(tmp_path: Path) -> Iterator[tuple[Any, Path]]:
     )
     client = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=255, dialect="common")
     try:
-        yield client, log
-        assert flying.wait(timeout=PATIENCE) == 0
+        yield client, log, flying
     finally:
         flying.kill()
         client.close()
 
 
-def test_a_stock_client_sees_the_flight_and_commands_it(flight: tuple[Any, Path]) -> None:
-    client, log = flight
+def test_a_stock_client_sees_the_flight_and_commands_it(
+    flight: tuple[Any, Path, subprocess.Popen[bytes]],
+) -> None:
+    client, log, flying = flight
     heard = expect(client, "HEARTBEAT")
     assert (heard.type, heard.autopilot) == (mavlink.MAV_TYPE_FLAPPING_WING, mavlink.MAV_AUTOPILOT_GENERIC)
     client.target_system, client.target_component = heard.get_srcSystem(), heard.get_srcComponent()
@@ -76,7 +77,6 @@ def test_a_stock_client_sees_the_flight_and_commands_it(flight: tuple[Any, Path]
     assert answer.result == mavlink.MAV_RESULT_ACCEPTED
     expect(client, "HEARTBEAT", lambda message: message.custom_mode == wanted)
 
-    while not log.exists():
-        time.sleep(0.2)
+    assert flying.wait(timeout=PATIENCE) == 0
     with open_log(log) as recorded:
         assert any("ALTITUDE_HOLD" in text.text for text in recorded.texts("/system/inputs"))
