@@ -7,13 +7,14 @@ from collections.abc import Sequence
 
 from avionics import snapshot, timebase
 from avionics.guidance.mission import Mission
-from avionics.inputs import Publish, receive
+from avionics.inputs import receive
 from avionics.messages import ActuatorCommand, Command, PilotInput, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
 from avionics.quantities import BadInput
 from avionics.state import AutopilotState, initial_state
-from avionics.tasks import accept, refuse_time
+from avionics.tasks.intake import accept, refuse_time
+from avionics.topics import Publish
 from avionics.vehicles import FlightVehicle
 
 

@@ -20,9 +20,8 @@ from avionics.missions import check_mission
 from avionics.missions.reader import check_excitation
 from avionics.situation import conditions, surroundings
 from avionics.state import AutopilotState
-from avionics.topics import Topic
+from avionics.topics import Publish
 
-Publish = Callable[[Topic, Any], None]
 FORCED_DISARM = 21196.0
 """value of a DISARM that is meant also in flight (MAVLink's number)"""
 

@@ -11,15 +11,15 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum
 from itertools import groupby
 from math import lcm
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from avionics import tasks, topics
+from avionics import topics
 from avionics.messages import TaskTiming
 from avionics.state import AutopilotState
+from avionics.tasks import estimate, guide, mix, report, sense, stabilize
 from avionics.timebase import BASE_RATE
-from avionics.topics import Topic
+from avionics.topics import Publish
 
-Publish = Callable[[Topic, Any], None]
 Run = Callable[[AutopilotState, Publish], None]
 
 
@@ -55,30 +55,30 @@ class Task(NamedTuple):
 
 
 ATTITUDE = (
-    Task(Part.ESTIMATE, 200.0, tasks.attitude),
+    Task(Part.ESTIMATE, 200.0, estimate.attitude),
 )  # fmt: skip
 POWER = (
-    Task(Part.SENSE, 200.0, tasks.power),
+    Task(Part.SENSE, 200.0, sense.power),
 )  # fmt: skip
 MAIN = (
-    Task(Part.SENSE, 200.0, tasks.wing),
-    Task(Part.SENSE, 200.0, tasks.air),
-    Task(Part.SENSE, 200.0, tasks.torque),
-    Task(Part.ESTIMATE, 200.0, tasks.altitude),
-    Task(Part.ESTIMATE, 200.0, tasks.position),
-    Task(Part.GUIDE, 50.0, tasks.modes),
-    Task(Part.GUIDE, 20.0, tasks.navigation),
-    Task(Part.GUIDE, 100.0, tasks.excitation),
-    Task(Part.GUIDE, 50.0, tasks.vertical),
-    Task(Part.GUIDE, 50.0, tasks.lateral),
-    Task(Part.STABILIZE, 100.0, tasks.pitch),
-    Task(Part.STABILIZE, 100.0, tasks.roll),
-    Task(Part.MIX, 200.0, tasks.mix),
+    Task(Part.SENSE, 200.0, sense.wing),
+    Task(Part.SENSE, 200.0, sense.air),
+    Task(Part.SENSE, 200.0, sense.torque),
+    Task(Part.ESTIMATE, 200.0, estimate.altitude),
+    Task(Part.ESTIMATE, 200.0, estimate.position),
+    Task(Part.GUIDE, 50.0, guide.modes),
+    Task(Part.GUIDE, 20.0, guide.navigation),
+    Task(Part.GUIDE, 100.0, guide.excitation),
+    Task(Part.GUIDE, 50.0, guide.vertical),
+    Task(Part.GUIDE, 50.0, guide.lateral),
+    Task(Part.STABILIZE, 100.0, stabilize.pitch),
+    Task(Part.STABILIZE, 100.0, stabilize.roll),
+    Task(Part.MIX, 200.0, mix.mix),
 )  # fmt: skip
 LOGGER = (
-    Task(Part.REPORT, 100.0, tasks.report_excitation),
-    Task(Part.REPORT, 1.0, tasks.report_health),
-    Task(Part.REPORT, 0.1, tasks.report_snapshot),
+    Task(Part.REPORT, 100.0, report.report_excitation),
+    Task(Part.REPORT, 1.0, report.report_health),
+    Task(Part.REPORT, 0.1, report.report_snapshot),
 )  # fmt: skip
 PROCESSORS: dict[Processor, tuple[Task, ...]] = {
     Processor.ATTITUDE: ATTITUDE,

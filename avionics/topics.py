@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from avionics import messages as m
@@ -24,6 +25,9 @@ class Topic(NamedTuple):
     deterministic: bool = True
     """the same seed and inputs give the same bytes"""
 
+
+Publish = Callable[[Topic, Any], None]
+"""takes every message of a flight with its topic"""
 
 IMU = Topic("/sensors/imu", m.ImuSample, 1, 200.0)
 ENCODER = Topic("/sensors/encoder", m.EncoderSample, 2, 200.0)

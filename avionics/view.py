@@ -12,7 +12,7 @@ from avionics.guidance.mission import Mission
 from avionics.link.vehicle import Home, Parameter
 from avionics.messages import Command, Event, Mode, Severity
 from avionics.processors import SCHEDULE, Due
-from avionics.topics import Topic
+from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
 
 
@@ -26,7 +26,7 @@ class FlightView:
         self,
         vehicle: FlightVehicle,
         mission: Mission,
-        publish: inputs.Publish,
+        publish: Publish,
         schedule: tuple[Due, ...] = SCHEDULE,
     ) -> None:
         """As `Autopilot`; every message is passed on to ``publish``.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from avionics.messages import (
@@ -17,7 +16,7 @@ from avionics.messages import (
     TorqueSample,
 )
 from avionics.quantities import BadInput
-from avionics.topics import Topic
+from avionics.topics import Publish, Topic
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
 from sim_bridge.environment import dryden
@@ -41,8 +40,6 @@ REST_SPEED = 0.3
 """m/s; slower than this is still"""
 STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-Publish = Callable[[Topic, Any], None]
 
 
 class Scenario(NamedTuple):

@@ -1,0 +1,41 @@
+"""The tasks that tell attitude, altitude and position."""
+
+from __future__ import annotations
+
+from avionics import topics
+from avionics.estimation import ahrs
+from avionics.estimation import altitude as altitude_filter
+from avionics.estimation import position as position_filter
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+
+def attitude(s: AutopilotState, publish: Publish) -> None:
+    """Attitude from the IMU; a refused sample changes nothing."""
+    imu = s.frame.imu
+    if s.ahrs is None:
+        if s.plausibility.bad & 1:
+            return
+        s.ahrs = ahrs.start(s.gains.ahrs, imu)
+    s.ahrs, s.attitude = ahrs.step(s.gains.ahrs, s.ahrs, imu, s.wing.frequency, s.air.airspeed)
+    publish(topics.ATTITUDE, s.attitude)
+
+
+def altitude(s: AutopilotState, publish: Publish) -> None:
+    """Altitude and climb: gathers the acceleration of every tick, steps at each pressure sample."""
+    s.altitude_filter = altitude_filter.accumulate(s.altitude_filter, s.attitude.accel_down)
+    if s.frame.pressures is not None:
+        s.altitude_filter, s.altitude = altitude_filter.step(
+            s.gains.altitude_filter, s.altitude_filter, s.air, s.wing.frequency
+        )
+        publish(topics.ALTITUDE, s.altitude)
+
+
+def position(s: AutopilotState, publish: Publish) -> None:
+    """Position and wind: carried on at each pressure sample, corrected by the last fix."""
+    if s.frame.gps is not None:
+        s.fix = s.frame.gps
+    if s.frame.pressures is not None:
+        moved = position_filter.motion(s.attitude, s.air, s.altitude)
+        s.position_filter, s.position = position_filter.step(s.gains.position_filter, s.position_filter, moved, s.fix)
+        publish(topics.POSITION, s.position)

@@ -1,0 +1,124 @@
+"""The tasks that decide what to fly: modes, mission, identification inputs, altitude and heading loops."""
+
+from __future__ import annotations
+
+from avionics import topics
+from avionics.guidance import altitude as altitude_loop
+from avionics.guidance import excitation as excitation_input
+from avionics.guidance import heading as heading_loop
+from avionics.guidance import modes as flight_modes
+from avionics.guidance import navigation as navigator
+from avionics.guidance.modes import AIRBORNE, GUIDED
+from avionics.inputs import say, tell
+from avionics.messages import (
+    Mode,
+    NavigationStatus,
+    Severity,
+    Stage,
+)
+from avionics.situation import conditions, ground_motion, surroundings
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+
+def modes(s: AutopilotState, publish: Publish) -> None:
+    """Stages and failsafes."""
+    s.modes, notices = flight_modes.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
+    tell(s, publish, notices)
+
+
+def navigation(s: AutopilotState, publish: Publish) -> None:
+    """Mission items and modes -> altitude and heading to fly."""
+    if s.modes.stage == Stage.WAIT_LAUNCH or s.modes.stage in AIRBORNE:
+        item = s.navigation.item
+        s.navigation, s.target = navigator.step(
+            s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
+        )
+        if s.navigation.item != item:
+            say(s, publish, Severity.INFO, "navigation", f"item {item} done")
+    publish(topics.NAVIGATION, navigation_status(s))
+
+
+def navigation_status(s: AutopilotState) -> NavigationStatus:
+    """What the navigation asks for, with mode and stage."""
+    return NavigationStatus(
+        s.clock.time_us,
+        Mode(s.modes.mode),
+        Stage(s.modes.stage),
+        s.modes.armed,
+        s.navigation.item,
+        s.target.distance,
+        s.target.cross_track,
+        s.target.altitude,
+        s.target.heading,
+        excitation_input.frozen(s.excitation),
+    )
+
+
+def excitation(s: AutopilotState, publish: Publish) -> None:
+    """Identification inputs, as the navigation asks for them."""
+    asked = s.target.excitation
+    if s.modes.stage != Stage.EN_ROUTE or s.modes.mode not in (Mode.AUTO, Mode.ALTITUDE_HOLD):
+        asked = None
+    waiting = s.excitation.phase == excitation_input.Phase.IDLE and s.excitation.finished == s.navigation.excitations
+    if asked is not None and waiting:
+        s.excitation = excitation_input.start(s.excitation, asked.repeats)
+    flown = excitation_input.Flown(s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
+    aborted = s.excitation.aborted
+    s.excitation, s.excited = excitation_input.step(
+        s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked, flown
+    )
+    if s.excitation.aborted and not aborted:
+        say(s, publish, Severity.WARNING, "excitation", "manoeuvre aborted: outside its envelope")
+
+
+def vertical(s: AutopilotState, publish: Publish) -> None:
+    """Altitude -> climb -> throttle and pitch setpoint, or what the stick, the flare or the ground asks."""
+    gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
+    asked = asked_vertical(s)
+    measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
+    if asked is not None:
+        s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
+    elif excitation_input.frozen(s.excitation):
+        s.altitude_loop, s.vertical = altitude_loop.hold(state, time_us, s.target.altitude, measured)
+    else:
+        s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
+    publish(topics.ALTITUDE_LOOP, s.vertical)
+
+
+def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
+    """Throttle and pitch setpoint that bypass the altitude loop; None when the loop flies."""
+    trim = s.gains.altitude.pitch_trim
+    mode, stage = s.modes.mode, s.modes.stage
+    if not s.modes.armed:
+        return altitude_loop.Asked(0.0, trim)
+    if mode == Mode.MANUAL:
+        return altitude_loop.Asked(s.pilot.throttle, trim)
+    if mode == Mode.STABILIZED:
+        return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
+    if stage == Stage.WAIT_LAUNCH:
+        return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
+    if stage == Stage.FLARE:
+        return altitude_loop.Asked(s.gains.navigation.flare_throttle, s.gains.navigation.flare_pitch)
+    return None
+
+
+def lateral(s: AutopilotState, publish: Publish) -> None:
+    """Heading -> roll setpoint, or the stick's, or wings level near the ground."""
+    gains, state, time_us, dt = s.gains.heading, s.heading_loop, s.clock.time_us, s.clock.dt_50
+    asked = asked_roll(s)
+    motion = ground_motion(s)
+    if asked is None:
+        s.heading_loop, s.lateral = heading_loop.step(gains, state, time_us, dt, s.target.heading, motion)
+    else:
+        s.heading_loop, s.lateral = heading_loop.follow(gains, state, time_us, dt, asked, motion)
+    publish(topics.HEADING_LOOP, s.lateral)
+
+
+def asked_roll(s: AutopilotState) -> float | None:
+    """Roll setpoint (rad) that bypasses the heading loop; None when the loop flies."""
+    if s.modes.stage not in AIRBORNE or s.modes.stage == Stage.FLARE or s.modes.mode == Mode.MANUAL:
+        return 0.0
+    if s.modes.mode in GUIDED or s.target.excitation is not None:
+        return None
+    return s.gains.roll.stick_roll * s.pilot.roll

@@ -1,0 +1,30 @@
+"""The tasks of the logger."""
+
+from __future__ import annotations
+
+from avionics import snapshot, topics
+from avionics.messages import (
+    Health,
+    Text,
+)
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+
+def report_excitation(s: AutopilotState, publish: Publish) -> None:
+    """The identification input as applied, after limits and servo rate."""
+    applied = s.excited
+    if applied.active:
+        elevator, rudder = s.applied
+        applied = applied._replace(elevator=elevator, rudder=rudder)
+    publish(topics.EXCITATION, applied)
+
+
+def report_health(s: AutopilotState, publish: Publish) -> None:
+    """Failures, and counts of what was refused."""
+    publish(topics.HEALTH, Health(s.clock.time_us, s.modes.failsafe, s.plausibility.rejected, s.clock.ticks + 1))
+
+
+def report_snapshot(s: AutopilotState, publish: Publish) -> None:
+    """The whole memory, from which a replay can start."""
+    publish(topics.SNAPSHOTS, Text(s.clock.time_us, snapshot.encode(s)))

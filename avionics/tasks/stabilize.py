@@ -1,0 +1,48 @@
+"""The tasks that hold the attitude."""
+
+from __future__ import annotations
+
+from avionics import topics
+from avionics.guidance import excitation as excitation_input
+from avionics.guidance.modes import AIRBORNE
+from avionics.messages import (
+    Mode,
+)
+from avionics.stabilization import pitch as pitch_loop
+from avionics.stabilization import roll as roll_loop
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+
+def loops_closed(s: AutopilotState) -> bool:
+    """Whether the attitude loops fly: not on the ground or on the hand, and not in MANUAL."""
+    return s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL
+
+
+def pitch(s: AutopilotState, publish: Publish) -> None:
+    """Pitch setpoint -> elevator."""
+    gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
+    measured = pitch_loop.Measured(s.attitude.pitch, s.attitude.pitch_rate, s.wing.frequency)
+    setpoint = s.vertical.pitch_setpoint
+    if not loops_closed(s):
+        stick = s.pilot.pitch if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
+        elevator = gains.elevator_trim + gains.elevator_max * stick
+        s.pitch_loop, s.elevator = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
+    elif excitation_input.frozen(s.excitation):
+        s.pitch_loop, s.elevator = pitch_loop.hold(gains, state, time_us, dt, setpoint, measured)
+    else:
+        s.pitch_loop, s.elevator = pitch_loop.step(gains, state, time_us, dt, setpoint, measured)
+    publish(topics.PITCH_LOOP, s.elevator)
+
+
+def roll(s: AutopilotState, publish: Publish) -> None:
+    """Roll setpoint -> roll command."""
+    if loops_closed(s):
+        measured = (s.attitude.roll, s.attitude.roll_rate)
+        s.roll_loop, s.roll_command = roll_loop.step(
+            s.gains.roll, s.roll_loop, s.clock.time_us, s.clock.dt_100, s.lateral.roll_setpoint, measured
+        )
+    else:
+        stick = s.pilot.roll if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
+        s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)
+    publish(topics.ROLL_LOOP, s.roll_command)
