@@ -11,7 +11,9 @@ import numpy as np
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
+from sim_bridge.aerodynamics.protocol import strip_loads
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
+from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
 from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler, rotation
@@ -40,11 +42,10 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         tree=mechanism.tree,
         wings=mechanism.wings,
         joints=mechanism.joints,
-        plates=mechanism.plates,
+        plates=no_plates() if mechanism.model.with_tail else mechanism.plates,
         air=air_of(mechanism.model, mechanism.aerodynamics),
-        whole_aircraft=mechanism.model.whole_aircraft,
         needs_places=mechanism.model.needs_places,
-        drag_areas=np.array([hull.drag_area, hull.side_area]),
+        drag_areas=np.zeros(2) if mechanism.model.with_fuselage else np.array([hull.drag_area, hull.side_area]),
         contacts=contact_points(vehicle),
         imu=np.array(hull.imu_position),
         tail_servo=np.array([servo.time_constant, servo.rate_limit]),
@@ -186,13 +187,16 @@ class Plant:
     def wing_loads(self) -> Floats:
         """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.
 
-        Without the apparent mass, whose force is part of the mass matrix.
+        Without the apparent mass, whose force is part of the mass matrix, and what a model tells of the body alone.
         """
         wing_places(self.scratch.tree, self.mechanism.wings, self.scratch.wings)
-        motion, total = self.scratch.wings.motion, self.scratch.wings.loads.parts.sum(axis=0)
-        span, chord, normal = motion.axes
-        force = total[0] * chord + total[1] * normal + total[2] * span
-        # Nose up about the span is the right-hand turn about y on either side.
-        about = span * self.mechanism.wings.side[self.mechanism.wings.strips.wing.astype(int)]
-        moment = np.cross(motion.place.T, force.T).T + total[3] * about
-        return np.concatenate((force, moment)).T
+        return strip_loads(self.scratch.wings.motion, self.scratch.wings.loads.parts.sum(axis=0))
+
+    def part_loads(self) -> Floats:
+        """(parts, 6) N, N m: air loads of the model's parts at the last stage, on the body about its origin.
+
+        Body axes; of all strips and of the body, without the apparent mass.
+        """
+        wing_places(self.scratch.tree, self.mechanism.wings, self.scratch.wings)
+        loads = self.scratch.wings.loads
+        return np.asarray(strip_loads(self.scratch.wings.motion, loads.parts).sum(axis=1) + loads.body)

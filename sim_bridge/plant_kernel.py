@@ -69,14 +69,13 @@ class PlantParameters(NamedTuple):
     wings: Wings
     joints: Joints
     plates: Plates
+    """none where the aerodynamic model has the tail's loads in its own"""
     air: models.Air
     """the chosen aerodynamic model"""
-    whole_aircraft: bool
-    """the model's loads are those of tail and fuselage too"""
     needs_places: bool
     """the model asks where the strips are"""
     drag_areas: Floats
-    """(2,) m^2; along and across the fuselage"""
+    """(2,) m^2; along and across the fuselage, 0 where the aerodynamic model has its drag in its loads"""
     contacts: Floats
     """(n, 3) m; on the base"""
     imu: Floats
@@ -162,7 +161,7 @@ class Scratch(NamedTuple):
     plate_load: Floats
     """(6,) N, N m; of tail and fins, body axes about the base's origin"""
     body_load: Floats
-    """(6,) N, N m; of the fuselage and of models of the whole aircraft"""
+    """(6,) N, N m; of the fuselage and of what the aerodynamic model tells of the body"""
     drive: Floats
     """(4,) torque left, right N m; current A; voltage V"""
     accelerations: Floats
@@ -266,13 +265,19 @@ def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rat
     for i in range(y.shape[0] - start):
         rate[start + i] = s.wings.loads.rates[i]
     add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
-    s.body_load[:] = 0.0
-    s.plate_load[:] = 0.0
-    if not p.whole_aircraft:
-        add_plates(s.tree, p.plates, air, density, s.work, s.plate_load)
-        body_drag(s.wings.motion.body[0:3], p.drag_areas[0], p.drag_areas[1], density, s.body_load[0:3])
-    for i in range(6):
-        s.body_load[i] += s.wings.loads.body[i]
+    add_plates(s.tree, p.plates, air, density, s.work, s.plate_load)
+    load_fuselage(density, p, s)
+
+
+@inlined
+def load_fuselage(density: float, p: PlantParameters, s: Scratch) -> None:
+    """Let its drag, and what the aerodynamic model tells of the body, act on the base."""
+    told = s.wings.loads.body
+    s.body_load[3:6] = 0.0
+    body_drag(s.wings.motion.body[0:3], p.drag_areas[0], p.drag_areas[1], density, s.body_load[0:3])
+    for part in range(told.shape[0]):
+        for i in range(6):
+            s.body_load[i] += told[part, i]
     for i in range(3):
         s.tree.force[0, i] -= s.body_load[3 + i]
         s.tree.force[0, 3 + i] -= s.body_load[i]

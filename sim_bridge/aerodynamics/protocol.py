@@ -77,7 +77,7 @@ class SectionLoads(NamedTuple):
     rates: Floats
     """(s,); of the state, 0 where `advance` moves it"""
     body: Floats
-    """(6,) N, N m; on the fuselage in body axes, by models of the whole aircraft"""
+    """(parts, 6) N, N m; on the fuselage about its origin, body axes: of what a model does not tell strip by strip"""
 
 
 def blank_motion(strips: Strips, wings: int) -> Motion:
@@ -90,7 +90,21 @@ def blank_motion(strips: Strips, wings: int) -> Motion:
 def blank_loads(parts: int, strips: Strips, states: int) -> SectionLoads:
     """Loads of ``parts`` parts, to be filled."""
     n = strips.chord.shape[0]
-    return SectionLoads(np.zeros((parts, 4, n)), np.zeros((2, n)), np.zeros(states), np.zeros(6))
+    return SectionLoads(np.zeros((parts, 4, n)), np.zeros((2, n)), np.zeros(states), np.zeros((parts, 6)))
+
+
+def strip_loads(motion: Motion, sections: Floats) -> Floats:
+    """Force and moment (..., n, 6) in N, N m of section loads (..., 4, n), about the body's origin, body axes.
+
+    ``motion`` with places and axes.
+    """
+    span, chord, normal = motion.axes
+    forward, upward, outward, nose_up = (sections[..., i, None, :] for i in range(4))
+    force = forward * chord + upward * normal + outward * span
+    # Nose up turns about the axis to the right on either side: chord times normal.
+    moment = np.cross(motion.place, force, axisa=0, axisb=-2, axisc=-2)
+    moment += nose_up * np.cross(chord, normal, axis=0)
+    return np.swapaxes(np.concatenate((force, moment), axis=-2), -1, -2)
 
 
 def aspect_ratio(strips: Strips) -> float:
@@ -118,8 +132,10 @@ class AerodynamicModel(NamedTuple):
     advance: Callable[..., None]
     needs_places: bool = False
     """the model asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
-    whole_aircraft: bool = False
-    """the loads are those of tail and fuselage too"""
+    with_fuselage: bool = False
+    """the loads have the fuselage's drag in them: the plant adds none"""
+    with_tail: bool = False
+    """the loads have those of tail and fins in them: the plant adds none"""
 
 
 MODELS: dict[str, AerodynamicModel] = {}

@@ -3,8 +3,8 @@
 Lift, thrust and pitching moment of both wings together, identified by equation error from three strokes of one
 flight at 9.2 m/s (Eq. 14 to 19). They act on the fuselage: thrust along its x axis, lift against its z axis, the
 moment about its centre of mass, which is the origin of the body axes. The tail's loads were taken out before the
-regression (Eq. 13) and are added by the mechanism; the fuselage had none of its own there, so that its drag is in
-these coefficients and a vehicle that flies them has no drag area.
+regression (Eq. 13) and are added by the plant; the fuselage had none of its own there, so that its drag is in these
+coefficients and the plant adds none.
 
 As printed, the mean thrust over the stroke of V.A is negative in both columns (some 5 N of drag): lift and moment
 can be balanced, the speed of that flight cannot.
@@ -276,25 +276,15 @@ def wing_loads(parameters: RegressionParameters, strips: Strips, motion: Motion,
 
 
 @kernel
-def part_loads(parameters: RegressionParameters, strips: Strips, motion: Motion, density: float, out: Floats) -> None:
-    """Fill ``out`` (3, 6) N, N m: lift, thrust and moment, each on the fuselage in body axes."""
-    wing = wing_loads(parameters, strips, motion, density)
-    out[:] = 0.0
-    out[LIFT, Z] = -wing.lift
-    out[THRUST, X] = wing.thrust
-    out[MOMENT, PITCH] = wing.moment
-
-
-@kernel
 def loads(
     parameters: RegressionParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
 ) -> None:
     """Fill ``out.body``; no strip bears a load of its own, see `sim_bridge.aerodynamics.protocol`."""
     wing = wing_loads(parameters, strips, motion, density)
-    out.body[:] = 0.0
-    out.body[X] = wing.thrust
-    out.body[Z] = -wing.lift
-    out.body[PITCH] = wing.moment
+    out.body[:, :] = 0.0
+    out.body[LIFT, Z] = -wing.lift
+    out.body[THRUST, X] = wing.thrust
+    out.body[MOMENT, PITCH] = wing.moment
 
 
 @kernel
@@ -314,4 +304,5 @@ MODEL = AerodynamicModel(
     initial=initial,
     loads=loads,
     advance=advance,
+    with_fuselage=True,
 )

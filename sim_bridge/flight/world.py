@@ -153,10 +153,8 @@ class SimulatedWorld:
 
     def truth_loads(self) -> TruthLoads:
         """Air loads of wings and tail near the end of the last step."""
-        scratch = self.plant.scratch
-        # A model without strips tells the wings' loads on the body.
-        wings = self.plant.wing_loads().sum(axis=0) + scratch.wings.loads.body
-        return TruthLoads(self.time_us, *wings.tolist(), *scratch.plate_load.tolist())
+        wings = self.plant.wing_loads().sum(axis=0) + self.plant.scratch.wings.loads.body.sum(axis=0)
+        return TruthLoads(self.time_us, *wings.tolist(), *self.plant.scratch.plate_load.tolist())
 
     def _record(self) -> None:
         self._publish(topics.STATE, self.truth())

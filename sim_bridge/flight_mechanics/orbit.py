@@ -147,7 +147,16 @@ def trim(vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, told: To
     if not airspeed > abs(climb_rate):
         raise BadInput(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
     check_model(vehicle, airspeed)
-    stroke = StrokeMap(vehicle)
+    return trim_stroke(StrokeMap(vehicle), airspeed, climb_rate, told)
+
+
+def trim_stroke(stroke: StrokeMap, airspeed: float, climb_rate: float, told: Told = lambda words: None) -> Orbit:
+    """`trim` of a stroke map, whose plant or air may be another than those of its vehicle.
+
+    Raises:
+        BadInput: there is no orbit, or only beyond what the vehicle's servos and drive can do.
+    """
+    vehicle = stroke.vehicle
     asked = f"{vehicle.name}: no trim at {airspeed:g} m/s climbing {climb_rate:g} m/s"
     search = _Search(stroke, airspeed, climb_rate, told)
     point = search.newton(_guess(stroke, airspeed, climb_rate)) or _continued(search, asked)

@@ -1,4 +1,7 @@
-"""Loads of prescribed strokes by any aerodynamic model of the protocol, section by section and on the body."""
+"""Loads of prescribed strokes by any aerodynamic model of the protocol, section by section and on the body.
+
+Neither tail nor fuselage: those of a model that has them in its loads apart, see `AerodynamicModel.with_fuselage`.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +11,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim_bridge.aerodynamics.protocol import (
-    FORWARD,
     INERTIA,
     MASS,
     NOSE_UP,
-    OUTWARD,
     UPWARD,
     AerodynamicModel,
     Motion,
     SectionLoads,
     Strips,
     blank_loads,
+    strip_loads,
 )
 from sim_bridge.flight_mechanics.prescribed import StrokeKinematics, Wing, WingMotion, protocol_motions, strips_of
 from sim_bridge.vectors import Floats
 
-APPARENT, FUSELAGE = "apparent_mass", "fuselage"
-"""parts that are added here to those of the model"""
+APPARENT = "apparent_mass"
+"""the part that is added here to those of the model"""
 
 
 class StrokeLoads(NamedTuple):
-    """Loads over a stroke, part by part: those of the model, then `APPARENT`, then `FUSELAGE` if the model has it."""
+    """Loads over a stroke, part by part: those of the model, then `APPARENT`."""
 
     parts: tuple[str, ...]
     sections: Floats
     """(phases, parts, 4, n) N, N m; section axes, as `sim_bridge.aerodynamics.protocol` orders them"""
     force: Floats
-    """(phases, parts, 3) N; body axes (FRD)"""
+    """(phases, parts, 3) N; body axes (FRD), what the model tells of the fuselage included"""
     moment: Floats
     """(phases, parts, 3) N m; about the body's origin"""
 
@@ -63,7 +65,7 @@ def stroke_loads(
     motions, count = stroke.motions, len(stroke.motions)
     state, dt = model.initial(parameters, strips), stroke.period / count
     now, then = (blank_loads(len(model.parts), strips, len(state)) for _ in range(2))
-    names = (*model.parts, APPARENT, *([FUSELAGE] if model.whole_aircraft else []))
+    names = (*model.parts, APPARENT)
     n = strips.chord.shape[0]
     found = StrokeLoads(
         names, np.zeros((count, len(names), 4, n)), np.zeros((count, len(names), 3)), np.zeros((count, len(names), 3))
@@ -87,9 +89,8 @@ def _record(found: StrokeLoads, i: int, out: SectionLoads, motion: Motion, strok
     found.sections[i, own, UPWARD] = -out.apparent[MASS] * stroke.normal_acceleration[i]
     found.sections[i, own, NOSE_UP] = -out.apparent[INERTIA] * stroke.pitch_acceleration[i]
     total = body_loads(motion, found.sections[i])
+    total[:own] += out.body
     found.force[i], found.moment[i] = total[:, :3], total[:, 3:]
-    if found.parts[-1] == FUSELAGE:
-        found.force[i, -1], found.moment[i, -1] = out.body[:3], out.body[3:]
 
 
 def prescribed_loads(
@@ -107,19 +108,13 @@ def prescribed_loads(
     out = blank_loads(len(model.parts), strips, len(state))
     for i, instant in enumerate(protocol_motions(wing, motion)):
         model.loads(parameters, strips, instant, density, state, out)
-        total[i] = out.body + body_loads(instant, out.parts.sum(axis=0))
+        total[i] = out.body.sum(axis=0) + body_loads(instant, out.parts.sum(axis=0))
     return total
 
 
 def body_loads(motion: Motion, sections: Floats) -> Floats:
     """Force and moment (..., 6) in N, N m about the body's origin, body axes, of section loads (..., 4, n)."""
-    span, chord, normal = motion.axes
-    force = sections[..., None, FORWARD, :] * chord + sections[..., None, UPWARD, :] * normal
-    force = force + sections[..., None, OUTWARD, :] * span
-    # Nose up turns about the axis to the right on either side: chord times normal.
-    couple = sections[..., None, NOSE_UP, :] * np.cross(chord, normal, axis=0)
-    moment = np.cross(motion.place, force, axisa=0, axisb=-2, axisc=-2) + couple
-    return np.concatenate((force.sum(axis=-1), moment.sum(axis=-1)), axis=-1)
+    return np.asarray(strip_loads(motion, sections).sum(axis=-2))
 
 
 def lift_and_thrust(force: Floats, pitch: float = 0.0) -> LiftThrust:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from sim_bridge.aerodynamics.surfaces import plate_pressure
 from sim_bridge.multibody.tree import Kinematics, add_wrench, point_velocity
 from sim_bridge.vectors import Floats, Integers, inlined
@@ -24,6 +26,12 @@ class Plates(NamedTuple):
     """(p,) m^2"""
     lift_slope: Floats
     """(p,) 1/rad"""
+
+
+def no_plates() -> Plates:
+    """Where there is nothing for the air to act on."""
+    nowhere = np.zeros((0, 3))
+    return Plates(np.zeros(0, dtype=np.int64), nowhere, nowhere, nowhere, np.zeros(0), np.zeros(0))
 
 
 @inlined

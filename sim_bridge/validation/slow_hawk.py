@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.regression import COLUMNS, Regression, level_heave
 from sim_bridge.flight_mechanics.excursions import Excursions, excursions
-from sim_bridge.flight_mechanics.orbit import Orbit, trim
+from sim_bridge.flight_mechanics.orbit import Orbit, trim, trim_stroke
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE as PRINTED
 from sim_bridge.flight_mechanics.prescribed import Stroke
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, SEA_LEVEL_DENSITY, StrokeMap
@@ -221,9 +221,13 @@ def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:
     sections = vehicle.sections | {"regression": settings}
     flown = with_model(vehicle._replace(wing=rigid, sections=sections), "regression")
 
+    stroke = StrokeMap(flown)
+
     def orbit(area: float) -> Orbit:
-        hull = flown.fuselage._replace(drag_area=area, side_area=0.0)
-        return trim(flown._replace(fuselage=hull), SPEED, 0.0)
+        # The plant gives the fuselage no drag of its own, see `AerodynamicModel.with_fuselage`.
+        pull = np.array([area, 0.0])
+        stroke.plant.parameters = stroke.plant.parameters._replace(drag_areas=pull)
+        return trim_stroke(stroke, SPEED, 0.0)
 
     area = float(brentq(lambda trial: orbit(trial).inputs.frequency - PRINTED.frequency, *TOWS, xtol=1e-5))
     return orbit(area), -area * pressure

@@ -38,9 +38,10 @@ from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
 from sim_bridge.aerodynamics.protocol import MASS
+from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.flight.world import Scenario, SimulatedWorld
-from sim_bridge.plant import Plant
-from sim_bridge.vehicles import load_vehicle, models_of
+from sim_bridge.plant import Plant, plant_parameters
+from sim_bridge.vehicles import load_vehicle, models_of, with_model
 
 README = Path(protocol.__file__).with_name("README.md")
 WITH_APPARENT_MASS = {"strip_theory", "quasi_steady"}
@@ -140,12 +141,13 @@ def test_a_wing_at_rest_in_still_air_bears_nothing(name: str, case: Case) -> Non
 
 
 @every_case
-def test_every_part_and_the_body_of_a_model_of_the_body_bear_something_somewhere(case: Case) -> None:
+def test_every_part_bears_something_somewhere_on_strips_or_body(case: Case) -> None:
     plant = plant_of("arizona_100cm", case)
     found = [loaded(plant, motion_of(plant, STATES[state](plant))) for state in STATES]
-    largest = np.max([np.max(np.abs(out.parts), axis=(1, 2)) for out in found], axis=0)
-    on_body = max(float(np.max(np.abs(out.body))) for out in found)
-    assert np.all(largest > 1e-6) or (np.all(largest == 0.0) and on_body > 0.1)
+    on_strips = np.max([np.max(np.abs(out.parts), axis=(1, 2)) for out in found], axis=0)
+    on_body = np.max([np.max(np.abs(out.body), axis=1) for out in found], axis=0)
+    assert len(on_strips) == len(on_body) == len(MODELS[case.model].parts)
+    assert np.all(on_strips + on_body > 1e-6)
 
 
 @every_vehicle
@@ -233,6 +235,45 @@ def test_parts_sum_to_the_strips_loads(name: str, case: Case, seed: int) -> None
         pieces += plant.wing_loads()
     plant.scratch.wings.loads.parts[:] = parts
     assert pieces == pytest.approx(whole, abs=1e-12 * max(float(np.max(np.abs(parts))), 1e-9))
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_parts_sum_to_all_that_the_air_does_to_the_aircraft(name: str, case: Case, seed: int) -> None:
+    """Strips through the mechanism, the body through what the base is loaded with, less the fuselage's own drag."""
+    plant = plant_of(name, case)
+    evaluated(plant, tumbling(plant, seed))
+    parts, told, s = plant.part_loads(), plant.scratch.wings.loads.parts.copy(), plant.scratch
+    assert parts.shape == (len(MODELS[case.model].parts), 6)
+    drag, total = np.zeros(6), s.body_load.copy()
+    if not MODELS[case.model].with_fuselage:
+        hull = plant.vehicle.fuselage
+        body_drag(s.wings.motion.body[:3], hull.drag_area, hull.side_area, DENSITY, drag[:3])
+        assert np.any(drag)
+    alone = inertia_and_load(plant, 0.0 * told)[1][:6]
+    total += inertia_and_load(plant, told)[1][:6] - alone - drag
+    scale = max(float(np.max(np.abs(part))) for part in (parts, alone))
+    assert parts.sum(axis=0) == pytest.approx(total, abs=1e-12 * scale)
+    assert np.max(np.abs(parts)) > 0.1
+
+
+@every_vehicle
+@every_case
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_part_on_the_body_is_a_part_of_what_loads_the_base(name: str, case: Case, seed: int) -> None:
+    """Of rows that no model tells: the kernel sums them all, in every direction."""
+    plant = plant_of(name, case)
+    y, s = tumbling(plant, seed), plant.scratch
+    told = np.random.default_rng(seed).normal(size=s.wings.loads.body.shape)
+    loads = []
+    for body in (told, 0.0 * told):
+        evaluated(plant, y)
+        s.wings.loads.body[:] = body
+        k.load_fuselage.py_func(DENSITY, plant.parameters, s)  # type: ignore[attr-defined]
+        loads.append((s.body_load.copy(), plant.part_loads().sum(axis=0)))
+    for one, none in zip(*loads, strict=True):
+        assert one - none == pytest.approx(told.sum(axis=0), abs=1e-12)
 
 
 @every_vehicle
@@ -423,24 +464,36 @@ def test_the_world_tells_the_loads_of_the_wings_whatever_bears_them(case: Case) 
     plant = world.plant
     evaluated(plant, tumbling(plant, 4))
     told = np.array(world.truth_loads()[1:7])
-    expected = plant.wing_loads().sum(axis=0) + plant.scratch.wings.loads.body
-    assert told == pytest.approx(expected)
+    assert told == pytest.approx(plant.part_loads().sum(axis=0))
     assert np.max(np.abs(told)) > 0.1
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if not MODELS[case.model].whole_aircraft], ids=str)
-def test_tail_and_fuselage_are_the_mechanisms_where_the_model_is_of_the_wings(case: Case) -> None:
-    plant = plant_of("robo_raven_ii_d", case)
+@every_case
+def test_tail_and_fuselage_are_the_plants_where_the_model_has_them_not(case: Case) -> None:
+    plant, model = plant_of("robo_raven_ii_d", case), MODELS[case.model]
     evaluated(plant, tumbling(plant, 4))
-    assert np.max(np.abs(plant.scratch.plate_load)) > 0.1
-    drag = plant.scratch.body_load - plant.scratch.wings.loads.body
-    assert drag[:3] @ plant.scratch.wings.motion.body[:3] < 0.0
+    assert (np.max(np.abs(plant.scratch.plate_load)) > 0.1) == (not model.with_tail)
+    drag = plant.scratch.body_load - plant.scratch.wings.loads.body.sum(axis=0)
+    assert (drag[:3] @ plant.scratch.wings.motion.body[:3] < -0.1) == (not model.with_fuselage)
 
 
-def test_a_model_of_the_whole_aircraft_leaves_tail_and_fuselage_without_loads() -> None:
-    plant = Plant(flown("arizona_100cm", Case("regression", {})))
-    plant.parameters = plant.parameters._replace(whole_aircraft=True)
+@every_case
+@pytest.mark.parametrize("fuselage", [False, True])
+@pytest.mark.parametrize("tail", [False, True])
+def test_nothing_that_a_model_has_in_its_loads_is_counted_twice(case: Case, fuselage: bool, tail: bool) -> None:
+    plant = Plant(flown("arizona_100cm", case))
+    model = MODELS[case.model]._replace(with_fuselage=fuselage, with_tail=tail)
+    plant.parameters = plant_parameters(plant.vehicle, plant.mechanism._replace(model=model))
     evaluated(plant, tumbling(plant, 4))
-    assert np.all(plant.scratch.plate_load == 0.0)
-    assert np.array_equal(plant.scratch.body_load, plant.scratch.wings.loads.body)
-    assert np.any(plant.scratch.body_load)
+    assert np.any(plant.scratch.plate_load) != tail
+    told = plant.scratch.wings.loads.body.sum(axis=0)
+    assert np.array_equal(plant.scratch.body_load, told) == fuselage
+
+
+def test_table_1_of_the_slow_hawk_has_its_fuselage_but_not_its_tail() -> None:
+    """Grauer Eq. 13: the tail's loads were taken out before the regression; the fuselage had none to take out."""
+    plant = Plant(with_model(load_vehicle("slow_hawk"), "regression"))
+    assert plant.vehicle.fuselage.drag_area > 0.0
+    evaluated(plant, moving(plant, (9.2, 0.0, 0.5), (5.0, 5.0)))
+    assert plant.scratch.body_load == pytest.approx(plant.part_loads().sum(axis=0), rel=1e-12)
+    assert np.any(plant.scratch.plate_load)

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sim_bridge.aerodynamics import quasi_steady
+from sim_bridge.aerodynamics import quasi_steady, regression
 from sim_bridge.aerodynamics.protocol import UPWARD, AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.aerodynamics.quasi_steady import QuasiSteady, build, elliptic_strips
+from sim_bridge.aerodynamics.regression import COLUMNS, RegressionParameters
 from sim_bridge.flight_mechanics.prescribed import (
     SLOW_HAWK_STROKE,
     Harmonics,
@@ -24,7 +25,7 @@ from sim_bridge.flight_mechanics.prescribed import (
 )
 from sim_bridge.flight_mechanics.stroke_loads import (
     APPARENT,
-    FUSELAGE,
+    body_loads,
     lift_and_thrust,
     prescribed_loads,
     stroke_loads,
@@ -181,7 +182,7 @@ def _initial(lag: Lag, strips: Strips) -> Floats:
 def _loads(lag: Lag, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads) -> None:
     out.parts[0, UPWARD] = state[:-1]
     out.rates[:-1] = (motion.down - state[:-1]) / lag.time
-    out.body[:] = [1.0, 2.0, 3.0, 4.0, 5.0, state[-1]]
+    out.body[0] = [1.0, 2.0, 3.0, 4.0, 5.0, state[-1]]
 
 
 def _advance(lag: Lag, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
@@ -198,15 +199,16 @@ LAG = AerodynamicModel(
     _initial,
     _loads,
     _advance,
-    whole_aircraft=True,
 )
+
+
+FLAPPING = PrescribedStroke(FREQUENCY, math.pi / 2, Harmonics(0.0, (0.6,)), axis=0.5)
 
 
 def _late(phases: int) -> tuple[Floats, Any]:
     """Lift of the outermost strip minus the exact periodic solution, and all loads."""
     time, omega = 0.01, 2.0 * math.pi * FREQUENCY
-    stroke = PrescribedStroke(FREQUENCY, math.pi / 2, Harmonics(0.0, (0.6,)), axis=0.5)
-    found = stroke_loads(LAG, Lag(time), WING, kinematics(stroke, WING, np.zeros(6), phases), 1.2, 10)
+    found = stroke_loads(LAG, Lag(time), WING, kinematics(FLAPPING, WING, np.zeros(6), phases), 1.2, 10)
     at = np.arange(phases) / phases
     exact = np.real(np.exp(2j * math.pi * at) * -1j * omega * 0.6 / (1.0 + 1j * omega * time)) * WING.span[-1]
     return found.sections[:, 0, UPWARD, -1] - exact, found
@@ -218,11 +220,30 @@ def test_a_model_with_memory_settles_to_its_periodic_answer_to_second_order() ->
     assert fine < 0.01
 
 
-def test_the_clock_of_a_model_runs_once_a_step_and_the_fuselages_load_is_a_part() -> None:
+def test_the_clock_of_a_model_runs_once_a_step_and_its_load_on_the_body_is_in_the_part() -> None:
     found = _late(50)[1]
-    assert found.parts == ("late", APPARENT, FUSELAGE)
-    assert found.force[7, -1] == pytest.approx([1.0, 2.0, 3.0])
-    assert found.moment[7, -1, 2] == pytest.approx((9 * 50 + 7) / (50 * FREQUENCY))
+    assert found.parts == ("late", APPARENT)
+    instant = kinematics(FLAPPING, WING, np.zeros(6), 50).motions[7]
+    on_body = np.concatenate((found.force[7], found.moment[7]), axis=-1) - body_loads(instant, found.sections[7])
+    assert on_body[0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0, (9 * 50 + 7) / (50 * FREQUENCY)])
+    assert on_body[1] == pytest.approx(np.zeros(6))
+
+
+def test_the_parts_of_table_1_are_parts_of_a_strokes_loads() -> None:
+    strips, parameters = (
+        strips_of(elliptic_wing(0.6, 0.3, 6, np.array(HINGE))),
+        RegressionParameters(COLUMNS["time"], 0.3, 0.25),
+    )
+    stroke = kinematics(STROKE, strips, np.array([9.2, 0.0, 0.3, 0.0, 0.5, 0.0]), 20)
+    found = stroke_loads(regression.MODEL, parameters, strips, stroke, 1.2)
+    lift, thrust, moment = (found.parts.index(part) for part in ("lift", "thrust", "moment"))
+    assert np.all(found.force[:, lift, :2] == 0.0) and np.all(found.force[:, thrust, 1:] == 0.0)
+    assert np.all(found.force[:, moment] == 0.0) and np.all(found.moment[:, [lift, thrust]] == 0.0)
+    for i, motion in enumerate(stroke.motions):
+        whole = regression.wing_loads(parameters, strips, motion, 1.2)
+        assert found.force[i].sum(axis=0) == pytest.approx((whole.thrust, 0.0, -whole.lift), rel=1e-12)
+        assert found.moment[i].sum(axis=0) == pytest.approx((0.0, whole.moment, 0.0), rel=1e-12)
+    assert np.all(np.ptp(found.force[:, [lift, thrust]], axis=0).max(axis=1) > 1.0)
 
 
 def test_a_recorded_stroke_is_the_one_that_was_told() -> None:

@@ -19,8 +19,8 @@ from sim_bridge.aerodynamics.regression import (
     coefficients,
     dynamic_pressure,
     level_heave,
-    part_loads,
     regressors,
+    wing_loads,
 )
 from sim_bridge.flight_mechanics.prescribed import (
     SLOW_HAWK_STROKE,
@@ -44,7 +44,7 @@ def body_load(motion: Motion, settings: Regression = TIME, density: float = 1.22
     out = blank_loads(len(PARTS), STRIPS, 0)
     MODEL.loads(MODEL.build(settings, STRIPS), STRIPS, motion, density, np.zeros(0), out)
     assert not out.parts.any() and not out.apparent.any()
-    return out.body
+    return out.body.sum(axis=0)
 
 
 def swapped(motion: Motion, strips: Strips) -> Motion:
@@ -102,10 +102,13 @@ def test_loads_scale_with_density_area_and_chord() -> None:
 
 
 def test_the_parts_sum_to_the_load_on_the_fuselage() -> None:
-    motion, parts = lopsided(), np.ones((len(PARTS), 6))
-    part_loads(MODEL.build(FREQUENCY, STRIPS), STRIPS, motion, 1.225, parts)
-    assert parts.sum(axis=0) == pytest.approx(body_load(motion, FREQUENCY), rel=1e-12, abs=1e-12)
-    assert [int(np.flatnonzero(part)[0]) for part in parts] == [2, 0, 4]
+    motion, out = lopsided(), blank_loads(len(PARTS), STRIPS, 0)
+    out.body[:] = 1.0
+    parameters = MODEL.build(FREQUENCY, STRIPS)
+    MODEL.loads(parameters, STRIPS, motion, 1.225, np.zeros(0), out)
+    whole = wing_loads(parameters, STRIPS, motion, 1.225)
+    assert [np.flatnonzero(part).tolist() for part in out.body] == [[2], [0], [4]]
+    assert out.body.sum(axis=0)[[2, 0, 4]] == pytest.approx((-whole.lift, whole.thrust, whole.moment), rel=1e-12)
 
 
 def test_a_mirrored_motion_gives_the_mirrored_load() -> None:
