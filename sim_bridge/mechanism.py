@@ -12,10 +12,11 @@ from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.models import find_model
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Strips, blank_loads, blank_motion
 from sim_bridge.multibody.plates import Plates
-from sim_bridge.multibody.tree import Body, Tree, build_tree, inertia_matrix, parents_first
+from sim_bridge.multibody.tree import Tree, build_tree
 from sim_bridge.multibody.wings import Wings, WingWork
-from sim_bridge.vectors import Floats, Integers, quaternion_from_euler, rotation
-from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vectors import Floats, Integers
+from sim_bridge.vehicles import SimulatedVehicle, vehicle_bodies
+from sim_bridge.vehicles.bodies import matrix_of, way_to_base
 from sim_bridge.vehicles.sections import BodyPart, Wing
 
 CHANNELS = {
@@ -26,7 +27,6 @@ CHANNELS = {
     "stroke": (k.PRESCRIBED, 0),
     "": (k.PASSIVE, 0),
 }
-MIRRORED = {"right_wing": "left_wing"}
 
 
 class Layout(NamedTuple):
@@ -91,79 +91,13 @@ def wing_strips(wing: Wing) -> tuple[Strips, Floats]:
     return Strips(eta * wing.semispan, eta, chord, widths, index), np.concatenate((membrane, membrane))
 
 
-def matrix_of(angles: tuple[float, float, float]) -> Floats:
-    """(3, 3) r_parent_from_body of roll, pitch, yaw in rad."""
-    out = np.zeros((3, 3))
-    rotation(*quaternion_from_euler(*angles), out)
-    return out
-
-
-def mirrored(part: BodyPart, image: BodyPart) -> BodyPart:
-    """``part`` reflected in the plane of symmetry, hanging where ``image`` says."""
-    (px, py, pz), (roll, pitch, yaw), (ax, ay, az) = part.place, part.rotation, part.axis
-    (cx, cy, cz), (xx, yy, zz, xy, xz, yz) = part.center, part.inertia
-    # Both rudders turn the same way: not as in a mirror.
-    way = -1.0 if part.moved_by == "rudder" else 1.0
-    return part._replace(
-        parent=image.parent,
-        mirror_of=image.mirror_of,
-        moved_by=MIRRORED.get(part.moved_by, part.moved_by),
-        place=(px, -py, pz),
-        rotation=(-roll, pitch, -yaw),
-        # A turn is a pseudovector: its mirror image keeps the component across the plane.
-        axis=(-ax * way, ay * way, -az * way),
-        center=(cx, -cy, cz),
-        inertia=(xx, yy, zz, -xy, xz, -yz),
-        motion_by_rudder=-part.motion_by_rudder,
-    )
-
-
 def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
-    """The bodies of a vehicle file with the mirror images filled in.
+    """The bodies of a vehicle with the mirror images filled in.
 
     Raises:
-        BadInput: a mirror image of a body that is not there, or is itself one, or is told more than its parent; a
-            joint moved by nothing that is known, or without an axis, or by a wing's drive that moves another.
+        BadInput: see `sim_bridge.vehicles.bodies.completed`.
     """
-    parts: dict[str, BodyPart] = {}
-    for name, part in vehicle.bodies.items():
-        try:
-            if part.mirror_of:
-                part = _image(vehicle, part)
-            _check_joint(part, parts)
-        except BadInput as error:
-            raise BadInput(f"{vehicle.path}: bodies.{name}.{error}") from None
-        parts[name] = part
-    return parts
-
-
-def _image(vehicle: SimulatedVehicle, part: BodyPart) -> BodyPart:
-    model = vehicle.bodies.get(part.mirror_of)
-    if model is None or model.mirror_of:
-        raise BadInput(f'mirror_of = "{part.mirror_of}" must be a body told in full')
-    _refuse(part, ("parent", "mirror_of"), f'is not told of a mirror image: it has that of "{part.mirror_of}"')
-    return mirrored(model, part)
-
-
-def _refuse(part: BodyPart, but: tuple[str, ...], why: str) -> None:
-    """Raise BadInput where any key is told ``but`` these."""
-    for key, default in part._field_defaults.items():
-        if key not in but and getattr(part, key) != default:
-            raise BadInput(f"{key} {why}")
-
-
-def _check_joint(part: BodyPart, others: dict[str, BodyPart]) -> None:
-    channel = part.moved_by
-    if channel not in CHANNELS:
-        known = ", ".join(channel for channel in CHANNELS if channel)
-        raise BadInput(f'moved_by = "{channel}" must be one of {known}')
-    if channel == "stroke" and len(part.motion) % 2 == 0:
-        raise BadInput(f"motion must be a mean and then pairs of cosine and sine, not {len(part.motion)} numbers")
-    if channel and not any(part.axis):
-        raise BadInput(f'moved_by = "{channel}" needs an axis')
-    rival = next((name for name, other in others.items() if other.moved_by == channel), "")
-    if rival and CHANNELS[channel][0] == k.WING:
-        raise BadInput(f'moved_by = "{channel}" moves "{rival}" already')
+    return vehicle_bodies(vehicle)[0]
 
 
 def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
@@ -172,13 +106,7 @@ def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
     Raises:
         BadInput: the bodies make no tree, or the aerodynamic model does not hold.
     """
-    parts = all_parts(vehicle)
-    try:
-        bodies = parents_first([_body(name, part) for name, part in parts.items()])
-        _check_base(bodies[0].name, parts[bodies[0].name])
-        _check_wings(vehicle.wing, bodies)
-    except BadInput as error:
-        raise BadInput(f"{vehicle.path}: {error}") from None
+    parts, bodies = vehicle_bodies(vehicle)
     tree, names = build_tree(bodies)
     order = {body.name: i for i, body in enumerate(bodies)}
     joints = [parts[name] for name in names]
@@ -216,48 +144,6 @@ def wing_work(mechanism: Mechanism) -> WingWork:
         wrench=np.zeros((2, 6)),
         column=np.zeros(6),
     )
-
-
-def _body(name: str, part: BodyPart) -> Body:
-    return Body(
-        name, part.parent, part.place, matrix_of(part.rotation), part.axis, part.mass, part.center, part.inertia
-    )
-
-
-def _check_base(name: str, part: BodyPart) -> None:
-    try:
-        _refuse(part, ("mass", "center", "inertia"), "is not told of the base: it hangs on no joint")
-    except BadInput as error:
-        raise BadInput(f"bodies.{name}.{error}") from None
-
-
-def _check_wings(wing: Wing, bodies: list[Body]) -> None:
-    if wing.left == wing.right:
-        raise BadInput(f'wing.left = "{wing.left}" is the right wing already')
-    named = {body.name: body for body in bodies}
-    for key, name in (("right", wing.right), ("left", wing.left)):
-        if not _moves(named, name):
-            raise BadInput(f'wing.{key} = "{name}" flaps about no joint')
-    if wing.twists and wing.membrane_mass <= 0.0:
-        raise BadInput("wing.membrane_mass must exceed 0 kg where the membrane twists: it would follow without bound")
-    parents = {body.parent for body in bodies} | {wing.left, wing.right}
-    for body in bodies:
-        length = float(np.linalg.norm(body.axis))
-        if body.name in parents or length == 0.0:
-            continue
-        turning = np.array(body.axis) / length
-        arm = np.cross(turning, body.center)
-        if turning @ inertia_matrix(body.inertia) @ turning + body.mass * (arm @ arm) <= 0.0:
-            raise BadInput(f'body "{body.name}" has no inertia about the axis of its joint')
-
-
-def _moves(bodies: dict[str, Body], name: str) -> bool:
-    """Whether a joint lies between the body and the base."""
-    while bodies[name].parent:
-        if any(bodies[name].axis):
-            return True
-        name = bodies[name].parent
-    return False
 
 
 def _joints(wing: Wing, parts: list[BodyPart], coordinates: int) -> k.Joints:
@@ -357,9 +243,8 @@ def place_of(
     """Place in m of a ``point`` of a body in the base's axes, with all joints at zero."""
     parts = all_parts(vehicle)
     place = np.array(point)
-    while parts[body].parent:
-        place = np.array(parts[body].place) + matrix_of(parts[body].rotation) @ place
-        body = parts[body].parent
+    for name in way_to_base(parts, body):
+        place = np.array(parts[name].place) + matrix_of(parts[name].rotation) @ place
     x, y, z = place.tolist()
     return x, y, z
 

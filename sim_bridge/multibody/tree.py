@@ -132,18 +132,20 @@ def parents_first(bodies: list[Body]) -> list[Body]:
         raise BadInput(f'body "{twice}" is there twice')
     bases = [body for body in bodies if not body.parent]
     if len(bases) > 1:
-        names = ", ".join(f'"{body.name}"' for body in bases)
-        raise BadInput(f"a body tree needs one body without a parent, not {len(bases)}: {names}")
+        first, second = bases[:2]
+        raise BadInput(f'bodies.{second.name}.parent is missing: "{first.name}" is the base already')
     for body in bodies:
         if body.parent and body.parent not in named:
-            raise BadInput(f'body "{body.name}" hangs on "{body.parent}", which is not there')
+            raise BadInput(
+                f'bodies.{body.name}.parent = "{body.parent}" is not one of the bodies: {", ".join(named)}'
+            )
     ordered = bases
     while len(ordered) < len(bodies):
         done = {body.name for body in ordered}
         ready = [body for body in bodies if body.parent in done and body.name not in done]
         if not ready:
             loop = _loop(next(body for body in bodies if body.name not in done), named)
-            raise BadInput(f'body "{loop[0]}" hangs on itself: {" on ".join(loop)}')
+            raise BadInput(f'bodies.{loop[0]}.parent = "{loop[1]}" makes a loop: {" on ".join(loop)}')
         ordered = ordered + ready
     _check_leaves(ordered)
     for body in ordered:
@@ -164,7 +166,7 @@ def _check_leaves(bodies: list[Body]) -> None:
     parents = {body.parent for body in bodies}
     for body in bodies:
         if body.name not in parents and body.mass <= 0.0:
-            raise BadInput(f'body "{body.name}" is a leaf without mass: it would accelerate without bound')
+            raise BadInput(f"bodies.{body.name}.mass = 0 kg: a leaf without mass would accelerate without bound")
 
 
 def _check_inertia(body: Body) -> None:
@@ -172,8 +174,8 @@ def _check_inertia(body: Body) -> None:
     if least < -ROUNDING * greatest or greatest > (1.0 + ROUNDING) * (least + middle):
         moments = f"{least:.3g}, {middle:.3g}, {greatest:.3g} kg m^2"
         raise BadInput(
-            f'body "{body.name}" has principal moments of inertia {moments}: none may be negative or exceed '
-            "the sum of the others"
+            f"bodies.{body.name}.inertia has principal moments {moments}: none may be negative or exceed the sum of "
+            "the others"
         )
 
 

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 from avionics.quantities import BadInput, Schema, Source, VehicleFile, read_vehicle_file
 from sim_bridge.actuators.linkage import FourBar, Motor, checked
 from sim_bridge.aerodynamics.models import MODELS, find_model
+from sim_bridge.multibody.tree import Body
 from sim_bridge.sensors.suite import SECTIONS as SENSORS
+from sim_bridge.vehicles.bodies import body_tree, completed
 from sim_bridge.vehicles.sections import (
     Aerodynamics,
     AsMeasured,
@@ -74,7 +76,8 @@ def load_vehicle(name_or_path: str) -> SimulatedVehicle:
     """Load a vehicle by name or by the path of its file.
 
     Raises:
-        BadInput: unknown name, unreadable file, or a value that is missing, unknown or out of range.
+        BadInput: unknown name, unreadable file, a value that is missing, unknown or out of range, or bodies that
+            make no tree with a wing on either side.
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
@@ -85,6 +88,22 @@ def load_vehicle(name_or_path: str) -> SimulatedVehicle:
     vehicle = _vehicle(file)
     _check(vehicle)
     return vehicle
+
+
+def vehicle_bodies(vehicle: SimulatedVehicle) -> tuple[dict[str, BodyPart], list[Body]]:
+    """The bodies with the mirror images filled in, and as a tree: base first, each after its parent.
+
+    Raises:
+        BadInput: they make no tree, or a wing is not one of them or hangs on no joint of its own side, see
+            `sim_bridge.vehicles.bodies`.
+    """
+    for key in ("right", "left"):
+        _need_body(vehicle, f"wing.{key}", getattr(vehicle.wing, key))
+    try:
+        parts = completed(vehicle.bodies)
+        return parts, body_tree(parts, vehicle.wing)
+    except BadInput as error:
+        raise BadInput(f"{vehicle.path}: {error}") from None
 
 
 def _vehicle(file: VehicleFile) -> SimulatedVehicle:
@@ -134,8 +153,7 @@ def _check(vehicle: SimulatedVehicle) -> None:
         _need_body(vehicle, f"plates.{name}.body", plate.body)
         if not any(plate.normal):
             raise BadInput(f"{path}: plates.{name}.normal has no direction: not all of it may be 0")
-    for key in ("right", "left"):
-        _need_body(vehicle, f"wing.{key}", getattr(vehicle.wing, key))
+    vehicle_bodies(vehicle)
 
 
 def _check_linkage(vehicle: SimulatedVehicle) -> None:

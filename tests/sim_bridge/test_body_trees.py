@@ -25,18 +25,30 @@ NOTHING = (0.0, 0.0, 0.0)
     [
         (
             {"right_wing": RIGHT._replace(parent="elevator"), "elevator": ELEVATOR._replace(parent="right_wing")},
-            'body "right_wing" hangs on itself: right_wing on elevator on right_wing',
+            'bodies.right_wing.parent = "elevator" makes a loop: right_wing on elevator on right_wing',
         ),
-        ({"elevator": ELEVATOR._replace(parent="elevator")}, 'body "elevator" hangs on itself: elevator on elevator'),
-        ({"fuselage": FUSELAGE._replace(parent="elevator")}, 'body "fuselage" hangs on itself'),
-        ({"elevator": ELEVATOR._replace(parent="boom")}, 'body "elevator" hangs on "boom", which is not there'),
-        ({"elevator": ELEVATOR._replace(parent="")}, 'one body without a parent, not 2: "fuselage", "elevator"'),
-        ({"elevator": ELEVATOR._replace(mass=0.0)}, 'body "elevator" is a leaf without mass'),
-        ({"elevator": ELEVATOR._replace(inertia=NOTHING * 2)}, 'body "elevator" has no inertia about the axis'),
-        ({"elevator": ELEVATOR._replace(inertia=(1e-5, 1e-5, 3e-5, 0.0, 0.0, 0.0))}, 'body "elevator" has principal'),
+        (
+            {"elevator": ELEVATOR._replace(parent="elevator")},
+            'bodies.elevator.parent = "elevator" makes a loop: elevator on elevator',
+        ),
+        ({"fuselage": FUSELAGE._replace(parent="elevator")}, 'bodies.fuselage.parent = "elevator" makes a loop'),
+        (
+            {"elevator": ELEVATOR._replace(parent="boom")},
+            'bodies.elevator.parent = "boom" is not one of the bodies: fuselage, right_wing',
+        ),
+        ({"elevator": ELEVATOR._replace(parent="")}, 'bodies.elevator.parent is missing: "fuselage" is the base'),
+        ({"elevator": ELEVATOR._replace(mass=0.0)}, "bodies.elevator.mass = 0 kg: a leaf without mass"),
+        (
+            {"elevator": ELEVATOR._replace(inertia=NOTHING * 2)},
+            "bodies.elevator.inertia: about the axis of its joint",
+        ),
+        (
+            {"elevator": ELEVATOR._replace(inertia=(1e-5, 1e-5, 3e-5, 0.0, 0.0, 0.0))},
+            "bodies.elevator.inertia has principal",
+        ),
         (
             {"elevator": ELEVATOR._replace(inertia=(-1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0))},
-            'body "elevator" has principal',
+            "bodies.elevator.inertia has principal",
         ),
         ({"elevator": ELEVATOR._replace(moved_by="aileron")}, 'bodies.elevator.moved_by = "aileron" must be one of'),
         ({"elevator": ELEVATOR._replace(axis=NOTHING)}, 'bodies.elevator.moved_by = "elevator" needs an axis'),
@@ -63,6 +75,13 @@ def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, Bod
     [
         (RAVEN.wing._replace(left="right_wing"), 'wing.left = "right_wing" is the right wing already'),
         (RAVEN.wing._replace(membrane_mass=0.0), "wing.membrane_mass must exceed 0 kg"),
+        (RAVEN.wing._replace(right="fuselage"), 'wing.right = "fuselage" flaps about no joint'),
+        (RAVEN.wing._replace(right="elevator"), 'wing.right = "elevator" hangs on "elevator", which is of the tail'),
+        (
+            RAVEN.wing._replace(right="left_wing", left="right_wing"),
+            'wing.right = "left_wing" hangs on "left_wing", which is of the left',
+        ),
+        (RAVEN.wing._replace(right="third_wing"), 'wing.right = "third_wing" is not one of the bodies: fuselage, '),
     ],
 )
 def test_wings_that_could_not_fly_are_refused(wing: Wing, said: str) -> None:
@@ -86,7 +105,7 @@ def test_a_body_told_twice_is_refused(tmp_path: Path) -> None:
 def test_the_loop_is_named_although_others_hang_on_it() -> None:
     rng = np.random.default_rng(2)
     names = ("base", ""), ("feather", "wing"), ("wing", "rod"), ("rod", "wing")
-    with pytest.raises(BadInput, match='body "wing" hangs on itself: wing on rod on wing'):
+    with pytest.raises(BadInput, match=r'bodies\.wing\.parent = "rod" makes a loop: wing on rod on wing'):
         build_tree([random_body(rng, *pair, False) for pair in names])
 
 

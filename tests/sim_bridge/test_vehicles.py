@@ -9,8 +9,10 @@ import pytest
 from plant_bench import NAMES
 
 from avionics.quantities import BadInput
-from sim_bridge.mechanism import all_parts, build_mechanism, total_mass
-from sim_bridge.vehicles import FOLDER, REPEATED, load_vehicle, vehicle_names, with_model
+from groundstation.command.main import main
+from sim_bridge.mechanism import CHANNELS, all_parts, build_mechanism, total_mass
+from sim_bridge.vehicles import FOLDER, REPEATED, load_vehicle, vehicle_bodies, vehicle_names, with_model
+from sim_bridge.vehicles.bodies import MOVERS
 
 RAVEN = (FOLDER / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
 
@@ -126,30 +128,89 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (changed("parent", '"tree"', "bodies.elevator"), r'body "elevator" hangs on "tree", which is not there'),
-        (changed("parent", '"elevator"', "bodies.elevator"), r'"elevator" hangs on itself'),
+        (
+            changed("parent", '"tree"', "bodies.elevator"),
+            r'bodies\.elevator\.parent = "tree" is not one of the bodies: fuselage, ',
+        ),
+        (changed("parent", '"elevator"', "bodies.elevator"), r'bodies\.elevator\.parent = "elevator" makes a loop'),
         (
             RAVEN.replace('parent = "fuselage"\nmoved_by = "rudder"', 'moved_by = "rudder"'),
-            "one body without a parent",
+            r'bodies\.rudder\.parent is missing: "fuselage" is the base already',
         ),
         (
             changed("moved_by", '"helm"', "bodies.rudder"),
             r'bodies\.rudder\.moved_by = "helm" must be one of right_wing',
         ),
         (changed("mirror_of", '"wing"', "bodies.left_wing"), r'bodies\.left_wing\.mirror_of = "wing" must be a body'),
-        (changed("mass", "0.0", "bodies.rudder"), r'body "rudder" is a leaf without mass'),
+        (changed("mass", "0.0", "bodies.rudder"), r"bodies\.rudder\.mass = 0 kg: a leaf without mass"),
         (
-            changed("dynamic_stall", '"never"', "strip_theory"),
-            r'dynamic_stall = "never" is unknown; it is fixed or kim',
+            changed("inertia", "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]", "bodies.rudder"),
+            r"bodies\.rudder\.inertia: about the axis",
+        ),
+        (changed("right", '"fuselage"', "wing"), r'wing\.right = "fuselage" flaps about no joint'),
+        (
+            changed("right", '"elevator"', "wing"),
+            r'wing\.right = "elevator" hangs on "elevator", which is of the tail',
+        ),
+        (
+            changed("right", '"left_wing"', "wing").replace('\nleft = "left_wing"', '\nleft = "right_wing"'),
+            r'wing\.right = "left_wing" hangs on "left_wing", which is of the left',
+        ),
+        (
+            changed("parent", '"right_wing"', "bodies.left_wing"),
+            r'wing\.left = "left_wing" hangs on "right_wing", which is of the right',
         ),
     ],
 )
 def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(BadInput, match=said) as refused:
-        build_mechanism(load_vehicle(path))
+        load_vehicle(path)
     assert "\n" not in str(refused.value)
     assert str(path) in str(refused.value)
+
+
+def test_a_loop_through_mirror_images_is_refused_when_the_file_is_loaded(tmp_path: Path) -> None:
+    text = changed("parent", '"left_wing"', "bodies.right_wing")
+    text = text.replace('[bodies.left_wing]\nparent = "fuselage"', '[bodies.left_wing]\nparent = "right_wing"')
+    with pytest.raises(BadInput, match="makes a loop: right_wing on left_wing on right_wing") as refused:
+        load_vehicle(written(tmp_path, text))
+    assert "\n" not in str(refused.value)
+
+
+def test_wings_on_one_joint_are_refused(tmp_path: Path) -> None:
+    bird = load_vehicle("robo_raven_ii_d")
+    plain = bird.bodies["right_wing"]._replace(moved_by="", axis=(0.0, 0.0, 0.0))
+    bodies = bird.bodies | {
+        "hinge": bird.bodies["right_wing"]._replace(moved_by=""),
+        "right_wing": plain._replace(parent="hinge"),
+        "left_wing": plain._replace(parent="hinge"),
+    }
+    with pytest.raises(BadInput, match=r'wing\.left = "left_wing" hangs on the joint of "hinge", as the right wing'):
+        vehicle_bodies(bird._replace(bodies=bodies))
+
+
+def test_a_bad_model_setting_is_refused_when_the_mechanism_is_built(tmp_path: Path) -> None:
+    path = written(tmp_path, changed("dynamic_stall", '"never"', "strip_theory"))
+    with pytest.raises(BadInput, match=r'dynamic_stall = "never" is unknown; it is fixed or kim') as refused:
+        build_mechanism(load_vehicle(path))
+    assert "\n" not in str(refused.value) and path in str(refused.value)
+
+
+def test_what_may_move_a_joint_is_what_the_mechanism_knows() -> None:
+    assert {*MOVERS, ""} == set(CHANNELS)
+
+
+def test_the_command_refuses_a_loop_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = RAVEN
+    for name, parent in (("elevator", "rudder"), ("rudder", "elevator")):
+        text = text.replace(f'parent = "fuselage"\nmoved_by = "{name}"', f'parent = "{parent}"\nmoved_by = "{name}"')
+    path = written(tmp_path, text)
+    assert main(["trim", path]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    reason = 'bodies.elevator.parent = "rudder" makes a loop: elevator on rudder on elevator'
+    assert said.err == f"wingbeat: {path}: {reason}\n"
 
 
 @pytest.mark.parametrize(("name", "grams"), [("robo_raven_ii_d", 359.0), ("arizona_100cm", 369.0)])
