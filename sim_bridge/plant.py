@@ -45,6 +45,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         plates=no_plates() if mechanism.model.with_tail else mechanism.plates,
         air=air_of(mechanism.model, mechanism.aerodynamics),
         needs_places=mechanism.model.needs_places,
+        advances=mechanism.model.advances,
         drag_areas=np.zeros(2) if mechanism.model.with_fuselage else np.array([hull.drag_area, hull.side_area]),
         contacts=contact_points(vehicle),
         imu=np.array(hull.imu_position),

@@ -74,6 +74,8 @@ class PlantParameters(NamedTuple):
     """the chosen aerodynamic model"""
     needs_places: bool
     """the model asks where the strips are"""
+    advances: bool
+    """the model has a share of its state that moves between the steps"""
     drag_areas: Floats
     """(2,) m^2; along and across the fuselage, 0 where the aerodynamic model has its drag in its loads"""
     contacts: Floats
@@ -253,19 +255,30 @@ def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
 
 
 @inlined
-def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
-    """Let the air act on wings, tail and fuselage, and tell the rates of the aerodynamic model's state."""
+def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) -> None:
+    """Place and move bodies and wings, and the strips through the air."""
     n = p.joints.kind.shape[0]
-    q, rates, start = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
-    air = s.outside[3:9]
-    wing_motion(s.tree, p.wings, q, rates, air, s.wings)
+    q, rates = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n]
+    set_outside(y, around, s)
+    move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
+    wing_motion(s.tree, p.wings, q, rates, s.outside[3:9], s.wings)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
+
+
+@inlined
+def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
+    """Let the air act on wings, tail and fuselage, and tell the rates of the aerodynamic model's state.
+
+    After `set_motion`.
+    """
+    n = p.joints.kind.shape[0]
+    rates, start = y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
     models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         rate[start + i] = s.wings.loads.rates[i]
     add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
-    add_plates(s.tree, p.plates, air, density, s.work, s.plate_load)
+    add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
     load_fuselage(density, p, s)
 
 
@@ -403,12 +416,9 @@ def derivatives(
     y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch, rate: Floats
 ) -> bool:
     """Fill ``rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched."""
-    n = p.joints.kind.shape[0]
-    q, rates = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n]
     s.mass[:, :] = 0.0
     s.load[:] = 0.0
-    set_outside(y, around, s)
-    move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
+    set_motion(y, around, p, s)
     add_air_loads(y, around.density, p, s, rate)
     touching = _contacts(y, p, s)
     assemble(p.tree, s.tree, s.mass, s.load)
@@ -462,6 +472,14 @@ def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> N
 
 
 @kernel
+def advance_memory(y: Floats, h: float, around: Surroundings, p: PlantParameters, s: Scratch) -> None:
+    """Move what of the aerodynamic model's state has a clock of its own, at the end ``y`` of a step of ``h`` s."""
+    set_motion(y, around, p, s)
+    memory = y[aero_start(p.joints.kind.shape[0]) :]
+    models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
+
+
+@kernel
 def advance(
     y: Floats,
     steps: int,
@@ -503,8 +521,8 @@ def advance(
         derivatives(trial, t + h, c, around, p, s, stages[3])
         for i in range(y.shape[0]):
             y[i] += h / 6.0 * (stages[0, i] + 2.0 * stages[1, i] + 2.0 * stages[2, i] + stages[3, i])
-        memory = y[aero_start(p.joints.kind.shape[0]) :]
-        models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
+        if p.advances:
+            advance_memory(y, h, around, p, s)
     return touching
 
 

@@ -7,8 +7,8 @@ A model is a NamedTuple of constants (its *parameters*) and three functions of t
   part, and the rates of that share of the state that moves smoothly; compiled, called by every stage of the
   integrator;
 * ``advance(parameters, strips, motion, density, state, dt)``: what happens between two steps of the integrator, for
-  memory with a rate of its own (a wake shed row by row); compiled. The smooth share of the state is left to the
-  integrator.
+  memory with a rate of its own (a wake shed row by row); compiled. ``motion`` is that of the end of the step, and so
+  is ``state``, whose smooth share is left to the integrator. Models that do not say `advances` are not called.
 
 All of a model's work is in section axes, so that it knows neither frames nor joints: ``chord`` forward, ``normal``
 upward, ``span`` to the tip. The mechanism turns them into body axes and generalised forces.
@@ -132,6 +132,8 @@ class AerodynamicModel(NamedTuple):
     advance: Callable[..., None]
     needs_places: bool = False
     """the model asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
+    advances: bool = False
+    """there is something for ``advance`` to move: the plant evaluates the motion once more a step"""
     with_fuselage: bool = False
     """the loads have the fuselage's drag in them: the plant adds none"""
     with_tail: bool = False

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.mechanism import all_parts, wing_strips
-from sim_bridge.multibody.tree import assemble, inertia_matrix, move
+from sim_bridge.multibody.tree import assemble, inertia_matrix
 from sim_bridge.plant import Plant, scratch
 from sim_bridge.vectors import Floats, quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
@@ -113,8 +113,7 @@ def scratched(plant: Plant) -> k.Scratch:
 def equations(plant: Plant, y: Floats, around: k.Surroundings) -> tuple[Floats, Floats]:
     """Mass matrix and load of tree, wings and air alone: without drives, springs, ground and launcher."""
     p, s = plant.parameters, scratched(plant)
-    k.set_outside(y, around, s)
-    move(p.tree, y[joints(plant)], y[joint_rates(plant)], s.base, s.outside[0:3], s.tree)
+    k.set_motion(y, around, p, s)
     k.add_air_loads(y, around.density, p, s, np.zeros_like(y))
     assemble(p.tree, s.tree, s.mass, s.load)
     return np.triu(s.mass) + np.triu(s.mass, 1).T, s.load

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,10 +38,11 @@ from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
-from sim_bridge.aerodynamics.protocol import MASS
+from sim_bridge.aerodynamics.protocol import MASS, Motion, Strips
 from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant, plant_parameters
+from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle, models_of, with_model
 
 README = Path(protocol.__file__).with_name("README.md")
@@ -421,6 +423,73 @@ def test_advance_leaves_the_state_finite_and_what_the_integrator_moves_alone(nam
     assert np.all(np.isfinite(after))
     assert np.array_equal(after[smooth], before[smooth])
     assert np.array_equal(after, compiled)
+    assert MODELS[case.model].advances or np.array_equal(after, before)
+
+
+Shed = tuple[list[Floats], Floats, float, float]
+
+
+@pytest.fixture
+def shed(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Shed]]:
+    """What `advance` of the table is given: motion, state, density and dt of each call; it counts in the state."""
+    calls: list[Shed] = []
+
+    def note(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
+        calls.append(([column.copy() for column in motion], state.copy(), density, dt))
+        state += 1.0
+
+    monkeypatch.setattr(k.models, "advance", note)
+    for name in ("advance_memory", "_add_specific_force"):
+        monkeypatch.setattr(k, name, getattr(k, name).py_func)
+    yield calls
+
+
+@every_vehicle
+@pytest.mark.parametrize("case", [CASES[1], Case("strip_theory", {"wake_lag": 1.0})], ids=str)
+def test_the_motion_that_advance_is_given_is_that_of_the_new_state(name: str, case: Case, shed: list[Shed]) -> None:
+    """The integrator in Python, so that the table's `advance` can be another; the right-hand side is the compiled."""
+    plant, h, steps = plant_of(name, case), 0.001, 3
+    p, s = plant.parameters._replace(advances=True), plant.scratch
+    plant.evaluate(SLACK, air())
+    y, controls, stages = tumbling(plant, 2), SLACK._replace(duration=h), np.zeros((6, plant.y.shape[0]))
+    for step in range(steps):
+        k.advance.py_func(y, 1, controls, air(), p, s, stages, np.zeros(7))  # type: ignore[attr-defined]
+        last = [column.copy() for column in s.wings.motion]
+        motion, state, density, dt = shed[step]
+        assert (density, dt) == (DENSITY, h) and len(shed) == step + 1
+        assert np.array_equal(y[plant.layout.aerodynamics :], state + 1.0)
+        new = motion_of(plant, y)
+        for field, ours, theirs in zip(Motion._fields, motion, new, strict=True):
+            if MODELS[case.model].needs_places or field not in ("place", "axes"):
+                assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-12)
+        assert all(np.array_equal(one, other) for one, other in zip(motion, last, strict=True))
+        # The last stage's motion, which is another, would pass a tolerance of some 1e-6 m/s.
+        evaluated(plant, stages[4])
+        assert np.max(np.abs(plant.scratch.wings.motion.down - new.down)) > 1e-9
+
+
+def test_a_model_with_nothing_to_advance_is_not_asked(shed: list[Shed]) -> None:
+    plant = plant_of(NAMES[0], CASES[0])
+    y, stages = tumbling(plant, 2), np.zeros((6, plant.y.shape[0]))
+    k.advance.py_func(y, 2, SLACK, air(), plant.parameters, plant.scratch, stages, np.zeros(7))  # type: ignore[attr-defined]
+    assert not MODELS[CASES[0].model].advances and shed == []
+
+
+@every_case
+def test_what_it_costs_to_advance_changes_no_flight(case: Case) -> None:
+    """Compiled: the motion evaluated once more a step leaves no trace but in the scratch."""
+    plant, ends = plant_of(NAMES[0], case), []
+    parameters = plant.parameters
+    for advances in (False, True):
+        plant.parameters = parameters._replace(advances=advances)
+        plant.y[:] = tumbling(plant, 2)
+        plant.advance(SLACK, air())
+        ends.append(plant.y.copy())
+        motion = [column.copy() for column in plant.scratch.wings.motion]
+        new = motion_of(plant, plant.y.copy())
+        assert np.allclose(motion[1], new.down, rtol=1e-12, atol=1e-12) == advances
+    plant.parameters = parameters
+    assert np.array_equal(*ends)
 
 
 def test_a_wake_remembers() -> None:
