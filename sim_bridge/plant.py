@@ -84,6 +84,10 @@ def scratch(mechanism: Mechanism) -> k.Scratch:
         imposed=np.zeros(speeds),
         crank=np.zeros(1),
         motion=np.zeros(3),
+        rate=np.zeros(mechanism.layout.size),
+        trial=np.zeros(mechanism.layout.size),
+        total=np.zeros(mechanism.layout.size),
+        means=np.zeros(len(Means._fields)),
     )
 
 
@@ -139,23 +143,13 @@ class Plant:
         self.scratch = scratch(self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.touching = False
-        self._stages = np.zeros((6, self.y.shape[0]))
-        self._means = np.zeros(7)
 
     def advance(self, controls: k.Controls, around: k.Surroundings) -> Means:
         """Integrate over ``controls.duration`` seconds."""
-        self.touching = k.advance(
-            self.y,
-            _steps(controls.duration),
-            controls,
-            around,
-            self.parameters,
-            self.scratch,
-            self._stages,
-            self._means,
-        )
+        steps = _steps(controls.duration)
+        self.touching = k.advance(self.y, steps, controls, around, self.parameters, self.scratch)
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
-        return Means(*self._means.tolist())
+        return Means(*self.scratch.means.tolist())
 
     def follow(self, controls: Sequence[k.Controls], around: k.Surroundings) -> tuple[Floats, Floats]:
         """Integrate through intervals one after another; much less a call than as many of `advance`.
@@ -165,7 +159,7 @@ class Plant:
         """
         commands = np.array([(*one, _steps(one.duration)) for one in controls], dtype=np.float64)
         history = np.zeros((len(controls), self.y.shape[0] + len(Means._fields)))
-        self.touching = k.follow(self.y, commands, around, self.parameters, self.scratch, self._stages, history)
+        self.touching = k.follow(self.y, commands, around, self.parameters, self.scratch, history)
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
         return history[:, : self.y.shape[0]], history[:, self.y.shape[0] :]
 
@@ -181,9 +175,8 @@ class Plant:
 
     def evaluate(self, controls: k.Controls, around: k.Surroundings) -> Floats:
         """Rates of the state (len(y),) at its present value; loads and accelerations are left in ``scratch``."""
-        k.derivatives(self.y, controls.duration, controls, around, self.parameters, self.scratch, self._stages[5])
-        rates: Floats = self._stages[5].copy()
-        return rates
+        k.derivatives(self.y, controls.duration, controls, around, self.parameters, self.scratch)
+        return self.scratch.rate.copy()
 
     def wing_loads(self) -> Floats:
         """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.

@@ -17,7 +17,7 @@ from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
-from sim_bridge.multibody.tree import BASE, Kinematics, Tree, add_wrench, assemble, hold, move, solve
+from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
 from sim_bridge.vectors import Floats, Integers, inlined, kernel, rotation
 
@@ -27,6 +27,8 @@ VOLTAGE_ROUNDS = 3
 """of torque, current and sag, see `_drive_wings`"""
 COORDINATES = 13
 """index of the first coordinate in the state vector"""
+LEADS, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+"""of the stages of a Runge-Kutta step: how far ahead in the step, on the rate of the stage before, and share"""
 
 # Phases of the flight as the launcher sees them.
 HELD, THROWN, FREE = 0, 1, 2
@@ -176,6 +178,14 @@ class Scratch(NamedTuple):
     """(1,) Hz/s; rate of the crank's speed"""
     motion: Floats
     """(3,); of a prescribed coordinate, see `prescribed_motion`"""
+    rate: Floats
+    """(len(y),); of the state, see `derivatives`"""
+    trial: Floats
+    """(len(y),); the state at a stage of a step"""
+    total: Floats
+    """(len(y),); sum of the stages' rates"""
+    means: Floats
+    """(7,); over the interval, see `advance`"""
 
 
 @kernel
@@ -212,46 +222,63 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
 
 @inlined
 def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
-    total, reaction, n = 0.0, 0.0, p.joints.kind.shape[0]
-    phase, speed = y[COORDINATES + 2 * n], y[COORDINATES + 2 * n + 1]
-    crank_rate, slope = 2.0 * math.pi * speed, 0.0
+    """Torques, current and the crank's acceleration at a ``share`` of the interval, by a voltage ``ratio``."""
+    if p.drive_kind == LINKAGE:
+        _linkage_torques(y, ratio, c, p, s)
+    else:
+        _servo_torques(y, share, ratio, c, p, s)
+
+
+@inlined
+def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
+    """A position servo on each wing; of a crank drive, that of what the crank's phase wants."""
+    total, n, gains = 0.0, p.joints.kind.shape[0], (p.drive[3], p.drive[4])
+    stall_torque, no_load_speed = p.drive[0] * ratio, p.drive[1] * ratio
     for i in range(n):
         if p.joints.kind[i] != WING:
             continue
-        left = p.joints.channel[i] == LEFT
         angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
-        if p.drive_kind == CRANK:
-            wanted = p.crank_shape[1] + p.crank_shape[0] * math.sin(phase)
-            wanted_rate = p.crank_shape[0] * math.cos(phase) * crank_rate
-        elif p.drive_kind == LINKAGE:
-            flap = flap_motion(p.linkage, phase)
-            wanted, slope = flap.angle, flap.slope
-            wanted_rate = slope * crank_rate
-        else:
-            start = c.left_start if left else c.right_start
-            end = c.left_end if left else c.right_end
-            wanted = start + share * (end - start)
-            wanted_rate = (end - start) / c.duration
-        gains = (p.drive[3], p.drive[4])
-        if p.drive_kind == LINKAGE:
-            # The rods are stiff, not ideal: what they do to the wing they do, through the slope, to the crank.
-            torque = gains[0] * (wanted - angle) + gains[1] * (wanted_rate - rate)
-            reaction += torque * slope
-        else:
-            bounds = (p.drive[0] * ratio, p.drive[1] * ratio)
-            torque = c.powered * servo_torque(wanted - angle, wanted_rate - rate, rate, gains, bounds[0], bounds[1])
-            total += drive_current(torque, p.current[0], p.current[1], p.current[2])
+        wanted, wanted_rate = _wanted(y, i, share, c, p)
+        error, error_rate = wanted - angle, wanted_rate - rate
+        torque = c.powered * servo_torque(error, error_rate, rate, gains, stall_torque, no_load_speed)
+        total += drive_current(torque, p.current[0], p.current[1], p.current[2])
         s.drive[p.joints.channel[i]] = torque
-    if p.drive_kind == LINKAGE:
-        duty = min(max(c.throttle, 0.0), 1.0) * c.powered
-        turning = motor_drive(p.motor, duty * ratio * p.drive[2], crank_rate)
-        total = duty * turning.current
-        inertia = p.motor.rotor_inertia * p.motor.gear_ratio * p.motor.gear_ratio
-        s.crank[0] = (turning.torque - reaction) / inertia / (2.0 * math.pi)
-    else:
-        turned = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
-        s.crank[0] = (turned - speed) / p.crank_shape[2]
+    turned = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
+    s.crank[0] = (turned - y[COORDINATES + 2 * n + 1]) / p.crank_shape[2]
     s.drive[CURRENT] = total
+
+
+@inlined
+def _wanted(y: Floats, i: int, share: float, c: Controls, p: PlantParameters) -> tuple[float, float]:
+    """Angle in rad and rate in rad/s that a wing's coordinate is to have."""
+    if p.drive_kind == CRANK:
+        crank = COORDINATES + 2 * p.joints.kind.shape[0]
+        phase, rate = y[crank], 2.0 * math.pi * y[crank + 1]
+        amplitude, mean = p.crank_shape[0], p.crank_shape[1]
+        return mean + amplitude * math.sin(phase), amplitude * math.cos(phase) * rate
+    left = p.joints.channel[i] == LEFT
+    start, end = c.left_start if left else c.right_start, c.left_end if left else c.right_end
+    return start + share * (end - start), (end - start) / c.duration
+
+
+@inlined
+def _linkage_torques(y: Floats, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
+    """The rods are stiff, not ideal: what they do to the wing they do, through the slope, to the crank."""
+    n, reaction = p.joints.kind.shape[0], 0.0
+    crank_rate = 2.0 * math.pi * y[COORDINATES + 2 * n + 1]
+    flap = flap_motion(p.linkage, y[COORDINATES + 2 * n])
+    for i in range(n):
+        if p.joints.kind[i] == WING:
+            error = flap.angle - y[COORDINATES + i]
+            error_rate = flap.slope * crank_rate - y[COORDINATES + n + i]
+            torque = p.drive[3] * error + p.drive[4] * error_rate
+            reaction += torque * flap.slope
+            s.drive[p.joints.channel[i]] = torque
+    duty = min(max(c.throttle, 0.0), 1.0) * c.powered
+    turning = motor_drive(p.motor, duty * ratio * p.drive[2], crank_rate)
+    inertia = p.motor.rotor_inertia * p.motor.gear_ratio * p.motor.gear_ratio
+    s.crank[0] = (turning.torque - reaction) / inertia / (2.0 * math.pi)
+    s.drive[CURRENT] = duty * turning.current
 
 
 @inlined
@@ -261,23 +288,22 @@ def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) 
     q, rates = y[COORDINATES : COORDINATES + n], y[COORDINATES + n : COORDINATES + 2 * n]
     set_outside(y, around, s)
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
-    wing_motion(s.tree, p.wings, q, rates, s.outside[3:9], s.wings)
+    wing_motion(s.tree, p.wings, q, rates, s.outside, s.wings)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
 
 
 @inlined
-def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch, rate: Floats) -> None:
+def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch) -> None:
     """Let the air act on wings, tail and fuselage, and tell the rates of the aerodynamic model's state.
 
     After `set_motion`.
     """
-    n = p.joints.kind.shape[0]
-    rates, start = y[COORDINATES + n : COORDINATES + 2 * n], aero_start(n)
+    start = aero_start(p.joints.kind.shape[0])
     models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
-        rate[start + i] = s.wings.loads.rates[i]
-    add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, s.mass, s.load)
+        s.rate[start + i] = s.wings.loads.rates[i]
+    add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
     add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
     load_fuselage(density, p, s)
 
@@ -412,14 +438,12 @@ def servo_acceleration(error: float, rate: float, time_constant: float, rate_lim
 
 
 @kernel
-def derivatives(
-    y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch, rate: Floats
-) -> bool:
-    """Fill ``rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched."""
+def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
+    """Fill ``s.rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched."""
     s.mass[:, :] = 0.0
     s.load[:] = 0.0
     set_motion(y, around, p, s)
-    add_air_loads(y, around.density, p, s, rate)
+    add_air_loads(y, around.density, p, s)
     touching = _contacts(y, p, s)
     assemble(p.tree, s.tree, s.mass, s.load)
     _hold_joints(y, p, s)
@@ -427,13 +451,13 @@ def derivatives(
     if _impose(y, c, around, p, s):
         hold(s.mass, s.load, s.held, s.imposed)
     solve(s.mass, s.load)
-    _kinematics(y, c, p, s, rate)
+    _kinematics(y, p, s)
     return touching
 
 
 @inlined
-def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Floats) -> None:
-    n = p.joints.kind.shape[0]
+def _kinematics(y: Floats, p: PlantParameters, s: Scratch) -> None:
+    n, rate = p.joints.kind.shape[0], s.rate
     for i in range(BASE + n):
         s.accelerations[i] = s.load[i]
     for i in range(3):
@@ -455,6 +479,17 @@ def _kinematics(y: Floats, c: Controls, p: PlantParameters, s: Scratch, rate: Fl
     rate[phase] = 2.0 * math.pi * y[phase + 1]
     rate[phase + 1] = s.crank[0]
     rate[phase + 2] = s.drive[CURRENT]
+
+
+@inlined
+def _add_means(p: PlantParameters, s: Scratch, share: float) -> None:
+    """Add ``share`` of what drives and IMU see at this instant to ``s.means``."""
+    means, drive = s.means, s.drive
+    means[0] += share * drive[TORQUE_LEFT]
+    means[1] += share * drive[TORQUE_RIGHT]
+    means[2] += share * drive[CURRENT]
+    means[3] += share * drive[CURRENT] * drive[VOLTAGE]
+    _add_specific_force(p.imu, s, means, share)
 
 
 @inlined
@@ -480,47 +515,32 @@ def advance_memory(y: Floats, h: float, around: Surroundings, p: PlantParameters
 
 
 @kernel
-def advance(
-    y: Floats,
-    steps: int,
-    c: Controls,
-    around: Surroundings,
-    p: PlantParameters,
-    s: Scratch,
-    stages: Floats,
-    means: Floats,
-) -> bool:
+def advance(y: Floats, steps: int, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
     """Advance ``y`` in place over ``c.duration`` in ``steps`` classical fourth-order Runge-Kutta steps.
 
-    Args:
-        stages: (6, len(y)) scratch. means: (7,) out, over the interval: mean torque left and right, current,
-            electrical power, specific force (3,) at the IMU in body axes.
+    Leaves in ``s.means``, over the interval: mean torque left and right in N m, current in A, electrical power in W,
+    specific force (3,) in m/s^2 at the IMU in body axes.
+
     Returns:
         whether the ground was touched.
     """
-    h = c.duration / steps
-    touching = False
-    means[:] = 0.0
-    trial = stages[4]
+    h, touching = c.duration / steps, False
+    s.means[:] = 0.0
+    s.rate[:] = 0.0
     for step in range(steps):
-        t = step * h
-        touching = derivatives(y, t, c, around, p, s, stages[0]) or touching
-        means[0] += s.drive[TORQUE_LEFT] / steps
-        means[1] += s.drive[TORQUE_RIGHT] / steps
-        means[2] += s.drive[CURRENT] / steps
-        means[3] += s.drive[CURRENT] * s.drive[VOLTAGE] / steps
-        _add_specific_force(p.imu, s, means, 1.0 / steps)
+        s.total[:] = 0.0
+        for stage in range(4):
+            ahead = LEADS[stage] * h
+            for i in range(y.shape[0]):
+                s.trial[i] = y[i] + ahead * s.rate[i]
+            touched = derivatives(s.trial, step * h + ahead, c, around, p, s)
+            for i in range(y.shape[0]):
+                s.total[i] += WEIGHTS[stage] * s.rate[i]
+            if stage == 0:
+                touching = touched or touching
+                _add_means(p, s, 1.0 / steps)
         for i in range(y.shape[0]):
-            trial[i] = y[i] + 0.5 * h * stages[0, i]
-        derivatives(trial, t + 0.5 * h, c, around, p, s, stages[1])
-        for i in range(y.shape[0]):
-            trial[i] = y[i] + 0.5 * h * stages[1, i]
-        derivatives(trial, t + 0.5 * h, c, around, p, s, stages[2])
-        for i in range(y.shape[0]):
-            trial[i] = y[i] + h * stages[2, i]
-        derivatives(trial, t + h, c, around, p, s, stages[3])
-        for i in range(y.shape[0]):
-            y[i] += h / 6.0 * (stages[0, i] + 2.0 * stages[1, i] + 2.0 * stages[2, i] + stages[3, i])
+            y[i] += h * s.total[i]
         if p.advances:
             advance_memory(y, h, around, p, s)
     return touching
@@ -528,19 +548,13 @@ def advance(
 
 @kernel
 def follow(
-    y: Floats,
-    commands: Floats,
-    around: Surroundings,
-    p: PlantParameters,
-    s: Scratch,
-    stages: Floats,
-    history: Floats,
+    y: Floats, commands: Floats, around: Surroundings, p: PlantParameters, s: Scratch, history: Floats
 ) -> bool:
     """Advance ``y`` in place through intervals one after another, without coming back to Python in between.
 
     Args:
         commands: (n, 10) the fields of `Controls`, then the number of steps of each interval.
-        stages: as for `advance`. history: (n, len(y) + 7) out; state at the end of each interval and its means.
+        history: (n, len(y) + 7) out; state at the end of each interval and its means.
     Returns:
         whether the ground was touched.
     """
@@ -548,7 +562,9 @@ def follow(
     for i in range(commands.shape[0]):
         row = commands[i]
         c = Controls(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
-        touching = advance(y, int(row[9]), c, around, p, s, stages, history[i, size:]) or touching
+        touching = advance(y, int(row[9]), c, around, p, s) or touching
         for j in range(size):
             history[i, j] = y[j]
+        for j in range(s.means.shape[0]):
+            history[i, size + j] = s.means[j]
     return touching

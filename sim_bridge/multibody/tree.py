@@ -87,6 +87,15 @@ class Kinematics(NamedTuple):
     """(6,); scratch: force of a joint's unit acceleration"""
 
 
+class Equations(NamedTuple):
+    """The equations of motion ``mass u' = load`` of the speeds: six of the base, then the rates of c coordinates."""
+
+    mass: Floats
+    """(6 + c, 6 + c); upper triangle"""
+    load: Floats
+    """(6 + c,) N, N m"""
+
+
 def build_tree(bodies: list[Body]) -> tuple[Tree, list[str]]:
     """The tree of ``bodies`` and the names of its coordinates, those of the jointed bodies.
 
@@ -354,7 +363,8 @@ def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
         if c >= 0:
             for i in range(6):
                 k.unit[i] = _dot(k.inertia[b, i], k.s[b])
-            mass[BASE + c, BASE + c] += column(tree, k, b, b, k.unit, mass, BASE + c)
+            mass[BASE + c, BASE + c] += _dot(k.s[b], k.unit)
+            column(tree, k, up, k.unit, mass, BASE + c)
             load[BASE + c] -= _dot(k.s[b], k.force[b])
         for i in range(6):
             k.force[up, i] += k.force[b, i]
@@ -370,26 +380,20 @@ def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
 
 
 @inlined
-def column(tree: Tree, k: Kinematics, start: int, own: int, force: Floats, mass: Floats, at: int) -> float:
-    """Fill the part of column ``at`` that a unit rate's ``force`` (6,) on body ``start`` makes on base and ancestors.
-
-    Returns the force along the joint of body ``own`` (-1: none), which is not added.
+def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, at: int) -> None:
+    """Fill column ``at`` of ``mass`` with what a unit rate's ``force`` (6,) makes on the base and on the joints of
+    body ``start`` and those that it hangs on.
     """
     for i in range(3):
         mass[i, at] += force[3 + i]
         mass[3 + i, at] += force[i]
-    found, b = 0.0, start
+    b = start
     while b > 0:
         c = tree.coordinate[b]
         if c >= 0:
-            along = _dot(k.s[b], force)
-            if b == own:
-                found = along
-            else:
-                row = BASE + c
-                mass[min(row, at), max(row, at)] += along
+            row = BASE + c
+            mass[min(row, at), max(row, at)] += _dot(k.s[b], force)
         b = tree.parent[b]
-    return found
 
 
 @inlined

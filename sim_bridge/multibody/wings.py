@@ -25,7 +25,7 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
-from sim_bridge.multibody.tree import BASE, Kinematics, Tree, column
+from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, column
 from sim_bridge.vectors import Floats, Integers, inlined, kernel
 
 
@@ -61,8 +61,11 @@ class WingWork(NamedTuple):
     cosine: Floats
     """(n,)"""
     frame: Floats
-    """(5, 6); at the root in wing axes, angular part first: motion of the wing, of the air, of the wing by its joints
-    alone, bias acceleration of the wing, and what of the wing's motion through the air has a rate besides"""
+    """(w, 5, 6); at each root in wing axes, angular part first: motion of the wing, of the air, of the wing by its
+    joints alone; what has a rate without any rate of the speeds: the wing's motion, less gravity, and its motion
+    through the air"""
+    twist_rate: Floats
+    """(w,) rad/s; of the tips"""
     inertia: Floats
     """(6, 6); of one wing at its root, wing axes"""
     turned: Floats
@@ -74,16 +77,17 @@ class WingWork(NamedTuple):
 
 
 @inlined
-def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, work: WingWork) -> None:
+def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, outside: Floats, work: WingWork) -> None:
     """Fill ``work.motion`` for all strips but for places and axes.
 
     Args:
         q, rates: (c,) coordinates and their rates.
-        air: (6,) m/s, rad/s; velocity and angular velocity of the air at the base's origin, body axes.
+        outside: (9,) gravity m/s^2, then velocity m/s and angular velocity rad/s of the air at the base's origin;
+            body axes.
     """
     m = work.motion
     for i in range(3):
-        m.body[i] = k.velocity[0, 3 + i] - air[i]
+        m.body[i] = k.velocity[0, 3 + i] - outside[3 + i]
         m.body[3 + i] = k.velocity[0, i]
     for j in range(w.body.shape[0]):
         theta, theta_rate = w.washout[j], 0.0
@@ -92,16 +96,17 @@ def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, air: Floats, 
             theta_rate = rates[w.twist[j]]
         if w.flap[j] >= 0:
             m.wings[j, 0], m.wings[j, 1] = q[w.flap[j]], rates[w.flap[j]]
-        _root(k, w.body[j], air, work.frame)
-        _strip_motion(w, j, theta, theta_rate, work)
+        work.twist_rate[j] = theta_rate
+        _root(k, w.body[j], outside, work.frame[j])
+        _strip_motion(w, j, theta, work)
 
 
 @inlined
-def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
-    """Fill the rows of ``frame``, see `WingWork`."""
+def _root(k: Kinematics, b: int, outside: Floats, frame: Floats) -> None:
+    """Fill the rows of one wing's ``frame`` (5, 6), see `WingWork`."""
     r, p = k.r[b], k.p[b]
     for row in range(5):
-        a0, a1, a2, l0, l1, l2 = _spatial(k, b, air, row)
+        a0, a1, a2, l0, l1, l2 = _spatial(k, b, outside, row)
         l0 += a1 * p[2] - a2 * p[1]
         l1 += a2 * p[0] - a0 * p[2]
         l2 += a0 * p[1] - a1 * p[0]
@@ -111,8 +116,8 @@ def _root(k: Kinematics, b: int, air: Floats, frame: Floats) -> None:
 
 
 @inlined
-def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float, float, float, float, float]:
-    v, base = k.velocity[b], k.velocity[0]
+def _spatial(k: Kinematics, b: int, outside: Floats, row: int) -> tuple[float, float, float, float, float, float]:
+    v, base, a, air = k.velocity[b], k.velocity[0], k.bias[b], outside[3:9]
     if row == 0:
         return v[0], v[1], v[2], v[3], v[4], v[5]
     if row == 1:
@@ -120,25 +125,24 @@ def _spatial(k: Kinematics, b: int, air: Floats, row: int) -> tuple[float, float
     if row == 2:
         return v[0] - base[0], v[1] - base[1], v[2] - base[2], v[3] - base[3], v[4] - base[4], v[5] - base[5]
     if row == 3:
-        a = k.bias[b]
-        return a[0], a[1], a[2], a[3], a[4], a[5]
+        return a[0], a[1], a[2], a[3] - outside[0], a[4] - outside[1], a[5] - outside[2]
     # In the wing's axes the air's motion has a rate although in the base's axes its turning has none, and in NED's
     # the velocity at the base's origin: V x A of the wing less that of the base, whose axes and origin it goes by.
     w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
     v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
     return (
-        w1 * air[5] - w2 * air[4],
-        w2 * air[3] - w0 * air[5],
-        w0 * air[4] - w1 * air[3],
-        v[1] * air[2] - v[2] * air[1] + v1 * air[5] - v2 * air[4],
-        v[2] * air[0] - v[0] * air[2] + v2 * air[3] - v0 * air[5],
-        v[0] * air[1] - v[1] * air[0] + v0 * air[4] - v1 * air[3],
+        a[0] + w1 * air[5] - w2 * air[4],
+        a[1] + w2 * air[3] - w0 * air[5],
+        a[2] + w0 * air[4] - w1 * air[3],
+        a[3] + v[1] * air[2] - v[2] * air[1] + v1 * air[5] - v2 * air[4],
+        a[4] + v[2] * air[0] - v[0] * air[2] + v2 * air[3] - v0 * air[5],
+        a[5] + v[0] * air[1] - v[1] * air[0] + v0 * air[4] - v1 * air[3],
     )
 
 
 @inlined
-def _strip_motion(w: Wings, j: int, theta: float, theta_rate: float, work: WingWork) -> None:
-    m, f, side, s = work.motion, work.frame, w.side[j], w.strips
+def _strip_motion(w: Wings, j: int, theta: float, work: WingWork) -> None:
+    m, f, side, s, theta_rate = work.motion, work.frame[j], w.side[j], w.strips, work.twist_rate[j]
     wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
     ax, ay, az, ux, uy, uz = f[1, 0], f[1, 1], f[1, 2], f[1, 3], f[1, 4], f[1, 5]
     jx, jz, px, pz = f[2, 0], f[2, 2], f[2, 3], f[2, 5]
@@ -182,27 +186,22 @@ def _strip_places(k: Kinematics, w: Wings, j: int, work: WingWork) -> None:
 
 
 @inlined
-def add_wings(
-    tree: Tree, k: Kinematics, w: Wings, rates: Floats, outside: Floats, work: WingWork, mass: Floats, load: Floats
-) -> None:
+def add_wings(tree: Tree, k: Kinematics, w: Wings, work: WingWork, equations: Equations) -> None:
     """Add the wings' membrane, apparent mass and air loads to their bodies and twist coordinates.
 
-    Args:
-        rates: (c,) rates of the coordinates. outside: (9,) gravity m/s^2, then velocity and angular velocity of the
-            air, body axes.
-        mass, load: of the whole vehicle, see `tree.assemble`, which comes after.
+    After `wing_motion` of the same instant, and with ``work.loads`` filled; `tree.assemble` comes after.
     """
     _sum_parts(work.loads.parts, work.total)
     for j in range(w.body.shape[0]):
-        rate = rates[w.twist[j]] if w.twist[j] >= 0 else 0.0
-        _root(k, w.body[j], outside[3:9], work.frame)
-        stiffness = _sum_strips(k, w, j, rate, outside, work)
+        own_load = _sum_forces(w, j, work)
+        own_mass = _sum_twist(w, j, work)
+        _sum_inertia(w, j, work)
         _carry(k, w.body[j], work)
         if w.twist[j] >= 0:
             at = BASE + w.twist[j]
-            mass[at, at] += stiffness[0]
-            load[at] += stiffness[1]
-            column(tree, k, w.body[j], -1, work.column, mass, at)
+            equations.mass[at, at] += own_mass
+            equations.load[at] += own_load
+            column(tree, k, w.body[j], work.column, equations.mass, at)
 
 
 @inlined
@@ -215,104 +214,138 @@ def _sum_parts(parts: Floats, total: Floats) -> None:
                 total[c, i] += parts[p, c, i]
 
 
+class _Strip(NamedTuple):
+    """Mid-chord of a strip from the wing's root in wing axes, m; how the section is turned and how fast it twists."""
+
+    x: float
+    y: float
+    z: float
+    sine: float
+    cosine: float
+    spin: float
+    """rad/s; about the leading edge, against the wing"""
+
+
 @inlined
-def _sum_strips(k: Kinematics, w: Wings, j: int, rate: float, outside: Floats, work: WingWork) -> tuple[float, float]:
-    """Sum inertia, twist column and bias force of one wing at its root; returns the twist's own mass and load."""
-    f, r, total, apparent = work.frame, k.r[w.body[j]], work.total, work.loads.apparent
-    wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
-    bx, by, bz, cx, cy, cz = f[3, 0], f[3, 1], f[3, 2], f[3, 3], f[3, 4], f[3, 5]
-    # The root through the air: its turn and velocity, and the bias of their rates.
-    rx, rz, ux, uz = wx - f[1, 0], wz - f[1, 2], vx - f[1, 3], vz - f[1, 5]
-    dx, dy, dz, ox, oz = bx + f[4, 0], by + f[4, 1], bz + f[4, 2], cx + f[4, 3], cz + f[4, 5]
-    gx = r[0, 0] * outside[0] + r[1, 0] * outside[1] + r[2, 0] * outside[2]
-    gy = r[0, 1] * outside[0] + r[1, 1] * outside[1] + r[2, 1] * outside[2]
-    gz = r[0, 2] * outside[0] + r[1, 2] * outside[1] + r[2, 2] * outside[2]
-    i00 = i01 = i02 = i03 = i05 = i11 = i12 = i13 = i15 = i22 = i23 = i25 = i33 = i35 = i55 = 0.0
-    m0 = hx = hy = hz = 0.0
-    t0 = t1 = t2 = t3 = t5 = 0.0
-    n0 = n1 = n2 = f0 = f1 = f2 = 0.0
-    own_mass = own_load = 0.0
-    side, s = w.side[j], w.strips
+def _strip(w: Wings, j: int, i: int, work: WingWork) -> _Strip:
+    half, sine, cosine = 0.5 * w.strips.chord[i], work.sine[i], work.cosine[i]
+    spin = w.strips.eta[i] * work.twist_rate[j]
+    return _Strip(-half * cosine, w.side[j] * w.strips.span[i], half * sine, sine, cosine, spin)
+
+
+@inlined
+def _membrane_force(at: _Strip, f: Floats) -> tuple[float, float, float]:
+    """What a kilogram of membrane takes in wing axes, less its weight; ``f`` is the wing's frame (5, 6)."""
+    x, y, z, turn = at.x, at.y, at.z, f[0, 1] + at.spin
+    wx, wz = f[0, 0], f[0, 2]
+    px = f[0, 3] + turn * z - wz * y
+    py = f[0, 4] + wz * x - wx * z
+    pz = f[0, 5] + wx * y - turn * x
+    sx, sz = f[3, 0] - wz * at.spin, f[3, 2] + wx * at.spin
+    return (
+        f[3, 3] - f[0, 5] * at.spin + f[3, 1] * z - sz * y + turn * pz - wz * py,
+        f[3, 4] + sz * x - sx * z + wz * px - wx * pz,
+        f[3, 5] + f[0, 3] * at.spin + sx * y - f[3, 1] * x + wx * py - turn * px,
+    )
+
+
+@inlined
+def _rate_down(at: _Strip, f: Floats) -> float:
+    """m/s^2; of `Motion.down`, which the apparent mass resists, without any rate of the speeds."""
+    bx = f[4, 0] - (f[0, 2] - f[1, 2]) * at.spin
+    bz = f[4, 2] + (f[0, 0] - f[1, 0]) * at.spin
+    along_x = f[4, 3] - (f[0, 5] - f[1, 5]) * at.spin + f[4, 1] * at.z - bz * at.y
+    along_z = f[4, 5] + (f[0, 3] - f[1, 3]) * at.spin + bx * at.y - f[4, 1] * at.x
+    return float(at.sine * along_x + at.cosine * along_z)
+
+
+@inlined
+def _sum_forces(w: Wings, j: int, work: WingWork) -> float:
+    """Sum what one wing takes without any rate of the speeds, less what the air does to it, at its root.
+
+    In ``work.wrench``; returns the load on the twist.
+    """
+    f, total, apparent, n = work.frame[j], work.total, work.loads.apparent, work.wrench[1]
+    n0 = n1 = n2 = f0 = f1 = f2 = own = 0.0
     for i in range(w.first[j], w.first[j + 1]):
-        eta, half, y, m = s.eta[i], 0.5 * s.chord[i], side * s.span[i], w.membrane[i]
-        sine, cosine = work.sine[i], work.cosine[i]
-        x, z = -half * cosine, half * sine
-        turn = wy + eta * rate
-        spin = eta * rate
-        # The membrane's point: its acceleration without the speeds' rates, less gravity.
-        px, py, pz = vx + turn * z - wz * y, vy + wz * x - wx * z, vz + wx * y - turn * x
-        sx, sz, ex, ez = bx - wz * spin, bz + wx * spin, cx - vz * spin, cz + vx * spin
-        fx = m * (ex + by * z - sz * y + turn * pz - wz * py - gx)
-        fy = m * (cy + sz * x - sx * z + wz * px - wx * pz - gy)
-        fz = m * (ez + sx * y - by * x + wx * py - turn * px - gz)
-        m0 += m
-        hx += m * x
-        hy += m * y
-        hz += m * z
-        i00 += m * (y * y + z * z)
-        i11 += m * (x * x + z * z)
-        i22 += m * (x * x + y * y)
-        i01 -= m * x * y
-        i02 -= m * x * z
-        i12 -= m * y * z
-        tx, tz = m * eta * z, -m * eta * x
-        t0 += y * tz
-        t1 += z * tx - x * tz
-        t2 -= y * tx
-        t3 += tx
-        t5 += tz
-        own_mass += m * eta * eta * half * half
-        own_load -= eta * (z * fx - x * fz)
-        # The apparent mass resists the rate of the normal speed through the air; see `Motion`.
-        a, rotary = apparent[MASS, i], apparent[INERTIA, i]
-        q0, q1, q2, q3, q5 = -y * cosine, -half, y * sine, -sine, -cosine
-        bias = q0 * (dx - rz * spin) + q1 * dy + q2 * (dz + rx * spin) + q3 * (ox - uz * spin)
-        bias += q5 * (oz + ux * spin)
-        i00 += a * q0 * q0
-        i01 += a * q0 * q1
-        i02 += a * q0 * q2
-        i03 += a * q0 * q3
-        i05 += a * q0 * q5
-        i11 += a * q1 * q1 + rotary
-        i12 += a * q1 * q2
-        i13 += a * q1 * q3
-        i15 += a * q1 * q5
-        i22 += a * q2 * q2
-        i23 += a * q2 * q3
-        i25 += a * q2 * q5
-        i33 += a * q3 * q3
-        i35 += a * q3 * q5
-        i55 += a * q5 * q5
-        lever = -a * eta * half
-        t0 += lever * q0
-        t1 += lever * q1 + eta * rotary
-        t2 += lever * q2
-        t3 += lever * q3
-        t5 += lever * q5
-        own_mass += eta * eta * (a * half * half + rotary)
-        own_load -= lever * bias + eta * rotary * dy
-        # The air loads, in section axes, to the root.
-        forward, upward, outward, nose = total[FORWARD, i], total[UPWARD, i], total[OUTWARD, i], total[NOSE_UP, i]
-        own_load += eta * (nose - half * upward)
-        resisted = a * bias
-        fx += resisted * q3 - forward * cosine + upward * sine
-        fy -= side * outward
-        fz += resisted * q5 + forward * sine + upward * cosine
-        n0 += y * fz - z * fy
-        n1 += z * fx - x * fz + rotary * dy - nose
-        n2 += x * fy - y * fx
+        at, m = _strip(w, j, i, work), w.membrane[i]
+        gx, gy, gz = _membrane_force(at, f)
+        upward, forward = total[UPWARD, i] + apparent[MASS, i] * _rate_down(at, f), total[FORWARD, i]
+        fx = m * gx + upward * at.sine - forward * at.cosine
+        fy = m * gy - w.side[j] * total[OUTWARD, i]
+        fz = m * gz + upward * at.cosine + forward * at.sine
+        about = at.z * fx - at.x * fz + apparent[INERTIA, i] * f[4, 1] - total[NOSE_UP, i]
+        n0 += at.y * fz - at.z * fy
+        n1 += about
+        n2 += at.x * fy - at.y * fx
         f0 += fx
         f1 += fy
         f2 += fz
-    c = work.inertia
-    c[0, 0], c[0, 1], c[0, 2], c[0, 3], c[0, 4], c[0, 5] = i00, i01, i02, i03, -hz, i05 + hy
-    c[1, 1], c[1, 2], c[1, 3], c[1, 4], c[1, 5] = i11, i12, i13 + hz, 0.0, i15 - hx
-    c[2, 2], c[2, 3], c[2, 4], c[2, 5] = i22, i23 - hy, hx, i25
-    c[3, 3], c[3, 4], c[3, 5], c[4, 4], c[4, 5], c[5, 5] = i33 + m0, 0.0, i35, m0, 0.0, i55 + m0
-    t, n = work.wrench[0], work.wrench[1]
-    t[0], t[1], t[2], t[3], t[4], t[5] = t0, t1, t2, t3, 0.0, t5
+        own -= w.strips.eta[i] * about
     n[0], n[1], n[2], n[3], n[4], n[5] = n0, n1, n2, f0, f1, f2
-    return own_mass, own_load
+    return own
+
+
+@inlined
+def _sum_twist(w: Wings, j: int, work: WingWork) -> float:
+    """Sum what a unit rate of one wing's twist takes at its root.
+
+    In ``work.wrench``; returns what it takes along the twist itself.
+    """
+    s, side, t, apparent = w.strips, w.side[j], work.wrench[0], work.loads.apparent
+    t0 = t1 = t2 = t3 = t5 = own = 0.0
+    for i in range(w.first[j], w.first[j + 1]):
+        eta, half, y = s.eta[i], 0.5 * s.chord[i], side * s.span[i]
+        mass = w.membrane[i] + apparent[MASS, i]
+        fx, fz = eta * half * mass * work.sine[i], eta * half * mass * work.cosine[i]
+        about = eta * (half * half * mass + apparent[INERTIA, i])
+        t0 += y * fz
+        t1 += about
+        t2 -= y * fx
+        t3 += fx
+        t5 += fz
+        own += eta * about
+    t[0], t[1], t[2], t[3], t[4], t[5] = t0, t1, t2, t3, 0.0, t5
+    return own
+
+
+@inlined
+def _sum_inertia(w: Wings, j: int, work: WingWork) -> None:
+    """Sum one wing's inertia at its root, upper triangle of ``work.inertia``.
+
+    A strip's mass is the membrane's m in every direction and the air's besides along the normal: in the plane of the
+    section ``mx``, ``mz`` on the diagonal and ``mc`` beside it.
+    """
+    s, side, c, apparent = w.strips, w.side[j], work.inertia, work.loads.apparent
+    i00 = i01 = i02 = i03 = i04 = i05 = i11 = i12 = i13 = i15 = 0.0
+    i22 = i23 = i24 = i25 = i33 = i35 = i44 = i55 = 0.0
+    for i in range(w.first[j], w.first[j + 1]):
+        sine, cosine, half, y = work.sine[i], work.cosine[i], 0.5 * s.chord[i], side * s.span[i]
+        m, a, x, z = w.membrane[i], apparent[MASS, i], -half * cosine, half * sine
+        mx, mz, mc = m + a * sine * sine, m + a * cosine * cosine, a * sine * cosine
+        fx, fz = half * (m + a) * sine, half * (m + a) * cosine
+        i00 += mz * y * y + m * z * z
+        i01 += y * fz
+        i02 -= m * x * z + mc * y * y
+        i03 += y * mc
+        i04 -= m * z
+        i05 += y * mz
+        i11 += half * half * (m + a) + apparent[INERTIA, i]
+        i12 -= y * fx
+        i13 += fx
+        i15 += fz
+        i22 += m * x * x + mx * y * y
+        i23 -= y * mx
+        i24 += m * x
+        i25 -= y * mc
+        i33 += mx
+        i35 += mc
+        i44 += m
+        i55 += mz
+    c[0, 0], c[0, 1], c[0, 2], c[0, 3], c[0, 4], c[0, 5] = i00, i01, i02, i03, i04, i05
+    c[1, 1], c[1, 2], c[1, 3], c[1, 4], c[1, 5] = i11, i12, i13, 0.0, i15
+    c[2, 2], c[2, 3], c[2, 4], c[2, 5] = i22, i23, i24, i25
+    c[3, 3], c[3, 4], c[3, 5], c[4, 4], c[4, 5], c[5, 5] = i33, 0.0, i35, i44, 0.0, i55
 
 
 @inlined

@@ -12,7 +12,7 @@ from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.models import MODELS, loads
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, blank_loads
 from sim_bridge.aerodynamics.regression import Regression
-from sim_bridge.multibody.tree import assemble, move
+from sim_bridge.multibody.tree import Equations, assemble, move
 from sim_bridge.multibody.wings import add_wings, wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats, quaternion_from_euler
@@ -186,6 +186,6 @@ def inertia_and_load(plant: Plant, parts: Floats) -> tuple[Floats, Floats]:
     mass, load = np.zeros_like(s.mass), np.zeros_like(s.load)
     s.wings.loads.parts[:] = parts
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
-    add_wings(p.tree, s.tree, p.wings, rates, s.outside, s.wings, mass, load)
+    add_wings(p.tree, s.tree, p.wings, s.wings, Equations(mass, load))
     assemble(p.tree, s.tree, mass, load)
     return np.triu(mass) + np.triu(mass, 1).T, load

@@ -101,7 +101,7 @@ def integrate(plant: Plant, y: Floats, duration: float, steps: int, around: k.Su
 def driven(plant: Plant, y: Floats, controls: k.Controls, steps: int, around: k.Surroundings) -> Floats:
     """The state after the interval of ``controls`` in ``steps`` Runge-Kutta steps."""
     end, work = y.copy(), scratched(plant)
-    k.advance(end, steps, controls, around, plant.parameters, work, np.zeros((6, end.shape[0])), np.zeros(7))
+    k.advance(end, steps, controls, around, plant.parameters, work)
     return end
 
 
@@ -114,7 +114,7 @@ def equations(plant: Plant, y: Floats, around: k.Surroundings) -> tuple[Floats, 
     """Mass matrix and load of tree, wings and air alone: without drives, springs, ground and launcher."""
     p, s = plant.parameters, scratched(plant)
     k.set_motion(y, around, p, s)
-    k.add_air_loads(y, around.density, p, s, np.zeros_like(y))
+    k.add_air_loads(y, around.density, p, s)
     assemble(p.tree, s.tree, s.mass, s.load)
     return np.triu(s.mass) + np.triu(s.mass, 1).T, s.load
 

@@ -439,7 +439,7 @@ def shed(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Shed]]:
         state += 1.0
 
     monkeypatch.setattr(k.models, "advance", note)
-    for name in ("advance_memory", "_add_specific_force"):
+    for name in ("advance_memory", "_add_means", "_add_specific_force"):
         monkeypatch.setattr(k, name, getattr(k, name).py_func)
     yield calls
 
@@ -451,10 +451,10 @@ def test_the_motion_that_advance_is_given_is_that_of_the_new_state(name: str, ca
     plant, h, steps = plant_of(name, case), 0.001, 3
     p, s = plant.parameters._replace(advances=True), plant.scratch
     plant.evaluate(SLACK, air())
-    y, controls, stages = tumbling(plant, 2), SLACK._replace(duration=h), np.zeros((6, plant.y.shape[0]))
+    y, controls = tumbling(plant, 2), SLACK._replace(duration=h)
     for step in range(steps):
-        k.advance.py_func(y, 1, controls, air(), p, s, stages, np.zeros(7))  # type: ignore[attr-defined]
-        last = [column.copy() for column in s.wings.motion]
+        k.advance.py_func(y, 1, controls, air(), p, s)  # type: ignore[attr-defined]
+        last, trial = [column.copy() for column in s.wings.motion], s.trial.copy()
         motion, state, density, dt = shed[step]
         assert (density, dt) == (DENSITY, h) and len(shed) == step + 1
         assert np.array_equal(y[plant.layout.aerodynamics :], state + 1.0)
@@ -464,14 +464,14 @@ def test_the_motion_that_advance_is_given_is_that_of_the_new_state(name: str, ca
                 assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-12)
         assert all(np.array_equal(one, other) for one, other in zip(motion, last, strict=True))
         # The last stage's motion, which is another, would pass a tolerance of some 1e-6 m/s.
-        evaluated(plant, stages[4])
+        evaluated(plant, trial)
         assert np.max(np.abs(plant.scratch.wings.motion.down - new.down)) > 1e-9
 
 
 def test_a_model_with_nothing_to_advance_is_not_asked(shed: list[Shed]) -> None:
     plant = plant_of(NAMES[0], CASES[0])
-    y, stages = tumbling(plant, 2), np.zeros((6, plant.y.shape[0]))
-    k.advance.py_func(y, 2, SLACK, air(), plant.parameters, plant.scratch, stages, np.zeros(7))  # type: ignore[attr-defined]
+    y = tumbling(plant, 2)
+    k.advance.py_func(y, 2, SLACK, air(), plant.parameters, plant.scratch)  # type: ignore[attr-defined]
     assert not MODELS[CASES[0].model].advances and shed == []
 
 

@@ -9,7 +9,7 @@ import pytest
 from plant_bench import MECHANISMS, Mechanism, air, joint_rates, joints, rates, scratched, slack, state, vehicle
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.multibody.tree import assemble, move
+from sim_bridge.multibody.tree import Equations, assemble, move
 from sim_bridge.multibody.wings import add_wings, wing_motion, wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
@@ -95,9 +95,9 @@ def resisting(plant: Plant, y: Floats, around: k.Surroundings, apparent: Floats)
     k.set_outside(y, around, s)
     q, qd = y[joints(plant)], y[joint_rates(plant)]
     move(p.tree, q, qd, s.base, s.outside[0:3], s.tree)
-    wing_motion(s.tree, p.wings, q, qd, s.outside[3:9], s.wings)
+    wing_motion(s.tree, p.wings, q, qd, s.outside, s.wings)
     s.wings.loads.apparent[:] = apparent
-    add_wings(p.tree, s.tree, p.wings, qd, s.outside, s.wings, s.mass, s.load)
+    add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
     assemble(p.tree, s.tree, s.mass, s.load)
     return np.triu(s.mass) + np.triu(s.mass, 1).T, s.load
 
