@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from groundstation.command import options
 from groundstation.views.json_document import print_document
@@ -14,18 +14,21 @@ from groundstation.views.terminal import open_console
 from groundstation.views.validation import summary_line, validation_table
 from sim_bridge.validation.grauer import draw_plots
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import VERDICTS, Row
+from sim_bridge.validation.row import VERDICTS, Check, Row
 
 EXAMPLES = (
     "wingbeat validate",
     "wingbeat validate --only yeo",
+    "wingbeat validate --only gerdes --studies",
     "wingbeat validate --only grauer --plots pictures",
     "wingbeat validate --json",
 )
+Told = Callable[[float, str], None]
 JSON_KEYS = {
     "papers": "list of {name, title, rows}",
     "rows": "of a paper: list of {where, quantity, unit, published [least, greatest], ours, difference, limit,"
     " verdict, why}; difference: ours less the nearest published value; limit: the greatest allowed; null: none",
+    "left_out": "list of {paper, study}: rows that take minutes and are computed with --studies alone",
     "counts": "of rows by verdict: " + "; ".join(f"{name}: {text}" for name, text in VERDICTS.items()),
     "plots": "with --plots: paths of the pictures",
 }
@@ -36,6 +39,7 @@ def build_parser() -> options.Parser:
     summary = "Compute every published figure and print it beside the paper's; nothing is stored or tuned."
     parser = options.build_parser("validate", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("--only", choices=PAPERS, metavar="PAPER", help=f"one paper: {', '.join(PAPERS)}")
+    parser.add_argument("--studies", action="store_true", help="also compute the rows that take minutes")
     parser.add_argument(
         "--plots",
         type=Path,
@@ -55,29 +59,68 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     plots = [] if chosen.plots is None else draw_plots(chosen.plots)
     names = list(PAPERS) if chosen.only is None else [chosen.only]
-    found = computed(names, announce=not chosen.json)
+    found = computed(names, chosen.studies, announce=not chosen.json)
+    missing = [] if chosen.studies else left_out(names)
     if chosen.json:
-        print_document(document(found) | {"plots": plots})
+        print_document(document(found) | {"left_out": missing, "plots": plots})
         return 0
     console = open_console()
     console.print(validation_table(found))
     console.print(summary_line(found))
+    if missing:
+        named = "; ".join(f"{one['paper']}, {one['study']}" for one in missing)
+        console.print(f"not computed, minutes: {named} (--studies)", style="dim", highlight=False)
     for path in plots:
         console.print(f"drawn: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
-def computed(names: Sequence[str], announce: bool) -> dict[str, list[Row]]:
-    """The rows of papers by name; what takes long is announced on stderr, by a progress bar on a terminal."""
-    checks = [(name, check) for name in names for check in PAPERS[name].checks]
-    found: dict[str, list[Row]] = {name: [] for name in names}
-    with ProgressBar("validating") as bar:
-        for done, (name, check) in enumerate(checks):
-            if check.slow and announce and not sys.stderr.isatty():
-                print(f"{name}: {check.title}, which takes a while", file=sys.stderr, flush=True)
-            bar.show(done, len(checks), f"{name}: {check.title}")
-            found[name] += check.rows()
+class Task(NamedTuple):
+    """Rows to compute."""
+
+    paper: str
+    title: str
+    rows: Callable[[Told], list[Row]]
+    lasting: str
+    """how long they take, in words; empty for no time worth a word"""
+
+
+def tasks(names: Sequence[str], studies: bool) -> list[Task]:
+    """What there is to compute for papers by name, ``studies`` too or not."""
+    found = []
+    for name in names:
+        for check in PAPERS[name].checks:
+            found.append(Task(name, check.title, _silent(check), "a while" if check.slow else ""))
+        if studies:
+            found += [Task(name, study.title, study.rows, "minutes") for study in PAPERS[name].studies]
     return found
+
+
+def _silent(check: Check) -> Callable[[Told], list[Row]]:
+    return lambda told: check.rows()
+
+
+def computed(names: Sequence[str], studies: bool, announce: bool) -> dict[str, list[Row]]:
+    """The rows of papers by name; what takes long is announced on stderr, by a progress bar on a terminal."""
+    found: dict[str, list[Row]] = {name: [] for name in names}
+    todo = tasks(names, studies)
+    with ProgressBar("validating") as bar:
+        for done, task in enumerate(todo):
+            label = f"{task.paper}: {task.title}"
+            if task.lasting and announce and not sys.stderr.isatty():
+                print(f"{label}, which takes {task.lasting}", file=sys.stderr, flush=True)
+
+            def told(share: float, words: str, done: int = done, label: str = label) -> None:
+                bar.show(done + share, len(todo), f"{label}: {words}")
+
+            bar.show(done, len(todo), label)
+            found[task.paper] += task.rows(told)
+    return found
+
+
+def left_out(names: Sequence[str]) -> list[dict[str, str]]:
+    """The studies of papers by name, with the keys of `JSON_KEYS`."""
+    return [{"paper": name, "study": study.title} for name in names for study in PAPERS[name].studies]
 
 
 def document(found: dict[str, list[Row]]) -> dict[str, Any]:

@@ -8,8 +8,9 @@ would run to the bounds.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -149,10 +150,19 @@ def flown(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight)
     return measure(fly(changed, flight.stream), flight.stream)
 
 
-def fit(vehicles: Mapping[str, SimulatedVehicle], flights: Mapping[str, MeasuredFlight]) -> WingFit:
-    """Fit one set of values to the flights of the vehicles of the same names."""
+def fit(
+    vehicles: Mapping[str, SimulatedVehicle],
+    flights: Mapping[str, MeasuredFlight],
+    told: Callable[[float], None] = lambda share: None,
+) -> WingFit:
+    """Fit one set of values to the flights of the vehicles of the same names.
+
+    ``told`` hears, before each trial of values, which share of the trials allowed has been made.
+    """
+    made = itertools.count()
 
     def residuals(shares: Floats) -> Floats:
+        told(next(made) / (ROUNDS * (len(RANGES) + 1)))
         values = from_shares(shares)
         rows = [_residuals(vehicles[name], values, flight) for name, flight in flights.items()]
         return np.concatenate((*rows, (shares - start) / PRIOR_SIGMA))
@@ -166,13 +176,23 @@ def fit(vehicles: Mapping[str, SimulatedVehicle], flights: Mapping[str, Measured
 
 
 def leave_one_out(
-    vehicles: Mapping[str, SimulatedVehicle], flights: Mapping[str, MeasuredFlight]
+    vehicles: Mapping[str, SimulatedVehicle],
+    flights: Mapping[str, MeasuredFlight],
+    told: Callable[[float, str], None] = lambda share, words: None,
 ) -> dict[str, Measures]:
-    """What each flight measures with the values fitted to all the others."""
-    found = {}
+    """What each flight measures with the values fitted to all the others.
+
+    ``told`` hears which share is done at least, and which flight is left out.
+    """
+    found: dict[str, Measures] = {}
     for name, flight in flights.items():
         others = {other: flights[other] for other in flights if other != name}
-        found[name] = flown(vehicles[name], fit(vehicles, others).values, flight)
+        first = len(found)
+
+        def progress(share: float, first: int = first, name: str = name) -> None:
+            told((first + share) / len(flights), f"{name} left out")
+
+        found[name] = flown(vehicles[name], fit(vehicles, others, progress).values, flight)
     return found
 
 

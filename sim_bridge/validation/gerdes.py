@@ -2,40 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from sim_bridge.actuators.drives import drive_current
 from sim_bridge.mechanism import wing_strips
 from sim_bridge.validation import gerdes_wings
-from sim_bridge.validation.row import Check, Row, compare_share, figure, fitted
+from sim_bridge.validation.gerdes_tables import WINGS, WingFigures
+from sim_bridge.validation.row import Check, Row, Study, compare_share, figure, fitted
 from sim_bridge.vehicles import load_vehicle
 
-
-class WingFigures(NamedTuple):
-    """What is printed of one wing design."""
-
-    semispan: float
-    """m; Table 3"""
-    chord: float
-    """m; greatest, Table 3"""
-    area: float
-    """m^2; Table 3"""
-    box: float
-    """m^2; Table 5"""
-    current: float
-    """A; mean, Table 4"""
-    power: float
-    """W; mean in flight, Table 7"""
-    torque: float
-    """N m; mean in flight, Table 7"""
-
-
-WINGS = {
-    "A": WingFigures(0.527, 0.311, 0.113, 0.1640, 2.54, 13.6, 0.99),
-    "B": WingFigures(0.622, 0.356, 0.171, 0.2213, 2.85, 15.1, 1.05),
-    "C": WingFigures(0.667, 0.394, 0.210, 0.2625, 2.93, 15.9, 1.06),
-    "D": WingFigures(0.762, 0.432, 0.280, 0.3290, 3.26, 17.6, 1.17),
-}
 VEHICLE = "robo_raven_ii_d"
 SHAPES = "the table's shapes are not all that of Eq. 1, the smaller the wing the less"
 
@@ -85,4 +58,4 @@ CHECKS = (
     Check("drives", drive_rows),
     Check("wings in a wind tunnel", gerdes_wings.rows, slow=True),
 )
-"""one line for each group of rows; the fits that leave a wing out take minutes and are run by ``make validate``"""
+STUDIES = (Study("each wing left out of the fit that it is flown with", gerdes_wings.left_out_rows),)

@@ -7,7 +7,7 @@ from sim_bridge.validation.row import Paper
 
 PAPERS: dict[str, Paper] = {
     "yeo": Paper("Yeo, Atkins, Shyy 2011: measured lift of a flapping wing", yeo.CHECKS),
-    "gerdes": Paper("Gerdes, Bruck, Gupta 2017: Robo Raven II", gerdes.CHECKS),
+    "gerdes": Paper("Gerdes, Bruck, Gupta 2017: Robo Raven II", gerdes.CHECKS, gerdes.STUDIES),
     "grauer": Paper("Grauer, Ulrich, Hubbard, Pines, Humbert 2011: Slow Hawk", grauer.CHECKS + slow_hawk.CHECKS),
     "malladi": Paper("Malladi, Krashanitsa, Silin, Shkarayev 2007: Arizona 100 cm ornithopter", malladi.CHECKS),
     "han": Paper("Han et al. 2017: insect wings in forward flight", han.CHECKS),

@@ -61,11 +61,20 @@ class Check(NamedTuple):
     """whether it takes more than some seconds"""
 
 
+class Study(NamedTuple):
+    """Rows that take minutes, computed when they are asked for by name."""
+
+    title: str
+    rows: Callable[[Callable[[float, str], None]], list[Row]]
+    """takes what hears which share is done, and of what"""
+
+
 class Paper(NamedTuple):
     """One line of the table of papers."""
 
     title: str
     checks: tuple[Check, ...]
+    studies: tuple[Study, ...] = ()
 
 
 def figure(where: str, quantity: str, unit: str, printed: float, upto: float | None = None) -> Figure:

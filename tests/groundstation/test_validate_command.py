@@ -10,7 +10,7 @@ import pytest
 from groundstation.command import validate
 from groundstation.command.main import main
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import VERDICTS
+from sim_bridge.validation.row import VERDICTS, Study
 
 Capture = pytest.CaptureFixture[str]
 
@@ -29,6 +29,7 @@ def test_one_paper_is_told_to_programs(capsys: Capture, monkeypatch: pytest.Monk
     assert main(["validate", "--only", "gerdes", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told) | {"rows"} == set(validate.JSON_KEYS)
+    assert [one["paper"] for one in told["left_out"]] == ["gerdes"]
     (paper,) = told["papers"]
     assert paper["name"] == "gerdes" and paper["title"] == PAPERS["gerdes"].title
     assert sum(told["counts"].values()) == len(paper["rows"])
@@ -53,6 +54,20 @@ def test_slow_rows_are_announced(capsys: Capture, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(slow,)))
     assert main(["validate", "--only", "sibilski"]) == 0
     assert capsys.readouterr().err == "sibilski: open loop, which takes a while\n"
+
+
+def test_studies_are_named_and_computed_when_asked_for(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    check = PAPERS["sibilski"].checks[0]
+    study = Study("the same at length", lambda told: check.rows())
+    monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(), studies=(study,)))
+    assert main(["validate", "--only", "sibilski"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "" and "0 figures" in said.out
+    assert "not computed, minutes: sibilski, the same at length (--studies)" in said.out
+    assert main(["validate", "--only", "sibilski", "--studies"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "sibilski: the same at length, which takes minutes\n"
+    assert f"{len(check.rows())} figures" in said.out and "not computed" not in said.out
 
 
 def test_an_unknown_paper_is_one_line(capsys: Capture) -> None:

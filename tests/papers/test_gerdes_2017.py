@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from sim_bridge.actuators.drives import drive_current
-from sim_bridge.validation.gerdes import WINGS, planform, servo_power
+from sim_bridge.validation.gerdes import planform, servo_power
+from sim_bridge.validation.gerdes_tables import WINGS
 from sim_bridge.vehicles import load_vehicle
 
 GAP_OF_EQ_1 = {"A": 0.209, "B": 0.079, "C": 0.043, "D": -0.020}
