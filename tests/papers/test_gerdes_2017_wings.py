@@ -30,6 +30,7 @@ from sim_bridge.flight_mechanics.wing_fit import (
     to_shares,
 )
 from sim_bridge.mechanism import total_mass, wing_strips
+from sim_bridge.validation import gerdes_servo as servo
 from sim_bridge.validation import gerdes_wings as g
 from sim_bridge.validation.gerdes_tables import WINGS
 from sim_bridge.validation.row import WITHIN
@@ -58,8 +59,13 @@ def birds() -> dict[str, SimulatedVehicle]:
 
 
 @pytest.fixture(scope="module")
-def flown() -> dict[str, Measures]:
-    return g.as_flown()
+def records() -> dict[str, Record]:
+    return g.flown_records()
+
+
+@pytest.fixture(scope="module")
+def flown(records: dict[str, Record]) -> dict[str, Measures]:
+    return {wing: measure(record, g.stream(wing)) for wing, record in records.items()}
 
 
 @pytest.fixture(scope="module")
@@ -179,9 +185,31 @@ def test_power_and_speed_of_table_7_with_one_set_for_four_wings(flown: dict[str,
 def test_power_is_what_the_drives_give_not_what_they_draw(flown: dict[str, Measures]) -> None:
     """Table 7's power over Table 4's current is two thirds of 8.0 V for each wing: an output power."""
     for wing, published in WINGS.items():
-        assert published.power / (published.current * g.VOLTAGE) == pytest.approx(g.EFFICIENCY, rel=0.015)
-        assert g.drawn(flown[wing]) == pytest.approx(published.current, rel=0.08)
+        assert published.power / (published.current * g.VOLTAGE) == pytest.approx(servo.EFFICIENCY, rel=0.015)
+        assert servo.by_energy(flown[wing], g.VOLTAGE) == pytest.approx(published.current, rel=0.08)
         assert flown[wing].net_power <= flown[wing].positive_power
+
+
+def test_what_peaks_cost_beyond_the_mean_makes_the_dynamometers_current_larger(
+    flown: dict[str, Measures], records: dict[str, Record]
+) -> None:
+    excess = []
+    for wing, published in WINGS.items():
+        steady = 2.0 * servo.servo_current(np.array([0.5 * flown[wing].positive_power]), g.VOLTAGE)[0]
+        found = servo.by_dynamometer(records[wing], g.VOLTAGE)
+        assert found > steady
+        excess.append(found / published.current - 1.0)
+    assert excess == pytest.approx([0.375] * len(WINGS), abs=0.04)
+
+
+def test_a_motor_by_the_drives_line_loses_more_than_the_flights_currents_allow(
+    birds: dict[str, SimulatedVehicle], records: dict[str, Record]
+) -> None:
+    gaps = [
+        servo.by_motor(records[wing], as_measured(birds[wing]).drive, g.VOLTAGE) / WINGS[wing].current
+        for wing in WINGS
+    ]
+    assert gaps == sorted(gaps) and gaps[-1] > 1.5
 
 
 def test_the_power_is_that_of_torque_and_rate(strokes: dict[str, Record]) -> None:

@@ -80,6 +80,8 @@ def test_the_rows_that_fall_short_are_the_known_ones() -> None:
         "area by Eq. 1",
         "mean torque",
         "mean current",
+        "current by Eq. 12",
+        "current by motor and resistance",
         "mean thrust",
         "incidence",
         "overshoot",
