@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -74,7 +73,7 @@ def _add_parameter_verbs(parser: argparse.ArgumentParser) -> None:
     actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")
     setting = actions.add_parser("set", help="change one parameter")
     setting.add_argument("name", metavar="NAME")
-    setting.add_argument("value", metavar="VALUE", type=_value)
+    setting.add_argument("value", metavar="VALUE", type=options.number)
 
 
 def _add_mission_verbs(parser: argparse.ArgumentParser) -> None:
@@ -84,16 +83,6 @@ def _add_mission_verbs(parser: argparse.ArgumentParser) -> None:
     actions.add_parser("show", help="print the vehicle's mission")
     actions.add_parser("download", help="write it to a new file").add_argument("file", type=Path, metavar="FILE")
     actions.add_parser("upload", help="send a mission file").add_argument("file", type=Path, metavar="FILE")
-
-
-def _value(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
-    return value
 
 
 def run(arguments: Sequence[str]) -> int:

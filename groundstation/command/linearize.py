@@ -6,13 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from groundstation.command import options
-from groundstation.command.steady import add_steady, asked, trimmed
-from groundstation.command.trim import STEADY_KEYS, steady_document
-from groundstation.views.json_document import print_document
+from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.linear_motion import linear_tables
 from groundstation.views.progress import ProgressBar
-from groundstation.views.steady_flight import flight_heading
-from groundstation.views.terminal import open_console
 from sim_bridge.flight_mechanics.averaged import AveragedModel, stroke_averaged_model
 from sim_bridge.flight_mechanics.linear import Linearization, averaged_modes, warnings
 from sim_bridge.flight_mechanics.modes import Mode, aliases, modes
@@ -35,10 +31,7 @@ JSON_KEYS = STEADY_KEYS | {
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "Linearise a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
-    parser = options.build_parser("linearize", summary, EXAMPLES, JSON_KEYS)
-    add_steady(parser)
-    options.add_json(parser)
-    return parser
+    return steady_parser("linearize", summary, EXAMPLES, JSON_KEYS)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -47,17 +40,13 @@ def run(arguments: Sequence[str]) -> int:
     Raises:
         BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
     """
-    chosen = build_parser().parse_args(arguments)
-    flight = asked(chosen)
-    orbit = trimmed(flight)
-    linear = linearized(flight.vehicle, orbit)
-    if chosen.json:
-        print_document(steady_document(flight, orbit) | document(linear, orbit))
-        return 0
-    console = open_console()
-    console.print(flight_heading(flight.vehicle, orbit))
-    console.print(linear_tables(linear, orbit))
-    return 0
+    return answer(build_parser().parse_args(arguments), examined)
+
+
+def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
+    """The flight's linear models for programs and for people."""
+    linear = linearized(vehicle, orbit)
+    return Answer(document(linear, orbit), linear_tables(linear, orbit))
 
 
 def linearized(vehicle: SimulatedVehicle, orbit: Orbit) -> Linearization:

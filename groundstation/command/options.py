@@ -109,7 +109,7 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
 
 def positive(text: str) -> float:
     """A number above zero, for argparse."""
-    value = _number(text)
+    value = number(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
@@ -117,12 +117,18 @@ def positive(text: str) -> float:
 
 def number(text: str) -> float:
     """A finite number, for argparse."""
-    return _number(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
 
 
 def not_negative(text: str) -> float:
     """A number of zero or more, for argparse."""
-    value = _number(text)
+    value = number(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
     return value
@@ -130,7 +136,7 @@ def not_negative(text: str) -> float:
 
 def direction(text: str) -> float:
     """A bearing in degrees, 0 to 360, as rad, for argparse."""
-    value = _number(text)
+    value = number(text)
     if not 0.0 <= value <= 360.0:
         raise argparse.ArgumentTypeError(f"{text} is outside 0 to 360 degrees")
     return math.radians(value)
@@ -146,13 +152,3 @@ def seed(text: str) -> int:
 def speed(text: str) -> float:
     """A factor of real time, or ``max`` (infinite), for argparse."""
     return math.inf if text == "max" else positive(text)
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
-    return value

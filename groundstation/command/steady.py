@@ -1,19 +1,30 @@
-"""What ``wingbeat trim`` and ``wingbeat linearize`` share: vehicle, speed, climb, and the search for the trim."""
+"""What ``wingbeat trim`` and ``wingbeat linearize`` share: vehicle, speed, climb, the search, and how they answer."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 
 from groundstation.command import options
 from groundstation.command.sim import COMPILING, simulated
+from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
+from groundstation.views.steady_flight import flight_heading
+from groundstation.views.terminal import open_console
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
+from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
+
+STEADY_KEYS = {
+    "vehicle, aerodynamics": "names",
+    "airspeed, climb_rate": "m/s; asked for, and met within 1e-6",
+    "inputs": "frequency Hz, amplitude rad (half the commanded stroke), elevator rad, throttle 0 to 1; null: none",
+}
 
 
 class Asked(NamedTuple):
@@ -26,12 +37,42 @@ class Asked(NamedTuple):
     """m/s"""
 
 
-def add_steady(parser: argparse.ArgumentParser) -> None:
-    """Offer the vehicle, ``--airspeed``, ``--climb`` and ``--aerodynamics``."""
+class Answer(NamedTuple):
+    """What a command has found out about a steady flight."""
+
+    document: dict[str, Any]
+    """for programs, its keys behind `STEADY_KEYS`"""
+    table: RenderableType
+    """for people"""
+
+
+def steady_parser(name: str, summary: str, examples: Sequence[str], keys: Mapping[str, str]) -> options.Parser:
+    """A parser that takes the vehicle, ``--airspeed``, ``--climb``, ``--aerodynamics`` and ``--json``."""
+    parser = options.build_parser(name, summary, examples, keys)
     parser.add_argument("vehicle", metavar="VEHICLE", help="name or file of a vehicle, see wingbeat vehicles")
     parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="the vehicle's cruise by default")
     parser.add_argument("--climb", type=options.number, metavar="M/S", help="climb rate, up positive (its cruise's)")
     options.add_aerodynamics(parser)
+    options.add_json(parser)
+    return parser
+
+
+def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orbit], Answer]) -> int:
+    """Search the steady flight that the command line asks for and print what ``examined`` finds out about it.
+
+    Raises:
+        BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
+    """
+    flight = asked(chosen)
+    orbit = trimmed(flight)
+    found = examined(flight.vehicle, orbit)
+    if chosen.json:
+        print_document(steady_document(flight, orbit) | found.document)
+        return 0
+    console = open_console()
+    console.print(flight_heading(flight.vehicle, orbit))
+    console.print(found.table)
+    return 0
 
 
 def asked(chosen: argparse.Namespace) -> Asked:
@@ -67,3 +108,19 @@ def trimmed(flight: Asked) -> Orbit:
     load_physics(flight.vehicle)
     with ProgressBar("searching") as bar:
         return trim(*flight, told=lambda words: bar.show(0, 0, f"searching a steady flight at {words}"))
+
+
+def steady_document(flight: Asked, orbit: Orbit) -> dict[str, Any]:
+    """The keys of `STEADY_KEYS`."""
+    vehicle = flight.vehicle
+    throttle = {"servo": None, "crank": throttle_for(orbit.inputs.frequency, vehicle)}
+    inputs = orbit.inputs._asdict() | {"throttle": throttle.get(vehicle.drive.kind, orbit.inputs.throttle)}
+    if vehicle.drive.kind != "servo":
+        inputs["amplitude"] = None
+    return {
+        "vehicle": vehicle.name,
+        "aerodynamics": vehicle.aerodynamics.model,
+        "airspeed": flight.airspeed,
+        "climb_rate": flight.climb_rate,
+        "inputs": inputs,
+    }

@@ -176,6 +176,12 @@ def check(settings: Regression, airspeed: float) -> None:
         )
 
 
+def carrying_heave(settings: Regression, airspeed: float, lift_coefficient: float) -> float:
+    """Heave speed v_z in m/s that `level_heave` looks at, recorded or not."""
+    t = table(settings)
+    return (lift_coefficient - t.lift_zero - t.lift_forward * airspeed) / t.lift_heave
+
+
 def level_heave(settings: Regression, airspeed: float, lift_coefficient: float) -> float:
     """Heave speed v_z in m/s at which the stroke's mean of Eq. 17, without pitch rate, is ``lift_coefficient``.
 
@@ -183,8 +189,7 @@ def level_heave(settings: Regression, airspeed: float, lift_coefficient: float) 
         BadInput: the airspeed is outside the model's range, or the heave speed outside the recorded one.
     """
     check(settings, airspeed)
-    t = table(settings)
-    heave = (lift_coefficient - t.lift_zero - t.lift_forward * airspeed) / t.lift_heave
+    heave = carrying_heave(settings, airspeed, lift_coefficient)
     low, high = RECORDED_HEAVE
     if not low <= heave <= high:
         raise BadInput(

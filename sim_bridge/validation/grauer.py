@@ -19,6 +19,7 @@ from sim_bridge.aerodynamics.regression import (
     RECORDED_HEAVE,
     Regression,
     Regressors,
+    carrying_heave,
     coefficients,
     level_heave,
 )
@@ -107,18 +108,13 @@ def _column_rows(column: str) -> list[Row]:
     where, low, high = f"Table 1, {column} domain", *RECORDED_HEAVE
     needed = figure(where, "C_L at 9.2 m/s against level flight's", "-", LEVEL_LIFT)
     heave = figure(where, "heave speed that carries the weight", "m/s", low, high)
+    needed_heave = carrying_heave(SETTINGS[column], SPEED, LEVEL_LIFT)
     thrust = figure(where, "mean thrust of a steady stroke", "N", 0.0, math.inf)
     return [
         compare_share(needed, level, 0.15, LIFT[column]),
-        compare(heave, carrying_heave(column), why=f"the range is the one recorded; {_trims(column)}"),
+        compare(heave, needed_heave, why=f"the range is the one recorded; {_trims(column)}"),
         unreproducible(thrust, float(flown(column)[:, 0].mean()), BRAKE),
     ]
-
-
-def carrying_heave(column: str) -> float:
-    """Heave speed in m/s at which a column of Table 1 carries the weight at the mean airspeed."""
-    table = COLUMNS[column]
-    return (LEVEL_LIFT - table.lift_zero - table.lift_forward * SPEED) / table.lift_heave
 
 
 def _trims(column: str) -> str:

@@ -8,7 +8,6 @@ from functools import cache
 
 import pytest
 
-from sim_bridge.validation import grauer
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import (
     FITTED,
@@ -96,9 +95,3 @@ def test_the_rows_that_fall_short_are_the_known_ones() -> None:
         "short period: damping ratio",
         "short period: time to half",
     }
-
-
-def test_one_column_of_table_1_carries_the_weight_within_the_recorded_heave() -> None:
-    low, high = grauer.RECORDED_HEAVE
-    assert low < grauer.carrying_heave("time") < high
-    assert grauer.carrying_heave("frequency") < low
