@@ -6,6 +6,8 @@ their (different) vehicle files with the same reader.
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,6 +47,7 @@ class VehicleFile(NamedTuple):
     title: str
     path: Path
     text: str
+    """of the file; with its base merged in where it has one"""
     sections: dict[str, Any]
     sources: dict[str, Source]
     fitted: dict[str, str]
@@ -62,24 +65,20 @@ class Schema(NamedTuple):
     """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty where there is none"""
 
 
-def read_vehicle_file(path: Path, schema: Schema) -> VehicleFile:
+def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) -> VehicleFile:
     """Read a TOML vehicle file against ``schema``.
 
+    ``base = "robo_raven_ii_d"`` names a file of ``folder``, ``base = "other.toml"`` one beside the file: its values
+    hold wherever the file itself has none, key by key; the schema checks what comes of both, which is also ``text``.
     Every value is written ``key = { value = 0.359, unit = "kg", source = "published: Gerdes Table 4" }``; a
     list of numbers is allowed where the field is a tuple. ``fitted = "check"`` marks a chosen value that was
     fitted to a published figure.
 
     Raises:
-        BadInput: unreadable file, unknown or missing key, wrong unit, value out of range, source missing.
+        BadInput: unreadable file, unknown base or a circle of them, unknown or missing key, wrong unit, value out of
+            range, source missing.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read vehicle file {path}: {error}") from None
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    document, text = _document(path, folder, ())
     sources: dict[str, Source] = {}
     fitted: dict[str, str] = {}
     sections: dict[str, Any] = {}
@@ -106,6 +105,82 @@ def read_vehicle_file(path: Path, schema: Schema) -> VehicleFile:
         sources,
         fitted,
     )
+
+
+def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
+    """A file's document, laid over its base's, and its text; ``above`` are the files that it is the base of."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read vehicle file {path}: {error}") from None
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    if "base" not in document:
+        return document, text
+    below, chain = _base(path, document.pop("base"), folder), (*above, path)
+    if below.resolve() in [one.resolve() for one in chain]:
+        raise BadInput(f"{chain[0]}: a circle of bases: {' -> '.join(one.stem for one in (*chain, below))}")
+    inherited, _ = _document(below, folder, chain)
+    for own in ("name", "title"):
+        inherited.pop(own, None)
+    merged = _laid_over(inherited, document)
+    return merged, f"# {path.name}, its base {below.name} merged in\n" + toml_text(merged)
+
+
+def _base(path: Path, base: Any, folder: Path | None) -> Path:
+    if not isinstance(base, str):
+        raise BadInput(f"{path}: base must be a vehicle's name or a file's path in quotes")
+    beside = base.endswith(".toml")
+    found = path.parent / base if beside else (folder or path.parent) / f"{base}.toml"
+    if not found.is_file():
+        known = sorted(one.stem for one in found.parent.glob("*.toml") if one != path)
+        told = f"no file {found}" if beside else f"unknown; known: {', '.join(known)}"
+        raise BadInput(f'{path}: base = "{base}": {told}')
+    return found
+
+
+def _laid_over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Both tables in one, ``own`` where both have a value; a value is taken whole, with its unit and source."""
+    merged = dict(base)
+    for key, entry in own.items():
+        below = merged.get(key)
+        tables = isinstance(entry, dict) and isinstance(below, dict)
+        merged[key] = _laid_over(below, entry) if tables and "value" not in entry else entry  # type: ignore[arg-type]
+    return merged
+
+
+def toml_text(document: Mapping[str, Any]) -> str:
+    """A vehicle document as TOML text: its plain entries, then its sections, a line for each value."""
+    return "\n".join(_toml_lines("", document)) + "\n"
+
+
+def _toml_lines(section: str, table: Mapping[str, Any]) -> list[str]:
+    inside = {key: entry for key, entry in table.items() if isinstance(entry, dict) and "value" not in entry}
+    lines = [f"{_toml_key(key)} = {_toml(entry)}" for key, entry in table.items() if key not in inside]
+    if section and (lines or not inside):
+        lines.insert(0, f"\n[{section}]")
+    for key, entry in inside.items():
+        lines += _toml_lines(f"{section}.{_toml_key(key)}" if section else _toml_key(key), entry)
+    return lines
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _toml(key)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_toml_key(key)} = {_toml(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    # A JSON string is a TOML basic string, but for DEL; a date, which no schema takes, is kept as its text.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _section(

@@ -40,7 +40,7 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     Raises:
         BadInput: no such vehicle, or a file that cannot be used; one line that says why.
     """
-    file = read_vehicle_file(_find(name_or_path), SCHEMA)
+    file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
     gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields})
     try:

@@ -84,7 +84,7 @@ def load_vehicle(name_or_path: str) -> SimulatedVehicle:
         path = FOLDER / f"{name_or_path}.toml"
         if not path.exists():
             raise BadInput(f"unknown vehicle {name_or_path!r}; known: {', '.join(vehicle_names())}")
-    file = read_vehicle_file(path, SCHEMA)
+    file = read_vehicle_file(path, SCHEMA, FOLDER)
     vehicle = _vehicle(file)
     _check(vehicle)
     return vehicle

@@ -6,9 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from plant_bench import NAMES
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, toml_text
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from avionics.vehicles import vehicle_names as flight_names
 from groundstation.command.main import main
 from sim_bridge.mechanism import CHANNELS, all_parts, build_mechanism, total_mass
 from sim_bridge.vehicles import FOLDER, REPEATED, load_vehicle, vehicle_bodies, vehicle_names, with_model
@@ -44,7 +48,7 @@ def without(key: str) -> str:
 
 def told_of_many(name: str) -> set[str]:
     """Keys of the values that the file tells of bodies and plates; what it leaves out is at rest, or nothing."""
-    document: dict[str, Any] = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    document: dict[str, Any] = tomllib.loads(load_vehicle(name).text)
     return {
         f"{family}.{member}.{key}"
         for family in REPEATED
@@ -113,6 +117,95 @@ def test_a_bad_file_is_refused_in_one_line_that_names_key_and_range(tmp_path: Pa
     with pytest.raises(BadInput, match=said) as refused:
         load_vehicle(written(tmp_path, text))
     assert "\n" not in str(refused.value)
+
+
+BASED = """base = "robo_raven_ii_d"
+[wing]
+semispan = { value = 0.5, unit = "m", source = "chosen: shorter" }
+"""
+
+
+def test_a_file_is_laid_over_its_base_key_by_key(tmp_path: Path) -> None:
+    whole, bird = load_vehicle("robo_raven_ii_d"), load_vehicle(written(tmp_path, BASED))
+    assert bird.wing == whole.wing._replace(semispan=0.5)
+    assert {key for key in whole.sections if whole.sections[key] != bird.sections[key]} == {"wing"}
+    assert {key for key in whole.sources if whole.sources[key] != bird.sources[key]} == {"wing.semispan"}
+    assert bird.sources["wing.semispan"].text == "shorter" and bird.fitted == whole.fitted
+    assert (bird.name, bird.title) == ("bird", "bird")
+
+
+def test_a_value_replaces_its_bases_whole(tmp_path: Path) -> None:
+    plain = 'stall_torque = { value = 2.0, unit = "N m", source = "chosen: weaker" }'
+    bird = load_vehicle(written(tmp_path, f'base = "robo_raven_ii_d"\n[drive]\n{plain}'))
+    assert bird.drive.stall_torque == 2.0 and "drive.stall_torque" not in bird.fitted
+    assert "drive.no_load_speed" in bird.fitted
+
+
+def test_what_is_kept_of_a_file_with_a_base_stands_alone(tmp_path: Path) -> None:
+    for name in ("robo_raven_ii_a", written(tmp_path, BASED)):
+        bird = load_vehicle(name)
+        path = tmp_path / "apart" / f"{bird.name}.toml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(bird.text, encoding="utf-8")
+        assert "base" not in tomllib.loads(bird.text)
+        assert load_vehicle(str(path))._replace(path=bird.path) == bird._replace(
+            text=path.read_text(encoding="utf-8")
+        )
+
+
+@given(
+    st.recursive(
+        st.booleans()
+        | st.integers(-(2**63), 2**63 - 1)
+        | st.floats(allow_nan=False, allow_infinity=False)
+        | st.text(),
+        st.lists,
+    )
+)
+def test_a_written_document_reads_as_it_was(value: Any) -> None:
+    document = {"title": value, "a": {"key": {"value": value, "unit": "m"}, "plain": value}, "b": {"c": {"d": value}}}
+    assert tomllib.loads(toml_text(document)) == document
+
+
+def test_a_base_may_have_a_base_and_stand_beside_the_file(tmp_path: Path) -> None:
+    written(tmp_path, BASED)
+    path = tmp_path / "smaller.toml"
+    path.write_text(
+        'base = "bird.toml"\n[plates.fin]\narea = { value = 0.01, unit = "m^2", source = "chosen: less" }',
+        encoding="utf-8",
+    )
+    smaller = load_vehicle(str(path))
+    assert (smaller.wing.semispan, smaller.plates["fin"].area) == (0.5, 0.01)
+    assert smaller.plates["fin"].lift_slope == 3.0
+
+
+@pytest.mark.parametrize(
+    ("base", "said"),
+    [
+        ('"pterodactyl"', r'bird\.toml: base = "pterodactyl": unknown; known: .*robo_raven_ii_d'),
+        ('"gone.toml"', r'base = "gone\.toml": no file .*gone\.toml'),
+        ('"bird.toml"', r"bird\.toml: a circle of bases: bird -> bird$"),
+        ('"other.toml"', r"bird\.toml: a circle of bases: bird -> other -> bird$"),
+        ("7", r"bird\.toml: base must be a vehicle's name or a file's path in quotes"),
+    ],
+)
+def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, said: str) -> None:
+    (tmp_path / "other.toml").write_text('base = "bird.toml"', encoding="utf-8")
+    with pytest.raises(BadInput, match=said) as refused:
+        load_vehicle(written(tmp_path, f"base = {base}"))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_key_that_is_wrong_behind_a_base_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"unknown key wing\.feathers"):
+        load_vehicle(written(tmp_path, 'base = "robo_raven_ii_d"\n[wing]\nfeathers = { value = 9 }'))
+
+
+@pytest.mark.parametrize("name", flight_names())
+def test_the_flight_computer_believes_the_tails_travel_and_speed_that_are(name: str) -> None:
+    believed, servo = load_flight_vehicle(name).gains.tail, load_vehicle(name).tail_servo
+    assert (-believed.elevator_min, believed.elevator_max) == (servo.travel, servo.travel)
+    assert believed.servo_rate == servo.rate_limit
 
 
 def test_an_unknown_vehicle_is_told_the_known_ones() -> None:
