@@ -44,6 +44,8 @@ class Gains(NamedTuple):
     """rad; pitch of level flight"""
     pitch_climb: Annotated[float, Quantity("rad s/m", -1.0, 1.0)]
     """rad s/m; pitch setpoint per climb setpoint"""
+    pitch_error: Annotated[float, Quantity("rad s/m", -1.0, 1.0)]
+    """rad s/m; pitch setpoint per climb error: meets a gust before the throttle's energy does"""
     pitch_min: Annotated[float, Quantity("rad", -1.0, 1.2)]
     """rad; least pitch setpoint"""
     pitch_max: Annotated[float, Quantity("rad", -1.0, 1.4)]
@@ -98,7 +100,7 @@ def step(
     climb_setpoint = slew(state.climb_setpoint, wanted, gains.climb_rate_limit, dt)
     climb_error = climb_setpoint - measured.climb_rate
     integral, throttle, saturated = _throttle(gains, state, dt, climb_setpoint, climb_error)
-    pitch_setpoint = _pitch_setpoint(gains, state, dt, climb_setpoint, measured.airspeed)
+    pitch_setpoint = _pitch_setpoint(gains, state, dt, (climb_setpoint, climb_error), measured.airspeed)
     mean = low_pass(state.throttle_mean, throttle, gains.trim_time, dt)
     status = AltitudeStatus(
         time_us, altitude_error, climb_setpoint, climb_error, integral, throttle, pitch_setpoint, saturated
@@ -121,9 +123,10 @@ def _throttle(
     return integral, slew(state.throttle, limited, gains.throttle_rate, dt), int(saturated)
 
 
-def _pitch_setpoint(gains: Gains, state: State, dt: float, climb_setpoint: float, airspeed: float) -> float:
+def _pitch_setpoint(gains: Gains, state: State, dt: float, climb: tuple[float, float], airspeed: float) -> float:
+    """Pitch setpoint for ``climb``, the setpoint and the error of the climb loop."""
     missing = gains.airspeed_min - airspeed
-    wanted = gains.pitch_trim + gains.pitch_climb * climb_setpoint
+    wanted = gains.pitch_trim + gains.pitch_climb * climb[0] + gains.pitch_error * climb[1]
     if missing > 0.0:
         wanted -= gains.airspeed_pitch * missing
     return slew(state.pitch_setpoint, clip(wanted, gains.pitch_min, gains.pitch_max), gains.pitch_rate, dt)

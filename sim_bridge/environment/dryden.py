@@ -140,10 +140,11 @@ def _strength(level: str) -> Strength:
 
 @kernel
 def _scale(strength: Strength, height: float) -> Scale:
-    feet, down = max(height / FOOT, LOWEST), 0.1 * strength[0]
+    # Below the model's lowest height the ground stops what moves up and down, as it stops the wind through it.
+    feet, down = max(height / FOOT, LOWEST), 0.1 * strength[0] * min(max(height / FOOT / LOWEST, 0.0), 1.0)
     if feet <= LOW:
         shape = 0.177 + 0.000823 * feet
-        return Scale(feet / shape**1.2 * FOOT, feet * FOOT, down / shape**0.4, down)
+        return Scale(feet / shape**1.2 * FOOT, feet * FOOT, 0.1 * strength[0] / shape**0.4, down)
     # At 1000 ft the low-altitude model knows no direction any more: one length, one intensity.
     share = min((feet - LOW) / (MEDIUM - LOW), 1.0)
     intensity = (1.0 - share) * down + share * _free_intensity(strength, max(feet, MEDIUM))

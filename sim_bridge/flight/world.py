@@ -33,13 +33,26 @@ from sim_bridge.vehicles import SimulatedVehicle
 
 TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
-"""s; when the launcher begins to throw: the flight computer has had time to start and arm"""
+"""s; when the launcher may throw: the flight computer has had time to start and arm"""
+LAUNCH_PATIENCE = 30.0
+"""s; in which the launcher waits for a gust from ahead"""
 REST_TIME = 3.0
 """s; the flight is over when the vehicle has lain still on the ground for so long"""
 REST_SPEED = 0.3
 """m/s; slower than this is still"""
 STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Throw(NamedTuple):
+    """How the launcher's throw differs from the one of the vehicle file."""
+
+    speed: float = 1.0
+    """-; times the launch speed"""
+    pitch: float = 0.0
+    """rad; added to the launch pitch"""
+    bank: float = 0.0
+    """rad; right wing down is positive"""
 
 
 class Scenario(NamedTuple):
@@ -55,6 +68,9 @@ class Scenario(NamedTuple):
     duration: float = 180.0
     """s; the world ends then at the latest"""
     home: Home = COLLEGE_PARK
+    throw: Throw = Throw()
+    sensor_corner: float = 0.0
+    """-; above 0 every fixed error of the sensors is that many standard deviations, either way"""
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -80,8 +96,9 @@ class SimulatedWorld:
         self.scenario = scenario
         self.plant = Plant(vehicle)
         launch = vehicle.launch
-        self.plant.y[3:7] = quaternion_from_euler(0.0, launch.pitch, scenario.wind_from)
-        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home)
+        throw = scenario.throw
+        self.plant.y[3:7] = quaternion_from_euler(throw.bank, launch.pitch + throw.pitch, scenario.wind_from)
+        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, scenario.sensor_corner)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
         self._gust = STILL
@@ -91,6 +108,7 @@ class SimulatedWorld:
         self._means = NO_MEANS
         self._current_before = 0.0
         self._rest_since: float | None = None
+        self._thrown_at = math.inf
 
     @property
     def tick_us(self) -> int:
@@ -121,6 +139,7 @@ class SimulatedWorld:
         air = self._air()
         self._current_before = self._means.current
         self._blow()
+        self._watch_launcher()
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
@@ -164,16 +183,26 @@ class SimulatedWorld:
 
     def _launcher(self) -> int:
         now = self._tick * TICK
-        if now < LAUNCH_TIME:
+        if now < self._thrown_at:
             return k.HELD
-        return k.THROWN if now < LAUNCH_TIME + self.vehicle.launch.duration else k.FREE
+        return k.THROWN if now < self._thrown_at + self.vehicle.launch.duration else k.FREE
+
+    def _watch_launcher(self) -> None:
+        """Who throws a bird by hand waits until the air in his face is at least the mean wind."""
+        now = self._tick * TICK
+        if self._thrown_at < math.inf or now < LAUNCH_TIME:
+            return
+        north, east, _ = self._gust.velocity
+        ahead = -(north * math.cos(self.scenario.wind_from) + east * math.sin(self.scenario.wind_from))
+        if ahead >= 0.0 or now >= LAUNCH_TIME + LAUNCH_PATIENCE:
+            self._thrown_at = now
 
     def _air(self) -> Air:
         return isa(self.scenario.home.altitude - float(self.plant.y[2]))
 
     def _surroundings(self, air: Air) -> k.Surroundings:
         launch = self.vehicle.launch
-        push = launch.speed / launch.duration
+        push = self.scenario.throw.speed * launch.speed / launch.duration
         turn = _rotate_back(self._rotation(), self._gust.omega)
         return k.Surroundings(*self._air_velocity(), air.density, self._launcher(), push, 0.0, 0.0, *turn)
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
 from sim_bridge.environment.atmosphere import GRAVITY
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
-from sim_bridge.sensors.noise import split
+from sim_bridge.sensors.noise import SensorSeed, split
 from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
 
 
@@ -43,7 +41,7 @@ class AccelerometerSpec(NamedTuple):
 class Accelerometer:
     """One unit: call once a tick."""
 
-    def __init__(self, spec: AccelerometerSpec, seed: np.random.SeedSequence, period: float) -> None:
+    def __init__(self, spec: AccelerometerSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
         self.errors = draw_errors(
             unit,

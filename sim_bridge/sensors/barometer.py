@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
-from sim_bridge.sensors.noise import gauss_markov_step, normal_rows, split
+from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
 
 
 class BarometerSpec(NamedTuple):
@@ -52,7 +50,7 @@ class BarometerErrors(NamedTuple):
 class Barometer:
     """One unit: call at its own rate, every ``period`` s."""
 
-    def __init__(self, spec: BarometerSpec, seed: np.random.SeedSequence, period: float) -> None:
+    def __init__(self, spec: BarometerSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
         pressure, temperature = unit.standard_normal(2).tolist()
         self.errors = BarometerErrors(spec.offset_sigma * pressure, spec.temperature_offset_sigma * temperature)

@@ -6,14 +6,12 @@ import math
 from collections import deque
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
 from sim_bridge.environment.geodesy import geodetic_from_ned
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.frame import RawGps
-from sim_bridge.sensors.noise import gauss_markov_step, normal_rows, split
+from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
 
 THREE_DIMENSIONAL = 3
 """-; fix type"""
@@ -48,7 +46,7 @@ class GpsSpec(NamedTuple):
 class Gps:
     """One receiver: `measure` every ``period`` s, `arrived` once a tick."""
 
-    def __init__(self, spec: GpsSpec, seed: np.random.SeedSequence, home: Home, period: float) -> None:
+    def __init__(self, spec: GpsSpec, seed: SensorSeed, home: Home, period: float) -> None:
         unit, flight = split(seed)
         self._spec = spec
         self._home = home

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
-from sim_bridge.sensors.noise import normal_rows, split
+from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
 from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
 
 
@@ -42,7 +40,7 @@ class GyroscopeSpec(NamedTuple):
 class Gyroscope:
     """One unit: call once a tick."""
 
-    def __init__(self, spec: GyroscopeSpec, seed: np.random.SeedSequence, period: float) -> None:
+    def __init__(self, spec: GyroscopeSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
         noise_stream, walk_stream = flight.spawn(2)
         self.errors = draw_errors(

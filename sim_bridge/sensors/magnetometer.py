@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
 from sim_bridge.environment.magnetic import MagneticField, field_ned
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
-from sim_bridge.sensors.noise import split
+from sim_bridge.sensors.noise import SensorSeed, split
 from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
 
 
@@ -39,7 +37,7 @@ class MagnetometerSpec(NamedTuple):
 class Magnetometer:
     """One unit in one place's field: call at its own output rate."""
 
-    def __init__(self, spec: MagnetometerSpec, seed: np.random.SeedSequence, field: MagneticField) -> None:
+    def __init__(self, spec: MagnetometerSpec, seed: SensorSeed, field: MagneticField) -> None:
         unit, flight = split(seed)
         self.errors = draw_errors(
             unit, spec.hard_iron_sigma_mg * 1e-3, spec.scale_sigma, math.radians(spec.misalignment_sigma_deg)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,31 @@ BLOCK = 256
 """rows; drawn at once"""
 
 
-def sensor_seed(seed: int, sensor: int) -> np.random.SeedSequence:
+class SensorSeed(NamedTuple):
+    """Where one sensor's chance comes from."""
+
+    sequence: np.random.SeedSequence
+    corner: float = 0.0
+    """-; 0: the unit's fixed errors are normal numbers; else each is this many standard deviations, either way"""
+
+
+class Corner:
+    """Stands in for a generator where every normal number is to be as large as agreed, its sign by chance."""
+
+    def __init__(self, generator: np.random.Generator, size: float) -> None:
+        self._generator = generator
+        self._size = size
+
+    def standard_normal(self, size: int) -> NDArray[np.float64]:
+        """``size`` numbers of the agreed size, either sign."""
+        return self._size * np.copysign(1.0, self._generator.standard_normal(size))
+
+
+UnitErrors = np.random.Generator | Corner
+"""what a unit's fixed errors are drawn from"""
+
+
+def sensor_seed(seed: int, sensor: int, corner: float = 0.0) -> SensorSeed:
     """Seed of the ``sensor``-th sensor of the flight with ``seed``; independent of how many others there are.
 
     Raises:
@@ -23,13 +48,17 @@ def sensor_seed(seed: int, sensor: int) -> np.random.SeedSequence:
     """
     if seed < 0:
         raise BadInput(f"seed must be a whole number from 0, not {seed}")
-    return np.random.SeedSequence(entropy=seed, spawn_key=(sensor,))
+    return SensorSeed(np.random.SeedSequence(entropy=seed, spawn_key=(sensor,)), corner)
 
 
-def split(seed: np.random.SeedSequence) -> tuple[np.random.Generator, np.random.Generator]:
-    """Two generators of one sensor: its unit's fixed errors, and its noise in flight."""
-    unit, flight = (np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, part)) for part in (0, 1))
-    return np.random.default_rng(unit), np.random.default_rng(flight)
+def split(seed: SensorSeed) -> tuple[UnitErrors, np.random.Generator]:
+    """What one sensor draws its unit's fixed errors from, and what its noise in flight."""
+    whole, corner = seed
+    unit, flight = (
+        np.random.default_rng(np.random.SeedSequence(whole.entropy, spawn_key=(*whole.spawn_key, part)))
+        for part in (0, 1)
+    )
+    return Corner(unit, corner) if corner > 0.0 else unit, flight
 
 
 def normal_rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
@@ -44,7 +73,7 @@ def normal_arrays(generator: np.random.Generator, width: int) -> Iterator[NDArra
         yield from generator.standard_normal((BLOCK, width))
 
 
-def normal_vector(generator: np.random.Generator, sigma: float) -> Vector:
+def normal_vector(generator: UnitErrors, sigma: float) -> Vector:
     """Three independent normal numbers of standard deviation ``sigma``."""
     x, y, z = (sigma * generator.standard_normal(3)).tolist()
     return x, y, z

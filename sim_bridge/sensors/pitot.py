@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
-from sim_bridge.sensors.noise import normal_rows, split
+from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
 
 
 class PitotSpec(NamedTuple):
@@ -53,7 +51,7 @@ class PitotErrors(NamedTuple):
 class Pitot:
     """One unit: `sense` once a tick, `read` when it is polled."""
 
-    def __init__(self, spec: PitotSpec, seed: np.random.SeedSequence, period: float) -> None:
+    def __init__(self, spec: PitotSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
         zero, scale = unit.standard_normal(2).tolist()
         self.errors = PitotErrors(spec.zero_sigma * zero, spec.scale_sigma * scale)

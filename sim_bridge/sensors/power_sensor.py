@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from avionics.quantities import Quantity
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.frame import BURST_LENGTH
-from sim_bridge.sensors.noise import normal_arrays, split
+from sim_bridge.sensors.noise import SensorSeed, normal_arrays, split
 
 SAMPLE_RATE = 6000.0
 """Hz; of the ADC: three periods of 300 Hz in sixty samples"""
@@ -111,7 +111,7 @@ class Channels(NamedTuple):
 class PowerSensor:
     """One unit: call at the rate of the bursts."""
 
-    def __init__(self, spec: PowerSensorSpec, seed: np.random.SeedSequence) -> None:
+    def __init__(self, spec: PowerSensorSpec, seed: SensorSeed) -> None:
         unit, flight = split(seed)
         a, b, c = unit.standard_normal(3).tolist()
         self.errors = PowerSensorErrors(

@@ -75,23 +75,25 @@ def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
 class SensorSuite:
     """All sensors of one vehicle on one flight: the same spec, seed, home and observations give the same frames."""
 
-    def __init__(self, spec: SensorSpec, seed: int, home: Home) -> None:
+    def __init__(self, spec: SensorSpec, seed: int, home: Home, corner: float = 0.0) -> None:
         """Build every sensor with a random stream of its own.
+
+        With a ``corner`` above 0 each error of a unit is that many standard deviations, its sign by chance.
 
         Raises:
             BadInput: seed negative.
         """
         tick = 1.0 / TICK_RATE
         # The number is the stream's name: a new sensor takes the next free one, so the others' noise stays.
-        self._accelerometer = Accelerometer(spec.accelerometer, sensor_seed(seed, 0), tick)
-        self._gyroscope = Gyroscope(spec.gyroscope, sensor_seed(seed, 1), tick)
-        self._magnetometer = Magnetometer(spec.magnetometer, sensor_seed(seed, 2), home.magnetic)
-        self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3), tick)
-        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4), PRESSURE_TICKS * tick)
-        self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5))
-        self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6))
+        self._accelerometer = Accelerometer(spec.accelerometer, sensor_seed(seed, 0, corner), tick)
+        self._gyroscope = Gyroscope(spec.gyroscope, sensor_seed(seed, 1, corner), tick)
+        self._magnetometer = Magnetometer(spec.magnetometer, sensor_seed(seed, 2, corner), home.magnetic)
+        self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3, corner), tick)
+        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), PRESSURE_TICKS * tick)
+        self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5, corner))
+        self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6, corner))
         self._torque_installed = spec.torque_cell.installed
-        self._gps = Gps(spec.gps, sensor_seed(seed, 7), home, GPS_TICKS * tick)
+        self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, GPS_TICKS * tick)
         self._encoder = Encoder(spec.encoder)
         self._field_frd: Vector | None = None
 

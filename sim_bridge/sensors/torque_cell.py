@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.quantities import Quantity
-from sim_bridge.sensors.noise import normal_rows, split
+from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
 
 
 class TorqueCellSpec(NamedTuple):
@@ -43,7 +41,7 @@ class TorqueCellErrors(NamedTuple):
 class TorqueCell:
     """The left and the right cell."""
 
-    def __init__(self, spec: TorqueCellSpec, seed: np.random.SeedSequence) -> None:
+    def __init__(self, spec: TorqueCellSpec, seed: SensorSeed) -> None:
         unit, flight = split(seed)
         a, b, c, d = unit.standard_normal(4).tolist()
         self.errors = TorqueCellErrors(

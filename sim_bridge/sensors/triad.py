@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
-from sim_bridge.sensors.noise import normal_rows, normal_vector
+from sim_bridge.sensors.noise import UnitErrors, normal_rows, normal_vector
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -38,7 +38,7 @@ class Conversion(NamedTuple):
 
 
 def draw_errors(
-    generator: np.random.Generator, offset_sigma: float, scale_sigma: float, misalignment_sigma: float
+    generator: UnitErrors, offset_sigma: float, scale_sigma: float, misalignment_sigma: float
 ) -> TriadErrors:
     """Errors of one unit by their standard deviations in SI, - and rad."""
     return TriadErrors(

@@ -194,8 +194,14 @@ def test_in_the_free_air_length_is_fixed_and_strength_read_from_the_figure(level
     assert scale(level, 3750.0 * FOOT) == pytest.approx(wanted)
 
 
-def test_below_ten_feet_and_above_the_figure_the_last_value_holds() -> None:
-    assert scale("light", 0.0) == scale("light", 10.0 * FOOT)
+def test_below_ten_feet_the_ground_stops_what_moves_up_and_down_alone() -> None:
+    lowest, half, ground = (scale("light", feet * FOOT) for feet in (10.0, 5.0, 0.0))
+    assert half == lowest._replace(down_intensity=pytest.approx(0.5 * lowest.down_intensity))
+    assert ground == lowest._replace(down_intensity=0.0)
+    assert roll_intensity(ground, SPAN) == 0.0
+
+
+def test_above_the_figure_its_last_value_holds() -> None:
     assert scale("severe", 60000.0 * FOOT) == scale("severe", 45000.0 * FOOT)
 
 

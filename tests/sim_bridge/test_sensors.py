@@ -113,6 +113,17 @@ def test_another_seed_is_another_unit_and_another_noise() -> None:
     assert SensorSuite(SPEC, 5, COLLEGE_PARK).unit_errors() != SensorSuite(SPEC, 6, COLLEGE_PARK).unit_errors()
 
 
+def test_at_a_corner_every_error_is_as_large_as_agreed_with_signs_by_chance() -> None:
+    drawn = [SensorSuite(SPEC, seed, COLLEGE_PARK, corner=2.0).unit_errors() for seed in (1, 2, 3)]
+    for name in drawn[0]:
+        sizes = [np.abs(errors[name]) for errors in drawn]
+        assert np.allclose(sizes[0], sizes[1]) and np.allclose(sizes[0], sizes[2]), name
+        assert np.ptp(np.ravel(sizes[0])) < 1e-9, name
+    assert drawn[0] != drawn[1]
+    spec = SPEC.accelerometer
+    assert np.abs(drawn[0]["accelerometer.scale"]) == pytest.approx(2.0 * spec.scale_sigma)
+
+
 def test_one_sensors_noise_leaves_the_others_alone() -> None:
     changed = SPEC._replace(gyroscope=SPEC.gyroscope._replace(noise_deg_s=2.0, bias_walk_deg_s=0.5))
     for a, b in zip(fly(SPEC), fly(changed), strict=True):

@@ -5,12 +5,21 @@ from collections.abc import Callable
 
 import pytest
 from plant_bench import NAMES, vehicle
+from scipy.spatial.transform import Rotation
 
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.quantities import BadInput
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.flight.world import LAUNCH_TIME, REST_SPEED, REST_TIME, Scenario, SimulatedWorld
+from sim_bridge.flight.world import (
+    LAUNCH_PATIENCE,
+    LAUNCH_TIME,
+    REST_SPEED,
+    REST_TIME,
+    Scenario,
+    SimulatedWorld,
+    Throw,
+)
 from sim_bridge.messages import TruthState
 
 Pilot = Callable[[int], ActuatorCommand]
@@ -60,6 +69,30 @@ def test_it_is_held_thrown_and_then_flies(landed: tuple[SimulatedWorld, list[Tru
     climb, along = -thrown.v_down, thrown.v_north
     assert math.atan2(climb, along) == pytest.approx(launch.pitch, abs=0.02)
     assert any(t.on_ground == 0 for t in truths)
+
+
+def test_a_throw_may_be_slower_and_askew() -> None:
+    one = vehicle("robo_raven_ii_d")
+    world = SimulatedWorld(one, Scenario(throw=Throw(speed=0.7, pitch=0.1, bank=-0.2)))
+    ticks = round((LAUNCH_TIME + one.launch.duration) * 200)
+    truth = [(world.step(glide(tick)), world.truth())[1] for tick in range(ticks)][-1]
+    assert truth.airspeed == pytest.approx(0.7 * one.launch.speed, rel=0.02)
+    q = (truth.quaternion_x, truth.quaternion_y, truth.quaternion_z, truth.quaternion_w)
+    assert Rotation.from_quat(q).as_euler("ZYX") == pytest.approx((0.0, one.launch.pitch + 0.1, -0.2), abs=1e-6)
+
+
+def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
+    waited = []
+    for seed in (1, 2, 3, 4):
+        scenario = Scenario(seed=seed, wind_speed=3.0, wind_from=0.5, turbulence="moderate", duration=45.0)
+        world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario)
+        truths = run_out(world, glide)
+        held = [t for t in truths if math.hypot(t.v_north, t.v_east, t.v_down) == 0.0 and t.on_ground]
+        thrown = truths[len(held)]
+        ahead = -(thrown.wind_north * math.cos(0.5) + thrown.wind_east * math.sin(0.5))
+        waited.append(thrown.time_us * 1e-6 - LAUNCH_TIME)
+        assert ahead >= 3.0 - 0.5 or waited[-1] >= LAUNCH_PATIENCE
+    assert max(waited) > 0.5 and min(waited) >= 0.0
 
 
 def test_it_is_over_once_it_has_lain_still(landed: tuple[SimulatedWorld, list[TruthState]]) -> None:
@@ -118,11 +151,7 @@ def test_a_wind_is_felt_by_the_pitot_in_the_launchers_hand(direction: float) -> 
 
 def _gusty(seed: int, level: str = "moderate") -> list[TruthState]:
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(seed=seed, wind_speed=3.0, turbulence=level))
-    truths = []
-    for tick in range(2400):
-        world.step(glide(tick))
-        truths.append(world.truth())
-    return truths
+    return run_out(world, glide)
 
 
 def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
@@ -133,7 +162,7 @@ def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
     spread = math.sqrt(sum((speed + 3.0) ** 2 for speed in north) / len(north))
     assert 0.3 < spread < 5.0
     assert len(set(north)) > 2000
-    assert abs(gusty[-1].east - calm[-1].east) > 0.1
+    assert max(abs(truth.east) for truth in gusty) > 0.1 + max(abs(truth.east) for truth in calm)
 
 
 def test_the_seed_is_the_gusts() -> None:
