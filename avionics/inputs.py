@@ -13,11 +13,11 @@ from typing import Any
 
 from avionics import parameters, snapshot, topics
 from avionics.guidance import excitation, modes, navigation
-from avionics.guidance.mission import Excitation, Mission, MissionItem
+from avionics.guidance.mission import Channel, Excitation, Mission, MissionItem
 from avionics.limits import clip
 from avionics.messages import Command, CommandKind, Event, Mode, PilotInput, Severity, Stage, Text
 from avionics.missions import check_mission
-from avionics.missions.reader import check_excitation
+from avionics.missions.excitations import check_excitation
 from avionics.situation import conditions, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
@@ -160,7 +160,12 @@ def _excite(s: AutopilotState, publish: Publish, command: Command) -> None:
         say(s, publish, Severity.WARNING, "excitation", f"excitation refused: {refusal}")
         return
     s.navigation = navigation.excite(s.navigation, command.payload, surroundings(s))
-    say(s, publish, Severity.INFO, "excitation", f"excitation of {command.payload.channel.name.lower()}")
+    say(s, publish, Severity.INFO, "excitation", f"excitation of {_channels(command.payload)}")
+
+
+def _channels(asked: Excitation) -> str:
+    used = zip(Channel, asked.amplitudes(), strict=True)
+    return " and ".join(channel.name.lower() for channel, amplitude in used if amplitude)
 
 
 def _excitation_refusal(s: AutopilotState, asked: Any) -> str:

@@ -33,6 +33,12 @@ def low_pass(previous: float, value: float, time_constant: float, dt: float) -> 
     return previous + (value - previous) * dt / (time_constant + dt)
 
 
+def fade_out(value: float, time_constant: float, dt: float) -> float:
+    """``value`` on its way to zero, stepped by ``dt`` s; zero once it is below a millionth."""
+    left = value * time_constant / (time_constant + dt)
+    return left if abs(left) > 1e-6 else 0.0
+
+
 def between_points(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
     """Linear interpolation of (``xs`` rising, ``ys``), held at both ends."""
     if x <= xs[0]:

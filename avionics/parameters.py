@@ -86,6 +86,7 @@ WORDS = {
     "asymmetry": "ASYM",
     "rudder": "RUD",
     "least": "MIN",
+    "release": "REL",
     "points": "PT",
 }
 

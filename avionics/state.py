@@ -83,8 +83,8 @@ class AutopilotState:
     lateral: m.HeadingStatus = zero(m.HeadingStatus)
     excited: m.ExcitationStatus = zero(m.ExcitationStatus)
     """the identification input as wished"""
-    applied: tuple[float, float] = (0.0, 0.0)
-    """rad; elevator and rudder of the identification input as applied"""
+    applied: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """rad, -, rad; elevator, throttle and rudder of the identification input as applied"""
     elevator: m.PitchStatus = zero(m.PitchStatus)
     roll_command: m.RollStatus = zero(m.RollStatus)
     actuators: m.ActuatorCommand = zero(m.ActuatorCommand)

@@ -1,15 +1,17 @@
-"""Identification inputs: doublets and 3-2-1-1 multisteps, flown inside an envelope.
+"""Identification inputs flown inside an envelope: doublets, 3-2-1-1 multisteps, frequency sweeps, multisines.
 
-A manoeuvre is: settle, input, settle, with the altitude and pitch loops frozen at their trim. Between
-repeats the loops fly for a recovery time. The start is spread over the wing stroke by the golden ratio, so
-that the response to the input does not line up with the flapping.
+A manoeuvre is: settle, input, settle, with the loops frozen at their trim or flying on, as asked. Between repeats
+the loops fly for a recovery time. The start is spread over the wing stroke by the golden ratio, so that the
+response to the input does not line up with the flapping.
 """
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Annotated, NamedTuple
 
+from avionics.guidance import multisine
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.messages import ExcitationStatus
 from avionics.quantities import Quantity
@@ -22,6 +24,10 @@ SEGMENTS: dict[Shape, tuple[tuple[int, float], ...]] = {
     Shape.MULTISTEP_3211: ((3, 1.0), (2, -1.0), (1, 1.0), (1, -1.0)),
 }
 """(length in widths, sign) of each step of a shape"""
+SWEEPS = (Shape.LINEAR_SWEEP, Shape.LOGARITHMIC_SWEEP)
+Inputs = tuple[float, float, float]
+"""elevator (rad), throttle (-), rudder (rad)"""
+NOTHING: Inputs = (0.0, 0.0, 0.0)
 
 
 class Gains(NamedTuple):
@@ -31,6 +37,8 @@ class Gains(NamedTuple):
     """s; the loops fly before each manoeuvre"""
     spread: Annotated[float, Quantity("s", 0.0, 5.0)]
     """s; the start is delayed by up to this, a different share each time"""
+    fade: Annotated[float, Quantity("s", 0.0, 30.0)]
+    """s; over which a sweep fades in and out, at most half of it"""
     pitch_max: Annotated[float, Quantity("rad", 0.02, 1.5)]
     """rad; a greater change of pitch since the start aborts"""
     roll_max: Annotated[float, Quantity("rad", 0.05, 1.5)]
@@ -74,6 +82,10 @@ class State(NamedTuple):
     """-; 1 when the last manoeuvre was aborted"""
     finished: int = 0
     """-; excitations finished or aborted since boot"""
+    asked: Excitation | None = None
+    """-; what is flown, None while idle"""
+    lines: tuple[multisine.Lines, ...] = ()
+    """rad/s, rad, rad or -; the sines of a multisine on elevator, throttle and rudder"""
 
 
 class Flown(NamedTuple):
@@ -89,13 +101,14 @@ class Flown(NamedTuple):
     """m"""
 
 
-def duration(shape: Shape, width: float) -> float:
+def duration(excitation: Excitation) -> float:
     """Length of the input alone, in s."""
-    return width * sum(length for length, _ in SEGMENTS[shape])
+    segments = SEGMENTS.get(excitation.shape)
+    return excitation.width * (sum(length for length, _ in segments) if segments else 1.0)
 
 
-def value(shape: Shape, width: float, elapsed: float) -> float:
-    """The input of unit amplitude ``elapsed`` s after its start: -1, 0 or 1."""
+def steps(shape: Shape, width: float, elapsed: float) -> float:
+    """A doublet or multistep of unit amplitude ``elapsed`` s after its start: -1, 0 or 1."""
     edge = 0.0
     for length, sign in SEGMENTS[shape]:
         edge += length * width
@@ -104,14 +117,77 @@ def value(shape: Shape, width: float, elapsed: float) -> float:
     return 0.0
 
 
-def frozen(state: State) -> int:
-    """1 while the altitude and pitch loops are to hold their trim."""
+def sweep(excitation: Excitation, fade: float, elapsed: float) -> float:
+    """A sweep of unit amplitude ``elapsed`` s after its start; ``fade`` (s) is the rise and fall of its envelope."""
+    low, high, length = excitation.low, excitation.high, excitation.width
+    share = elapsed / length
+    if not 0.0 <= share <= 1.0:
+        return 0.0
+    if excitation.shape == Shape.LOGARITHMIC_SWEEP and low != high:
+        rate = math.log(high / low)
+        turns = low * length * math.expm1(rate * share) / rate
+    else:
+        turns = length * share * (low + 0.5 * (high - low) * share)
+    return _envelope(min(fade, 0.5 * length), elapsed, length - elapsed) * math.sin(math.tau * turns)
+
+
+def _envelope(fade: float, since: float, left: float) -> float:
+    """Raised cosine from 0 to 1 over ``fade`` s at both ends."""
+    near = min(since, left)
+    return 1.0 if near >= fade else 0.5 - 0.5 * math.cos(math.pi * near / fade)
+
+
+def spectrum(excitation: Excitation) -> tuple[multisine.Lines, ...]:
+    """The sines of a multisine on each channel, nothing for any other shape.
+
+    Costs some 12 ms for each channel at the first call for an input; later calls are a look-up. What loads or
+    receives an input asks for it (`avionics.missions.check_mission`), so that no tick waits.
+    """
+    if excitation.shape != Shape.MULTISINE:
+        return ()
+    amplitudes = excitation.amplitudes()
+    used = [channel for channel in Channel if amplitudes[channel]]
+    first, last = harmonics(excitation)
+    dealt = multisine.channel_harmonics(first, last, len(used))
+    return tuple(
+        multisine.design(dealt[used.index(channel)], excitation.width, amplitudes[channel]) if channel in used else ()
+        for channel in Channel
+    )
+
+
+def harmonics(excitation: Excitation) -> tuple[int, int]:
+    """The lowest and the highest harmonic of a multisine's period within its band."""
+    return (
+        math.ceil(excitation.low * excitation.width - RESOLUTION),
+        math.floor(excitation.high * excitation.width + RESOLUTION),
+    )
+
+
+def running(state: State) -> int:
+    """1 while a manoeuvre runs, its settling time included."""
     return int(state.phase >= Phase.SETTLE)
 
 
-def start(state: State, repeats: int) -> State:
-    """Begin an excitation of ``repeats`` manoeuvres; one that runs is replaced."""
-    return state._replace(phase=int(Phase.RECOVER), elapsed=0.0, repeats_left=repeats, aborted=0)
+def frozen(state: State) -> int:
+    """1 while the altitude and pitch loops are to hold their trim."""
+    return int(state.phase >= Phase.SETTLE and state.asked is not None and not state.asked.loops)
+
+
+def roll_frozen(state: State) -> int:
+    """1 while the roll loop is to hold its trim: the rudder is excited, and a loop would fight it."""
+    return int(frozen(state) and state.asked is not None and state.asked.amplitudes()[Channel.RUDDER] != 0.0)
+
+
+def start(state: State, excitation: Excitation) -> State:
+    """Begin an excitation; one that runs is replaced."""
+    return state._replace(
+        phase=int(Phase.RECOVER),
+        elapsed=0.0,
+        repeats_left=excitation.repeats,
+        aborted=0,
+        asked=excitation,
+        lines=spectrum(excitation),
+    )
 
 
 def stop(state: State) -> State:
@@ -121,39 +197,54 @@ def stop(state: State) -> State:
 
 def _finish(state: State, aborted: int) -> State:
     return state._replace(
-        phase=int(Phase.IDLE), elapsed=0.0, repeats_left=0, aborted=aborted, finished=state.finished + 1
+        phase=int(Phase.IDLE),
+        elapsed=0.0,
+        repeats_left=0,
+        aborted=aborted,
+        finished=state.finished + 1,
+        asked=None,
+        lines=(),
     )
 
 
 def step(
-    gains: Gains, state: State, time_us: int, dt: float, excitation: Excitation | None, flown: Flown
+    gains: Gains, state: State, time_us: int, dt: float, wanted: bool, flown: Flown
 ) -> tuple[State, ExcitationStatus]:
-    """One step; ``excitation`` is what `start` began, None when there is none."""
-    if state.phase == Phase.IDLE or excitation is None:
+    """One step; what `start` began ends at once when it is no longer ``wanted``."""
+    if state.asked is None or not wanted:
         state = stop(state)
         return state, ExcitationStatus(time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted)
-    state = _advance(gains, state._replace(elapsed=state.elapsed + dt), excitation, flown)
+    state = _advance(gains, state._replace(elapsed=state.elapsed + dt), state.asked, flown)
     if outside(gains, state, flown):
         state = _finish(state, aborted=1)
-    amplitude = 0.0
-    if state.phase == Phase.INPUT:
-        amplitude = excitation.amplitude * value(excitation.shape, excitation.width, state.elapsed)
-    return state, _status(state, time_us, excitation.channel, amplitude)
+    elevator, throttle, rudder = inputs(gains, state)
+    return state, ExcitationStatus(
+        time_us, running(state), state.manoeuvre, elevator, throttle, rudder, state.aborted
+    )
 
 
-def _status(state: State, time_us: int, channel: Channel, amplitude: float) -> ExcitationStatus:
-    elevator, throttle, rudder = (amplitude if channel == which else 0.0 for which in Channel)
-    return ExcitationStatus(time_us, frozen(state), state.manoeuvre, elevator, throttle, rudder, state.aborted)
+def inputs(gains: Gains, state: State) -> Inputs:
+    """What is added to elevator, throttle and rudder now."""
+    asked, elapsed = state.asked, state.elapsed
+    if state.phase != Phase.INPUT or asked is None:
+        return NOTHING
+    if asked.shape == Shape.MULTISINE:
+        elevator, throttle, rudder = (multisine.value(lines, elapsed) for lines in state.lines)
+        return elevator, throttle, rudder
+    swept = asked.shape in SWEEPS
+    unit = sweep(asked, gains.fade, elapsed) if swept else steps(asked.shape, asked.width, elapsed)
+    elevator, throttle, rudder = (amplitude * unit for amplitude in asked.amplitudes())
+    return elevator, throttle, rudder
 
 
 def outside(gains: Gains, state: State, flown: Flown) -> bool:
-    """Whether a frozen manoeuvre has left its envelope."""
-    return frozen(state) == 1 and (
-        abs(flown.pitch - state.pitch) > gains.pitch_max
-        or abs(flown.roll) > gains.roll_max
-        or not gains.airspeed_min <= flown.airspeed <= gains.airspeed_max
-        or abs(flown.altitude - state.altitude) > gains.altitude_max
-        or flown.altitude < gains.altitude_floor
+    """Whether a manoeuvre has left its envelope; a value that is not a number is outside."""
+    return running(state) == 1 and not (
+        abs(flown.pitch - state.pitch) <= gains.pitch_max
+        and abs(flown.roll) <= gains.roll_max
+        and gains.airspeed_min <= flown.airspeed <= gains.airspeed_max
+        and abs(flown.altitude - state.altitude) <= gains.altitude_max
+        and flown.altitude >= gains.altitude_floor
     )
 
 
@@ -181,7 +272,7 @@ def _phase_length(gains: Gains, state: State, excitation: Excitation) -> float:
     if state.phase == Phase.RECOVER:
         return gains.recovery
     if state.phase == Phase.INPUT:
-        return duration(excitation.shape, excitation.width)
+        return duration(excitation)
     if state.phase == Phase.SETTLE:
         return excitation.settle + gains.spread * (state.manoeuvre * GOLDEN_RATIO % 1.0)
     return excitation.settle

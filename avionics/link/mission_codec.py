@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
+from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
+from avionics.link.excitation_codec import decode_excitation, encode_excitation
 from avionics.link.vehicle import Home
+from avionics.link.wire_item import ItemRefused, WireItem
 
 EARTH_RADIUS = 6_378_137.0
 """m; WGS-84 semi-major axis. Missions stay within a few km of home, where a plane is good to centimetres."""
@@ -22,28 +25,6 @@ _PLACED = (ItemKind.WAYPOINT, ItemKind.LAND)
 _WITH_ALTITUDE = (ItemKind.WAYPOINT, ItemKind.TAKEOFF, ItemKind.HOLD)
 _LOCAL_SCALE = 1e4
 """LOCAL_NED coordinates in MISSION_ITEM_INT are metres times this"""
-
-
-class WireItem(NamedTuple):
-    """A mission item as MAVLink writes it, of either MISSION_ITEM or MISSION_ITEM_INT."""
-
-    frame: int
-    command: int
-    params: tuple[float, float, float, float]
-    x: float
-    """degrees (global frames), m (local frame), or the plain fifth parameter"""
-    y: float
-    """degrees (global frames), m (local frame), or the plain sixth parameter"""
-    z: float
-    """m, or the seventh parameter"""
-
-
-class ItemRefused(ValueError):
-    """An item cannot be flown; ``result`` is its MAV_MISSION_RESULT and the text says why."""
-
-    def __init__(self, result: int, text: str) -> None:
-        super().__init__(text)
-        self.result = result
 
 
 def to_metres(home: Home, latitude: float, longitude: float) -> tuple[float, float]:
@@ -78,12 +59,12 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
         ItemRefused: unknown command or frame, a number that is not finite, an input outside its range, or a
             place on the globe before home is known.
     """
+    if item.command in EXCITE_COMMANDS:
+        return MissionItem(ItemKind.EXCITE, excitation=decode_excitation(item))
     try:
         kind = ItemKind(item.command)
     except ValueError:
         raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, f"command {item.command} is not flown") from None
-    if kind is ItemKind.EXCITE:
-        return MissionItem(kind, excitation=decode_excitation(item))
     if kind is ItemKind.RETURN:
         return MissionItem(kind)
     if kind is ItemKind.WAYPOINT and item.params[0] > 0.0:
@@ -133,36 +114,12 @@ def _altitude(item: WireItem, home: Home | None) -> float:
     return item.z - home.altitude
 
 
-def decode_excitation(item: WireItem) -> Excitation:
-    """The identification input of a MAV_CMD_WINGBEAT_EXCITE, from a mission item or a command.
-
-    Raises:
-        ItemRefused: unknown channel or shape, or a number outside its range.
-    """
-    channel, shape, amplitude, width = item.params
-    if channel not in tuple(Channel):
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "EXCITE: channel must be 0, 1 or 2")
-    if shape not in tuple(Shape):
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, "EXCITE: shape must be 0 or 1")
-    if not 0.0 < abs(amplitude) <= 1.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM3, "EXCITE: amplitude must be within -1 and 1, not 0")
-    if not 0.0 < width <= 60.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM4, "EXCITE: width must be in 0 to 60 s")
-    if not 1.0 <= item.x <= 100.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "EXCITE: repeats must be 1 to 100")
-    if not 0.0 <= item.z <= 600.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM7, "EXCITE: settle must be in 0 to 600 s")
-    return Excitation(Channel(int(channel)), Shape(int(shape)), amplitude, width, item.z, int(item.x))
-
-
 def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     """The item as MAVLink writes it: places on the globe, or in the local frame while home is not known."""
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     nan = math.nan
     if item.kind is ItemKind.EXCITE and item.excitation is not None:
-        what = item.excitation
-        params = (float(what.channel), float(what.shape), what.amplitude, what.width)
-        return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, params, float(what.repeats), 0.0, what.settle)
+        return encode_excitation(item.excitation)
     if item.kind is ItemKind.RETURN:
         return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
     heading = math.degrees(item.heading) % 360.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.limits import clip, low_pass
+from avionics.limits import clip, fade_out, low_pass
 from avionics.messages import PitchStatus
 from avionics.quantities import Quantity
 from avionics.stabilization import stroke_filter
@@ -38,6 +38,8 @@ class Gains(NamedTuple):
     """s; time constant of the mean elevator that a frozen loop holds"""
     stick_pitch: Annotated[float, Quantity("rad", 0.0, 1.2)]
     """rad; change of the pitch setpoint at full stick (stabilized)"""
+    release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
+    """s; time constant with which the elevator of a frozen loop gives way to the loop's"""
 
 
 class State(NamedTuple):
@@ -53,6 +55,8 @@ class State(NamedTuple):
     """rad; filtered pitch"""
     pitch_notch: stroke_filter.State = stroke_filter.State()
     rate_notch: stroke_filter.State = stroke_filter.State()
+    bridge: float = 0.0
+    """rad; of elevator: what a frozen loop held beyond what the loop asks, fading out"""
 
 
 class Measured(NamedTuple):
@@ -83,26 +87,36 @@ def step(
     saturated = not gains.elevator_min <= wanted <= gains.elevator_max
     if saturated and (wanted > gains.elevator_max) == (error > 0.0):
         grown = state.integral
-    elevator = clip(gains.elevator_trim + proportional + grown + damping, gains.elevator_min, gains.elevator_max)
+    bridge = fade_out(state.bridge, gains.release_time, dt) if state.bridge else 0.0
+    elevator = clip(
+        gains.elevator_trim + proportional + grown + damping + bridge, gains.elevator_min, gains.elevator_max
+    )
     mean = low_pass(state.elevator_mean, elevator, gains.trim_time, dt)
     status = PitchStatus(time_us, setpoint, error, proportional, grown, damping, elevator, int(saturated))
-    return state._replace(integral=grown, elevator_mean=mean), status
+    return state._replace(integral=grown, elevator_mean=mean, bridge=bridge), status
 
 
 def hold(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """Frozen for an excitation: the mean elevator; the filters go on, the integral is kept."""
+    """Frozen for an excitation: the mean elevator; the filters go on, the integral is kept.
+
+    What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.
+    """
     state = _observe(gains, state, dt, measured)
+    error = setpoint - state.pitch
     elevator = clip(state.elevator_mean, gains.elevator_min, gains.elevator_max)
-    return state, PitchStatus(time_us, setpoint, setpoint - state.pitch, 0.0, state.integral, 0.0, elevator, 0)
+    asked = gains.elevator_trim + gains.proportional * error + state.integral - gains.damping * state.rate
+    bridge = elevator - clip(asked, gains.elevator_min, gains.elevator_max)
+    status = PitchStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, elevator, 0)
+    return state._replace(bridge=bridge), status
 
 
 def follow(
     gains: Gains, state: State, time_us: int, dt: float, elevator: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
     """The pilot's elevator (rad), so that the loop takes over from its trim."""
-    state = _observe(gains, state, dt, measured)._replace(integral=0.0, elevator_mean=gains.elevator_trim)
+    state = _observe(gains, state, dt, measured)._replace(integral=0.0, elevator_mean=gains.elevator_trim, bridge=0.0)
     limited = clip(elevator, gains.elevator_min, gains.elevator_max)
     return state, PitchStatus(time_us, state.pitch, 0.0, 0.0, 0.0, 0.0, limited, 0)
 
@@ -113,4 +127,4 @@ def _observe(gains: Gains, state: State, dt: float, measured: Measured) -> State
     rate_notch, rate = stroke_filter.step(state.rate_notch, measured.pitch_rate, frequency, width, dt)
     if gains.rate_lag > 0.0:
         rate = low_pass(state.rate, rate, gains.rate_lag, dt)
-    return State(state.integral, state.elevator_mean, rate, pitch, pitch_notch, rate_notch)
+    return State(state.integral, state.elevator_mean, rate, pitch, pitch_notch, rate_notch, state.bridge)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.limits import clip
+from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
 from avionics.quantities import Quantity
 
@@ -22,6 +22,8 @@ class Gains(NamedTuple):
     """-; greatest share of the integral in the roll command"""
     stick_roll: Annotated[float, Quantity("rad", 0.0, 1.2)]
     """rad; roll setpoint at full stick (stabilized, altitude hold)"""
+    release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
+    """s; time constant with which the command of a frozen loop gives way to the loop's"""
 
 
 class State(NamedTuple):
@@ -29,6 +31,8 @@ class State(NamedTuple):
 
     integral: float = 0.0
     """-; of roll command"""
+    bridge: float = 0.0
+    """-; of roll command: what a frozen loop held beyond what the loop asks, fading out"""
 
 
 def step(
@@ -43,9 +47,24 @@ def step(
     saturated = abs(wanted) > 1.0
     if saturated and wanted * error > 0.0:
         grown = state.integral
-    command = clip(proportional + grown + damping, -1.0, 1.0)
+    bridge = fade_out(state.bridge, gains.release_time, dt) if state.bridge else 0.0
+    command = clip(proportional + grown + damping + bridge, -1.0, 1.0)
     status = RollStatus(time_us, setpoint, error, proportional, grown, damping, command, int(saturated))
-    return State(grown), status
+    return State(grown, bridge), status
+
+
+def hold(
+    gains: Gains, state: State, time_us: int, setpoint: float, measured: tuple[float, float]
+) -> tuple[State, RollStatus]:
+    """Frozen for an excitation of the rudder: the integral, which is the trim, and nothing else.
+
+    What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.
+    """
+    roll, roll_rate = measured
+    error = setpoint - roll
+    asked = clip(gains.proportional * error + state.integral - gains.damping * roll_rate, -1.0, 1.0)
+    status = RollStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, state.integral, 0)
+    return state._replace(bridge=state.integral - asked), status
 
 
 def follow(time_us: int, stick: float) -> tuple[State, RollStatus]:

@@ -62,11 +62,11 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
         asked = None
     waiting = s.excitation.phase == excitation_input.Phase.IDLE and s.excitation.finished == s.navigation.excitations
     if asked is not None and waiting:
-        s.excitation = excitation_input.start(s.excitation, asked.repeats)
+        s.excitation = excitation_input.start(s.excitation, asked)
     flown = excitation_input.Flown(s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
     aborted = s.excitation.aborted
     s.excitation, s.excited = excitation_input.step(
-        s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked, flown
+        s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
     )
     if s.excitation.aborted and not aborted:
         say(s, publish, Severity.WARNING, "excitation", "manoeuvre aborted: outside its envelope")

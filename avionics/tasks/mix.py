@@ -21,9 +21,9 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
     )
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
-    if added.active:
-        s.applied = (moved.applied_elevator, moved.applied_rudder)
     throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if s.modes.armed else 0.0
+    if added.active:
+        s.applied = (moved.applied_elevator, throttle - s.vertical.throttle, moved.applied_rudder)
     s.flapping, flap, stroke = flapping.step(
         s.gains.flapping, s.flapping, clock.time_us, clock.dt, throttle, moved.asymmetry
     )

@@ -15,8 +15,8 @@ def report_excitation(s: AutopilotState, publish: Publish) -> None:
     """The identification input as applied, after limits and servo rate."""
     applied = s.excited
     if applied.active:
-        elevator, rudder = s.applied
-        applied = applied._replace(elevator=elevator, rudder=rudder)
+        elevator, throttle, rudder = s.applied
+        applied = applied._replace(elevator=elevator, throttle=throttle, rudder=rudder)
     publish(topics.EXCITATION, applied)
 
 

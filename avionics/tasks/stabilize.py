@@ -37,11 +37,12 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
 
 def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
-    if loops_closed(s):
-        measured = (s.attitude.roll, s.attitude.roll_rate)
-        s.roll_loop, s.roll_command = roll_loop.step(
-            s.gains.roll, s.roll_loop, s.clock.time_us, s.clock.dt_100, s.lateral.roll_setpoint, measured
-        )
+    gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.lateral.roll_setpoint
+    measured = (s.attitude.roll, s.attitude.roll_rate)
+    if loops_closed(s) and excitation_input.roll_frozen(s.excitation):
+        s.roll_loop, s.roll_command = roll_loop.hold(gains, state, time_us, setpoint, measured)
+    elif loops_closed(s):
+        s.roll_loop, s.roll_command = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
     else:
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
         s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)

@@ -38,6 +38,7 @@ HEADING = heading.Gains(
 EXCITE = excitation.Gains(
     recovery=0.5,
     spread=0.25,
+    fade=1.0,
     pitch_max=0.4,
     roll_max=0.8,
     airspeed_min=4.0,
@@ -143,9 +144,9 @@ FLOWN = excitation.Flown(0.3, 0.0, 7.5, 40.0)
 
 
 def excite(asked: Excitation, seconds: float, flown: excitation.Flown = FLOWN, dt: float = 0.01):
-    state, statuses = excitation.start(excitation.State(), asked.repeats), []
+    state, statuses = excitation.start(excitation.State(), asked), []
     for i in range(round(seconds / dt)):
-        state, status = excitation.step(EXCITE, state, round(i * dt * 1e6), dt, asked, flown)
+        state, status = excitation.step(EXCITE, state, round(i * dt * 1e6), dt, True, flown)
         statuses.append(status)
     return state, statuses
 
@@ -203,14 +204,14 @@ def test_starts_are_spread_over_the_stroke() -> None:
 def test_leaving_the_envelope_aborts_and_releases(outside: excitation.Flown) -> None:
     state, _ = excite(DOUBLET, 1.5)
     assert excitation.frozen(state)
-    state, status = excitation.step(EXCITE, state, 0, 0.01, DOUBLET, outside)
+    state, status = excitation.step(EXCITE, state, 0, 0.01, True, outside)
     assert (status.aborted, status.active, status.elevator) == (1, 0, 0.0)
     assert state.finished == 1
-    state, status = excitation.step(EXCITE, state, 0, 0.01, DOUBLET, FLOWN)
+    state, status = excitation.step(EXCITE, state, 0, 0.01, True, FLOWN)
     assert status.active == 0
 
 
 def test_an_excitation_that_is_no_longer_asked_for_stops() -> None:
     state, _ = excite(DOUBLET, 1.5)
-    state, status = excitation.step(EXCITE, state, 0, 0.01, None, FLOWN)
+    state, status = excitation.step(EXCITE, state, 0, 0.01, False, FLOWN)
     assert (status.active, state.finished, status.aborted) == (0, 1, 0)

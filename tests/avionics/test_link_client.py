@@ -172,6 +172,16 @@ MISSION = (
     MissionItem(ItemKind.WAYPOINT, 120.0, -35.0, 40.0),
     MissionItem(ItemKind.HOLD, altitude=45.0, heading=math.radians(90.0), duration=12.0),
     MissionItem(ItemKind.EXCITE, excitation=Excitation(Channel.ELEVATOR, Shape.MULTISTEP_3211, 0.125, 0.25, 2.0, 3)),
+    MissionItem(
+        ItemKind.EXCITE,
+        excitation=Excitation(Channel.RUDDER, Shape.LOGARITHMIC_SWEEP, 0.125, 12.5, 1.0, 2, 0.25, 4.0, loops=1),
+    ),
+    MissionItem(
+        ItemKind.EXCITE,
+        excitation=Excitation(
+            Channel.ELEVATOR, Shape.MULTISINE, 0.0625, 8.0, 0.5, 1, 0.375, 3.0, (0.0, 0.125, 0.25), 1
+        ),
+    ),
     MissionItem(ItemKind.RETURN),
     MissionItem(ItemKind.LAND, 10.0, 5.0, heading=math.radians(-45.0)),
 )
@@ -262,7 +272,7 @@ def test_fences_are_empty_and_clear_all_clears() -> None:
         client.mav.mission_request_list_send(1, 1, mavlink.MAV_MISSION_TYPE_FENCE)
         fence = expect(client, "MISSION_COUNT")
         assert (fence.count, fence.mission_type) == (0, mavlink.MAV_MISSION_TYPE_FENCE)
-        client.mav.mission_request_int_send(1, 1, 6, 0)
+        client.mav.mission_request_int_send(1, 1, len(MISSION), 0)
         assert expect(client, "MISSION_ACK").type == mavlink.MAV_MISSION_INVALID_SEQUENCE
         client.mav.mission_clear_all_send(1, 1, mavlink.MAV_MISSION_TYPE_ALL)
         ack = expect(client, "MISSION_ACK")
@@ -284,9 +294,17 @@ def test_an_excitation_by_command() -> None:
     with stock_client() as (client, vehicle):
         assert command(client, 53000, 0, 0, 0.1, 0.3, 2, 0, 1.5).result == mavlink.MAV_RESULT_ACCEPTED
         assert command(client, 53000, 0, 9, 0.1, 0.3, 2, 0, 1.5).result == mavlink.MAV_RESULT_DENIED
+        assert command(client, 53010, 10, 0.1, 0.5, 4, 1001, 15000, 1).result == mavlink.MAV_RESULT_ACCEPTED
+        assert command(client, 53010, 10, 0.1, 0.5, 40, 1, 15000, 1).result == mavlink.MAV_RESULT_DENIED
+        assert command(client, 53011, 0.1, 0, 0.2, 10, 1, 3026, 1).result == mavlink.MAV_RESULT_ACCEPTED
+        assert command(client, 53011, 0.1, 0, 0.2, 10, 1, 3005, 1).result == mavlink.MAV_RESULT_DENIED
+        assert command(client, 53011, 0.1, 0, 0.2, 0, 1, 3005, 1).result == mavlink.MAV_RESULT_DENIED
         settle(client)
         taken = [each.payload for each in vehicle.inputs if each.kind is m.CommandKind.EXCITE]
-        assert [each.shape for each in taken] == [Shape.DOUBLET]
+        assert [each.shape for each in taken] == [Shape.DOUBLET, Shape.LOGARITHMIC_SWEEP, Shape.MULTISINE]
+        assert [each.loops for each in taken] == [0, 1, 0]
+        assert taken[1][3:8] == pytest.approx((15.0, 1.0, 1, 0.5, 4.0))
+        assert taken[2].amplitudes() == pytest.approx((0.1, 0.0, 0.2))
         assert (taken[0].repeats, taken[0].settle) == (2, 1.5) and taken[0].width == pytest.approx(0.3)
 
 

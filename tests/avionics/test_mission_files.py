@@ -125,3 +125,41 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
 )
 def test_a_bad_mission_over_the_link_is_refused_too(item: MissionItem, said: str) -> None:
     assert said in check_mission((item,))
+
+
+SWEEP = (
+    'kind = "excite"\nchannel = "elevator"\nshape = "log_sweep"\namplitude_deg = 3\nstart = 0.5\nend = 3\n'
+    "duration = 15\nsettle = 1\nrepeats = 1\n"
+)
+MULTISINE = 'kind = "excite"\nshape = "multisine"\nperiod = 10\nlow = 0.3\nhigh = 2.6\nsettle = 1\nrepeats = 1\n'
+
+
+def test_sweeps_and_multisines_of_a_file(tmp_path: Path) -> None:
+    text = f'[[item]]\n{SWEEP}loops = "active"\n[[item]]\n{MULTISINE}throttle = 0.1\nrudder_deg = 6\n'
+    sweep, multisine = (item.excitation for item in load_mission(written(tmp_path, text)))
+    three = math.radians(3)
+    assert sweep == Excitation(Channel.ELEVATOR, Shape.LOGARITHMIC_SWEEP, three, 15.0, 1.0, 1, 0.5, 3.0, loops=1)
+    assert multisine is not None
+    assert multisine.amplitudes() == (0.0, 0.1, math.radians(6))
+    assert (multisine.channel, multisine.width, multisine.loops) == (Channel.THROTTLE, 10.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [
+        (SWEEP.replace("start = 0.5", ""), "start is missing"),
+        (SWEEP.replace("end = 3", "end = 30"), "end = 30"),
+        (SWEEP + "width = 1", "unknown key width"),
+        (SWEEP + 'loops = "open"', "loops"),
+        (MULTISINE, "elevator_deg, throttle, rudder_deg"),
+        (MULTISINE + "elevator_deg = 90", "elevator_deg = 90"),
+        (MULTISINE.replace("high = 2.6", "high = 0.5") + "elevator_deg = 3\nrudder_deg = 3", "3 harmonics"),
+        (MULTISINE.replace("high = 2.6", "high = 9") + "elevator_deg = 3", "88 harmonics"),
+        (MULTISINE + 'channel = "elevator"', "unknown key channel"),
+    ],
+)
+def test_an_input_that_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, item: str, said: str) -> None:
+    with pytest.raises(BadInput) as refusal:
+        load_mission(written(tmp_path, "[[item]]\n" + item))
+    assert said in str(refusal.value)
+    assert "item 1" in str(refusal.value)

@@ -20,8 +20,9 @@ PITCH = pitch.Gains(
     rate_lag=0.0,
     trim_time=1.0,
     stick_pitch=0.4,
+    release_time=0.15,
 )
-ROLL = roll.Gains(proportional=1.5, integral=0.4, damping=0.2, integral_max=0.3, stick_roll=0.5)
+ROLL = roll.Gains(proportional=1.5, integral=0.4, damping=0.2, integral_max=0.3, stick_roll=0.5, release_time=0.15)
 DT = 0.01
 
 
@@ -139,3 +140,27 @@ def test_roll_integral_rests_while_saturated() -> None:
 def test_the_stick_leaves_no_integral_behind() -> None:
     state, status = roll.follow(0, 3.0)
     assert (state.integral, status.roll_command) == (0.0, 1.0)
+
+
+def test_a_released_pitch_loop_takes_over_from_the_held_elevator_without_a_jump() -> None:
+    state = pitch.initial(PITCH)
+    state, held = pitch.hold(PITCH, state, 0, DT, 0.3, still(0.1))
+    asked = PITCH.elevator_trim + PITCH.proportional * 0.2
+    elevators = []
+    for _ in range(200):
+        state, status = pitch.step(PITCH._replace(integral=0.0), state, 0, DT, 0.3, still(0.1))
+        elevators.append(status.elevator)
+    share = DT / (PITCH.release_time + DT)
+    assert elevators[0] - held.elevator == pytest.approx(share * (asked - held.elevator))
+    assert elevators[-1] == pytest.approx(asked, abs=1e-5)
+    assert elevators == sorted(elevators)
+
+
+def test_a_frozen_roll_loop_holds_its_trim_and_is_released_without_a_jump() -> None:
+    state = roll.State(integral=0.12)
+    state, held = roll.hold(ROLL, state, 0, 0.0, (-0.2, 0.05))
+    assert held.roll_command == 0.12
+    _, first = roll.step(ROLL, state, 0, DT, 0.0, (-0.2, 0.05))
+    _, at_once = roll.step(ROLL, state._replace(bridge=0.0), 0, DT, 0.0, (-0.2, 0.05))
+    assert at_once.roll_command - 0.12 > 0.25
+    assert abs(first.roll_command - 0.12) < 0.1 * (at_once.roll_command - 0.12)

@@ -7,13 +7,15 @@ from typing import Any, NamedTuple
 
 from avionics.guidance.mission import ItemKind
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import ItemRefused, WireItem, decode_excitation
+from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
+from avionics.link.excitation_codec import decode_excitation
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import mode_command, requested_mode
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import Identity, VehicleView
+from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
@@ -65,7 +67,7 @@ class CommandService:
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._no_circling,
             mavlink.MAV_CMD_DO_REPOSITION: self._no_circling,
-            mavlink.MAV_CMD_WINGBEAT_EXCITE: self._excite,
+            **dict.fromkeys(EXCITE_COMMANDS, self._excite),
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._fixed(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION),
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._fixed(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),

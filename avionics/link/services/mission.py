@@ -13,10 +13,11 @@ from avionics import topics
 from avionics.guidance.mission import Mission, MissionItem
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import Addressee, ItemRefused, decode_item, encode_item, read_message, write_message
+from avionics.link.mission_codec import Addressee, decode_item, encode_item, read_message, write_message
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, VehicleView
+from avionics.link.wire_item import ItemRefused
 from avionics.messages import Command, CommandKind, Mode
 
 MOST_ITEMS = 500

@@ -1,0 +1,100 @@
+"""The codec's part for identification inputs: three commands, as mission items or as COMMAND_LONG and COMMAND_INT."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from avionics.guidance.excitation import SEGMENTS, SWEEPS, harmonics
+from avionics.guidance.mission import Channel, Excitation, Shape
+from avionics.link.dialect import mavlink
+from avionics.link.wire_item import ItemRefused, WireItem
+from avionics.missions.excitations import check_excitation, on_channels
+
+STEPS: int = mavlink.MAV_CMD_WINGBEAT_EXCITE
+SWEEP: int = mavlink.MAV_CMD_WINGBEAT_EXCITE_SWEEP
+MULTISINE: int = mavlink.MAV_CMD_WINGBEAT_EXCITE_MULTISINE
+
+LOOPS_FLY_ON = 1000
+"""added to the repeats"""
+LOGARITHMIC = 10
+"""added to the channel of a sweep"""
+LOWEST = 1000
+"""factor of the lowest harmonic of a multisine, beside the highest"""
+_BY_CHANNEL_CODE = {
+    offset + channel: (channel, shape)
+    for offset, shape in ((0, Shape.LINEAR_SWEEP), (LOGARITHMIC, Shape.LOGARITHMIC_SWEEP))
+    for channel in Channel
+}
+
+
+def decode_excitation(item: WireItem) -> Excitation:
+    """The identification input of one of the three commands, from a mission item or a command.
+
+    Raises:
+        ItemRefused: unknown channel or shape, or a number outside its range.
+    """
+    if not all(math.isfinite(value) for value in (*item.params, item.x, item.y, item.z)):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID, "EXCITE: a parameter is not a number")
+    asked = DECODERS[item.command](item, _repeats(item.x))
+    refusal = check_excitation(asked)
+    if refusal:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID, f"EXCITE: {refusal}")
+    return asked._replace(loops=int(item.x >= LOOPS_FLY_ON))
+
+
+def _repeats(coded: float) -> int:
+    if coded != int(coded) or not 0 <= coded < 2 * LOOPS_FLY_ON:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "EXCITE: repeats must be 1 to 100, or 1000 more")
+    return int(coded) % LOOPS_FLY_ON
+
+
+def _steps(item: WireItem, repeats: int) -> Excitation:
+    channel, shape, amplitude, width = item.params
+    if channel not in tuple(Channel):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "EXCITE: channel must be 0, 1 or 2")
+    if shape not in SEGMENTS:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, "EXCITE: shape must be 0 or 1")
+    if not amplitude > 0.0:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM3, "EXCITE: the amplitude must be above 0")
+    return Excitation(Channel(int(channel)), Shape(int(shape)), amplitude, width, item.z, repeats)
+
+
+def _sweep(item: WireItem, repeats: int) -> Excitation:
+    code, amplitude, low, high = item.params
+    if code not in _BY_CHANNEL_CODE:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "EXCITE: channel must be 0, 1 or 2, or 10 more")
+    channel, shape = _BY_CHANNEL_CODE[int(code)]
+    return Excitation(channel, shape, amplitude, item.y * 1e-3, item.z, repeats, low, high)
+
+
+def _multisine(item: WireItem, repeats: int) -> Excitation:
+    *amplitudes, period = item.params
+    if not period > 0.0:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM4, "EXCITE: the period must be above 0 s")
+    first, last = divmod(int(item.y), LOWEST)
+    asked = Excitation(Channel.ELEVATOR, Shape.MULTISINE, 0.0, period, item.z, repeats, first / period, last / period)
+    return on_channels(asked, dict(zip(Channel, amplitudes, strict=True)))
+
+
+DECODERS: dict[int, Callable[[WireItem, int], Excitation]] = {STEPS: _steps, SWEEP: _sweep, MULTISINE: _multisine}
+"""The commands that ask for an identification input."""
+
+
+def encode_excitation(asked: Excitation) -> WireItem:
+    """The input as a mission item of the command that says its shape."""
+    repeats = float(asked.repeats + LOOPS_FLY_ON * asked.loops)
+    if asked.shape == Shape.MULTISINE:
+        first, last = harmonics(asked)
+        params = (*asked.amplitudes(), asked.width)
+        return WireItem(
+            mavlink.MAV_FRAME_MISSION, MULTISINE, params, repeats, float(LOWEST * first + last), asked.settle
+        )
+    if asked.shape in SWEEPS:
+        code = float(asked.channel + (LOGARITHMIC if asked.shape == Shape.LOGARITHMIC_SWEEP else 0))
+        params = (code, asked.amplitude, asked.low, asked.high)
+        return WireItem(
+            mavlink.MAV_FRAME_MISSION, SWEEP, params, repeats, float(round(asked.width * 1e3)), asked.settle
+        )
+    params = (float(asked.channel), float(asked.shape), asked.amplitude, asked.width)
+    return WireItem(mavlink.MAV_FRAME_MISSION, STEPS, params, repeats, 0.0, asked.settle)

@@ -1,0 +1,142 @@
+"""Identification inputs in a mission file, and whether one (from a file or from the link) can be flown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from avionics.guidance import excitation as excitation_input
+from avionics.guidance.mission import Channel, Excitation, Shape
+from avionics.missions.keys import Key, choice, number, numbers
+from avionics.quantities import BadInput
+
+DEGREES = Key("deg", 0.1, 45.0, math.radians)
+SHARE = Key("-", 0.005, 0.5)
+AMPLITUDES: dict[Channel, tuple[str, Key]] = {
+    Channel.ELEVATOR: ("amplitude_deg", DEGREES),
+    Channel.THROTTLE: ("amplitude", SHARE),
+    Channel.RUDDER: ("amplitude_deg", DEGREES),
+}
+BESIDE = {"elevator_deg": Channel.ELEVATOR, "throttle": Channel.THROTTLE, "rudder_deg": Channel.RUDDER}
+"""amplitudes of a multisine"""
+PACING = {"settle": Key("s", 0.0, 30.0), "repeats": Key("-", 1, 100)}
+BAND_HZ = Key("Hz", 0.01, 20.0)
+PULSE = {"width": Key("s", 0.02, 10.0), **PACING}
+SWEEP = {"start": BAND_HZ, "end": BAND_HZ, "duration": Key("s", 1.0, 300.0), **PACING}
+MULTISINE = {"period": Key("s", 1.0, 300.0), "low": BAND_HZ, "high": BAND_HZ, **PACING}
+SHAPES = {
+    "doublet": Shape.DOUBLET,
+    "3211": Shape.MULTISTEP_3211,
+    "sweep": Shape.LINEAR_SWEEP,
+    "log_sweep": Shape.LOGARITHMIC_SWEEP,
+    "multisine": Shape.MULTISINE,
+}
+LOOPS = {"frozen": 0, "active": 1}
+LEAST_HARMONICS = 2
+"""of a multisine on each channel: one would be a sine"""
+MOST_HARMONICS = 60
+"""of a multisine on all channels: each costs the tick a sine"""
+
+
+def read_excitation(where: str, table: Mapping[str, Any]) -> Excitation:
+    """The input that the keys of an ``[[item]]`` describe.
+
+    Raises:
+        BadInput: the text begins with ``where`` and names the key and its range.
+    """
+    shape = choice(where, table, "shape", SHAPES)
+    loops = choice(where, {"loops": "frozen", **table}, "loops", LOOPS)
+    read = _multisine if shape == Shape.MULTISINE else _single
+    asked = read(where, table, shape)._replace(loops=loops)
+    refusal = check_excitation(asked)
+    if refusal:
+        raise BadInput(f"{where}: {refusal}")
+    return asked
+
+
+def _single(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
+    channel = choice(where, table, "channel", {channel.name.lower(): channel for channel in Channel})
+    name, key = AMPLITUDES[channel]
+    keys = SWEEP if shape in excitation_input.SWEEPS else PULSE
+    found = numbers(where, table, {name: key, **keys}, ("kind", "channel", "shape", "loops"))
+    width = found["duration"] if "duration" in found else found["width"]
+    band = (found.get("start", 0.0), found.get("end", 0.0))
+    return Excitation(channel, shape, found[name], width, found["settle"], _repeats(where, found), *band)
+
+
+def _multisine(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
+    found = numbers(where, table, MULTISINE, ("kind", "shape", "loops", *BESIDE))
+    amplitudes = {
+        channel: number(where, table, name, AMPLITUDES[channel][1])
+        for name, channel in BESIDE.items()
+        if name in table
+    }
+    if not amplitudes:
+        raise BadInput(f"{where}: a multisine needs {', '.join(BESIDE)}, one or more of them")
+    asked = Excitation(
+        Channel.ELEVATOR, shape, 0.0, found["period"], found["settle"], _repeats(where, found),
+        found["low"], found["high"],
+    )  # fmt: skip
+    return on_channels(asked, amplitudes)
+
+
+def on_channels(asked: Excitation, amplitudes: Mapping[Channel, float]) -> Excitation:
+    """``asked`` with these amplitudes (rad, -, rad), that of the first used channel as its own."""
+    own = min((channel for channel, amplitude in amplitudes.items() if amplitude), default=asked.channel)
+    elevator, throttle, rudder = (0.0 if c == own else amplitudes.get(c, 0.0) for c in Channel)
+    return asked._replace(channel=own, amplitude=amplitudes.get(own, 0.0), beside=(elevator, throttle, rudder))
+
+
+def _repeats(where: str, found: Mapping[str, float]) -> int:
+    if found["repeats"] != int(found["repeats"]):
+        raise BadInput(f"{where}: repeats must be a whole number, not {found['repeats']:g}")
+    return int(found["repeats"])
+
+
+def check_excitation(asked: Excitation | None) -> str:
+    """Why an identification input cannot be flown; empty when it can, and then its phases are known too."""
+    if asked is None:
+        return "EXCITE without an excitation"
+    for word, value, key in _numbers_of(asked):
+        if not key.low * (1.0 - 1e-6) <= value <= key.high * (1.0 + 1e-6):
+            return f"{word} = {value:g} is outside {key.low:g} to {key.high:g} {key.unit}"
+    refusal = _amplitude_refusal(asked) or (_multisine_refusal(asked) if asked.shape == Shape.MULTISINE else "")
+    if not refusal:
+        excitation_input.spectrum(asked)
+    return refusal
+
+
+def _numbers_of(asked: Excitation) -> list[tuple[str, float, Key]]:
+    """Name, value and range of what the shape uses."""
+    found = [("settle", asked.settle, PACING["settle"]), ("repeats", float(asked.repeats), PACING["repeats"])]
+    if asked.shape in excitation_input.SEGMENTS:
+        return [("width", asked.width, PULSE["width"]), *found]
+    words = ("duration", "start", "end") if asked.shape in excitation_input.SWEEPS else ("period", "low", "high")
+    keys = SWEEP | MULTISINE
+    values = (asked.width, asked.low, asked.high)
+    return [*((word, value, keys[word]) for word, value in zip(words, values, strict=True)), *found]
+
+
+def _amplitude_refusal(asked: Excitation) -> str:
+    if any(asked.beside) and asked.shape != Shape.MULTISINE:
+        return "only a multisine is flown on several channels at once"
+    for channel, amplitude in zip(Channel, asked.amplitudes(), strict=True):
+        name, key = AMPLITUDES[channel]
+        low, high = key.si(key.low), key.si(key.high)
+        unused = channel != asked.channel and amplitude == 0.0
+        if not unused and not low * (1.0 - 1e-6) <= amplitude <= high * (1.0 + 1e-6):
+            return f"{channel.name.lower()}: {name} is outside {key.low:g} to {key.high:g} {key.unit}"
+    return ""
+
+
+def _multisine_refusal(asked: Excitation) -> str:
+    first, last = excitation_input.harmonics(asked)
+    channels = sum(amplitude != 0.0 for amplitude in asked.amplitudes())
+    count = last - first + 1
+    if not channels * LEAST_HARMONICS <= count <= MOST_HARMONICS:
+        return (
+            f"a band from {asked.low:g} to {asked.high:g} Hz holds {max(count, 0)} harmonics of {asked.width:g} s;"
+            f" {channels * LEAST_HARMONICS} to {MOST_HARMONICS} are flown"
+        )
+    return ""

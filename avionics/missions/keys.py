@@ -1,0 +1,59 @@
+"""What the readers of mission items share: numbers with a unit and a range, and words out of a list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+
+
+class Key(NamedTuple):
+    """A number in an item: its unit, its range, and what it is in SI."""
+
+    unit: str
+    low: float
+    high: float
+    si: Callable[[float], float] = float
+
+
+def choice(where: str, table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> Any:
+    """What the word at ``key`` stands for.
+
+    Raises:
+        BadInput: missing, or none of the ``choices``.
+    """
+    word = str(table.get(key, "")).lower()
+    if word not in choices:
+        said = f'"{word}"' if key in table else "missing"
+        raise BadInput(f"{where}: {key} is {said}; it must be one of {', '.join(choices)}")
+    return choices[word]
+
+
+def numbers(
+    where: str, table: Mapping[str, Any], keys: Mapping[str, Key], others: tuple[str, ...]
+) -> dict[str, float]:
+    """The numbers at ``keys`` in SI; ``others`` are the keys that are read elsewhere.
+
+    Raises:
+        BadInput: a key that is not known, or a number that is missing or outside its range.
+    """
+    for name in table:
+        if name not in keys and name not in others:
+            raise BadInput(f"{where}: unknown key {name}; known: {', '.join((*others, *keys))}")
+    return {name: number(where, table, name, key) for name, key in keys.items()}
+
+
+def number(where: str, table: Mapping[str, Any], name: str, key: Key) -> float:
+    """One number in SI.
+
+    Raises:
+        BadInput: missing, or outside its range.
+    """
+    expected = f"a number from {key.low:g} to {key.high:g} {key.unit}"
+    value = table.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise BadInput(f"{where}: {name} {'is missing' if value is None else f'= {value!r}'}; it must be {expected}")
+    if not key.low <= value <= key.high:
+        raise BadInput(f"{where}: {name} = {value:g} is outside its range; it must be {expected}")
+    return key.si(value)
