@@ -12,10 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from avionics import parameters, snapshot, topics
+from avionics.calibration import procedure as calibration
 from avionics.guidance import excitation, modes, navigation
 from avionics.guidance.mission import Channel, Excitation, Mission, MissionItem
 from avionics.limits import clip
-from avionics.messages import Command, CommandKind, Event, Mode, PilotInput, Severity, Stage, Text
+from avionics.messages import Calibration, Command, CommandKind, Event, Mode, PilotInput, Severity, Stage, Text
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
 from avionics.situation import conditions, surroundings
@@ -99,6 +100,10 @@ def _take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> Non
 
 
 def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
+    if s.calibration.kind:
+        text = f"arming refused: {s.calibration.kind.name} is being calibrated"
+        say(s, publish, Severity.WARNING, "calibration", text)
+        return
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
     s.modes, notices = modes.arm(s.gains.modes, s.modes, conditions(s))
@@ -178,6 +183,27 @@ def _excitation_refusal(s: AutopilotState, asked: Any) -> str:
     return check_excitation(asked if isinstance(asked, Excitation) else None)
 
 
+def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
+    """Begin a calibration; without a name end the one that runs."""
+    if not command.name:
+        if s.calibration.kind:
+            say(s, publish, Severity.NOTICE, "calibration", f"{s.calibration.kind.name} cancelled as asked")
+        s.calibration = calibration.stop(s.calibration)
+        publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))
+        return
+    kind = Calibration.__members__.get(command.name, Calibration.NONE)
+    flying = s.modes.stage in modes.AIRBORNE
+    reason = calibration.refusal(s.calibration, kind, command.value, bool(s.modes.armed), flying)
+    if not kind:
+        reason = f"unknown kind {command.name}"
+    if reason:
+        say(s, publish, Severity.WARNING, "calibration", f"calibration refused: {reason}")
+        return
+    s.calibration = calibration.start(s.calibration, kind, command.value)
+    say(s, publish, Severity.INFO, "calibration", calibration.WORDS[kind])
+    publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))
+
+
 def _lose_link(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.modes, notices = modes.set_link(s.modes, lost=True)
     tell(s, publish, notices)
@@ -196,6 +222,7 @@ APPLY: dict[CommandKind, Callable[[AutopilotState, Publish, Command], None]] = {
     CommandKind.SET_MISSION: _set_mission,
     CommandKind.SET_CURRENT_ITEM: _set_current_item,
     CommandKind.EXCITE: _excite,
+    CommandKind.CALIBRATE: _calibrate,
     CommandKind.LINK_LOST: _lose_link,
     CommandKind.LINK_REGAINED: _regain_link,
 }

@@ -170,6 +170,7 @@ class CommandKind(IntEnum):
     EXCITE = 7
     LINK_LOST = 8
     LINK_REGAINED = 9
+    CALIBRATE = 20
 
 
 class Command(NamedTuple):
@@ -180,9 +181,9 @@ class Command(NamedTuple):
     kind: CommandKind
     """-; what is asked"""
     name: str = ""
-    """-; the parameter's name, the mode's name, or empty"""
+    """-; the parameter's name, the mode's name, what to calibrate (empty to cancel), or empty"""
     value: float = 0.0
-    """-; the parameter's value, the item's number, or 0"""
+    """-; the parameter's value, the item's number, what a calibration is given, or 0"""
     payload: Any = None
     """-; a tuple of mission items for SET_MISSION, an excitation item for EXCITE"""
     source: str = ""
@@ -574,6 +575,45 @@ class Event(NamedTuple):
     """-; the module that speaks"""
     text: str
     """-; one line"""
+
+
+class Calibration(IntEnum):
+    """What can be calibrated."""
+
+    NONE = 0
+    ACCELEROMETER = 1
+    """on six sides, at rest on each"""
+    LEVEL = 2
+    """accelerometer, level and at rest"""
+    MAGNETOMETER = 3
+    """while it is turned about all axes"""
+    AIRSPEED_ZERO = 4
+    """at rest, the pitot covered"""
+    AIRSPEED = 5
+    """in flight, over a circle or both ways"""
+    WINGS = 6
+    """both wings at rest at a known angle"""
+    BATTERY = 7
+    """the drives at rest, a voltage given"""
+
+
+class CalibrationStatus(NamedTuple):
+    """How a calibration goes, and how the last one ended."""
+
+    time_us: Time
+    """us; since boot"""
+    kind: Annotated[Calibration, Wire("fixed32")]
+    """-; that runs, or that ended last"""
+    running: Number
+    """-; 1 while samples are gathered"""
+    progress: float
+    """-; 0 to 1"""
+    begun: Number
+    """-; calibrations since boot, this one included"""
+    succeeded: Number
+    """-; 1 when the last one that ended set its parameters"""
+    residual: float
+    """RMS that the found values leave, in the sensor's unit"""
 
 
 class Failsafe(IntFlag):

@@ -21,6 +21,7 @@ LONGEST_NAME = 16
 
 PREFIXES = {
     "plausibility": "SENS",
+    "imu": "IMU",
     "ahrs": "AHRS",
     "wing_angle": "WING",
     "power": "PWR",

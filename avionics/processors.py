@@ -16,7 +16,7 @@ from typing import NamedTuple
 from avionics import topics
 from avionics.messages import TaskTiming
 from avionics.state import AutopilotState
-from avionics.tasks import estimate, guide, mix, report, sense, stabilize
+from avionics.tasks import calibrate, estimate, guide, mix, report, sense, stabilize
 from avionics.timebase import BASE_RATE
 from avionics.topics import Publish
 
@@ -64,6 +64,7 @@ MAIN = (
     Task(Part.SENSE, 200.0, sense.wing),
     Task(Part.SENSE, 200.0, sense.air),
     Task(Part.SENSE, 200.0, sense.torque),
+    Task(Part.SENSE, 200.0, calibrate.calibrate),
     Task(Part.ESTIMATE, 200.0, estimate.altitude),
     Task(Part.ESTIMATE, 200.0, estimate.position),
     Task(Part.GUIDE, 50.0, guide.modes),

@@ -13,6 +13,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from avionics import messages as m
 from avionics import timebase
+from avionics.calibration import procedure as calibration
 from avionics.estimation import ahrs
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
@@ -65,6 +66,7 @@ class AutopilotState:
     roll_loop: roll.State = roll.State()
     flapping: flapping.State = flapping.State()
     tail: tail.State = tail.State()
+    calibration: calibration.State = calibration.State()
 
     frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
     """the last frame, without what was refused; its IMU sample is the last good one"""

@@ -59,6 +59,8 @@ TIMING = Topic("/system/timing", m.TaskTiming, 61, 4.0, deterministic=False)
 EVENTS = Topic("/system/events", m.Event, 62, 0.0)
 INPUTS = Topic("/system/inputs", m.Text, 63, 0.0)
 """every `m.Command` with the tick at which it was applied"""
+CALIBRATION = Topic("/system/calibration", m.CalibrationStatus, 66, 0.0)
+"""at every change and twice a second while one runs"""
 SNAPSHOTS = Topic("/system/snapshots", m.Text, 64, 0.1)
 """the whole State of the autopilot every ten seconds"""
 LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False)
@@ -68,5 +70,5 @@ TOPICS: tuple[Topic, ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
-    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS,
+    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION,
 )  # fmt: skip

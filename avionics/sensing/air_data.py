@@ -43,6 +43,10 @@ class Gains(NamedTuple):
     """counts; at plus the range: 90 % of 2^14"""
     differential_range: Annotated[float, Quantity("Pa", 1.0, 1e5)] = 248.84
     """Pa; either way"""
+    differential_zero: Annotated[float, Quantity("Pa", -100.0, 100.0)] = 0.0
+    """Pa; reading of the pitot at rest, from a calibration"""
+    differential_scale: Annotated[float, Quantity("-", 0.3, 3.0)] = 1.0
+    """-; of the pressure, from a calibration: the square of the airspeed's"""
     zero_limit: Annotated[float, Quantity("Pa", 0.0, 50.0)] = 3.0
     """Pa; largest zero of the pitot that is learned on the ground"""
     reference_time: Annotated[float, Quantity("s", 0.02, 60.0)] = 1.0
@@ -97,7 +101,7 @@ def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) ->
     dt = 0.0 if state.time_us < 0 else max(0.0, min(LONGEST_STEP, (sample.time_us - state.time_us) * 1e-6))
     first = state.time_us < 0
     reference, reference_span = _reference(gains, state, static, dt)
-    raw = _differential(gains, sample.differential_counts)
+    raw = (differential(gains, sample.differential_counts) - gains.differential_zero) * gains.differential_scale
     zero, zero_span = _zero(gains, state, raw, dt) if on_ground else (state.zero, state.zero_span)
     pressure = _follow(state.dynamic_pressure, raw - zero, dt, gains.pressure_time, first)
     density = static / (AIR_GAS_CONSTANT * temperature)
@@ -110,8 +114,8 @@ def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) ->
     return state, AirData(time_us, airspeed, rate, pressure, static, temperature, density, altitude)
 
 
-def _differential(gains: Gains, counts: int) -> float:
-    """Pa from counts, linear between 10 and 90 % (Honeywell HSC data sheet, transfer function A)."""
+def differential(gains: Gains, counts: int) -> float:
+    """Pa of the counts, without zero and scale: 10 to 90 % (Honeywell HSC data sheet, transfer function A)."""
     share = (counts - gains.differential_low) / (gains.differential_high - gains.differential_low)
     return (2.0 * share - 1.0) * gains.differential_range
 

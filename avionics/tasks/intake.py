@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from avionics import topics
+from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import say
 from avionics.messages import (
     ActuatorCommand,
     SensorFrame,
     Severity,
 )
-from avionics.sensing import plausibility
+from avionics.sensing import inertial, plausibility
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -35,7 +36,12 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
     """Take the frame, without the samples that cannot be."""
     record_frame(publish, frame)
     s.plausibility, frame, gone_bad = plausibility.step(s.gains.plausibility, s.plausibility, frame)
-    s.frame = frame._replace(imu=s.frame.imu) if s.plausibility.bad & 1 else frame
+    if s.plausibility.bad & 1:
+        frame = frame._replace(imu=s.frame.imu)
+    elif s.calibration.kind not in RAW_IMU:
+        imu = inertial.correct(s.gains.imu, frame.imu)
+        frame = frame if imu is frame.imu else frame._replace(imu=imu)
+    s.frame = frame
     for name in gone_bad:
         say(s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite or out of range")
 

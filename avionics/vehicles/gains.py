@@ -9,7 +9,7 @@ from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes, navigation
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, drive_torque, plausibility, power, wing_angle
+from avionics.sensing import air_data, drive_torque, inertial, plausibility, power, wing_angle
 from avionics.stabilization import pitch, roll
 
 
@@ -17,6 +17,7 @@ class FlightGains(NamedTuple):
     """What the flight computer is tuned with; a field is a section of the vehicle file."""
 
     plausibility: plausibility.Gains
+    imu: inertial.Gains
     ahrs: ahrs.AhrsGains
     wing_angle: wing_angle.Gains
     power: power.Gains

@@ -1,0 +1,67 @@
+"""The supply's divider against a measured voltage, and the current sensor's zero, with the drives at rest."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from avionics.calibration.result import Result, Setting, Took
+from avionics.messages import AdcBurst
+from avionics.sensing.power import Gains, averages
+
+AT_REST = 100
+"""bursts: one second"""
+MOST_SCATTER = 0.2
+"""A; standard deviation of the current at rest: more is a drive that runs"""
+GREATEST_CURRENT = 2.0
+"""A; reading at rest beyond which a drive runs or the sensor is broken"""
+RATIOS = (0.7, 1.4)
+"""-; of the given to the measured voltage; beyond it one of them is wrong"""
+
+
+class State(NamedTuple):
+    """What was gathered."""
+
+    samples: int = 0
+    """-; bursts"""
+    voltage: float = 0.0
+    """V; sum"""
+    current: float = 0.0
+    """A; sum"""
+    current_square: float = 0.0
+    """A^2; sum"""
+
+
+def step(gains: Gains, state: State, burst: AdcBurst) -> tuple[State, Took]:
+    """One burst at rest."""
+    voltage, current, _ = averages(gains, burst)
+    state = State(
+        state.samples + 1,
+        state.voltage + voltage,
+        state.current + current,
+        state.current_square + current * current,
+    )
+    return state, Took(complete=state.samples >= AT_REST)
+
+
+def progress(state: State) -> float:
+    """Share that has been gathered, 0 to 1."""
+    return state.samples / AT_REST
+
+
+def finish(state: State, gains: Gains, given: float) -> tuple[Result, str]:
+    """Divider for the ``given`` voltage (V; 0 leaves it) and the current's zero; why they are none (or "")."""
+    voltage, current = state.voltage / state.samples, state.current / state.samples
+    scatter = math.sqrt(max(0.0, state.current_square / state.samples - current * current))
+    zero = gains.current_zero + current * gains.current_sensitivity
+    settings: tuple[Setting, ...] = (Setting("power", "current_zero", -1, zero),)
+    result = Result(settings, scatter, "A", state.samples)
+    if scatter > MOST_SCATTER or abs(current) > GREATEST_CURRENT:
+        return result, "current flows: the drives must rest"
+    if given == 0.0:
+        return result, ""
+    ratio = (voltage - gains.voltage_offset) / (given - gains.voltage_offset)
+    if not RATIOS[0] <= ratio <= RATIOS[1]:
+        return result, f"{given:.2f} V were given, {voltage:.2f} V are measured"
+    divider = Setting("power", "divider", -1, gains.divider * ratio)
+    return result._replace(settings=(*settings, divider)), ""

@@ -1,0 +1,136 @@
+"""Hard and soft iron of the magnetometer from turning the vehicle: the field's tip lies on an ellipsoid.
+
+The ellipsoid is fitted by linear least squares of its quadric; its centre is the hard iron, and the symmetric matrix
+that makes it a sphere of the same volume takes out soft iron and scale errors. Where too little of the sphere was
+seen for that, a sphere alone is fitted; where too little for a sphere, nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics.calibration.result import NOTHING_NEW, Result, Setting, Took, triple
+
+SPACING = 0.07
+"""gauss; between two samples that are kept: some nine degrees"""
+MOST = 200
+"""samples kept"""
+ENOUGH = 60
+"""samples without which it goes on, however wide they are spread"""
+FEWEST = 12
+"""samples without which nothing is fitted"""
+COMPLETE, ELLIPSOID, SPHERE = 0.9, 0.75, 0.5
+"""-; coverage at which it ends by itself, and least for an ellipsoid and for a sphere"""
+NEAR = math.cos(math.radians(25.0))
+"""-; a direction is covered when a sample lies within 25 degrees"""
+DIRECTIONS = 100
+"""spread evenly over the sphere, of which the covered are counted"""
+SCALES = (0.5, 2.0)
+"""-; axes of the sphere's matrix; beyond it was no field that was measured"""
+
+Vector = tuple[float, float, float]
+Array = NDArray[np.float64]
+
+
+class State(NamedTuple):
+    """What was gathered."""
+
+    points: tuple[Vector, ...] = ()
+    """gauss; readings"""
+    coverage: float = 0.0
+    """-; share of all directions"""
+    told: int = 0
+    """-; tenths of the coverage that were told"""
+
+
+def step(state: State, field: Vector) -> tuple[State, Took]:
+    """One reading (gauss, FRD); kept when it is far from all others."""
+    x, y, z = field
+    near = SPACING * SPACING
+    for a, b, c in state.points:
+        if (x - a) * (x - a) + (y - b) * (y - b) + (z - c) * (z - c) < near:
+            return state, NOTHING_NEW
+    points = (*state.points, field)[:MOST]
+    covered = coverage(np.array(points))
+    tenths = int(10.0 * covered)
+    note = f"{100.0 * covered:.0f} % of all directions seen" if tenths > state.told else ""
+    complete = covered >= COMPLETE and len(points) >= ENOUGH
+    return State(points, covered, max(tenths, state.told)), Took(note, complete or len(points) >= MOST)
+
+
+def progress(state: State) -> float:
+    """Share that has been gathered, 0 to 1."""
+    return min(state.coverage / COMPLETE, 1.0)
+
+
+def coverage(points: Array) -> float:
+    """Share of all directions, seen from the centre of the sphere through the ``points`` (N, 3), with one near."""
+    if len(points) < FEWEST:
+        return 0.0
+    offsets = points - _sphere_centre(points)
+    unit = offsets / np.maximum(np.linalg.norm(offsets, axis=1, keepdims=True), 1e-9)
+    return float(np.mean(np.max(_directions() @ unit.T, axis=1) > NEAR))
+
+
+@cache
+def _directions() -> Array:
+    """Unit vectors (N, 3) spread evenly by the golden angle."""
+    number = np.arange(DIRECTIONS)
+    height = 1.0 - (2.0 * number + 1.0) / DIRECTIONS
+    angle, flat = math.pi * (3.0 - math.sqrt(5.0)) * number, np.sqrt(1.0 - height**2)
+    return np.column_stack((flat * np.cos(angle), flat * np.sin(angle), height))
+
+
+def finish(state: State) -> tuple[Result, str]:
+    """Hard and soft iron, and why they cannot be told (or "")."""
+    points = np.array(state.points).reshape(-1, 3)
+    if state.coverage < SPHERE or len(points) < FEWEST:
+        return Result((), 0.0, "gauss", len(points)), (
+            f"only {100.0 * state.coverage:.0f} % of all directions were seen, {100.0 * SPHERE:.0f} % are needed"
+        )
+    fitted = _ellipsoid(points) if state.coverage >= ELLIPSOID else None
+    centre, matrix = fitted if fitted is not None else (_sphere_centre(points), np.eye(3))
+    size = np.linalg.norm((points - centre) @ matrix, axis=1)
+    residual = float(np.std(size))
+    low, high = np.linalg.eigvalsh(matrix)[[0, -1]]
+    settings = _settings(centre, matrix)
+    refusal = "" if SCALES[0] <= low and high <= SCALES[1] else "the readings lie on no ellipsoid of one field"
+    return Result(settings, residual, "gauss", len(points)), refusal
+
+
+def _settings(centre: Array, matrix: Array) -> tuple[Setting, ...]:
+    diagonal = (matrix[0, 0], matrix[1, 1], matrix[2, 2])
+    cross = (matrix[0, 1], matrix[0, 2], matrix[1, 2])
+    return (
+        triple("imu", "mag_offset", (centre[0], centre[1], centre[2]))
+        + triple("imu", "mag_scale", diagonal)
+        + triple("imu", "mag_cross", cross)
+    )
+
+
+def _sphere_centre(points: Array) -> Array:
+    """Centre (3,) of the sphere through ``points`` (N, 3): |p|^2 = 2 p.c + r^2 - |c|^2 by least squares."""
+    design = np.column_stack((2.0 * points, np.ones(len(points))))
+    solution = np.linalg.lstsq(design, np.sum(points**2, axis=1), rcond=None)[0]
+    return np.asarray(solution[:3])
+
+
+def _ellipsoid(points: Array) -> tuple[Array, Array] | None:
+    """Centre (3,) and the symmetric matrix (3, 3) of determinant 1 that makes it a sphere; None for no ellipsoid."""
+    middle = _sphere_centre(points)
+    size = float(np.mean(np.linalg.norm(points - middle, axis=1)))
+    x, y, z = ((points - middle) / size).T
+    design = np.column_stack((x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, 2 * x, 2 * y, 2 * z))
+    a, b, c, d, e, f, *linear = np.linalg.lstsq(design, np.ones(len(points)), rcond=None)[0]
+    quadric = np.array([[a, d, e], [d, b, f], [e, f, c]])
+    if np.min(np.linalg.eigvalsh(quadric)) <= 0.0:
+        return None
+    centre = -np.linalg.solve(quadric, linear)
+    lengths, axes = np.linalg.eigh(quadric)
+    root = axes @ np.diag(np.sqrt(lengths)) @ axes.T
+    return middle + size * centre, root / np.linalg.det(root) ** (1.0 / 3.0)

@@ -1,0 +1,47 @@
+"""The IMU's calibration: offset and scale of the accelerometer, hard and soft iron of the magnetometer."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.messages import ImuSample
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """What a calibration found; neutral before one."""
+
+    accel_offset: Annotated[tuple[float, float, float], Quantity("m/s^2", -20.0, 20.0)] = (0.0, 0.0, 0.0)
+    """m/s^2; taken off the specific force along FRD x, y, z"""
+    accel_scale: Annotated[tuple[float, float, float], Quantity("-", 0.5, 2.0)] = (1.0, 1.0, 1.0)
+    """-; then multiplied"""
+    mag_offset: Annotated[tuple[float, float, float], Quantity("gauss", -10.0, 10.0)] = (0.0, 0.0, 0.0)
+    """gauss; hard iron, taken off the field along FRD x, y, z"""
+    mag_scale: Annotated[tuple[float, float, float], Quantity("-", 0.2, 5.0)] = (1.0, 1.0, 1.0)
+    """-; diagonal of the matrix that takes out the soft iron"""
+    mag_cross: Annotated[tuple[float, float, float], Quantity("-", -1.0, 1.0)] = (0.0, 0.0, 0.0)
+    """-; its elements xy, xz and yz; it is symmetric"""
+
+
+NEUTRAL = Gains()
+
+
+def correct(gains: Gains, imu: ImuSample) -> ImuSample:
+    """The sample as a perfect sensor would have it; the rates are left to the bias of the AHRS."""
+    if gains == NEUTRAL:
+        return imu
+    time_us, ax, ay, az, p, q, r, mx, my, mz = imu
+    (ox, oy, oz), (sx, sy, sz), (hx, hy, hz), (xx, yy, zz), (xy, xz, yz) = gains
+    mx, my, mz = mx - hx, my - hy, mz - hz
+    return ImuSample(
+        time_us,
+        (ax - ox) * sx,
+        (ay - oy) * sy,
+        (az - oz) * sz,
+        p,
+        q,
+        r,
+        xx * mx + xy * my + xz * mz,
+        xy * mx + yy * my + yz * mz,
+        xz * mx + yz * my + zz * mz,
+    )

@@ -1,0 +1,132 @@
+"""The task that gathers samples for a calibration, and takes what it found."""
+
+from __future__ import annotations
+
+import math
+
+from avionics import topics
+from avionics.calibration import accelerometer, airspeed, battery, magnetometer, procedure, wings
+from avionics.calibration.result import NOTHING_NEW, Took
+from avionics.guidance.modes import AIRBORNE
+from avionics.inputs import say
+from avionics.messages import Calibration, Severity
+from avionics.quantities import BadInput
+from avionics.sensing import air_data, inertial
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+TELL_EVERY = 0.5
+"""s; between two messages of the status"""
+
+
+def calibrate(s: AutopilotState, publish: Publish) -> None:
+    """One tick of the calibration that runs; nothing otherwise."""
+    if not s.calibration.kind:
+        return
+    cancelled = reason_to_stop(s)
+    took = Took(cancelled=cancelled) if cancelled else gather(s)
+    state = s.calibration
+    s.calibration = state._replace(elapsed=state.elapsed + s.clock.dt, told=state.told + s.clock.dt)
+    if took.note:
+        say(s, publish, Severity.INFO, "calibration", took.note)
+        s.calibration = _noted(s.calibration)
+    if took.cancelled:
+        give_up(s, publish, f"cancelled: {took.cancelled}")
+    elif took.complete or state.elapsed >= procedure.PATIENCE[state.kind]:
+        _solve(s, publish)
+    elif took.note or s.calibration.told >= TELL_EVERY:
+        s.calibration = s.calibration._replace(told=0.0)
+        publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
+
+
+def _noted(state: procedure.State) -> procedure.State:
+    """On six sides the patience is for each."""
+    return state._replace(elapsed=0.0) if state.kind == Calibration.ACCELEROMETER else state
+
+
+def reason_to_stop(s: AutopilotState) -> str:
+    """What ends the calibration that runs; empty while it may go on."""
+    kind = s.calibration.kind
+    if kind == Calibration.AIRSPEED:
+        return "" if s.modes.stage in AIRBORNE else "no longer in flight"
+    if s.modes.armed:
+        return "armed"
+    imu = s.frame.imu
+    turning = math.sqrt(imu.gyro_x * imu.gyro_x + imu.gyro_y * imu.gyro_y + imu.gyro_z * imu.gyro_z)
+    return "the vehicle moved" if kind in procedure.AT_REST and turning > procedure.MOVING else ""
+
+
+def gather(s: AutopilotState) -> Took:
+    """Take the samples of this tick that the calibration needs."""
+    kind, frame, state = s.calibration.kind, s.frame, s.calibration
+    took = NOTHING_NEW
+    if kind in procedure.RAW_IMU:
+        return _gather_imu(s)
+    if kind == Calibration.AIRSPEED_ZERO and frame.pressures is not None:
+        pressure = air_data.differential(s.gains.air_data, frame.pressures.differential_counts)
+        gathered, took = airspeed.step_zero(state.airspeed, pressure)
+        s.calibration = state._replace(airspeed=gathered)
+    elif kind == Calibration.AIRSPEED and frame.gps is not None and frame.gps.fix_type >= 2:
+        gathered, took = airspeed.step_scale(state.airspeed, _flown(s))
+        s.calibration = state._replace(airspeed=gathered)
+    elif kind == Calibration.WINGS and frame.encoder is not None:
+        at_rest, took = wings.step(state.wings, frame.encoder)
+        s.calibration = state._replace(wings=at_rest)
+    elif kind == Calibration.BATTERY and frame.adc is not None:
+        supply, took = battery.step(s.gains.power, state.battery, frame.adc)
+        s.calibration = state._replace(battery=supply)
+    return took
+
+
+def _gather_imu(s: AutopilotState) -> Took:
+    imu, state = s.frame.imu, s.calibration
+    if s.plausibility.bad & 1:
+        return NOTHING_NEW
+    if state.kind == Calibration.MAGNETOMETER:
+        turned, took = magnetometer.step(state.magnetometer, (imu.mag_x, imu.mag_y, imu.mag_z))
+        s.calibration = state._replace(magnetometer=turned)
+        return took
+    step = accelerometer.step if state.kind == Calibration.ACCELEROMETER else accelerometer.step_level
+    gathered, took = step(state.accelerometer, (imu.accel_x, imu.accel_y, imu.accel_z))
+    s.calibration = state._replace(accelerometer=gathered)
+    return took
+
+
+def _flown(s: AutopilotState) -> airspeed.Sample:
+    """Heading, horizontal airspeed and ground velocity at a fix."""
+    fix, climb, speed = s.frame.gps, s.altitude.climb_rate, s.air.airspeed
+    assert fix is not None
+    level = math.sqrt(max(speed * speed - climb * climb, 0.0))
+    return s.attitude.yaw, level, fix.v_north, fix.v_east
+
+
+def give_up(s: AutopilotState, publish: Publish, reason: str) -> None:
+    """End the calibration without a result, and say why."""
+    name = s.calibration.kind.name
+    s.calibration = procedure.stop(s.calibration)
+    say(s, publish, Severity.WARNING, "calibration", f"{name} not calibrated: {reason}")
+    publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
+
+
+def _solve(s: AutopilotState, publish: Publish) -> None:
+    kind = s.calibration.kind
+    try:
+        result = procedure.finish(s.calibration, s.gains)
+        s.gains = procedure.applied(s.gains, result.settings)
+    except BadInput as refused:
+        give_up(s, publish, str(refused))
+        return
+    s.calibration = procedure.stop(s.calibration, succeeded=True, residual=result.residual)
+    _begin_anew(s, kind)
+    text = f"{kind.name} calibrated: {result.residual:.3g} {result.unit} RMS left in {result.samples} samples"
+    say(s, publish, Severity.NOTICE, "calibration", text)
+    publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
+
+
+def _begin_anew(s: AutopilotState, kind: Calibration) -> None:
+    """What was learned with the old values is forgotten."""
+    if kind in procedure.RAW_IMU:
+        s.ahrs = None
+        s.frame = s.frame._replace(imu=inertial.correct(s.gains.imu, s.frame.imu))
+    elif kind == Calibration.AIRSPEED_ZERO:
+        s.air_data = s.air_data._replace(zero=0.0, zero_span=0.0)
