@@ -98,6 +98,12 @@ class FlightView:
         """The events since boot but for the first ``after``."""
         return self._events[after:]
 
+    def tell(self, severity: Severity, source: str, text: str) -> None:
+        """Something that happened outside the flight core, for the ground and for the log."""
+        event = Event(self.time_us, severity, source, text)
+        self._events.append(event)
+        self._forward(topics.LINK_EVENTS, event)
+
     def refusal(self, command: Command) -> str:
         """Why the flight core would refuse ``command`` now, one line; empty when it would take it.
 

@@ -27,7 +27,7 @@ from avionics.link.services.statustext import StatustextService
 from avionics.link.services.timesync import TimesyncService
 from avionics.link.streams import Streams
 from avionics.link.transport import Packet, Peer, Transport, open_transport
-from avionics.link.vehicle import Identity, LinkGains, VehicleView
+from avionics.link.vehicle import Identity, LinkGains, Storage, VehicleView
 from avionics.messages import Command, CommandKind, Event, PilotInput, Severity
 
 PAUSE = 0.2
@@ -136,8 +136,9 @@ class GroundLink:
         identity: Identity | None = None,
         gains: LinkGains | None = None,
         unix_time: Callable[[], float] = time.time,
+        storage: Storage | None = None,
     ) -> None:
-        """Open all links.
+        """Open all links; without a ``storage`` no parameters are kept.
 
         Raises:
             BadInput: not a link address, a port in use, a missing device; no link stays open then.
@@ -147,21 +148,21 @@ class GroundLink:
         self._links = [_Link(transport, self._identity) for transport in _open_all(urls)]
         self._streams = Streams(vehicle, len(self._links), unix_time)
         self._silence = SilenceService(vehicle, gains or LinkGains())
-        self._services = self._build_services(gains or LinkGains())
+        self._services = self._build_services(gains or LinkGains(), storage)
         self._by_message: dict[str, list[Service]] = {}
         for service in self._services:
             for name in service.handles:
                 self._by_message.setdefault(name, []).append(service)
         self._journal: list[Event] = []
 
-    def _build_services(self, gains: LinkGains) -> list[Service]:
+    def _build_services(self, gains: LinkGains, storage: Storage | None) -> list[Service]:
         vehicle, identity = self._vehicle, self._identity
         requests = Requests(vehicle, identity, self._streams)
         missions = MissionService(vehicle, gains)
         return [
             HeartbeatService(vehicle, identity, gains),
             self._silence,
-            CommandService(vehicle, identity, requests, missions),
+            CommandService(vehicle, identity, requests, missions, storage),
             ParameterService(vehicle, gains),
             missions,
             ModeService(vehicle, identity),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from avionics.guidance.mission import Mission
@@ -70,6 +70,19 @@ class VehicleView(Protocol):
 
     def refusal(self, command: Command) -> str:
         """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+
+
+class Storage(Protocol):
+    """Where parameters outlive a restart; its owner is at the edge, with the files."""
+
+    def stored(self) -> Mapping[str, float]:
+        """The values in the file that differ from the vehicle's; raises `BadInput` where it cannot be used."""
+
+    def defaults(self) -> Mapping[str, float]:
+        """Every value of the vehicle file."""
+
+    def save(self, values: Mapping[str, float]) -> None:
+        """Write what differs from the vehicle's; raises `OSError`."""
 
 
 class ModeNumbers(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -13,8 +14,10 @@ from avionics import parameters
 from avionics.board.board import BoardSilent
 from avionics.board.cores import pin_to_core
 from avionics.board.hil import HilBoard
+from avionics.board.parameter_file import Loaded, ParameterFile, default_path
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
+from avionics.messages import Severity
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
 from avionics.recorder import Recorder
@@ -40,6 +43,7 @@ def build_parser() -> options.Parser:
     options.add_mission(parser)
     options.add_gcs(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
+    options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
@@ -54,16 +58,33 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     vehicle = load_vehicle(chosen.vehicle)
     mission = load_mission(chosen.mission)
+    kept = None
+    if chosen.parameters != options.NO_PARAMETERS:
+        kept = ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
+    loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
+    vehicle = loaded.vehicle
     path = chosen.log or new_recording(vehicle.name)
     with contextlib.ExitStack() as stack:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, mission)
         onboard = Onboard(vehicle, mission, recorder, scripted_start() if chosen.start else ())
-        link = GroundLink(chosen.gcs, onboard.view)
+        if kept is not None:
+            onboard.keep_parameters(kept)
+        _tell(onboard, loaded)
+        link = GroundLink(chosen.gcs, onboard.view, storage=kept)
         stack.callback(link.close)
         _fly(chosen.board, onboard, link)
     return 0
+
+
+def _tell(onboard: Onboard, loaded: Loaded) -> None:
+    """Say which parameters were loaded, or why none were; a damaged file on stderr too."""
+    if loaded.text:
+        severity = Severity.WARNING if loaded.damaged else Severity.INFO
+        onboard.view.tell(severity, "parameters", loaded.text)
+    if loaded.damaged:
+        print(f"wingbeat: {loaded.text}", file=sys.stderr)
 
 
 def _fly(address: str, onboard: Onboard, link: GroundLink) -> None:

@@ -98,6 +98,7 @@ def build_parser() -> options.Parser:
     options.add_world(parser, DURATION)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
+    options.add_parameters(parser, options.NO_PARAMETERS)
     options.add_json(parser)
     return parser
 
@@ -207,6 +208,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     links = [word for url in chosen.gcs for word in ("--gcs", url)]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--start", "--log", str(plan.parts[1])]
+    flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
     children.start("the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links])
 
 

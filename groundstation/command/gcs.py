@@ -10,10 +10,11 @@ from typing import Any
 
 from avionics.link.dialect import mavlink
 from avionics.quantities import BadInput
-from groundstation.command import options
-from groundstation.link import client, modes, waypoints
+from groundstation.command import gcs_calibrate, gcs_excite, options
+from groundstation.link import client, modes, parameter_list, waypoints
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import AnyExchange, Connection
+from groundstation.link.vehicle_state import new_events
 from groundstation.views import monitor, tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -26,6 +27,10 @@ EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
     "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_P 0.8",
     "wingbeat gcs tcp:127.0.0.1:5760 mission download flight.waypoints",
+    "wingbeat gcs udpin:0.0.0.0:14550 excite doublet elevator --amplitude 5 --width 0.2",
+    "wingbeat gcs udpin:0.0.0.0:14550 excite multisine --elevator 3 --rudder 5 --period 10 --low 0.3 --high 2.5"
+    " --loops active",
+    "wingbeat gcs udpin:0.0.0.0:14550 calibrate battery --voltage 7.82",
 )
 JSON_KEYS = {
     "monitor": "one object a line, as status",
@@ -33,6 +38,9 @@ JSON_KEYS = {
     "arm, disarm, mode": "done, mode, armed",
     "param list": "parameters: list of {name, value, type}",
     "param get, set": "name, value, type",
+    "param save, load": "file; parameters: list of {name, value, type}, saved or changed",
+    "excite": "done, mode, armed",
+    "calibrate": "kind; said: list of lines; parameters: list of {name, value, type} that changed",
     "mission": "items: list of {frame, command, parameters, x, y, z}; file where one was written",
 }
 
@@ -53,8 +61,10 @@ def build_parser() -> options.Parser:
         "--force", action="store_true", help="even in flight"
     )
     verbs.add_parser("mode", help="change the flight mode").add_argument("name", metavar="NAME")
-    _add_parameter_verbs(verbs.add_parser("param", help="list, get or set parameters"))
+    _add_parameter_verbs(verbs.add_parser("param", help="list, get, set, save or load parameters"))
     _add_mission_verbs(verbs.add_parser("mission", help="show, download or upload the mission"))
+    gcs_excite.add_verbs(verbs.add_parser("excite", help="fly an identification input"), _VerbParser)
+    gcs_calibrate.add_verbs(verbs.add_parser("calibrate", help="calibrate a sensor aboard"), _VerbParser)
     return parser
 
 
@@ -68,12 +78,16 @@ class _VerbParser(options.Parser):
 
 
 def _add_parameter_verbs(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|set", parser_class=_VerbParser)
+    actions = parser.add_subparsers(
+        dest="action", required=True, metavar="list|get|set|save|load", parser_class=_VerbParser
+    )
     actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
     actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")
     setting = actions.add_parser("set", help="change one parameter")
     setting.add_argument("name", metavar="NAME")
     setting.add_argument("value", metavar="VALUE", type=options.number)
+    actions.add_parser("save", help="write all to a new file").add_argument("file", type=Path, metavar="FILE")
+    actions.add_parser("load", help="set those of a file that differ").add_argument("file", type=Path, metavar="FILE")
 
 
 def _add_mission_verbs(parser: argparse.ArgumentParser) -> None:
@@ -109,16 +123,26 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _check_files(chosen: argparse.Namespace) -> tuple[client.Item, ...]:
-    """Read or refuse files before the vehicle is spoken to."""
+    """Read or refuse files and inputs before the vehicle is spoken to."""
+    if chosen.verb == "excite":
+        chosen.asked = gcs_excite.excitation_of(chosen)
+    if chosen.verb == "param" and chosen.action == "load":
+        chosen.values = parameter_list.read(chosen.file)
+    if chosen.verb == "param" and chosen.action == "save":
+        _check_new(chosen.file)
     if chosen.verb != "mission" or chosen.action == "show":
         return ()
     if chosen.action == "upload":
         return waypoints.read(chosen.file)
-    if chosen.file.exists():
-        raise BadInput(f"{chosen.file} exists already; choose another name")
-    if not chosen.file.absolute().parent.is_dir():
-        raise BadInput(f"folder {chosen.file.absolute().parent} does not exist")
+    _check_new(chosen.file)
     return ()
+
+
+def _check_new(file: Path) -> None:
+    if file.exists():
+        raise BadInput(f"{file} exists already; choose another name")
+    if not file.absolute().parent.is_dir():
+        raise BadInput(f"folder {file.absolute().parent} does not exist")
 
 
 def _run(connection: Connection, exchange: AnyExchange, label: str, chosen: argparse.Namespace) -> AnyExchange:
@@ -173,11 +197,78 @@ def _done(connection: Connection, chosen: argparse.Namespace, text: str) -> None
         print(text)
 
 
+def _excite(connection: Connection, chosen: argparse.Namespace) -> None:
+    _run(connection, gcs_excite.request(connection.target, chosen.asked), f"excite {chosen.shape}", chosen)
+    _done(connection, chosen, f"excite {chosen.shape} accepted")
+
+
+def _calibrate(connection: Connection, chosen: argparse.Namespace) -> None:
+    said: list[str] = []
+    heard = connection.state.said
+
+    def watch(exchange: client.CalibrationExchange) -> None:
+        nonlocal heard
+        for event in new_events(connection.state, heard):
+            said.append(event.text)
+            if not chosen.json:
+                print(event.text, flush=True)
+        heard = connection.state.said
+        bar.show(*exchange.progress())
+
+    request = gcs_calibrate.request(connection.target, chosen)
+    with ProgressBar(f"calibrate {chosen.kind}", quiet=chosen.json) as bar:
+        changed = connection.run(request, watch, gcs_calibrate.PATIENCE).changed
+    if chosen.json:
+        records = [tables.parameter_record(parameter) for parameter in changed]
+        print_document({"kind": chosen.kind, "said": said, "parameters": records})
+        return
+    _print_parameters(changed, chosen)
+
+
+def _download(connection: Connection, chosen: argparse.Namespace) -> list[client.Parameter]:
+    download = client.ParameterDownload(connection.target, connection.state.autopilot == modes.PX4)
+    return sorted(_run(connection, download, "parameters", chosen).values.values())
+
+
+def _param_file(connection: Connection, chosen: argparse.Namespace) -> None:
+    """Save all parameters, or load those that differ; a name that the vehicle does not have is refused first."""
+    held = _download(connection, chosen)
+    if chosen.action == "save":
+        parameter_list.write(chosen.file, connection.target, held)
+        changed, text = held, f"{len(held)} parameters written to {chosen.file}"
+    else:
+        changed = _load(connection, chosen, {parameter.name: parameter for parameter in held})
+        text = f"{len(changed)} parameters changed"
+    if chosen.json:
+        records = [tables.parameter_record(parameter) for parameter in changed]
+        print_document({"file": str(chosen.file), "parameters": records})
+    else:
+        print(text)
+
+
+def _load(
+    connection: Connection, chosen: argparse.Namespace, held: dict[str, client.Parameter]
+) -> list[client.Parameter]:
+    bytewise = connection.state.autopilot == modes.PX4
+    unknown = sorted(set(chosen.values) - set(held))
+    if unknown:
+        raise BadInput(f"the vehicle has no parameter {unknown[0]} of {chosen.file}")
+    changed = []
+    for name, value in chosen.values.items():
+        _check_value(held[name], value, bytewise)
+        if value != held[name].value:
+            write = client.ParameterWrite(connection.target, held[name], value, bytewise)
+            changed.append(_run(connection, write, name, chosen).answer or held[name])
+    return changed
+
+
 def _param(connection: Connection, chosen: argparse.Namespace) -> None:
     bytewise = connection.state.autopilot == modes.PX4
+    if chosen.action in ("save", "load"):
+        _param_file(connection, chosen)
+        return
     if chosen.action == "list":
-        download = client.ParameterDownload(connection.target, bytewise)
-        listed = sorted(_run(connection, download, "parameters", chosen).values.values())
+        listed = _download(connection, chosen)
         wanted = [parameter for parameter in listed if chosen.pattern.lower() in parameter.name.lower()]
         _print_parameters(wanted, chosen)
         return
@@ -208,7 +299,7 @@ def _print_parameters(wanted: Sequence[client.Parameter], chosen: argparse.Names
         return
     for parameter in wanted:
         print(f"{parameter.name:<16}  {parameter.value:.7g}")
-    if not wanted:
+    if not wanted and chosen.verb == "param":
         print(f"no parameter's name contains {chosen.pattern!r}", file=sys.stderr)
 
 
@@ -240,4 +331,6 @@ VERBS: dict[str, Callable[[Connection, argparse.Namespace], None]] = {
     "disarm": _arm,
     "mode": _mode,
     "param": _param,
+    "excite": _excite,
+    "calibrate": _calibrate,
 }

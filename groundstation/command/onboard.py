@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 
 from avionics import topics
 from avionics.board.board import Board
+from avionics.board.parameter_file import ParameterFile
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
-from avionics.messages import Command, CommandKind, Mode, PilotInput
+from avionics.messages import Command, CommandKind, Mode, PilotInput, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle
@@ -55,7 +56,12 @@ class Onboard:
         self._stopwatch = Stopwatch(time.perf_counter_ns)
         self._script = sorted(script, key=lambda command: command.time_us)
         self._polled_at = float("-inf")
+        self._file: ParameterFile | None = None
         self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
+
+    def keep_parameters(self, file: ParameterFile) -> None:
+        """Write changed parameters to ``file`` while disarmed, and at the end of the flight."""
+        self._file = file
 
     def fly(self, board: Board, link: GroundLink | None = None) -> None:
         """Fly until the board says that the world is over.
@@ -65,10 +71,23 @@ class Onboard:
         """
         step = self.view.autopilot.step
         inputs: list[Command | PilotInput] = []
-        while (frame := board.read()) is not None:
-            board.write(step(frame, [*self._due(frame.time_us), *inputs]))
-            self._stopwatch.tick(frame.time_us, self._recorder.record)
-            inputs = [] if link is None else self._poll(link)
+        try:
+            while (frame := board.read()) is not None:
+                board.write(step(frame, [*self._due(frame.time_us), *inputs]))
+                self._stopwatch.tick(frame.time_us, self._recorder.record)
+                inputs = [] if link is None else self._poll(link)
+                if self._file is not None:
+                    self._keep(self._file, self.view.armed)
+        finally:
+            if self._file is not None:
+                self._keep(self._file, armed=False)
+
+    def _keep(self, file: ParameterFile, armed: bool) -> None:
+        try:
+            file.keep(self.view.autopilot.memory.gains, armed)
+        except OSError as error:
+            text = f"parameters are not kept: {file.path}: {error.strerror}"
+            self.view.tell(Severity.ERROR, "parameters", text)
 
     def _due(self, time_us: int) -> list[Command]:
         due: list[Command] = []

@@ -12,6 +12,7 @@ from avionics.quantities import BadInput
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
+NO_PARAMETERS = "none"
 
 
 class Parser(argparse.ArgumentParser):
@@ -75,6 +76,15 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
     """Offer ``--mission``."""
     parser.add_argument(
         "--mission", default=DEFAULT_MISSION, metavar="FILE", help=f"name or file of a mission ({DEFAULT_MISSION})"
+    )
+
+
+def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
+    """Offer ``--parameters``; ``default`` says in words which file is used without it."""
+    parser.add_argument(
+        "--parameters",
+        metavar="FILE|none",
+        help=f"where changed parameters and calibrations are kept ({default}); none keeps nothing",
     )
 
 

@@ -100,8 +100,13 @@ class Timer(NamedTuple):
 
 def text_of(message: Any) -> str:
     """One clean line out of a STATUSTEXT."""
+    return chunk_of(message).strip()
+
+
+def chunk_of(message: Any) -> str:
+    """The printable text of a STATUSTEXT that may be a part of a longer one, its spaces kept."""
     text = message.text if isinstance(message.text, str) else message.text.decode("utf-8", "replace")
-    return "".join(letter if letter.isprintable() else " " for letter in text.partition("\0")[0]).strip()
+    return "".join(letter if letter.isprintable() else " " for letter in text.partition("\0")[0])
 
 
 class CommandExchange(NamedTuple):
@@ -119,6 +124,8 @@ class CommandExchange(NamedTuple):
     reason: str = ""
     """-; last line the vehicle said meanwhile: why it refuses"""
     failure: str = ""
+    percent: int = 0
+    """-; how far the vehicle says that it is, while it is in progress"""
 
     @property
     def accepted(self) -> bool:
@@ -131,8 +138,8 @@ class CommandExchange(NamedTuple):
         return self.accepted or bool(self.failure)
 
     def progress(self) -> Progress:
-        """One part: the acknowledgement."""
-        return Progress(int(self.finished), 1)
+        """One part, the acknowledgement; or what the vehicle says while it is in progress."""
+        return Progress(self.percent, 100) if self.in_progress else Progress(int(self.finished), 1)
 
     def step(self, now: float, message: Any | None) -> tuple[CommandExchange, Outgoing]:
         """See `Exchange.step`."""
@@ -151,24 +158,61 @@ class CommandExchange(NamedTuple):
     def _heard(self, now: float, message: Any) -> CommandExchange:
         kind = message.get_type()
         if kind == "STATUSTEXT" and self.timer.attempts and message.severity <= mavlink.MAV_SEVERITY_WARNING:
-            return self._replace(reason=text_of(message))
+            return self._replace(reason=(self.reason if message.chunk_seq else "") + chunk_of(message))
         if kind != "COMMAND_ACK" or message.command != self.command or not self.timer.attempts:
             return self
         if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
-            return self._replace(in_progress=True, timer=Timer(now, 1))
+            percent = message.progress if message.progress <= 100 else 0
+            return self._replace(in_progress=True, timer=Timer(now, 1), percent=percent)
         return self._replace(result=message.result, timer=Timer(now, 1))
 
     def _refused(self, now: float) -> CommandExchange:
         """Give the vehicle a moment to say why: its STATUSTEXT may come after the acknowledgement."""
         if not self.reason and not self.timer.due(now, EXPLANATION):
             return self
-        return self._replace(failure=refusal(self.command, self.result or 0, self.reason))
+        return self._replace(failure=refusal(self.command, self.result or 0, self.reason.strip()))
 
     def _request(self) -> Any:
         values = (*self.parameters, *(0.0,) * (7 - len(self.parameters)))
         return mavlink.MAVLink_command_long_message(
             self.target.system, self.target.component, self.command, self.timer.attempts, *values
         )
+
+
+class CalibrationExchange(NamedTuple):
+    """A command that calibrates, and the parameters that the vehicle then announces."""
+
+    request: CommandExchange
+    changed: tuple[Parameter, ...] = ()
+    """-; announced since the request"""
+    ended_at: float | None = None
+    """s; when the vehicle acknowledged its end"""
+    settled: bool = False
+    """-; the parameters have had the time to come"""
+
+    @property
+    def failure(self) -> str:
+        """Why it failed, one line; empty while it did not."""
+        return self.request.failure
+
+    @property
+    def finished(self) -> bool:
+        """True once refused, or once ended and settled."""
+        return bool(self.failure) or self.settled
+
+    def progress(self) -> Progress:
+        """What the vehicle says."""
+        return self.request.progress()
+
+    def step(self, now: float, message: Any | None) -> tuple[CalibrationExchange, Outgoing]:
+        """See `Exchange.step`."""
+        request, outgoing = self.request.step(now, message)
+        changed = self.changed
+        if message is not None and message.get_type() == "PARAM_VALUE":
+            changed = (*changed, decode_parameter(message, bytewise=False))
+        ended_at = now if request.accepted and self.ended_at is None else self.ended_at
+        settled = ended_at is not None and now - ended_at > EXPLANATION
+        return CalibrationExchange(request, changed, ended_at, settled), outgoing
 
 
 def command_name(command: int) -> str:

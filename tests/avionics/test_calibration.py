@@ -254,7 +254,7 @@ def test_a_magnetometer_turned_too_little_is_refused() -> None:
 
 def test_a_pose_that_is_missing_ends_in_a_refusal() -> None:
     bench = Bench()
-    bench.rest(75.0, LEVEL, ask("ACCELEROMETER"), every=20)
+    bench.rest(130.0, LEVEL, ask("ACCELEROMETER"), every=20)
     assert bench.events()[-1] == "ACCELEROMETER not calibrated: not finished after 60 s"
 
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from avionics.guidance.mission import ItemKind
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation
+from avionics.link.services.calibration import OWN as CALIBRATE
+from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import mode_command, requested_mode
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
-from avionics.link.vehicle import Identity, VehicleView
+from avionics.link.services.storage import StorageRequests
+from avionics.link.services.verdict import Request, Verdict
+from avionics.link.vehicle import Identity, Storage, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 
@@ -22,23 +26,6 @@ _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _DENIED = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-
-
-class Request(NamedTuple):
-    """A command of either form."""
-
-    command: int
-    params: tuple[float, ...]
-    """seven numbers; the fifth and sixth of a COMMAND_INT are its integers as they are"""
-    sender: Sender
-
-
-class Verdict(NamedTuple):
-    """What became of a command."""
-
-    result: int
-    outputs: tuple[Output, ...] = ()
-    reason: str = ""
 
 
 Answer = Callable[[Request], Verdict]
@@ -50,12 +37,18 @@ class CommandService:
     handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
     def __init__(
-        self, vehicle: VehicleView, identity: Identity, requests: Requests, missions: MissionService
+        self,
+        vehicle: VehicleView,
+        identity: Identity,
+        requests: Requests,
+        missions: MissionService,
+        storage: Storage | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._identity = identity
         self._requests = requests
         self._missions = missions
+        self._calibrations = CalibrationRequests(vehicle)
         self._answers: dict[int, Answer] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
@@ -68,6 +61,9 @@ class CommandService:
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._no_circling,
             mavlink.MAV_CMD_DO_REPOSITION: self._no_circling,
             **dict.fromkeys(EXCITE_COMMANDS, self._excite),
+            PREFLIGHT: self._calibrations.answer,
+            CALIBRATE: self._calibrations.answer,
+            mavlink.MAV_CMD_PREFLIGHT_STORAGE: StorageRequests(vehicle, storage).answer,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._fixed(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION),
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._fixed(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
@@ -87,8 +83,8 @@ class CommandService:
         return [Reply(ack, sender), *refusal_text(verdict.reason, sender), *verdict.outputs]
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
-        return []
+        """How a calibration goes, and how it ended."""
+        return self._calibrations.step(now)
 
     def _ask_core(self, *commands: Command) -> Verdict:
         """Accepted when the flight core would take the first of ``commands``; the rest follow from it."""

@@ -1,7 +1,8 @@
 """Parameters: list, read by name or index, set.
 
 A set is answered with PARAM_VALUE in every case, once the flight core has taken the value or the time for it
-has passed: what is sent is what the vehicle flies with.
+has passed: what is sent is what the vehicle flies with. A value that changes otherwise, by a calibration, is sent
+to everyone.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class ParameterService:
         self._index = {parameter.name: number for number, parameter in enumerate(vehicle.parameters)}
         self._lists: dict[Sender, int] = {}
         self._pending: list[_Pending] = []
+        self._shown = vehicle.parameters
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """Begin a list, answer a reading, or pass a set on to the flight core."""
@@ -81,14 +83,26 @@ class ParameterService:
 
     def step(self, now: float) -> list[Output]:
         """Values that the flight core has taken, to everyone, and the next part of every list."""
-        if not self._pending and not self._lists:
+        changed = self._changed()
+        if not self._pending and not self._lists and not changed:
             return []
         settled = [each for each in self._pending if self._taken(each) or now >= each.deadline]
         self._pending = [each for each in self._pending if each not in settled]
-        replies: list[Output] = [Reply(self._value(each.number)) for each in settled]
+        told = [each.number for each in settled]
+        waiting = [each.number for each in self._pending]
+        told += [number for number in changed if number not in told and number not in waiting]
+        replies: list[Output] = [Reply(self._value(number)) for number in told]
         for sender, begin in tuple(self._lists.items()):
             replies += self._part(sender, begin)
         return replies
+
+    def _changed(self) -> list[int]:
+        """Numbers of the parameters that have changed since the last step."""
+        before, now = self._shown, self._vehicle.parameters
+        if now is before:
+            return []
+        self._shown = now
+        return [number for number, (a, b) in enumerate(zip(before, now, strict=True)) if a.value != b.value]
 
     def _part(self, sender: Sender, begin: int) -> list[Output]:
         end = min(begin + self._gains.parameters_per_step, len(self._index))

@@ -1,0 +1,188 @@
+"""Parameters that outlive a restart: what differs from the vehicle file, in a JSON file of the user's.
+
+Files belong to the edge: the flight core knows gains, and the link a `avionics.link.vehicle.Storage`. The file is
+written whole beside its place and moved there, so that a cut of the power leaves the old one or the new one; its
+checksum tells a file that was damaged or edited, which is then kept beside as ``.damaged`` and not believed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Mapping
+from itertools import count
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics import parameters
+from avionics.quantities import BadInput
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles.gains import FlightGains
+
+FORMAT = "wingbeat parameters 1"
+
+
+class Loaded(NamedTuple):
+    """What the flight begins with."""
+
+    vehicle: FlightVehicle
+    """with the gains of the file"""
+    text: str
+    """-; one line for people, empty when there was no file"""
+    damaged: bool
+    """whether the file was refused, and the vehicle's own values hold"""
+
+
+def default_path(vehicle: str) -> Path:
+    """The file of this vehicle in the user's folder of states: ``WINGBEAT_STATE``, or the platform's."""
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", vehicle).strip("._-") or "vehicle"
+    return _state_folder() / "parameters" / f"{name}.json"
+
+
+def _state_folder() -> Path:
+    chosen = os.environ.get("WINGBEAT_STATE")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "wingbeat"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "wingbeat"
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "wingbeat"
+
+
+class ParameterFile:
+    """One file for one vehicle."""
+
+    def __init__(self, path: Path, vehicle: FlightVehicle) -> None:
+        """Nothing is read or written yet; ``vehicle`` is as its own file has it."""
+        self.path = path
+        self._vehicle = vehicle
+        self._table = parameters.parameter_table(vehicle.gains)
+        self._kept: FlightGains | None = None
+
+    def defaults(self) -> dict[str, float]:
+        """Every value of the vehicle file."""
+        return {name: parameters.get(self._vehicle.gains, entry) for name, entry in self._table.items()}
+
+    def stored(self) -> dict[str, float]:
+        """The values in the file; none where there is no file.
+
+        Raises:
+            BadInput: it cannot be read, is damaged, or is another vehicle's.
+        """
+        try:
+            text = self.path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return {}
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInput(f"cannot read parameter file {self.path}: {error}") from None
+        values = _checked(text, self._vehicle.name)
+        if isinstance(values, str):
+            raise BadInput(f"parameter file {self.path} {values}")
+        return values
+
+    def load(self) -> Loaded:
+        """The vehicle with the gains of the file; with its own where the file cannot be believed.
+
+        Raises:
+            BadInput: the file is there and cannot be opened, or cannot be moved aside.
+        """
+        if self.path.exists() and not self.path.is_file():
+            raise BadInput(f"parameter file {self.path} is not a file")
+        try:
+            values = self.stored()
+        except BadInput as refused:
+            aside = self._move_aside()
+            self._kept = self._vehicle.gains
+            return Loaded(self._vehicle, f"{refused}: kept as {aside.name}, defaults are flown", True)
+        gains, strange = self._applied(values)
+        self._kept = gains
+        text = f"{len(values) - len(strange)} parameters from {self.path}" if values else ""
+        if strange:
+            text += f"; passed over: {', '.join(strange)}"
+        return Loaded(self._vehicle._replace(gains=gains), text, False)
+
+    def _applied(self, values: Mapping[str, float]) -> tuple[FlightGains, list[str]]:
+        """The vehicle's gains with ``values``, and the names of those that it does not have or cannot hold."""
+        gains, strange = self._vehicle.gains, []
+        for name, value in values.items():
+            change = parameters.set_value(gains, self._table, name, value)
+            if change.accepted and change.value == value:
+                gains = change.gains
+            else:
+                strange.append(name)
+        return gains, strange
+
+    def _move_aside(self) -> Path:
+        endings = ("" if number == 1 else f"-{number}" for number in count(1))
+        aside = next(
+            path for end in endings if not (path := self.path.with_name(f"{self.path.name}.damaged{end}")).exists()
+        )
+        try:
+            self.path.rename(aside)
+        except OSError as error:
+            raise BadInput(f"parameter file {self.path} is damaged and cannot be moved: {error.strerror}") from None
+        return aside
+
+    def keep(self, gains: FlightGains, armed: bool) -> bool:
+        """Write ``gains`` when they have changed, but not while armed; whether anything was written.
+
+        Raises:
+            OSError: the file cannot be written; it is not tried again before the next change.
+        """
+        if gains is self._kept or armed:
+            return False
+        self._kept = gains
+        self.save({name: parameters.get(gains, entry) for name, entry in self._table.items()})
+        return True
+
+    def save(self, values: Mapping[str, float]) -> None:
+        """Write the ``values`` that differ from the vehicle file's, in one step.
+
+        Raises:
+            OSError: the file cannot be written; the old one stays as it is.
+        """
+        defaults = self.defaults()
+        changed = {name: value for name, value in sorted(values.items()) if value != defaults[name]}
+        document = {"format": FORMAT, "vehicle": self._vehicle.name, "values": changed}
+        text = json.dumps({**document, "sha256": _checksum(document)}, indent=1) + "\n"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        _replace(self.path, text)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Put a file of this ``text`` in the place of ``path``; on the disk before it is moved there."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _checksum(document: Mapping[str, Any]) -> str:
+    canonical = json.dumps(document, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _checked(text: str, vehicle: str) -> dict[str, float] | str:
+    """The values of a sound file of this vehicle, or what is wrong with it."""
+    try:
+        document = json.loads(text)
+        checksum = document.pop("sha256")
+        values = {str(name): float(value) for name, value in document["values"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return "is no file of parameters"
+    if document.get("format") != FORMAT:
+        return "is of another format"
+    if checksum != _checksum(document):
+        return "is damaged: its checksum is wrong"
+    return values if document.get("vehicle") == vehicle else f"is of another vehicle, {document.get('vehicle')}"

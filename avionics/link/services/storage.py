@@ -1,0 +1,51 @@
+"""MAV_CMD_PREFLIGHT_STORAGE: the parameters read from their file, written to it, or set back to the vehicle's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from avionics.link.dialect import mavlink
+from avionics.link.services.verdict import Request, Verdict
+from avionics.link.vehicle import Storage, VehicleView
+from avionics.messages import Command, CommandKind
+from avionics.quantities import BadInput
+
+READ, WRITE, RESET = 0.0, 1.0, 2.0
+"""of the first parameter; 3 (sensors alone) and 4 (everything) reset the parameters too"""
+
+
+class StorageRequests:
+    """The command that stores parameters, for the command service."""
+
+    def __init__(self, vehicle: VehicleView, storage: Storage | None) -> None:
+        self._vehicle = vehicle
+        self._storage = storage
+
+    def answer(self, request: Request) -> Verdict:
+        """Do what the first parameter says; refused while armed, and without a file."""
+        what = request.params[0]
+        if self._storage is None:
+            return Verdict(mavlink.MAV_RESULT_DENIED, (), "storage: no parameter file is kept")
+        if self._vehicle.armed:
+            return Verdict(mavlink.MAV_RESULT_DENIED, (), "storage: armed")
+        try:
+            if what == WRITE:
+                self._storage.save({entry.name: entry.value for entry in self._vehicle.parameters})
+                return Verdict(mavlink.MAV_RESULT_ACCEPTED)
+            if what == READ:
+                return self._set(request, {**self._storage.defaults(), **self._storage.stored()})
+        except (BadInput, OSError) as failure:
+            return Verdict(mavlink.MAV_RESULT_FAILED, (), f"storage: {failure}")
+        if what in (RESET, 4.0):
+            return self._set(request, self._storage.defaults())
+        return Verdict(mavlink.MAV_RESULT_UNSUPPORTED, (), "storage: 0 reads, 1 writes, 2 resets")
+
+    def _set(self, request: Request, values: Mapping[str, float]) -> Verdict:
+        """Inputs for the core that set what differs."""
+        time_us, source = self._vehicle.time_us, request.sender.name
+        commands = tuple(
+            Command(time_us, CommandKind.SET_PARAMETER, entry.name, values[entry.name], None, source)
+            for entry in self._vehicle.parameters
+            if entry.name in values and values[entry.name] != entry.value
+        )
+        return Verdict(mavlink.MAV_RESULT_ACCEPTED, commands)

@@ -1,0 +1,57 @@
+"""``wingbeat gcs URL calibrate``: calibrations aboard, with what the vehicle says meanwhile."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.messages import Calibration
+from groundstation.command import options
+from groundstation.link.client import CalibrationExchange, CommandExchange, Target
+
+PATIENCE = 600.0
+"""s; six sides, or a circle flown, take a person some minutes"""
+PREFLIGHT: dict[str, tuple[float, ...]] = {
+    "accel": (0.0, 0.0, 0.0, 0.0, 1.0),
+    "level": (0.0, 0.0, 0.0, 0.0, 2.0),
+    "mag": (0.0, 1.0),
+    "airspeed": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+}
+"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION, which any autopilot understands"""
+KINDS = {
+    "accel": "accelerometer, still on each of its six sides",
+    "level": "accelerometer, level and still",
+    "mag": "magnetometer, turned about all axes",
+    "airspeed": "pitot at rest, covered; with --in-flight its scale, over a circle or both ways",
+    "wings": "both wings at rest, level or at --angle",
+    "battery": "drives at rest; with --voltage as measured at its terminals",
+}
+
+
+def add_verbs(parser: argparse.ArgumentParser, parser_class: type[Any]) -> None:
+    """What can be calibrated."""
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS), parser_class=parser_class)
+    added = {kind: kinds.add_parser(kind, help=text) for kind, text in KINDS.items()}
+    added["airspeed"].add_argument("--in-flight", action="store_true", help="the scale, against the GPS")
+    added["wings"].add_argument(
+        "--angle", type=options.number, default=0.0, metavar="DEG", help="at which both rest, up is positive (0)"
+    )
+    added["battery"].add_argument(
+        "--voltage", type=options.positive, default=0.0, metavar="V", help="of the battery (leaves the scale)"
+    )
+
+
+def request(target: Target, chosen: argparse.Namespace) -> CalibrationExchange:
+    """The command that begins it."""
+    in_flight = chosen.kind == "airspeed" and chosen.in_flight
+    if chosen.kind in PREFLIGHT and not in_flight:
+        command = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
+        return CalibrationExchange(CommandExchange(target, command, PREFLIGHT[chosen.kind]))
+    kind, given = {
+        "airspeed": (Calibration.AIRSPEED, 0.0),
+        "wings": (Calibration.WINGS, math.radians(getattr(chosen, "angle", 0.0))),
+        "battery": (Calibration.BATTERY, getattr(chosen, "voltage", 0.0)),
+    }[chosen.kind]
+    return CalibrationExchange(CommandExchange(target, mavlink.MAV_CMD_WINGBEAT_CALIBRATE, (float(kind), given)))

@@ -1,0 +1,50 @@
+"""Parameter files of the ground: QGroundControl's list, tab-separated, which other ground stations read too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from avionics.quantities import BadInput
+from groundstation.link.client import Parameter, Target
+
+HEADING = "# Vehicle-Id\tComponent-Id\tName\tValue\tType"
+
+
+def write(path: Path, target: Target, parameters: Sequence[Parameter]) -> None:
+    """Write a new file.
+
+    Raises:
+        FileExistsError: the file is there already.
+    """
+    rows = [f"{target.system}\t{target.component}\t{p.name}\t{p.value!r}\t{p.kind}" for p in parameters]
+    with path.open("x", encoding="utf-8") as file:
+        file.write("\n".join((HEADING, *rows)) + "\n")
+
+
+def read(path: Path) -> dict[str, float]:
+    """Values by name.
+
+    Raises:
+        BadInput: unreadable, or a line that is malformed; the text gives its number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read parameter file {path}: {error}") from None
+    values: dict[str, float] = {}
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            name, value = words[2], float(words[3])
+        except (IndexError, ValueError):
+            raise BadInput(f"{path}, line {number}: not vehicle, component, name, value, type") from None
+        if not math.isfinite(value):
+            raise BadInput(f"{path}, line {number}: {name} is not a finite number")
+        values[name] = value
+    if not values:
+        raise BadInput(f"{path} holds no parameters")
+    return values
