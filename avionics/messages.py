@@ -232,6 +232,14 @@ class Attitude(NamedTuple):
     """rad; last magnetic correction before its gain"""
     window: float
     """s; over which the specific force was averaged; 0 before the first average"""
+    tilt_sigma: float
+    """rad; one sigma of the tilt about each horizontal axis, pi when it is not known"""
+    heading_sigma: float
+    """rad; one sigma of the heading, pi when it is not known"""
+    magnetometer_disturbed: Number
+    """-; 1 while the magnetic field is refused and the heading is the gyro's (and the GPS's)"""
+    gps_aided: Number
+    """-; 1 while the ground velocity of the GPS tells the tilt, 0 while airspeed and averages do"""
 
 
 class WingState(NamedTuple):

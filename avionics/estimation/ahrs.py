@@ -15,9 +15,10 @@ The direction cosine matrix is that of the instrumentation suite of Gerdes et al
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt
+from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt, tan
 from typing import Annotated, NamedTuple
 
+from avionics.estimation import razor, velocity_aiding
 from avionics.estimation.direction_cosines import (
     Matrix,
     Vector,
@@ -32,7 +33,7 @@ from avionics.estimation.direction_cosines import (
     rotation,
     unit,
 )
-from avionics.messages import Attitude, ImuSample
+from avionics.messages import Attitude, GpsFix, ImuSample
 from avionics.quantities import Quantity
 
 GRAVITY = 9.80665
@@ -45,12 +46,21 @@ STEEPEST = 0.5
 """-; cosine of the pitch up to which the path is taken as level along the heading, the nose being up by the angle
 of attack"""
 
+TILT_DOUBT = 3.0
+"""-; what a block's disagreement counts in its noise: the path's accelerations last for many blocks"""
+
+RAZOR = 1
+"""value of `AhrsGains.method`"""
+
 ZERO: Vector = (0.0, 0.0, 0.0)
+IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class AhrsGains(NamedTuple):
     """What the filter is tuned with: one set for every vehicle, and for recordings without a wing."""
 
+    method: Annotated[int, Quantity("-", 0, 1)] = 0
+    """-; 0: averages over blocks and the GPS, as described above; 1: the corrections of `razor`, to compare"""
     fixed_block: Annotated[float, Quantity("s", 0.1, 10.0)] = 1.5
     """s; length of a block when no wing period is measured"""
     tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 2.0
@@ -90,6 +100,40 @@ class AhrsGains(NamedTuple):
     """m/s; above it the vehicle flies, however smoothly"""
     rest_time: Annotated[float, Quantity("s", 0.1, 60.0)] = 2.0
     """s; time constant of the gyro bias at rest"""
+    rest_noise: Annotated[float, Quantity("rad/s", 1e-6, 0.1)] = 0.001
+    """rad/s; one sigma of a block's mean rate at rest"""
+    gyro_walk: Annotated[float, Quantity("rad/s^0.5", 1e-5, 0.1)] = 0.001
+    """rad/s^0.5; random walk of the attitude from the gyro's noise"""
+    bias_walk: Annotated[float, Quantity("rad/s^1.5", 1e-6, 0.1)] = 0.0005
+    """rad/s^1.5; random walk of the gyro bias: scale errors in and out of turns, warming"""
+    tilt_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.05
+    """rad; one sigma of a block's tilt: accelerations of the path that the airspeed does not tell"""
+    field_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.2
+    """rad; one sigma of a block's heading"""
+    heading_limit: Annotated[float, Quantity("rad", 0.01, 3.2)] = 0.25
+    """rad; by which a field may disagree with a heading that the GPS confirms, besides three sigma of the latter"""
+    disturbed_time: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
+    """s; without an accepted field after which the magnetometer is called disturbed"""
+    level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
+    """rad; one sigma of what no filter sees: mounting and calibration of the accelerometer"""
+    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.025
+    """rad; one sigma likewise of the magnetometer: hard iron, declination"""
+    gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
+    """m/s; one sigma of a fix's velocity, each axis"""
+    gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
+    """-; standard deviations beyond which a fix is refused"""
+    gps_patience: Annotated[float, Quantity("s", 0.1, 60.0)] = 2.0
+    """s; without an accepted fix until the airspeed takes its place"""
+    gps_delay: Annotated[float, Quantity("s", 0.0, 1.0)] = 0.15
+    """s; age of a fix when it arrives"""
+    razor_tilt: Annotated[float, Quantity("1/s", 0.0, 100.0)] = 5.12
+    """1/s; of method 1, rate per error of the tilt"""
+    razor_tilt_rate: Annotated[float, Quantity("1/s^2", 0.0, 100.0)] = 0.256
+    """1/s^2; of method 1, growth of the rate per error of the tilt"""
+    razor_yaw: Annotated[float, Quantity("1/s", 0.0, 100.0)] = 1.2
+    """1/s; of method 1, rate per error of the heading"""
+    razor_yaw_rate: Annotated[float, Quantity("1/s^2", 0.0, 100.0)] = 0.001
+    """1/s^2; of method 1, growth of the rate per error of the heading"""
 
 
 class Block(NamedTuple):
@@ -128,6 +172,8 @@ class Correction(NamedTuple):
     """s; in closed blocks since the start"""
     doubt: float = 0.0
     """s; for which the disagreement has exceeded its limit"""
+    impulse: Vector = ZERO
+    """m/s; integral of the specific force over all blocks, earth axes"""
     field: Vector = ZERO
     """reference of the magnetic field: strength in gauss (0: no magnetometer), dip in rad, 0"""
     refused: Vector = ZERO
@@ -138,6 +184,14 @@ class Correction(NamedTuple):
     """rad; last disagreement of the field with magnetic north"""
     window: float = 0.0
     """s; length of the last block"""
+    tilt_sigma: float = 0.0
+    """rad; one sigma of the tilt about each horizontal axis, all that is known counted"""
+    heading_sigma: float = 0.0
+    """rad; one sigma of the heading, likewise"""
+    disturbed: int = 0
+    """-; 1 while the magnetic field is refused for longer than `AhrsGains.disturbed_time`"""
+    aided: int = 0
+    """-; 1 while the GPS tells the tilt"""
 
 
 class AhrsState(NamedTuple):
@@ -155,6 +209,54 @@ class AhrsState(NamedTuple):
     """present block"""
     correction: Correction
     """what the blocks before it left"""
+    aid: velocity_aiding.State
+    """covariance of the errors, and the velocity over ground"""
+
+
+class Flight(NamedTuple):
+    """What else is known of a block."""
+
+    time_us: int
+    """us; of its end"""
+    flapping: bool
+    """whether it is a wing period"""
+    airspeed: float
+    """m/s; at its end"""
+    aided: bool = False
+    """whether the GPS tells the tilt"""
+    heading_limit: float = pi
+    """rad; disagreement of the field with the heading from which on it is refused"""
+
+
+class View(NamedTuple):
+    """What a block shows."""
+
+    length: float
+    """s; of the block"""
+    age: float
+    """s; in closed blocks since the start"""
+    time: float
+    """s; time constant of the tilt correction"""
+    north: float
+    """rad; rotation about north that turns the mean force up, limited"""
+    east: float
+    """rad; likewise about east"""
+    trust: float
+    """-; weight of the tilt, 0 to 1"""
+    gain: float
+    """-; share of the tilt that is taken off"""
+    tilt: Matrix
+    """-; the rotation by that share"""
+    rising: Vector
+    """m/s; integral of the force with the weight rising from 0 to 1, earth axes"""
+    velocity: Vector
+    """m/s; mean through the air, earth axes"""
+    reference: Vector
+    """as `Correction.field`"""
+    refused: Vector
+    """as `Correction.refused`"""
+    heading_error: float
+    """rad; turn about down that the field asks for, 0 when it is refused"""
 
 
 def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
@@ -170,8 +272,11 @@ def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
     north, east, down = rotate(r, field)
     strength, dip = norm(field), atan2(down, hypot(north, east))
     rates = (imu.gyro_x, imu.gyro_y, imu.gyro_z) if isfinite(sum(imu)) else ZERO
-    correction = Correction(field=(strength, dip, 0.0), refused=(strength, dip, 0.0))
-    return AhrsState(imu.time_us, r, rates, rotate(r, force), Block(), correction)
+    correction = Correction(
+        field=(strength, dip, 0.0), refused=(strength, dip, 0.0),
+        tilt_sigma=velocity_aiding.START_TILT, heading_sigma=velocity_aiding.START_HEADING,
+    )  # fmt: skip
+    return AhrsState(imu.time_us, r, rates, rotate(r, force), Block(), correction, velocity_aiding.start(imu.time_us))
 
 
 def triad(force: Vector, field: Vector, declination: float) -> Matrix:
@@ -184,7 +289,12 @@ def triad(force: Vector, field: Vector, declination: float) -> Matrix:
 
 
 def step(
-    gains: AhrsGains, state: AhrsState, imu: ImuSample, frequency: float = 0.0, airspeed: float = 0.0
+    gains: AhrsGains,
+    state: AhrsState,
+    imu: ImuSample,
+    frequency: float = 0.0,
+    airspeed: float = 0.0,
+    fix: GpsFix | None = None,
 ) -> tuple[AhrsState, Attitude]:
     """One IMU sample on.
 
@@ -194,14 +304,17 @@ def step(
         imu: sample; one that is not finite, or not later than the last, changes nothing.
         frequency: Hz; measured flapping frequency, 0 when the wings rest.
         airspeed: m/s; true, from the pitot, 0 without one.
+        fix: of the GPS, when one has arrived since the last step.
     """
     dt = (imu.time_us - state.time_us) * 1e-6
     if dt <= 0.0 or not isfinite(sum(imu)):
         return state, attitude(state)
     if dt > LONGEST_STEP:
         state, dt = _resumed(state), LONGEST_STEP
-    correction = state.correction
+    correction, aid = state.correction, state.aid
     rates = (imu.gyro_x, imu.gyro_y, imu.gyro_z)
+    if gains.method == RAZOR:
+        return _razor_step(gains, state, imu, rates, dt)
     r = multiply(state.r, _turn(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt))
     force = rotate(r, (imu.accel_x, imu.accel_y, imu.accel_z))
     field = rotate(r, (imu.mag_x, imu.mag_y, imu.mag_z))
@@ -217,14 +330,37 @@ def step(
         after_end = _between(state.force, force, 0.5 + 0.5 * share)
         full = _extended(state.block, share * dt, before_end, velocity, field, rates)
         block = _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates)
-        r, correction = _corrected(gains, r, correction, full, frequency > 0.0, airspeed)
-    state = AhrsState(imu.time_us, r, rates, force, block, correction)
+        flight = Flight(imu.time_us, frequency > 0.0, airspeed)
+        r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
+    if fix is not None:
+        r, correction, aid = _fixed(gains, r, correction, block, aid, fix)
+    elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
+        aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
+    state = AhrsState(imu.time_us, r, rates, force, block, correction, aid)
+    return state, attitude(state)
+
+
+def _razor_step(
+    gains: AhrsGains, state: AhrsState, imu: ImuSample, rates: Vector, dt: float
+) -> tuple[AhrsState, Attitude]:
+    """Method 1; nothing is known of its uncertainty."""
+    chosen = razor.Gains(
+        gains.razor_tilt, gains.razor_tilt_rate, gains.razor_yaw, gains.razor_yaw_rate, gains.declination
+    )
+    accel, field = (imu.accel_x, imu.accel_y, imu.accel_z), (imu.mag_x, imu.mag_y, imu.mag_z)
+    r, bias = razor.step(chosen, state.r, state.correction.bias, rates, (accel, field), dt)
+    correction = state.correction._replace(bias=bias, window=dt, tilt_sigma=pi, heading_sigma=pi)
+    state = state._replace(
+        time_us=imu.time_us, r=r, rates=rates, force=rotate(r, accel), block=Block(), correction=correction
+    )
     return state, attitude(state)
 
 
 def _resumed(state: AhrsState) -> AhrsState:
     """The state after a gap: a block with a hole is no mean."""
-    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0))
+    impulse = _sum(state.correction.impulse, state.block.force)
+    aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
+    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse), aid=aid)
 
 
 def _turn(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Matrix:
@@ -259,39 +395,117 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
     )
 
 
+def _fixed(
+    gains: AhrsGains, r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, fix: GpsFix
+) -> tuple[Matrix, Correction, velocity_aiding.State]:
+    """Matrix and memory after a fix of the GPS."""
+    impulse = _sum(last.impulse, block.force)
+    aid = velocity_aiding.remember(aid, gains.gps_delay, fix.time_us, impulse)
+    if last.age < gains.settling:
+        return r, last, aid
+    noise = _noise(gains)
+    p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, r)
+    aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
+    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
+    r = orthonormalised(multiply(rotation(*errors.turn), r))
+    return r, last._replace(bias=_limited(_sum(last.bias, errors.bias), gains.bias_limit)), aid
+
+
+def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
+    return velocity_aiding.Noise(
+        gains.gyro_walk, gains.bias_walk, gains.gps_noise, gains.gps_gate, gains.gps_patience, gains.gps_delay
+    )
+
+
 def _corrected(
-    gains: AhrsGains, r: Matrix, last: Correction, block: Block, flapping: bool, airspeed: float
-) -> tuple[Matrix, Correction]:
+    gains: AhrsGains, r: Matrix, last: Correction, block: Block, flight: Flight, aid: velocity_aiding.State
+) -> tuple[Matrix, Correction, velocity_aiding.State]:
     """Matrix and memory at the end of a block."""
+    impulse = _sum(last.impulse, block.force)
+    p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
+    if velocity_aiding.agreeing(aid, gains.gps_patience, flight.time_us):
+        flight = flight._replace(aided=True, heading_limit=gains.heading_limit + 3.0 * aid.heading_sigma)
+    view = _view(gains, last, block, flight)
+    if flight.aided:
+        turn, bias, aid = _by_compass(gains, last, view, aid, p)
+    else:
+        turn, bias, p = _by_view(gains, r, last, view, p)
+    if not flight.flapping and flight.airspeed < gains.rest_airspeed and _resting(gains, block):
+        gain = _gain(view.length, gains.rest_time, view.age)
+        bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
+        p = velocity_aiding.rested(p, gain, gains.rest_noise)
+    aid = velocity_aiding.kept(aid, p, flight.time_us, impulse)
+    tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
+    corrected = _remembered(gains, last, view, turn)._replace(
+        bias=_limited(bias, gains.bias_limit), impulse=impulse,
+        tilt_sigma=tilt_sigma, heading_sigma=heading_sigma, aided=int(flight.aided),
+        disturbed=int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time),
+    )  # fmt: skip
+    return orthonormalised(multiply(turn, r)), corrected, aid
+
+
+def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
+    """One sigma of tilt and heading in rad: a tilt turns the field's dip into heading."""
+    tilt = hypot(aid.tilt_sigma, gains.level_error)
+    return tilt, hypot(aid.heading_sigma, gains.compass_error, tan(dip) * tilt)
+
+
+def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> View:
     length = block.span
     age = last.age + length
-    rising = _scaled(block.force_moment, 1.0 / length)
-    velocity = _scaled(block.travel, 1.0 / length)
-    time = gains.flapping_tilt_time if flapping else gains.tilt_time
+    rising, velocity = _scaled(block.force_moment, 1.0 / length), _scaled(block.travel, 1.0 / length)
+    time = gains.flapping_tilt_time if flight.flapping else gains.tilt_time
     trusting = age > gains.settling and last.doubt < time
-    x, y, share = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
-    gain = share * _gain(length, time, age)
+    x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
+    gain = 0.0 if flight.aided else trust * _gain(length, time, age)
     tilt = rotation(gain * x, gain * y, 0.0)
     field = rotate(tilt, _scaled(block.field, 1.0 / length))
     reference, refused = _field_test(gains, last, field, length)
-    heading_error = _wrapped(gains.declination - atan2(field[1], field[0])) if refused[2] == 0.0 else 0.0
-    turn = rotation(0.0, 0.0, _gain(length, gains.heading_time, age) * heading_error)
-    r = orthonormalised(multiply(turn, multiply(tilt, r)))
-    if not flapping and airspeed < gains.rest_airspeed and _resting(gains, block):
-        bias = _between(last.bias, _scaled(block.turn, 1.0 / length), _gain(length, gains.rest_time, age))
-    elif age < gains.settling:
-        bias = last.bias
-    else:
-        error = (x * share / time, y * share / time, heading_error / gains.heading_time)
-        bias = _sum(last.bias, _scaled(rotate_back(r, error), -length / gains.bias_time))
-    doubt = last.doubt + length if share > 0.0 and hypot(x, y) >= gains.tilt_limit else 0.0
+    heading_error = _wrapped(gains.declination - atan2(field[1], field[0]))
+    if abs(heading_error) > flight.heading_limit:
+        reference, refused = last.field, (refused[0], refused[1], last.refused[2] + length)
+    if refused[2] > 0.0:
+        heading_error = 0.0
+    return View(length, age, time, x, y, trust, gain, tilt, rising, velocity, reference, refused, heading_error)
+
+
+def _by_compass(
+    gains: AhrsGains, last: Correction, view: View, aid: velocity_aiding.State, p: velocity_aiding.Array
+) -> tuple[Matrix, Vector, velocity_aiding.State]:
+    """Turn and gyro bias while the GPS tells the tilt: the block's field is one more measurement, also in ``p``."""
+    if view.refused[2] != 0.0:
+        return IDENTITY, last.bias, aid
+    aid, errors = velocity_aiding.headed(aid, p, view.heading_error, gains.field_noise)
+    return rotation(*errors.turn), _sum(last.bias, errors.bias), aid
+
+
+def _by_view(
+    gains: AhrsGains, r: Matrix, last: Correction, view: View, p: velocity_aiding.Array
+) -> tuple[Matrix, Vector, velocity_aiding.Array]:
+    """Turn, gyro bias and covariance from the block alone, by fixed gains."""
+    compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
+    turn = multiply(rotation(0.0, 0.0, compass * view.heading_error), view.tilt)
+    learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
+    tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
+    error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
+    bias = _sum(last.bias, _scaled(rotate_back(multiply(turn, r), error), -1.0))
+    doubt = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    shares = (view.gain, view.gain, compass)
+    rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
+    return turn, bias, velocity_aiding.relaxed(p, r, shares, rates, (doubt, doubt, gains.field_noise))
+
+
+def _remembered(gains: AhrsGains, last: Correction, view: View, turn: Matrix) -> Correction:
+    """What the next block needs of this one, in axes after its correction; bias and impulse are the caller's."""
+    size = hypot(view.north, view.east)
+    doubt = last.doubt + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # A block seen through a grossly wrong matrix cannot be joined to the next one.
-    joined = length if gain * hypot(x, y) < gains.tilt_limit else 0.0
-    corrected = Correction(
-        _limited(bias, gains.bias_limit), joined, rotate(turn, rotate(tilt, rising)),
-        rotate(turn, rotate(tilt, velocity)), age, doubt, reference, refused, hypot(x, y), heading_error, length,
+    joined = view.length if view.gain * size < gains.tilt_limit else 0.0
+    return last._replace(
+        joined=joined, force=rotate(turn, view.rising), velocity=rotate(turn, view.velocity), age=view.age,
+        doubt=doubt, field=view.reference, refused=view.refused, tilt_error=size, heading_error=view.heading_error,
+        window=view.length,
     )  # fmt: skip
-    return r, corrected
 
 
 def _gravity(last: Correction, block: Block, rising: Vector, velocity: Vector) -> Vector:
@@ -395,4 +609,5 @@ def attitude(state: AhrsState) -> Attitude:
     return Attitude(
         state.time_us, roll, pitch, yaw, rates[0] - bx, rates[1] - by, rates[2] - bz, w, x, y, z, bx, by, bz,
         state.force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
+        correction.tilt_sigma, correction.heading_sigma, correction.disturbed, correction.aided,
     )  # fmt: skip

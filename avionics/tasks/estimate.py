@@ -17,7 +17,7 @@ def attitude(s: AutopilotState, publish: Publish) -> None:
         if s.plausibility.bad & 1:
             return
         s.ahrs = ahrs.start(s.gains.ahrs, imu)
-    s.ahrs, s.attitude = ahrs.step(s.gains.ahrs, s.ahrs, imu, s.wing.frequency, s.air.airspeed)
+    s.ahrs, s.attitude = ahrs.step(s.gains.ahrs, s.ahrs, imu, s.wing.frequency, s.air.airspeed, s.frame.gps)
     publish(topics.ATTITUDE, s.attitude)
 
 

@@ -1,0 +1,85 @@
+"""The classic corrections of the Razor AHRS, to compare with: each sample of accelerometer and compass pulls.
+
+W. Premerlani and P. Bizard, Direction Cosine Matrix IMU: Theory, 2009, as the firmware of SparkFun's Razor runs it:
+the error between the measured and the computed down (a vector product, weighted by how near to 1 g the sample is) and
+the error between compass and heading go through a proportional and an integral term into the rates. The firmware's
+constants are for counts (256 to 1 g) and for a loop at 50 Hz; those here are per g and per second.
+
+An airframe that is shaken periodically passes through 1 g at moments when its acceleration does not point down, so
+that the weight picks the wrong samples: see the table in README.md.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+from avionics.estimation.direction_cosines import Matrix, Vector, norm, orthonormalised, rotate
+
+GRAVITY = 9.80665
+"""m/s^2; standard gravity"""
+WEIGHT_SLOPE = 2.0
+"""-; the weight is 1 at 1 g and nothing at 0.5 and 1.5 g"""
+
+
+class Gains(NamedTuple):
+    """Of the four terms; the firmware's: 0.02 * 256, 0.00002 * 256 * 50, 1.2, 0.00002 * 50."""
+
+    tilt: float
+    """1/s; rate per error of the tilt"""
+    tilt_rate: float
+    """1/s^2; growth of the rate per error of the tilt"""
+    yaw: float
+    """1/s; rate per error of the heading"""
+    yaw_rate: float
+    """1/s^2; growth of the rate per error of the heading"""
+    declination: float
+    """rad; of the magnetic field, east is positive"""
+
+
+def step(
+    gains: Gains, r: Matrix, bias: Vector, rates: Vector, seen: tuple[Vector, Vector], dt: float
+) -> tuple[Matrix, Vector]:
+    """Matrix and gyro bias one sample on.
+
+    Args:
+        gains: tuning.
+        r: r_ned_from_frd.
+        bias: rad/s; body axes.
+        rates: rad/s; measured, body axes.
+        seen: specific force in m/s^2 and magnetic field in gauss, body axes.
+        dt: s; since the last sample.
+    """
+    force, field = seen
+    tx, ty, tz = _tilt_error(r, force)
+    heading = _heading_error(gains, r, field)
+    yx, yy, yz = heading * r[6], heading * r[7], heading * r[8]
+    p, q, i, k = gains.tilt, gains.yaw, gains.tilt_rate * dt, gains.yaw_rate * dt
+    bias = (bias[0] - i * tx - k * yx, bias[1] - i * ty - k * yy, bias[2] - i * tz - k * yz)
+    x = (rates[0] - bias[0] + p * tx + q * yx) * dt
+    y = (rates[1] - bias[1] + p * ty + q * yy) * dt
+    z = (rates[2] - bias[2] + p * tz + q * yz) * dt
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
+    turned = (
+        r0 + r1 * z - r2 * y, r1 + r2 * x - r0 * z, r2 + r0 * y - r1 * x,
+        r3 + r4 * z - r5 * y, r4 + r5 * x - r3 * z, r5 + r3 * y - r4 * x,
+        r6 + r7 * z - r8 * y, r7 + r8 * x - r6 * z, r8 + r6 * y - r7 * x,
+    )  # fmt: skip
+    return orthonormalised(turned), bias
+
+
+def _tilt_error(r: Matrix, force: Vector) -> Vector:
+    """Measured down times computed down in g, body axes, weighted."""
+    weight = max(0.0, 1.0 - WEIGHT_SLOPE * abs(1.0 - norm(force) / GRAVITY)) / GRAVITY
+    x, y, z = -weight * force[0], -weight * force[1], -weight * force[2]
+    return (y * r[8] - z * r[7], z * r[6] - x * r[8], x * r[7] - y * r[6])
+
+
+def _heading_error(gains: Gains, r: Matrix, field: Vector) -> float:
+    """Sine of the compass's heading less the matrix's, times the cosine of the pitch."""
+    north, east, _ = rotate(r, field)
+    level = hypot(north, east)
+    if level == 0.0:
+        return 0.0
+    # The field seen east of the declination says that the matrix is turned too far to the right.
+    return hypot(r[0], r[3]) * (sin(gains.declination) * north - cos(gains.declination) * east) / level
