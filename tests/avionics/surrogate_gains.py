@@ -57,6 +57,7 @@ _PINNED = {
         "throttle_rate": 2.0,
         "pitch_trim": 0.15,
         "pitch_climb": 0.05,
+        "pitch_error": 0.0,
         "pitch_min": -0.1,
         "pitch_max": 0.5,
         "pitch_rate": 0.4,

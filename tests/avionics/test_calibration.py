@@ -19,6 +19,7 @@ from sim_bridge.environment.home import COLLEGE_PARK
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.accelerometer import Accelerometer
 from sim_bridge.sensors.magnetometer import Magnetometer
+from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.suite import SensorSuite, sensor_spec
 from sim_bridge.vehicles import load_vehicle
 
@@ -402,10 +403,10 @@ def test_sensors_of_the_world_are_read_as_they_are_here() -> None:
     """The models alone, without the flight computer: what the fits are fed is what a unit says."""
     spec = sensor_spec(WORLD.sections)
     exact = spec.accelerometer._replace(offset_sigma_mg=0.0, scale_sigma=0.0, misalignment_sigma_deg=0.0)
-    unit = Accelerometer(exact, np.random.SeedSequence(1), 0.005)
+    unit = Accelerometer(exact, sensor_seed(1, 0), 0.005)
     readings = np.array([unit.read((0.0, 0.0, -G)) for _ in range(2000)])
     assert readings.mean(axis=0) == pytest.approx((0.0, 0.0, -G), abs=0.01)
     iron = spec.magnetometer._replace(hard_iron_sigma_mg=0.0, scale_sigma=0.0, misalignment_sigma_deg=0.0)
-    compass = Magnetometer(iron, np.random.SeedSequence(1), COLLEGE_PARK.magnetic)
+    compass = Magnetometer(iron, sensor_seed(1, 0), COLLEGE_PARK.magnetic)
     size = [math.dist(compass.read((1.0, 0.0, 0.0, 0.0)), (0.0, 0.0, 0.0)) for _ in range(200)]
     assert np.mean(size) == pytest.approx(0.5, abs=0.1)

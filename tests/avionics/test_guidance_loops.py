@@ -25,6 +25,7 @@ ALTITUDE = altitude.Gains(
     throttle_rate=2.0,
     pitch_trim=0.3,
     pitch_climb=0.05,
+    pitch_error=0.0,
     pitch_min=0.0,
     pitch_max=0.6,
     pitch_rate=0.5,
@@ -71,6 +72,14 @@ def test_too_low_means_more_flapping_and_nose_up() -> None:
 def test_level_at_the_setpoint_keeps_the_trim() -> None:
     _, status = fly(40.0, level(), 5.0)
     assert (status.throttle, status.pitch_setpoint) == (ALTITUDE.throttle_trim, ALTITUDE.pitch_trim)
+
+
+def test_a_gust_down_lifts_the_nose_by_the_climb_error() -> None:
+    gains = ALTITUDE._replace(pitch_error=0.1, pitch_rate=10.0)
+    sinking = level(climb=-1.0)
+    _, status = altitude.step(gains, altitude.initial(gains, gains.throttle_trim), 0, 0.5, 40.0, sinking)
+    assert status.climb_error == 1.0
+    assert status.pitch_setpoint == pytest.approx(gains.pitch_trim + 0.1)
 
 
 @given(setpoint=st.floats(-100, 200), climb=st.floats(-5, 5), airspeed=st.floats(0, 15))
