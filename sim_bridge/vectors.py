@@ -110,12 +110,3 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> tuple[float,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
-
-
-def euler_from_quaternion(q: tuple[float, float, float, float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw in rad of a unit quaternion of r_ned_from_frd."""
-    w, x, y, z = q
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, yaw

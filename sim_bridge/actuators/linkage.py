@@ -46,8 +46,6 @@ class FlapMotion(NamedTuple):
     """rad; flap, wing up positive, -pi to pi"""
     slope: float
     """-; flap rate over crank rate"""
-    curvature: float
-    """1/rad; derivative of the slope with the crank angle"""
 
 
 class Motor(NamedTuple):
@@ -79,15 +77,6 @@ class Drive(NamedTuple):
     """W; in the motor"""
     gear_loss: float
     """W"""
-
-
-class Load(NamedTuple):
-    """The wings on the crank; both together."""
-
-    torque: float
-    """N m; what air, weight and stops do to the wings about their hinges, wing up positive"""
-    inertia: float
-    """kg m^2; of the wings about their hinges"""
 
 
 def checked(linkage: FourBar) -> FourBar:
@@ -131,9 +120,9 @@ def rocker_angle(linkage: FourBar, crank_outboard: float, crank_up: float, coupl
 
 @kernel
 def flap_motion(linkage: FourBar, crank_angle: float) -> FlapMotion:
-    """Flap angle and its derivatives at a crank angle in rad, counter-clockwise from outboard.
+    """Flap angle and its derivative at a crank angle in rad, counter-clockwise from outboard.
 
-    The derivatives are those of the closed loop: with R along the coupler from crank pin to rocker pin, t and n the
+    The derivative is that of the closed loop: with R along the coupler from crank pin to rocker pin, t and n the
     directions in which these pins move,  slope = crank t . R / (rocker n . R).
     """
     cosine, sine, crank, rocker = math.cos(crank_angle), math.sin(crank_angle), linkage.crank, linkage.rocker
@@ -141,14 +130,9 @@ def flap_motion(linkage: FourBar, crank_angle: float) -> FlapMotion:
     along, up = math.cos(psi), math.sin(psi)
     r_out = linkage.hinge_outboard + rocker * along - crank * cosine
     r_up = linkage.hinge_up + rocker * up - crank * sine
-    lever = rocker * (along * r_up - up * r_out)
-    slope = crank * (cosine * r_up - sine * r_out) / lever
-    of_crank = crank * (cosine * r_out + sine * r_up) + crank * crank
-    of_both = -crank * rocker * (sine * up + cosine * along)
-    of_rocker = rocker * rocker - rocker * (along * r_out + up * r_up)
-    curvature = -(of_crank + 2.0 * of_both * slope + of_rocker * slope * slope) / lever
+    slope = crank * (cosine * r_up - sine * r_out) / (rocker * (along * r_up - up * r_out))
     flap = psi - linkage.horn_angle
-    return FlapMotion(math.atan2(math.sin(flap), math.cos(flap)), slope, curvature)
+    return FlapMotion(math.atan2(math.sin(flap), math.cos(flap)), slope)
 
 
 def stroke(linkage: FourBar) -> tuple[float, float]:
@@ -179,35 +163,3 @@ def drive(motor: Motor, voltage: float, crank_rate: float) -> Drive:
         electrical - shaft * speed,
         shaft * speed - torque * crank_rate,
     )
-
-
-@kernel
-def reflected_inertia(motor: Motor, load: Load, flap: FlapMotion) -> float:
-    """Inertia in kg m^2 that the crank feels: the rotor's and, where the linkage moves them, the wings'."""
-    return motor.rotor_inertia * motor.gear_ratio * motor.gear_ratio + load.inertia * flap.slope * flap.slope
-
-
-@kernel
-def crank_acceleration(motor: Motor, load: Load, flap: FlapMotion, torque: float, crank_rate: float) -> float:
-    """Crank acceleration in rad/s^2 under the motor's ``torque`` in N m on the crank (`Drive.torque`).
-
-    The equation of Lagrange of the one freedom, (J + I s^2) phi'' + I s s' phi'^2 = torque + Q s, for the slope s,
-    its curvature s', the rotor's inertia J on the crank and the wings' I; Q is the wings' own torque.
-    """
-    driven = load.torque - load.inertia * flap.curvature * crank_rate * crank_rate
-    return (torque + driven * flap.slope) / reflected_inertia(motor, load, flap)
-
-
-@kernel
-def flap_acceleration(flap: FlapMotion, crank_rate: float, acceleration: float) -> float:
-    """Flap acceleration in rad/s^2 of the wings; rate in rad/s and acceleration in rad/s^2 are the crank's."""
-    return flap.slope * acceleration + flap.curvature * crank_rate * crank_rate
-
-
-@kernel
-def rod_torque(load: Load, flap: FlapMotion, crank_rate: float, acceleration: float) -> float:
-    """Torque in N m of the couplers on both wings about their hinges, wing up positive: inertia minus load.
-
-    Rate in rad/s and acceleration in rad/s^2 are the crank's.
-    """
-    return load.inertia * flap_acceleration(flap, crank_rate, acceleration) - load.torque

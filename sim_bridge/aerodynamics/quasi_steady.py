@@ -132,15 +132,6 @@ def force_radius(strips: Strips) -> float:
     return math.sqrt(float(np.sum(second * area) / np.sum(area))) / reach_of(strips)
 
 
-def moment_radius(strips: Strips) -> float:
-    """r_M, -: root of the integral of r^2 c^2 over R^2 S c_mean (Eq. A.3; A.4 as printed lacks the square)."""
-    area = strips.chord * strips.width
-    mean_chord = float(np.sum(area) / np.sum(strips.width))
-    second = strips.span**2 + strips.width**2 / 12.0
-    whole = float(np.sum(second * area * strips.chord))
-    return math.sqrt(whole / (float(np.sum(area)) * mean_chord)) / reach_of(strips)
-
-
 @kernel
 def correction_factor(advance_ratio: float, radius: float, row: tuple[float, float, float]) -> float:
     """K_P or K_V (Eq. 12-13) of a ``row`` of Table 1; its last number where the advance ratio is infinite."""

@@ -330,14 +330,6 @@ def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: i
     )
 
 
-def recorded_kinematics(wing: Wing, motion: WingMotion) -> StrokeKinematics:
-    """Both wings over a recorded stroke; accelerations by differences from instant to instant, to second order."""
-    motions = protocol_motions(wing, motion)
-    step = 1.0 / (motion.frequency * len(motions))
-    down, turning = (np.array([getattr(instant, name) for instant in motions]) for name in ("down", "pitch_rate"))
-    return StrokeKinematics(1.0 / motion.frequency, tuple(motions), -_rate(down, step), _rate(turning, step))
-
-
 def protocol_motions(wing: Wing, motion: WingMotion) -> list[Motion]:
     """The protocol's motion of both wings at each instant."""
     joints = _recorded(motion)
@@ -376,11 +368,6 @@ def _mount(wing: Wing) -> _Mount:
 
 def _eta(wing: Wing) -> Floats:
     return np.asarray(wing.span / (wing.span[-1] + 0.5 * wing.width[-1]), dtype=np.float64)
-
-
-def _rate(values: Floats, step: float) -> Floats:
-    """Derivative of what repeats itself along the first axis at equal steps."""
-    return np.asarray((np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) / (2.0 * step))
 
 
 def _motions(whole: _Columns, flap: Floats, body: Floats) -> list[Motion]:

@@ -98,8 +98,7 @@ def prescribed_loads(
 ) -> Floats:
     """Force and moment (N, 6) in N, N m of both wings on the fuselage, body axes, moment about its centre of mass.
 
-    Instant by instant: without the forces of apparent mass and with a model's state at rest; `stroke_loads` of
-    `recorded_kinematics` has both.
+    Instant by instant: without the forces of apparent mass and with a model's state at rest; `stroke_loads` has both.
     """
     strips = strips_of(wing)
     parameters = model.build(settings, strips)

@@ -10,6 +10,8 @@ from plant_bench import air, hold, rates, vehicle
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.drives import drive_current, servo_torque, torque_bound
+from sim_bridge.actuators.linkage import drive as motor_drive
+from sim_bridge.actuators.linkage import flap_motion
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 
@@ -135,3 +137,44 @@ def test_a_fast_stroke_is_limited_by_the_drive(airspeed: float) -> None:
     achieved, commanded = flapped(4.0, 0.796, airspeed)
     assert np.max(commanded) == pytest.approx(20.0, rel=0.01)
     assert 0.3 * 20.0 < np.max(np.abs(achieved)) < 0.75 * 20.0
+
+
+def _hawk(phase: float, frequency: float) -> Plant:
+    """The Slow Hawk in flight, its crank at a ``phase`` in rad, its wings where the rods bend."""
+    plant = Plant(vehicle("slow_hawk"))
+    y, layout = np.zeros_like(plant.y), plant.layout
+    y[2], y[3], y[7], y[layout.crank_phase], y[layout.crank_speed] = -100.0, 1.0, 9.2, phase, frequency
+    flap = flap_motion(plant.parameters.linkage, phase)
+    for at, astray in zip(layout.flap, (0.01, -0.02), strict=True):
+        y[at], y[layout.rate(at)] = flap.angle + astray, flap.slope * 2.0 * math.pi * frequency + 3.0 * astray
+    plant.y[:] = y
+    return plant
+
+
+@pytest.mark.parametrize("phase", [0.3, 2.0, 4.1, 5.5])
+def test_what_the_motor_gives_the_crank_is_the_rotors_and_the_rods(phase: float) -> None:
+    plant = _hawk(phase, 5.9)
+    motor, drive, layout = plant.parameters.motor, plant.scratch.drive, plant.layout
+    found = plant.evaluate(hold()._replace(throttle=0.8), air())
+    omega = 2.0 * math.pi * plant.y[layout.crank_speed]
+    inertia = motor.rotor_inertia * motor.gear_ratio**2
+    rotor = inertia * omega * 2.0 * math.pi * found[layout.crank_speed]
+    slope = flap_motion(plant.parameters.linkage, phase).slope
+    rods = float(drive[k.TORQUE_LEFT] + drive[k.TORQUE_RIGHT]) * slope * omega
+    current = float(drive[k.CURRENT]) / 0.8
+    given = motor_drive(motor, motor.resistance * current + motor.torque_constant * motor.gear_ratio * omega, omega)
+    assert given.current == pytest.approx(current) and current > 1.0
+    assert abs(rods) > 0.5
+    assert given.torque * omega == pytest.approx(rotor + rods, rel=1e-9)
+
+
+def test_a_loaded_crank_slows_in_each_half_stroke() -> None:
+    """Twice a turn: the rods pass the load on, which a prescribed frequency would not."""
+    plant = _hawk(0.0, 5.9)
+    controls, around = [hold(duration=0.001)._replace(throttle=0.8)] * 1500, air(launcher=k.HELD)
+    rows, _ = plant.follow(controls, around)
+    phase, speed = rows[:, plant.layout.crank_phase], rows[:, plant.layout.crank_speed]
+    turns = phase[-1] - 4.0 * math.pi + np.linspace(0.0, 4.0 * math.pi, 256, endpoint=False)
+    harmonics = np.abs(np.fft.rfft(np.interp(turns, phase, speed)))
+    assert harmonics[4] > 0.01 * harmonics[0]
+    assert harmonics[4] > harmonics[[1, 3, 5]].max()

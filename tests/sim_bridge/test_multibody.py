@@ -25,7 +25,7 @@ from plant_bench import (
 from sim_bridge import plant_kernel as k
 from sim_bridge.multibody.tree import hold, solve
 from sim_bridge.plant import Plant
-from sim_bridge.vectors import euler_from_quaternion, quaternion_from_euler, rotation
+from sim_bridge.vectors import quaternion_from_euler, rotation
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
@@ -123,7 +123,6 @@ def test_solve_is_the_inverse_of_multiplication() -> None:
 def test_attitudes_turn_vectors_as_roll_pitch_yaw_say(angles: tuple[float, float, float]) -> None:
     q, r = quaternion_from_euler(*angles), np.zeros((3, 3))
     rotation(*(2.0 * part for part in q), r)
-    assert euler_from_quaternion(q) == pytest.approx(angles)
     assert r @ r.T == pytest.approx(np.eye(3))
     assert -r[2, 0] == pytest.approx(math.sin(angles[1]))
     assert math.atan2(r[1, 0], r[0, 0]) == pytest.approx(angles[2])

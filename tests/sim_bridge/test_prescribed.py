@@ -11,23 +11,18 @@ from sim_bridge.aerodynamics.protocol import UPWARD, AerodynamicModel, Motion, S
 from sim_bridge.aerodynamics.quasi_steady import QuasiSteady, build, elliptic_strips
 from sim_bridge.aerodynamics.regression import COLUMNS, RegressionParameters
 from sim_bridge.flight_mechanics.prescribed import (
-    SLOW_HAWK_STROKE,
     Harmonics,
     PrescribedStroke,
     StrokeKinematics,
-    WingMotion,
     elliptic_wing,
     kinematics,
-    recorded_kinematics,
     series,
-    steady_flight,
     strips_of,
 )
 from sim_bridge.flight_mechanics.stroke_loads import (
     APPARENT,
     body_loads,
     lift_and_thrust,
-    prescribed_loads,
     stroke_loads,
 )
 from sim_bridge.vectors import Floats
@@ -244,32 +239,3 @@ def test_the_parts_of_table_1_are_parts_of_a_strokes_loads() -> None:
         assert found.force[i].sum(axis=0) == pytest.approx((whole.thrust, 0.0, -whole.lift), rel=1e-12)
         assert found.moment[i].sum(axis=0) == pytest.approx((0.0, whole.moment, 0.0), rel=1e-12)
     assert np.all(np.ptp(found.force[:, [lift, thrust]], axis=0).max(axis=1) > 1.0)
-
-
-def test_a_recorded_stroke_is_the_one_that_was_told() -> None:
-    """A series, and the same motion sampled: velocities to rounding, accelerations to second order."""
-    flap, twist, count = Harmonics(0.1, (0.5,), (0.2,)), Harmonics(0.0, (0.1,), (0.3,)), 400
-    wing = elliptic_wing(0.5, 0.2, 6, np.array(HINGE))
-    stroke = PrescribedStroke(5.0, math.pi / 2, flap, twist=twist, axis=0.0, hinge=HINGE)
-    told = kinematics(stroke, strips_of(wing), BODY, count)
-    phase = np.arange(count) / count
-    angles = [values for harmonics in (flap, twist) for values in series(harmonics, phase, 5.0)[:2]]
-    motion = WingMotion(phase, 5.0, *angles, np.tile(BODY[:3], (count, 1)), np.tile(BODY[3:], (count, 1)))
-    recorded = recorded_kinematics(wing, motion)
-    for name in Motion._fields:
-        assert stacked(recorded, name) == pytest.approx(stacked(told, name), abs=1e-12)
-    for name in ("normal_acceleration", "pitch_acceleration"):
-        exact = getattr(told, name)
-        assert getattr(recorded, name) == pytest.approx(exact, abs=1e-3 * float(np.max(np.abs(exact))))
-
-
-def test_a_recorded_stroke_has_the_loads_of_its_acceleration_too() -> None:
-    wing, settings = elliptic_wing(0.5, 0.2, 6, np.array(HINGE)), QuasiSteady(0.25)
-    motion = steady_flight(SLOW_HAWK_STROKE, 100, 9.0, 0.1)
-    found = stroke_loads(
-        quasi_steady.MODEL, build(settings, strips_of(wing)), strips_of(wing), recorded_kinematics(wing, motion), 1.2
-    )
-    own = found.parts.index(APPARENT)
-    without = np.concatenate((found.force, found.moment), axis=2)[:, :own].sum(axis=1)
-    assert without == pytest.approx(prescribed_loads(quasi_steady.MODEL, settings, wing, motion, 1.2), abs=1e-12)
-    assert np.max(np.abs(found.force[:, own, 2])) > 0.05 * np.max(np.abs(without[:, 2]))
