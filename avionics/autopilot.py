@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from avionics import snapshot, timebase
 from avionics.guidance.mission import Mission
 from avionics.inputs import receive
-from avionics.messages import ActuatorCommand, Command, PilotInput, SensorFrame
+from avionics.messages import ActuatorCommand, Input, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
 from avionics.quantities import BadInput
@@ -50,7 +50,7 @@ class Autopilot:
         self._schedule = schedule
         self._state = initial_state(vehicle.gains, mission)
 
-    def step(self, frame: SensorFrame, commands: Sequence[Command | PilotInput] = ()) -> ActuatorCommand:
+    def step(self, frame: SensorFrame, commands: Sequence[Input] = ()) -> ActuatorCommand:
         """One tick: sense, estimate, guide, stabilize, mix, report."""
         s, publish = self._state, self._publish
         if frame.time_us <= s.clock.time_us:

@@ -1,7 +1,8 @@
 """What enters a flight from outside: its JSON for the log, and what each command does to the state.
 
-Within a tick the sticks are taken first, then the commands in their order; a replay that merges the two logged
-topics by time therefore repeats the flight exactly.
+Within a tick sticks of MANUAL_CONTROL are taken first, then overridden channels, then the commands in their order;
+a replay that merges the three logged topics by time therefore repeats the flight exactly. On the topic of the sticks
+those of the other sources stand too: they follow from frames and channels, and are no inputs.
 """
 
 from __future__ import annotations
@@ -11,14 +12,27 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from avionics import parameters, snapshot, topics
+from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
 from avionics.guidance import excitation, modes, navigation
-from avionics.guidance.mission import Channel, Excitation, Mission, MissionItem
-from avionics.limits import clip
-from avionics.messages import Calibration, Command, CommandKind, Event, Mode, PilotInput, Severity, Stage, Text
+from avionics.guidance.mission import Channel, Excitation, Fence, Mission, MissionItem, Rally
+from avionics.messages import (
+    Calibration,
+    ChannelOverride,
+    Command,
+    CommandKind,
+    Event,
+    Input,
+    Mode,
+    PilotInput,
+    Severity,
+    Stage,
+    Text,
+)
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
+from avionics.missions.limits import check_fence, check_item, check_rally
+from avionics.sensing.pilot import Act
 from avionics.situation import conditions, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
@@ -47,24 +61,42 @@ def decode_command(text: str) -> Command:
     document = json.loads(text)
     kind = CommandKind[document["kind"]]
     payload = document["payload"]
-    if payload is not None and kind == CommandKind.SET_MISSION:
-        payload = snapshot.builder(Mission)(payload)
-    elif payload is not None and kind == CommandKind.EXCITE:
-        payload = snapshot.builder(Excitation)(payload)
+    if payload is not None and kind in PAYLOADS:
+        payload = snapshot.builder(PAYLOADS[kind])(payload)
     return Command(document["time_us"], kind, document["name"], document["value"], payload, document["source"])
 
 
-def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Command | PilotInput]) -> None:
+PAYLOADS: dict[CommandKind, Any] = {
+    CommandKind.SET_MISSION: Mission,
+    CommandKind.SET_FENCE: Fence,
+    CommandKind.SET_RALLY: Rally,
+    CommandKind.EXCITE: Excitation,
+    CommandKind.LOITER_AT: MissionItem,
+}
+"""what a command carries, for its JSON"""
+
+
+def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> None:
     """Log and apply everything that came since the last tick."""
     time_us = max(s.clock.time_us, 0)
     for entry in inputs:
         if isinstance(entry, PilotInput):
-            _take_sticks(s, publish, entry._replace(time_us=time_us))
+            piloting.take_sticks(s, publish, entry._replace(time_us=time_us))
+    for entry in inputs:
+        if isinstance(entry, ChannelOverride):
+            asked = piloting.take_override(s, publish, entry._replace(time_us=time_us))
+            act(s, publish, asked, "override")
     for entry in inputs:
         if isinstance(entry, Command):
             command = _plain(entry._replace(time_us=time_us))
             publish(topics.INPUTS, Text(time_us, encode_command(command)))
             APPLY[command.kind](s, publish, command)
+
+
+def act(s: AutopilotState, publish: Publish, asked: Sequence[Act], source: str) -> None:
+    """Do what switches ask for: it is logged with the channels it follows from, not as an input of its own."""
+    for each in asked:
+        APPLY[each.kind](s, publish, Command(s.clock.time_us, each.kind, each.name, source=source))
 
 
 def say(s: AutopilotState, publish: Publish, severity: Severity, source: str, text: str) -> None:
@@ -81,22 +113,11 @@ def tell(s: AutopilotState, publish: Publish, notices: tuple[modes.Notice, ...])
 def _plain(command: Command) -> Command:
     """An excitation may come wrapped in a mission item; a mission as a list."""
     payload = command.payload
-    if isinstance(payload, MissionItem):
+    if isinstance(payload, MissionItem) and command.kind == CommandKind.EXCITE:
         payload = payload.excitation
-    elif command.kind == CommandKind.SET_MISSION:
+    elif command.kind in (CommandKind.SET_MISSION, CommandKind.SET_RALLY):
         payload = tuple(payload or ())
     return command._replace(payload=payload)
-
-
-def _take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> None:
-    if not math.isfinite(sum(sticks[1:])):
-        s.plausibility = s.plausibility._replace(rejected=s.plausibility.rejected + 1)
-        return
-    _, pitch, roll, yaw, throttle = sticks
-    s.pilot = PilotInput(
-        sticks.time_us, clip(pitch, -1.0, 1.0), clip(roll, -1.0, 1.0), clip(yaw, -1.0, 1.0), clip(throttle, 0.0, 1.0)
-    )
-    publish(topics.PILOT, s.pilot)
 
 
 def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -114,6 +135,12 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 def _disarm(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.modes, notices = modes.disarm(s.modes, command.value == FORCED_DISARM)
+    tell(s, publish, notices)
+
+
+def _kill(s: AutopilotState, publish: Publish, command: Command) -> None:
+    by = {"receiver": "kill switch", "override": "kill switch"}.get(command.source, "flight termination")
+    s.modes, notices = modes.kill(s.modes, by)
     tell(s, publish, notices)
 
 
@@ -147,6 +174,41 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
     say(s, publish, Severity.INFO, "mission", f"mission of {len(mission)} items")
+
+
+def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
+    fence: Fence = command.payload or Fence()
+    refusal = check_fence(fence)
+    if refusal:
+        say(s, publish, Severity.WARNING, "mission", f"fence refused: {refusal}")
+        return
+    s.fence, s.fence_clearance = fence, math.inf
+    say(s, publish, Severity.INFO, "mission", f"fence of {len(fence.zones)} zones")
+
+
+def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
+    rally: Rally = command.payload
+    refusal = check_rally(rally)
+    if refusal:
+        say(s, publish, Severity.WARNING, "mission", f"rally points refused: {refusal}")
+        return
+    s.rally = rally
+    say(s, publish, Severity.INFO, "mission", f"{len(rally)} rally points")
+
+
+def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
+    item: MissionItem = command.payload
+    refusal = check_item(item) or modes.mode_refusal(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
+    if not refusal and not surroundings(s).valid:
+        refusal = "no GPS position"
+    if refusal:
+        say(s, publish, Severity.WARNING, "navigation", f"circling there refused: {refusal}")
+        return
+    s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
+    s.navigation = navigation.loiter_at(s.gains.navigation, s.navigation, item, surroundings(s))
+    tell(s, publish, notices)
+    text = f"circling {item.north:.0f} m north, {item.east:.0f} m east at {item.altitude:.0f} m"
+    say(s, publish, Severity.INFO, "navigation", text)
 
 
 def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -225,4 +287,8 @@ APPLY: dict[CommandKind, Callable[[AutopilotState, Publish, Command], None]] = {
     CommandKind.CALIBRATE: _calibrate,
     CommandKind.LINK_LOST: _lose_link,
     CommandKind.LINK_REGAINED: _regain_link,
+    CommandKind.KILL: _kill,
+    CommandKind.SET_FENCE: _set_fence,
+    CommandKind.SET_RALLY: _set_rally,
+    CommandKind.LOITER_AT: _loiter_at,
 }

@@ -127,6 +127,23 @@ class GpsFix(NamedTuple):
     """-; used in the fix"""
 
 
+CHANNELS = 8
+"""of the radio-control receiver"""
+
+
+class ReceiverSample(NamedTuple):
+    """One frame of the radio-control receiver."""
+
+    time_us: Time
+    """us; since boot"""
+    pulses: Annotated[tuple[int, ...], Wire("fixed32", CHANNELS)]
+    """us; pulse widths of the channels, counted in whole microseconds"""
+    lost: Number
+    """-; 1 while the receiver itself says that it does not hear its transmitter"""
+    rssi: Number
+    """-; signal strength, 0 to 254, 255 for unknown"""
+
+
 class SensorFrame(NamedTuple):
     """All that the board delivers in one tick; what was not sampled in this tick is None."""
 
@@ -138,13 +155,23 @@ class SensorFrame(NamedTuple):
     adc: AdcBurst | None = None
     torque: TorqueSample | None = None
     gps: GpsFix | None = None
+    receiver: ReceiverSample | None = None
 
 
 # --- what enters from the ground ------------------------------------------------------------------------
 
 
+class PilotSource(IntEnum):
+    """Where the pilot's sticks come from; a greater value goes before a smaller one."""
+
+    NONE = 0
+    MANUAL_CONTROL = 1
+    OVERRIDE = 2
+    RECEIVER = 3
+
+
 class PilotInput(NamedTuple):
-    """The pilot's sticks, from MANUAL_CONTROL or a receiver."""
+    """The pilot's sticks; those of MANUAL_CONTROL are an input, the others follow from logged channels."""
 
     time_us: Time
     """us; since boot, when it was applied"""
@@ -156,6 +183,21 @@ class PilotInput(NamedTuple):
     """-; -1 left to 1 right"""
     throttle: float
     """-; 0 to 1 flapping"""
+    source: Annotated[PilotSource, Wire("fixed32")] = PilotSource.MANUAL_CONTROL
+    """-; where they come from"""
+
+
+OVERRIDDEN = 18
+"""channels of RC_CHANNELS_OVERRIDE"""
+
+
+class ChannelOverride(NamedTuple):
+    """RC_CHANNELS_OVERRIDE: channels that a ground station sets instead of a receiver."""
+
+    time_us: Time
+    """us; since boot, when it was applied"""
+    pulses: Annotated[tuple[int, ...], Wire("fixed32", OVERRIDDEN)]
+    """us; pulse widths, 0 to release a channel, 65535 to leave it as it was"""
 
 
 class CommandKind(IntEnum):
@@ -170,6 +212,10 @@ class CommandKind(IntEnum):
     EXCITE = 7
     LINK_LOST = 8
     LINK_REGAINED = 9
+    KILL = 10
+    SET_FENCE = 11
+    SET_RALLY = 12
+    LOITER_AT = 13
     CALIBRATE = 20
 
 
@@ -185,9 +231,14 @@ class Command(NamedTuple):
     value: float = 0.0
     """-; the parameter's value, the item's number, what a calibration is given, or 0"""
     payload: Any = None
-    """-; a tuple of mission items for SET_MISSION, an excitation item for EXCITE"""
+    """-; mission items for SET_MISSION, a fence for SET_FENCE, rally points for SET_RALLY, an excitation item for
+    EXCITE, a LOITER item for LOITER_AT"""
     source: str = ""
     """-; who asked: a link's name, "script" or "pilot\""""
+
+
+Input = Command | PilotInput | ChannelOverride
+"""whatever enters a flight from outside, beside the sensors"""
 
 
 # --- what the flight computer believes ------------------------------------------------------------------
@@ -384,6 +435,7 @@ class Mode(IntEnum):
     AUTO = 4
     RETURN = 5
     LAND = 6
+    LOITER = 7
 
 
 class Stage(IntEnum):
@@ -633,6 +685,8 @@ class Failsafe(IntFlag):
     BATTERY_LOW = 4
     IMU_FAULT = 8
     FENCE = 16
+    FENCE_NEAR = 32
+    PILOT_LOST = 64
 
 
 class Health(NamedTuple):

@@ -29,6 +29,7 @@ PREFIXES = {
     "torque": "TRQ",
     "altitude_filter": "AFIL",
     "position_filter": "PFIL",
+    "receiver": "RC",
     "modes": "MODE",
     "navigation": "NAV",
     "altitude": "ALT",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading, modes, navigation
-from avionics.sensing import plausibility
-from avionics.state import AutopilotState
+from avionics.messages import PilotSource
+from avionics.sensing import pilot, plausibility
+from avionics.state import STANDARD_GRAVITY, AutopilotState
 
 
 def position_usable(s: AutopilotState) -> int:
@@ -17,7 +18,17 @@ def position_usable(s: AutopilotState) -> int:
 
 def ground_motion(s: AutopilotState) -> heading.Measured:
     """What the heading loop looks at."""
-    return heading.Measured(s.attitude.yaw, s.position.v_north, s.position.v_east, position_usable(s))
+    return heading.Measured(
+        s.attitude.yaw, s.position.v_north, s.position.v_east, position_usable(s), bank_of_path(s)
+    )
+
+
+def bank_of_path(s: AutopilotState) -> float:
+    """Bank (rad) of a steady turn along the path's curve at the present ground speed: tan bank = V^2 / (g R)."""
+    if s.target.curvature == 0.0:
+        return 0.0
+    square = s.position.v_north**2 + s.position.v_east**2
+    return math.atan(square * s.target.curvature / STANDARD_GRAVITY)
 
 
 def conditions(s: AutopilotState) -> modes.Conditions:
@@ -39,19 +50,30 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         items=len(s.mission),
         throttle_stick=s.pilot.throttle,
         wanted_stage=s.target.stage,
+        fence_clearance=s.fence_clearance if position_usable(s) else math.inf,
+        fence_floor=s.fence.floor,
+        fence_ceiling=s.fence.ceiling,
+        pilot_lost=int(s.ways_in.source == PilotSource.NONE),
+        kill_switch=int(pilot.kill_switch(s.ways_in)),
     )
 
 
 def surroundings(s: AutopilotState) -> navigation.Situation:
     """What the navigation looks at."""
+    usable = position_usable(s)
     return navigation.Situation(
         mode=s.modes.mode,
         stage=s.modes.stage,
         north=s.position.north,
         east=s.position.east,
-        valid=position_usable(s),
+        valid=usable,
         heading=heading.course(s.gains.heading, ground_motion(s)),
         altitude=s.altitude.altitude,
         stick_pitch=s.pilot.pitch,
         excitations=s.excitation.finished,
+        airspeed=s.air.airspeed,
+        ground_speed=math.hypot(s.position.v_north, s.position.v_east) if usable else 0.0,
+        wind_north=s.position.wind_north if usable else 0.0,
+        wind_east=s.position.wind_east if usable else 0.0,
+        rally=s.rally,
     )

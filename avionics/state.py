@@ -8,6 +8,7 @@ Every field is an immutable value (a NamedTuple of plain numbers), so a copy of 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeVar, get_type_hints
 
@@ -19,9 +20,9 @@ from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes
 from avionics.guidance import navigation as navigator
-from avionics.guidance.mission import Mission
+from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, plausibility, power, wing_angle
+from avionics.sensing import air_data, pilot, plausibility, power, wing_angle
 from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
 
@@ -59,6 +60,8 @@ class AutopilotState:
     air_data: air_data.State = air_data.State()
     altitude_filter: altitude_filter.State = altitude_filter.State()
     position_filter: position_filter.State = position_filter.State()
+    ways_in: pilot.State = pilot.State()
+    """the pilot's sticks by their source"""
     modes: modes.State = modes.State()
     navigation: navigator.State = navigator.State()
     heading_loop: heading.State = heading.State()
@@ -68,11 +71,18 @@ class AutopilotState:
     tail: tail.State = tail.State()
     calibration: calibration.State = calibration.State()
 
+    fence: Fence = NO_FENCE
+    """may be changed in flight by SET_FENCE"""
+    rally: Rally = ()
+    """may be changed in flight by SET_RALLY"""
+    fence_clearance: float = math.inf
+    """m; inside of the fence at the last step of the navigation, negative outside"""
     frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
     """the last frame, without what was refused; its IMU sample is the last good one"""
     fix: m.GpsFix | None = None
     """the last good fix"""
     pilot: m.PilotInput = zero(m.PilotInput)
+    """the sticks that are flown, neutral while there are none"""
     attitude: m.Attitude = zero(m.Attitude)
     wing: m.WingState = zero(m.WingState)
     power_state: m.PowerState = zero(m.PowerState)._replace(battery_remaining=1.0)

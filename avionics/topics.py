@@ -36,6 +36,8 @@ ADC = Topic("/sensors/adc", m.AdcBurst, 4, 100.0)
 TORQUE_RAW = Topic("/sensors/torque", m.TorqueSample, 5, 100.0)
 GPS = Topic("/sensors/gps", m.GpsFix, 6, 5.0, 2.0)
 PILOT = Topic("/inputs/pilot", m.PilotInput, 7, 0.0)
+RECEIVER = Topic("/sensors/receiver", m.ReceiverSample, 8, 50.0)
+OVERRIDE = Topic("/inputs/override", m.ChannelOverride, 9, 0.0)
 
 ATTITUDE = Topic("/attitude/ahrs", m.Attitude, 20, 200.0, 10.0)
 POWER = Topic("/power/state", m.PowerState, 21, 100.0, 2.0)
@@ -67,7 +69,7 @@ LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False
 """what the ground links did, on the wall clock"""
 
 TOPICS: tuple[Topic, ...] = (
-    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT,
+    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
     HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION,

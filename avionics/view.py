@@ -8,7 +8,7 @@ from typing import Any
 
 from avionics import inputs, parameters, topics
 from avionics.autopilot import Autopilot
-from avionics.guidance.mission import Mission
+from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.vehicle import Home, Parameter
 from avionics.messages import Command, Event, Mode, Severity
 from avionics.processors import SCHEDULE, Due
@@ -68,6 +68,16 @@ class FlightView:
     def mission(self) -> Mission:
         """The mission on board."""
         return self.autopilot.memory.mission
+
+    @property
+    def fence(self) -> Fence:
+        """The plan's fence on board."""
+        return self.autopilot.memory.fence
+
+    @property
+    def rally(self) -> Rally:
+        """The rally points on board."""
+        return self.autopilot.memory.rally
 
     @property
     def home(self) -> Home | None:

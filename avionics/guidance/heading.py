@@ -47,6 +47,8 @@ class Measured(NamedTuple):
     """m/s; over ground"""
     valid: int
     """-; 1 when the ground velocity can be trusted"""
+    bank: float = 0.0
+    """rad; that the curve of the path flown asks for by itself"""
 
 
 def course(gains: Gains, measured: Measured) -> float:
@@ -62,7 +64,7 @@ def step(
     heading = course(gains, measured)
     error = wrap(heading_setpoint - heading)
     grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
-    wanted = gains.proportional * error + grown
+    wanted = gains.proportional * error + grown + measured.bank
     saturated = abs(wanted) > gains.roll_max
     integral = state.integral if saturated and wanted * error > 0.0 else grown
     limited = clip(wanted, -gains.roll_max, gains.roll_max)

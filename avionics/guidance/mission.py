@@ -10,9 +10,15 @@ class ItemKind(IntEnum):
     """What an item asks for; the values are MAVLink's MAV_CMD numbers (private ones from 53000)."""
 
     WAYPOINT = 16
+    LOITER = 17
+    """circle at a place without end"""
+    CIRCLE = 18
+    """circle at a place for some turns, for a time, or up or down to an altitude"""
     RETURN = 20
     LAND = 21
     TAKEOFF = 22
+    JUMP = 177
+    """go on with another item, some times"""
     HOLD = 53001
     """hold altitude and heading for a duration"""
     EXCITE = 53000
@@ -82,17 +88,73 @@ class MissionItem(NamedTuple):
     kind: ItemKind
     """-; what to do"""
     north: float = 0.0
-    """m; from home (WAYPOINT, LAND)"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND)"""
     east: float = 0.0
-    """m; from home (WAYPOINT, LAND)"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND)"""
     altitude: float = 0.0
-    """m; above home (TAKEOFF, WAYPOINT, HOLD)"""
+    """m; above home (TAKEOFF, WAYPOINT, LOITER, CIRCLE, HOLD)"""
     heading: float = 0.0
     """rad; to hold (HOLD), or of the final approach (LAND)"""
     duration: float = 0.0
-    """s; to hold (HOLD)"""
+    """s; to hold (HOLD), to circle (CIRCLE)"""
     excitation: Excitation | None = None
     """-; what to fly (EXCITE)"""
+    radius: float = 0.0
+    """m; positive clockwise, negative the other way, 0 for the vehicle's own (LOITER, CIRCLE)"""
+    turns: float = 0.0
+    """-; to fly (CIRCLE); without turns and duration the circle ends at its altitude"""
+    jump_to: int = 0
+    """-; number of the item to go on with, from 0 (JUMP)"""
+    repeats: int = 0
+    """-; how often it is jumped, -1 for ever (JUMP)"""
 
 
 Mission = tuple[MissionItem, ...]
+
+
+class RallyPoint(NamedTuple):
+    """A place to return to instead of home."""
+
+    north: float
+    """m; from home"""
+    east: float
+    """m; from home"""
+    altitude: float
+    """m; above home, at which it is circled there"""
+
+
+Rally = tuple[RallyPoint, ...]
+
+
+class Zone(NamedTuple):
+    """A part of a fence: a circle or a polygon to stay inside of, or to keep out of."""
+
+    keep_in: int
+    """-; 1 to stay inside, 0 to stay outside"""
+    places: tuple[tuple[float, float], ...]
+    """m; north and east of home: the centre of a circle, or the corners of a polygon in their order"""
+    radius: float = 0.0
+    """m; of a circle, 0 for a polygon"""
+
+
+class Fence(NamedTuple):
+    """Where to fly, beside the vehicle's own limits: inside of every zone and between the altitudes."""
+
+    zones: tuple[Zone, ...] = ()
+    floor: float = 0.0
+    """m; above home, 0 for none; holds once it was passed on the way up, until an approach"""
+    ceiling: float = 0.0
+    """m; above home, 0 for none"""
+
+
+NO_FENCE = Fence()
+
+
+class FlightPlan(NamedTuple):
+    """All that a plan file holds."""
+
+    mission: Mission = ()
+    fence: Fence = NO_FENCE
+    rally: Rally = ()
+    notes: tuple[str, ...] = ()
+    """-; what of the file is not flown, for people"""

@@ -12,9 +12,12 @@ from typing import Annotated, NamedTuple
 from avionics.messages import Failsafe, Mode, Severity, Stage
 from avionics.quantities import Quantity
 
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+
 AIRBORNE = (Stage.CLIMB_OUT, Stage.EN_ROUTE, Stage.APPROACH, Stage.FLARE)
 LANDING = (Stage.APPROACH, Stage.FLARE)
-GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND)
+GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND, Mode.LOITER)
 """modes in which the navigation steers"""
 PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 """modes in which the throttle is the pilot's"""
@@ -34,10 +37,16 @@ class Gains(NamedTuple):
 
     launch_force: Annotated[float, Quantity("m/s^2", 1.0, 150.0)]
     """m/s^2; forward specific force that tells a throw"""
-    launch_airspeed: Annotated[float, Quantity("m/s", 0.5, 30.0)]
-    """m/s; airspeed that tells a throw"""
     launch_time: Annotated[float, Quantity("s", 0.0, 2.0)]
-    """s; for which either must last"""
+    """s; for which it must last"""
+    launch_push: Annotated[float, Quantity("m/s", 0.1, 30.0)]
+    """m/s; speed along the body that it gives"""
+    launch_airspeed: Annotated[float, Quantity("m/s", 0.5, 30.0)]
+    """m/s; airspeed that goes with it"""
+    launch_reach: Annotated[float, Quantity("m", 0.1, 10.0)]
+    """m; way at that speed that no arm has; a third as far again it is a throw also without an airspeed"""
+    launch_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)]
+    """rad; greatest pitch or roll at which a push is a throw"""
     wait_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
     """-; flapping while armed on the hand, 0 for still wings"""
     touchdown_airspeed: Annotated[float, Quantity("m/s", 0.1, 20.0)]
@@ -66,6 +75,10 @@ class Gains(NamedTuple):
     """m; from home, beyond which to return"""
     fence_altitude: Annotated[float, Quantity("m", 5.0, 5000.0)]
     """m; above which to return"""
+    fence_floor: Annotated[float, Quantity("m", 0.0, 1000.0)]
+    """m; below which to return once it was passed on the way up, until an approach; 0 for none"""
+    fence_margin: Annotated[float, Quantity("m", 0.0, 500.0)]
+    """m; from the fence at which it is warned of"""
 
 
 class State(NamedTuple):
@@ -77,8 +90,20 @@ class State(NamedTuple):
     """-; see `Stage`"""
     armed: int = 0
     """-; 1 when the wings may move"""
-    launch_time: float = 0.0
-    """s; for which the launch condition has held"""
+    push: float = 0.0
+    """m/s; speed along the body gained on the hand or in a throw"""
+    push_way: float = 0.0
+    """m; way since that speed last turned forward"""
+    force_time: float = 0.0
+    """s; for which the force has been a throw's"""
+    thrown: int = 0
+    """-; 1 once the force lasted, since the speed last turned forward"""
+    above_floor: int = 0
+    """-; 1 once the flight was above the fence's floor"""
+    killed: int = 0
+    """-; 1 from a kill to the next arming"""
+    pilot_time: float = 0.0
+    """s; since the pilot's sticks were lost in a mode that is flown by them"""
     still_time: float = 0.0
     """s; for which the touchdown condition has held"""
     link_lost: int = 0
@@ -126,6 +151,16 @@ class Conditions(NamedTuple):
     """-; 0 to 1"""
     wanted_stage: int
     """-; stage the navigation is in"""
+    fence_clearance: float = math.inf
+    """m; inside of the plan's fence, negative outside, infinite without one"""
+    fence_floor: float = 0.0
+    """m; of the plan's fence, 0 for none"""
+    fence_ceiling: float = 0.0
+    """m; of the plan's fence, 0 for none"""
+    pilot_lost: int = 0
+    """-; 1 while there are no sticks that are not stale"""
+    kill_switch: int = 0
+    """-; 1 while a kill switch is on"""
 
 
 Outcome = tuple[State, tuple[Notice, ...]]
@@ -139,7 +174,8 @@ def arming_refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, 
         (seen.imu_fault, "the IMU's samples are refused"),
         (max(abs(seen.roll), abs(seen.pitch)) > gains.arm_tilt, "tilted too far"),
         (seen.battery < gains.arm_battery, f"battery at {100.0 * seen.battery:.0f} %"),
-        (state.mode in (Mode.RETURN, Mode.LAND), "mode is RETURN or LAND"),
+        (seen.kill_switch, "the kill switch is on"),
+        (state.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER), "mode is RETURN or LAND or LOITER"),
         (automatic and seen.items == 0, "no mission"),
         (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
         (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
@@ -155,8 +191,9 @@ def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
     if reasons:
         return state, (Notice(Severity.WARNING, f"arming refused: {'; '.join(reasons)}"),)
     armed = state._replace(
-        armed=1, stage=int(Stage.WAIT_LAUNCH), launch_time=0.0, still_time=0.0, answered=0, critical=0
+        armed=1, stage=int(Stage.WAIT_LAUNCH), still_time=0.0, answered=0, critical=0, above_floor=0, killed=0
     )
+    armed = _without_push(armed)
     return armed, (Notice(Severity.NOTICE, "armed"),)
 
 
@@ -164,10 +201,20 @@ def disarm(state: State, forced: bool) -> Outcome:
     """Disarm on the ground; in the air only when ``forced``."""
     if not state.armed:
         return state, (Notice(Severity.INFO, "already disarmed"),)
-    if state.stage in AIRBORNE and not forced:
+    if state.stage not in AIRBORNE:
+        return state._replace(armed=0, stage=int(Stage.ON_GROUND)), (Notice(Severity.NOTICE, "disarmed"),)
+    if not forced:
         return state, (Notice(Severity.WARNING, "disarming refused: in flight"),)
+    return kill(state, "disarmed by force")
+
+
+def kill(state: State, reason: str) -> Outcome:
+    """Stop the wings at once and put the tail at neutral, wherever it is; only arming anew ends it."""
+    if not state.armed:
+        return state, ()
     stage = Stage.LANDED if state.stage in AIRBORNE else Stage.ON_GROUND
-    return state._replace(armed=0, stage=int(stage)), (Notice(Severity.NOTICE, "disarmed"),)
+    text = f"KILLED, {reason}: wings stopped, tail neutral; arm again to fly"
+    return state._replace(armed=0, killed=1, stage=int(stage)), (Notice(Severity.EMERGENCY, text),)
 
 
 def mode_refusal(gains: Gains, state: State, mode: Mode, seen: Conditions) -> str:
@@ -176,7 +223,7 @@ def mode_refusal(gains: Gains, state: State, mode: Mode, seen: Conditions) -> st
         return "no mission"
     if mode == Mode.RETURN and seen.fix_age > gains.gps_loss_delay:
         return "no GPS position"
-    if mode in (Mode.RETURN, Mode.LAND) and state.armed and state.stage not in AIRBORNE:
+    if mode in (Mode.RETURN, Mode.LAND, Mode.LOITER) and state.armed and state.stage not in AIRBORNE:
         return "not in flight"
     return ""
 
@@ -219,13 +266,37 @@ def _stages(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     return state, ()
 
 
+PUSH_MEMORY = 2.0
+"""s; in which the speed gained is forgotten, and with it the accelerometer's offset: a hand comes to rest again"""
+BLIND_REACH = 1.3
+"""-; in units of `Gains.launch_reach`: a way that tells a throw also without an airspeed"""
+
+
 def _watch_launch(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
-    thrown = seen.forward_force > gains.launch_force or seen.airspeed > gains.launch_airspeed
-    lasted = state.launch_time + dt if thrown else 0.0
-    if not thrown or lasted < gains.launch_time:
-        return state._replace(launch_time=lasted), ()
+    """A throw pushes for a while and its speed is kept; a hand takes back what it gave within its reach."""
+    state = _pushed(gains, state, dt, seen)
+    upright = max(abs(seen.roll), abs(seen.pitch)) <= gains.launch_tilt
+    fast = state.push >= gains.launch_push and state.push_way >= gains.launch_reach
+    flown = seen.airspeed >= gains.launch_airspeed or state.push_way >= BLIND_REACH * gains.launch_reach
+    if not (state.thrown and upright and fast and flown):
+        return state, ()
     stage = Stage.CLIMB_OUT if state.mode == Mode.AUTO else Stage.EN_ROUTE
-    return state._replace(stage=int(stage), launch_time=0.0), (Notice(Severity.NOTICE, "launched"),)
+    return _without_push(state)._replace(stage=int(stage)), (Notice(Severity.NOTICE, "launched"),)
+
+
+def _pushed(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
+    """Speed along the body from the force, gravity's share taken off; its way begins anew where it turns."""
+    accel = seen.forward_force - STANDARD_GRAVITY * math.sin(seen.pitch)
+    push = (state.push + accel * dt) * (1.0 - dt / PUSH_MEMORY)
+    force_time = state.force_time + dt if seen.forward_force > gains.launch_force else 0.0
+    if push <= 0.0:
+        return state._replace(push=push, push_way=0.0, force_time=force_time, thrown=0)
+    thrown = int(state.thrown or force_time >= gains.launch_time)
+    return state._replace(push=push, push_way=state.push_way + push * dt, force_time=force_time, thrown=thrown)
+
+
+def _without_push(state: State) -> State:
+    return state._replace(push=0.0, push_way=0.0, force_time=0.0, thrown=0)
 
 
 def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
@@ -252,14 +323,25 @@ def _follow_navigation(state: State, seen: Conditions) -> Outcome:
 
 def present(gains: Gains, state: State, seen: Conditions) -> int:
     """Flags of the failures that are present now."""
-    outside = seen.home_distance > gains.fence_radius or seen.altitude > gains.fence_altitude
+    room = fence_room(gains, state, seen)
     return (
         (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
         | (Failsafe.GPS_LOST if _position_missed(gains, state, seen) else 0)
         | (Failsafe.BATTERY_LOW if seen.battery < gains.battery_return else 0)
         | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
-        | (Failsafe.FENCE if outside else 0)
+        | (Failsafe.FENCE if room < 0.0 else Failsafe.FENCE_NEAR if room < gains.fence_margin else 0)
+        | (Failsafe.PILOT_LOST if state.pilot_time > 0.0 else 0)
     )
+
+
+def fence_room(gains: Gains, state: State, seen: Conditions) -> float:
+    """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
+    if state.stage not in AIRBORNE:
+        return math.inf
+    ceiling = min(gains.fence_altitude, seen.fence_ceiling or math.inf)
+    room = min(gains.fence_radius - seen.home_distance, seen.fence_clearance, ceiling - seen.altitude)
+    below = seen.altitude - max(gains.fence_floor, seen.fence_floor)
+    return min(room, below) if state.above_floor and state.stage not in LANDING else room
 
 
 def _position_missed(gains: Gains, state: State, seen: Conditions) -> bool:
@@ -274,6 +356,8 @@ REASONS = {
     Failsafe.BATTERY_LOW: "battery low",
     Failsafe.IMU_FAULT: "IMU samples refused",
     Failsafe.FENCE: "outside the fence",
+    Failsafe.FENCE_NEAR: "close to the fence",
+    Failsafe.PILOT_LOST: "pilot's sticks lost",
 }
 RETURNING = (Failsafe.LINK_LOST, Failsafe.BATTERY_LOW, Failsafe.FENCE)
 
@@ -281,6 +365,7 @@ RETURNING = (Failsafe.LINK_LOST, Failsafe.BATTERY_LOW, Failsafe.FENCE)
 def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     if state.link_lost:
         state = state._replace(link_time=state.link_time + dt)
+    state = _watch_pilot(gains, state, dt, seen)._replace(above_floor=_passed_floor(gains, state, seen))
     flags = present(gains, state, seen)
     notices = _announce(state.failsafe, flags)
     state = state._replace(failsafe=int(flags), answered=state.answered & int(flags))
@@ -288,7 +373,39 @@ def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outco
         return state, notices
     state, landed = _land_when_critical(gains, state, seen)
     state, returned = _return_when_failed(state, flags)
-    return state, notices + landed + returned
+    state, circled = _leave_the_pilots_modes(gains, state, seen)
+    return state, notices + landed + returned + circled
+
+
+def _passed_floor(gains: Gains, state: State, seen: Conditions) -> int:
+    floor = max(gains.fence_floor, seen.fence_floor)
+    up = state.stage in AIRBORNE and floor > 0.0
+    return int(up and (state.above_floor == 1 or seen.altitude > floor + gains.fence_margin))
+
+
+def pilot_missed(state: State, seen: Conditions) -> bool:
+    """Whether sticks are missing that the flight needs, or needed until they were lost."""
+    flown = state.armed == 1 and state.stage in AIRBORNE
+    return bool(seen.pilot_lost) and flown and (state.mode in PILOTED or state.pilot_time > 0.0)
+
+
+def _watch_pilot(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
+    lost = pilot_missed(state, seen)
+    return state._replace(pilot_time=state.pilot_time + dt) if lost else state._replace(pilot_time=0.0)
+
+
+def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Outcome:
+    """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level."""
+    if state.pilot_time == 0.0 or state.answered & Failsafe.PILOT_LOST:
+        return state, ()
+    placed = seen.fix_age <= gains.gps_loss_delay
+    if state.mode in PILOTED:
+        mode = Mode.LOITER if placed else Mode.ALTITUDE_HOLD
+        return _enter(state, mode, Severity.CRITICAL, f"failsafe: {mode.name}, pilot's sticks lost")
+    if state.mode == Mode.LOITER and placed and state.pilot_time >= gains.link_loss_delay:
+        state = state._replace(answered=state.answered | Failsafe.PILOT_LOST)
+        return _enter(state, Mode.RETURN, Severity.CRITICAL, "failsafe: returning, pilot's sticks lost")
+    return state, ()
 
 
 def _announce(before: int, after: int) -> tuple[Notice, ...]:

@@ -44,6 +44,7 @@ PRESSURES: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_PRESSURES
 ADC_BURST: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_ADC_BURST
 TORQUE: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_TORQUE
 END: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_END
+HIL_RC: int = mavlink.MAVLINK_MSG_ID_HIL_RC_INPUTS_RAW
 HEARTBEAT: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
@@ -67,6 +68,8 @@ _ENCODER = _layout(ENCODER)
 _PRESSURES = _layout(PRESSURES)
 _ADC = _layout(ADC_BURST)
 _TORQUE = _layout(TORQUE)
+_RC = _layout(HIL_RC)
+_SPARE_CHANNELS = (0,) * 4
 _NO_PRESSURE = (0.0, 0.0, 0.0, 0.0, IMU_FIELDS, 0)
 _SPARE_CONTROLS = (0.0,) * 11
 _IMU32 = struct.Struct("<9f")
@@ -181,12 +184,25 @@ def decode_torque(payload: bytes) -> m.TorqueSample:
     return m.TorqueSample._make(_padded(_TORQUE, payload))
 
 
+def encode_receiver(sample: m.ReceiverSample) -> bytes:
+    """Payload of HIL_RC_INPUTS_RAW; it has no field for a lost signal: that is a strength of 0."""
+    rssi = 0 if sample.lost else max(sample.rssi, 1)
+    return _RC.pack(sample.time_us, *sample.pulses, *_SPARE_CHANNELS, rssi)
+
+
+def decode_receiver(payload: bytes) -> m.ReceiverSample:
+    """From a payload of HIL_RC_INPUTS_RAW; channels beyond the eighth are passed over."""
+    time_us, *pulses, rssi = _padded(_RC, payload)
+    return m.ReceiverSample(time_us, tuple(pulses[: m.CHANNELS]), int(rssi == 0), rssi)
+
+
 SENSOR_DECODERS: dict[int, tuple[str, Callable[[bytes], Any]]] = {
     ENCODER: ("encoder", decode_encoder),
     PRESSURES: ("pressures", decode_pressures),
     ADC_BURST: ("adc", decode_adc),
     TORQUE: ("torque", decode_torque),
     HIL_GPS: ("gps", decode_gps),
+    HIL_RC: ("receiver", decode_receiver),
 }
 """What may come before HIL_SENSOR in a tick: field of `SensorFrame` and decoder by message id."""
 
@@ -196,6 +212,7 @@ _SENSOR_ENCODERS: tuple[tuple[int, str, Callable[[Any], bytes]], ...] = (
     (ADC_BURST, "adc", encode_adc),
     (TORQUE, "torque", encode_torque),
     (HIL_GPS, "gps", encode_gps),
+    (HIL_RC, "receiver", encode_receiver),
 )
 
 
@@ -314,7 +331,9 @@ def quantised_gps(fix: m.GpsFix) -> m.GpsFix:
 def quantised(frame: m.SensorFrame) -> m.SensorFrame:
     """``frame`` as the wire delivers it; counts cross unchanged."""
     gps = frame.gps if frame.gps is None else quantised_gps(frame.gps)
-    return frame._replace(imu=quantised_imu(frame.imu), gps=gps)
+    heard = frame.receiver
+    receiver = heard if heard is None else decode_receiver(encode_receiver(heard))
+    return frame._replace(imu=quantised_imu(frame.imu), gps=gps, receiver=receiver)
 
 
 def quantised_command(command: m.ActuatorCommand) -> m.ActuatorCommand:

@@ -28,7 +28,7 @@ from avionics.link.services.timesync import TimesyncService
 from avionics.link.streams import Streams
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.link.vehicle import Identity, LinkGains, Storage, VehicleView
-from avionics.messages import Command, CommandKind, Event, PilotInput, Severity
+from avionics.messages import ChannelOverride, CommandKind, Event, Input, PilotInput, Severity
 
 PAUSE = 0.2
 """s; a frame does not pause for longer, even on a slow radio"""
@@ -183,13 +183,13 @@ class GroundLink:
         """Ground stations that are heard."""
         return self._silence.stations
 
-    def poll(self, now: float) -> list[Command | PilotInput]:
+    def poll(self, now: float) -> list[Input]:
         """Answer all that has arrived, and give the inputs for the flight core in the order of arrival.
 
         Args:
             now: wall-clock time in s, from any zero, never going back.
         """
-        inputs: list[Command | PilotInput] = []
+        inputs: list[Input] = []
         for number, link in enumerate(self._links):
             for frame, peer in link.receive(now):
                 sender = Sender(frame.system, frame.component, number, peer, link.name)
@@ -239,7 +239,7 @@ class GroundLink:
         component = getattr(message, "target_component", 0)
         return system in (0, self._identity.system) and component in (0, self._identity.component)
 
-    def _deliver(self, outputs: list[Output], inputs: list[Command | PilotInput]) -> None:
+    def _deliver(self, outputs: list[Output], inputs: list[Input]) -> None:
         for output in outputs:
             if not isinstance(output, Reply):
                 inputs.append(output)
@@ -251,8 +251,8 @@ class GroundLink:
                 link = self._links[output.to.link]
                 link.transport.send(link.writer.pack(output.message), output.to.peer)
 
-    def _note(self, output: Command | PilotInput) -> None:
-        if isinstance(output, PilotInput):
+    def _note(self, output: Input) -> None:
+        if isinstance(output, PilotInput | ChannelOverride):
             return
         lost = output.kind is CommandKind.LINK_LOST
         text = f"{output.kind.name} {output.name} from {output.source}".replace("  ", " ")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.guidance.mission import Fence, ItemKind, MissionItem, Rally, RallyPoint, Zone
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation, encode_excitation
@@ -21,10 +22,23 @@ FARTHEST = 100e3
 _GLOBAL = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 _RELATIVE = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _LOCAL = (mavlink.MAV_FRAME_LOCAL_NED,)
+_CIRCLES = {
+    mavlink.MAV_CMD_NAV_LOITER_TURNS: ItemKind.CIRCLE,
+    mavlink.MAV_CMD_NAV_LOITER_TIME: ItemKind.CIRCLE,
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT: ItemKind.CIRCLE,
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM: ItemKind.LOITER,
+}
 _PLACED = (ItemKind.WAYPOINT, ItemKind.LAND)
 _WITH_ALTITUDE = (ItemKind.WAYPOINT, ItemKind.TAKEOFF, ItemKind.HOLD)
+_KEEP_IN = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+_KEEP_OUT = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+_CIRCLE_IN = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+_CIRCLE_OUT = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+_RALLY_POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
 _LOCAL_SCALE = 1e4
-"""LOCAL_NED coordinates in MISSION_ITEM_INT are metres times this"""
+"""local coordinates in MISSION_ITEM_INT are metres times this"""
+LOCAL_FRAMES = frozenset((1, 4, 7, 8, 9, 12, 20, 21))
+"""MAV_FRAMEs whose x and y are metres, sent in 1e-4 m; the others are degrees, sent in 1e-7 deg"""
 
 
 def to_metres(home: Home, latitude: float, longitude: float) -> tuple[float, float]:
@@ -39,6 +53,13 @@ def to_degrees(home: Home, north: float, east: float) -> tuple[float, float]:
     latitude = home.latitude + north / EARTH_RADIUS
     longitude = home.longitude + east / (EARTH_RADIUS * math.cos(home.latitude))
     return math.degrees(latitude), math.degrees(longitude)
+
+
+def wire_scale(frame: int) -> float:
+    """How many units of MISSION_ITEM_INT's x and y make a degree, a metre, or one of what the command says."""
+    if frame == mavlink.MAV_FRAME_MISSION:
+        return 1.0
+    return _LOCAL_SCALE if frame in LOCAL_FRAMES else 1e7
 
 
 def read_message(message: Any) -> WireItem:
@@ -61,10 +82,15 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     """
     if item.command in EXCITE_COMMANDS:
         return MissionItem(ItemKind.EXCITE, excitation=decode_excitation(item))
+    if item.command in _CIRCLES:
+        return _decode_circle(item, home)
     try:
         kind = ItemKind(item.command)
     except ValueError:
-        raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, f"command {item.command} is not flown") from None
+        text = f"{command_name(item.command)} is not flown"
+        raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, text) from None
+    if kind is ItemKind.JUMP:
+        return _decode_jump(item)
     if kind is ItemKind.RETURN:
         return MissionItem(kind)
     if kind is ItemKind.WAYPOINT and item.params[0] > 0.0:
@@ -76,6 +102,43 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     if not math.isfinite(duration) or duration < 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a HOLD needs a duration in s")
     return MissionItem(kind, north, east, altitude, _heading(heading), duration)
+
+
+def command_name(command: int) -> str:
+    """Name of a MAV_CMD with its number, or its number alone."""
+    entry = mavlink.enums["MAV_CMD"].get(command)
+    return f"{str(entry.name).removeprefix('MAV_CMD_')} ({command})" if entry else f"command {command}"
+
+
+def _decode_circle(item: WireItem, home: Home | None) -> MissionItem:
+    """Turns, time or altitude of a circle; a NaN radius is the vehicle's own."""
+    kind = _CIRCLES[item.command]
+    amount = item.params[0] if item.command in (ItemKind.CIRCLE, mavlink.MAV_CMD_NAV_LOITER_TIME) else 0.0
+    if not math.isfinite(amount) or amount < 0.0:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a circle's turns or time must be a number from 0")
+    if item.command in (ItemKind.CIRCLE, mavlink.MAV_CMD_NAV_LOITER_TIME) and amount == 0.0:
+        raise ItemRefused(
+            mavlink.MAV_MISSION_INVALID_PARAM1, "a circle without turns or time: use LOITER_TO_ALT (31)"
+        )
+    radius = item.params[1 if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 2]
+    turning = item.command == ItemKind.CIRCLE
+    return MissionItem(
+        kind,
+        *_place(item, home),
+        _altitude(item, home),
+        duration=0.0 if turning else amount,
+        radius=radius if math.isfinite(radius) else 0.0,
+        turns=amount if turning else 0.0,
+    )
+
+
+def _decode_jump(item: WireItem) -> MissionItem:
+    target, repeats = item.params[:2]
+    if not 0.0 <= target < 65536.0 or target != int(target):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "DO_JUMP: the item must be a whole number")
+    if not -1.0 <= repeats <= 1000.0 or repeats != int(repeats):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, "DO_JUMP: repeats must be -1 (for ever) to 1000")
+    return MissionItem(ItemKind.JUMP, jump_to=int(target), repeats=int(repeats))
 
 
 def _heading(degrees: float) -> float:
@@ -122,16 +185,110 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
         return encode_excitation(item.excitation)
     if item.kind is ItemKind.RETURN:
         return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    if item.kind is ItemKind.JUMP:
+        params = (float(item.jump_to), float(item.repeats), 0.0, 0.0)
+        return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, params, 0.0, 0.0, 0.0)
+    if item.kind in (ItemKind.CIRCLE, ItemKind.LOITER):
+        return _encode_circle(item, home)
     heading = math.degrees(item.heading) % 360.0
     if item.kind is ItemKind.HOLD:
         return WireItem(frame, item.kind, (item.duration, heading, 0.0, 0.0), 0.0, 0.0, item.altitude)
     params = (0.0, 0.0, 0.0, heading if item.kind is ItemKind.LAND else nan)
     if item.kind is ItemKind.TAKEOFF:
         return WireItem(frame, item.kind, params, 0.0, 0.0, item.altitude)
+    return _placed(item.kind, params, (item.north, item.east, item.altitude), home)
+
+
+def _encode_circle(item: MissionItem, home: Home | None) -> WireItem:
+    place = (item.north, item.east, item.altitude)
+    if item.kind is ItemKind.LOITER:
+        return _placed(item.kind, (0.0, 0.0, item.radius, math.nan), place, home)
+    if item.turns > 0.0:
+        return _placed(item.kind, (item.turns, 0.0, item.radius, 1.0), place, home)
+    if item.duration > 0.0:
+        return _placed(mavlink.MAV_CMD_NAV_LOITER_TIME, (item.duration, 0.0, item.radius, 1.0), place, home)
+    return _placed(mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (0.0, item.radius, 0.0, 1.0), place, home)
+
+
+def _placed(
+    command: int, params: tuple[float, float, float, float], place: tuple[float, float, float], home: Home | None
+) -> WireItem:
+    """An item at north, east and altitude (m) of home, on the globe where home is known."""
+    north, east, altitude = place
     if home is None:
-        return WireItem(mavlink.MAV_FRAME_LOCAL_NED, item.kind, params, item.north, item.east, -item.altitude)
-    latitude, longitude = to_degrees(home, item.north, item.east)
-    return WireItem(frame, item.kind, params, latitude, longitude, item.altitude)
+        return WireItem(mavlink.MAV_FRAME_LOCAL_NED, command, params, north, east, -altitude)
+    latitude, longitude = to_degrees(home, north, east)
+    frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    return WireItem(frame, command, params, latitude, longitude, altitude)
+
+
+# --- fences and rally points -------------------------------------------------------------------------------
+
+
+def decode_fence(items: Sequence[WireItem], home: Home | None) -> Fence:
+    """The zones of a fence's items; its altitudes do not travel, they are the vehicle's own.
+
+    Raises:
+        ItemRefused: as `decode_item`, a polygon whose corners do not come one after the other, a return point.
+    """
+    zones: list[Zone] = []
+    corners: list[tuple[float, float]] = []
+    for number, item in enumerate(items):
+        if item.params[1]:
+            raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, f"item {number}: there is one group of zones, 0")
+        if item.command in (_CIRCLE_IN, _CIRCLE_OUT):
+            zones.append(Zone(int(item.command == _CIRCLE_IN), (_place(item, home),), _fence_radius(item)))
+            continue
+        if item.command not in (_KEEP_IN, _KEEP_OUT):
+            text = f"item {number}: {command_name(item.command)} is no fence of ours"
+            raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, text)
+        corners.append(_place(item, home))
+        if len(corners) == item.params[0]:
+            zones.append(Zone(int(item.command == _KEEP_IN), tuple(corners)))
+            corners = []
+    if corners:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a polygon has fewer corners than it says")
+    return Fence(tuple(zones))
+
+
+def _fence_radius(item: WireItem) -> float:
+    radius = item.params[0]
+    if not (math.isfinite(radius) and radius > 0.0):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a circle needs a radius in m")
+    return radius
+
+
+def encode_fence(fence: Fence, home: Home | None) -> tuple[WireItem, ...]:
+    """One item for each circle and for each corner."""
+    items: list[WireItem] = []
+    for zone in fence.zones:
+        round_one = zone.radius > 0.0
+        if round_one:
+            command = _CIRCLE_IN if zone.keep_in else _CIRCLE_OUT
+        else:
+            command = _KEEP_IN if zone.keep_in else _KEEP_OUT
+        params = (zone.radius if round_one else float(len(zone.places)), 0.0, 0.0, 0.0)
+        items += [_placed(command, params, (north, east, 0.0), home) for north, east in zone.places]
+    return tuple(items)
+
+
+def decode_rally(items: Sequence[WireItem], home: Home | None) -> Rally:
+    """The rally points of their items.
+
+    Raises:
+        ItemRefused: as `decode_item`.
+    """
+    for number, item in enumerate(items):
+        if item.command != _RALLY_POINT:
+            text = f"item {number}: {command_name(item.command)} is no rally point"
+            raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, text)
+    return tuple(RallyPoint(*_place(item, home), _altitude(item, home)) for item in items)
+
+
+def encode_rally(rally: Rally, home: Home | None) -> tuple[WireItem, ...]:
+    """One item for each point."""
+    nothing = (0.0, 0.0, 0.0, 0.0)
+    return tuple(_placed(_RALLY_POINT, nothing, (north, east, up), home) for north, east, up in rally)
 
 
 class Addressee(NamedTuple):
@@ -141,14 +298,24 @@ class Addressee(NamedTuple):
     component: int
 
 
-def write_message(item: WireItem, sequence: int, current: bool, to: Addressee, as_int: bool) -> Any:
+class Slot(NamedTuple):
+    """Where an item stands."""
+
+    sequence: int
+    current: bool
+    mission_type: int = 0
+    """MAV_MISSION_TYPE"""
+
+
+def write_message(item: WireItem, slot: Slot, to: Addressee, as_int: bool) -> Any:
     """MISSION_ITEM_INT, or the old MISSION_ITEM."""
+    sequence, current, mission_type = slot
     head = (to.system, to.component, sequence)
     tail = (item.command, int(current), 1, *item.params)
     if not as_int:
         frame = 3 if item.frame in _RELATIVE else item.frame
-        return mavlink.MAVLink_mission_item_message(*head, frame, *tail, item.x, item.y, item.z)
+        return mavlink.MAVLink_mission_item_message(*head, frame, *tail, item.x, item.y, item.z, mission_type)
     scale = 1e7 if item.frame in _GLOBAL + _RELATIVE else 1.0
     scale = _LOCAL_SCALE if item.frame in _LOCAL else scale
     x, y = round(item.x * scale), round(item.y * scale)
-    return mavlink.MAVLink_mission_item_int_message(*head, item.frame, *tail, x, y, item.z)
+    return mavlink.MAVLink_mission_item_int_message(*head, item.frame, *tail, x, y, item.z, mission_type)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from avionics.guidance.mission import Mission
+from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.dialect import mavlink
 from avionics.messages import Command, Event, Mode
 from avionics.topics import Topic
@@ -53,6 +53,14 @@ class VehicleView(Protocol):
     @property
     def mission(self) -> Mission:
         """The mission on board."""
+
+    @property
+    def fence(self) -> Fence:
+        """The plan's fence on board."""
+
+    @property
+    def rally(self) -> Rally:
+        """The rally points on board."""
 
     @property
     def home(self) -> Home | None:
@@ -111,6 +119,7 @@ PX4_STYLE = (
     ModeNumbers(Mode.ALTITUDE_HOLD, px4_mode(2), mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, _MANUAL_INPUT | _STABILIZE),
     ModeNumbers(Mode.AUTO, px4_mode(4, 4), mavlink.MAV_STANDARD_MODE_MISSION, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.RETURN, px4_mode(4, 5), mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.LOITER, px4_mode(4, 3), 0, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.LAND, px4_mode(4, 6), mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
 )
 """The modes of the default identity; `custom_mode_map.json` says the same to MAVProxy."""

@@ -15,6 +15,8 @@ class Key(NamedTuple):
     low: float
     high: float
     si: Callable[[float], float] = float
+    default: float | None = None
+    """in SI, where the key may be left out"""
 
 
 def choice(where: str, table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> Any:
@@ -52,6 +54,8 @@ def number(where: str, table: Mapping[str, Any], name: str, key: Key) -> float:
     """
     expected = f"a number from {key.low:g} to {key.high:g} {key.unit}"
     value = table.get(name)
+    if value is None and key.default is not None:
+        return key.default
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadInput(f"{where}: {name} {'is missing' if value is None else f'= {value!r}'}; it must be {expected}")
     if not key.low <= value <= key.high:

@@ -1,32 +1,47 @@
-"""Reads a mission: a TOML file with one ``[[item]]`` table per item, angles in degrees with the suffix ``_deg``."""
+"""Reads a plan: a TOML file with one ``[[item]]`` table per item, a ``[fence]`` and ``[[rally]]`` points.
+
+Angles are in degrees with the suffix ``_deg``. A ``survey`` becomes one waypoint for each end of its legs.
+"""
 
 from __future__ import annotations
 
-import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from avionics.guidance.mission import ItemKind, Mission, MissionItem
+from avionics.guidance import survey
+from avionics.guidance.mission import (
+    NO_FENCE,
+    Fence,
+    FlightPlan,
+    ItemKind,
+    Mission,
+    MissionItem,
+    Rally,
+    RallyPoint,
+    Zone,
+)
 from avionics.missions.excitations import check_excitation, read_excitation
 from avionics.missions.keys import Key, choice, numbers
+from avionics.missions.limits import (
+    FENCE_ALTITUDES,
+    FENCE_CIRCLE,
+    KEYS,
+    LONGEST_MISSION,
+    MOST_CORNERS,
+    RALLY,
+    SURVEY,
+    check_fence,
+    check_item,
+    check_jumps,
+    check_rally,
+)
 from avionics.quantities import BadInput
 
 FOLDER = Path(__file__).parent
-LONGEST_MISSION = 500
-"""items"""
-
-
-PLACE = {"north": Key("m", -1e4, 1e4), "east": Key("m", -1e4, 1e4)}
-ALTITUDE = {"altitude": Key("m", 1.0, 1000.0)}
-HEADING = {"heading_deg": Key("deg", -180.0, 360.0, math.radians)}
-KEYS: dict[ItemKind, dict[str, Key]] = {
-    ItemKind.TAKEOFF: ALTITUDE,
-    ItemKind.HOLD: {**ALTITUDE, **HEADING, "duration": Key("s", 0.0, 3600.0)},
-    ItemKind.WAYPOINT: {**PLACE, **ALTITUDE},
-    ItemKind.RETURN: {},
-    ItemKind.LAND: {**PLACE, **HEADING},
-}
+SURVEYED = "survey"
+"""kind of an item that becomes waypoints"""
 
 
 def mission_names() -> tuple[str, ...]:
@@ -35,30 +50,46 @@ def mission_names() -> tuple[str, ...]:
 
 
 def load_mission(name_or_path: str | Path) -> Mission:
-    """The mission of that name, or in that file.
+    """The mission of that name, or in that file; see `load_plan`.
+
+    Raises:
+        BadInput: as of `load_plan`.
+    """
+    return load_plan(name_or_path).mission
+
+
+def load_plan(name_or_path: str | Path) -> FlightPlan:
+    """The mission of that name, or in that TOML file, with its fence and rally points.
 
     Raises:
         BadInput: no such mission, unreadable file, or an item that cannot be flown: the text names the item's
             number, the key and the allowed range.
     """
-    path = _find(name_or_path)
+    path = find(name_or_path)
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
-    unknown = set(document) - {"name", "title", "item"}
+    unknown = set(document) - {"name", "title", "item", "fence", "rally"}
     if unknown:
-        raise BadInput(f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]]")
+        raise BadInput(f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]], [fence], [[rally]]")
     tables = document.get("item", [])
     if not isinstance(tables, list) or not 1 <= len(tables) <= LONGEST_MISSION:
         raise BadInput(f"{path}: a mission has 1 to {LONGEST_MISSION} [[item]] tables")
-    mission = tuple(_item(f"{path}: item {number}", table) for number, table in enumerate(tables, 1))
-    refusal = check_mission(mission)
+    mission = _mission(path, tables)
+    plan = FlightPlan(mission, _fence(path, document.get("fence", {})), _rally(path, document.get("rally", [])))
+    refusal = check_plan(plan)
     if refusal:
         raise BadInput(f"{path}: {refusal}")
-    return mission
+    return plan
+
+
+def check_plan(plan: FlightPlan) -> str:
+    """Why a plan cannot be flown; empty when it can."""
+    fence, rally = check_fence(plan.fence), check_rally(plan.rally)
+    return check_mission(plan.mission) or (fence and f"fence, {fence}") or (rally and f"rally, {rally}")
 
 
 def check_mission(mission: Mission) -> str:
@@ -66,16 +97,18 @@ def check_mission(mission: Mission) -> str:
     if len(mission) > LONGEST_MISSION:
         return f"a mission has at most {LONGEST_MISSION} items, not {len(mission)}"
     for number, item in enumerate(mission, 1):
-        values = (item.north, item.east, item.altitude, item.heading, item.duration)
-        if not all(math.isfinite(value) for value in values):
-            return f"item {number}: {item.kind.name} has a value that is not a number"
-        refusal = check_excitation(item.excitation) if item.kind == ItemKind.EXCITE else ""
+        refusal = check_item(item) or (check_excitation(item.excitation) if item.kind == ItemKind.EXCITE else "")
         if refusal:
-            return f"item {number}: {refusal}"
-    return ""
+            return f"item {number}: {item.kind.name}: {refusal}"
+    return check_jumps(mission)
 
 
-def _find(name_or_path: str | Path) -> Path:
+def find(name_or_path: str | Path) -> Path:
+    """The file of a mission's name, or that path.
+
+    Raises:
+        BadInput: there is neither.
+    """
     named = FOLDER / f"{name_or_path}.toml"
     if str(name_or_path) in mission_names():
         return named
@@ -85,12 +118,94 @@ def _find(name_or_path: str | Path) -> Path:
     raise BadInput(f"no mission {name_or_path}: neither a file nor one of {', '.join(mission_names())}")
 
 
-def _item(where: str, table: Any) -> MissionItem:
+def _mission(path: Path, tables: list[Any]) -> Mission:
+    """The items, surveys laid out; a jump names the number of a table, and leads to the first item made of it."""
+    made = [_items(f"{path}: item {number}", table, len(tables)) for number, table in enumerate(tables, 1)]
+    first = [sum(map(len, made[:number])) for number in range(len(made))]
+    return tuple(
+        item._replace(jump_to=first[item.jump_to]) if item.kind == ItemKind.JUMP else item
+        for items in made
+        for item in items
+    )
+
+
+def _items(where: str, table: Any, count: int) -> list[MissionItem]:
     if not isinstance(table, dict):
         raise BadInput(f"{where} must be a table")
-    kind = choice(where, table, "kind", {kind.name.lower(): kind for kind in ItemKind})
+    kinds = {kind.name.lower(): kind for kind in ItemKind}
+    kind = choice(where, table, "kind", {**kinds, SURVEYED: SURVEYED})
+    if kind == SURVEYED:
+        return _survey(where, table)
     if kind == ItemKind.EXCITE:
-        return MissionItem(kind, excitation=read_excitation(where, table))
+        return [MissionItem(kind, excitation=read_excitation(where, table))]
+    if kind == ItemKind.JUMP:
+        return [_jump(where, table, count)]
     found = numbers(where, table, KEYS[kind], ("kind",))
     fields: dict[str, Any] = {key.removesuffix("_deg"): value for key, value in found.items()}
-    return MissionItem(kind, **fields)
+    return [MissionItem(kind, **fields)]
+
+
+def _jump(where: str, table: Mapping[str, Any], count: int) -> MissionItem:
+    keys = {"item": Key("-", 1, count), "repeats": Key("-", -1, 1000)}
+    found = numbers(where, table, keys, ("kind",))
+    for name, value in found.items():
+        if value != int(value):
+            raise BadInput(f"{where}: {name} must be a whole number, not {value:g}")
+    return MissionItem(ItemKind.JUMP, jump_to=int(found["item"]) - 1, repeats=int(found["repeats"]))
+
+
+def _survey(where: str, table: Mapping[str, Any]) -> list[MissionItem]:
+    found = numbers(where, table, SURVEY, ("kind", "polygon"))
+    corners = _polygon(where, table.get("polygon"))
+    flown = survey.legs(corners, found["spacing"], found["heading_deg"], found["overshoot"])
+    if not flown or 2 * len(flown) > LONGEST_MISSION:
+        raise BadInput(
+            f"{where}: a survey has 1 to {LONGEST_MISSION // 2} legs, not {len(flown)}: change its spacing"
+        )
+    return [MissionItem(ItemKind.WAYPOINT, north, east, found["altitude"]) for leg in flown for north, east in leg]
+
+
+def _polygon(where: str, corners: Any) -> tuple[tuple[float, float], ...]:
+    """Corners as ``[[north, east], ...]`` in m."""
+    expected = f"polygon must be a list of 3 to {MOST_CORNERS} corners, [north, east] in m within 100 km of home"
+    if not isinstance(corners, list) or not 3 <= len(corners) <= MOST_CORNERS:
+        raise BadInput(f"{where}: {expected}")
+    for corner in corners:
+        sound = isinstance(corner, list) and len(corner) == 2
+        if not sound or not all(isinstance(m, int | float) and not isinstance(m, bool) for m in corner):
+            raise BadInput(f"{where}: {expected}, not {corner!r}")
+        if not all(abs(metres) <= 1e5 for metres in corner):
+            raise BadInput(f"{where}: {expected}, not {corner!r}")
+    return tuple((float(north), float(east)) for north, east in corners)
+
+
+def _fence(path: Path, table: Any) -> Fence:
+    if not isinstance(table, dict):
+        raise BadInput(f"{path}: fence must be a table")
+    if not table:
+        return NO_FENCE
+    where = f"{path}: fence"
+    found = numbers(where, table, FENCE_ALTITUDES, ("zone",))
+    zones = table.get("zone", [])
+    if not isinstance(zones, list):
+        raise BadInput(f"{where}: zones are [[fence.zone]] tables")
+    made = tuple(_zone(f"{where}, zone {number}", zone) for number, zone in enumerate(zones, 1))
+    return Fence(made, found["min_altitude"], found["max_altitude"])
+
+
+def _zone(where: str, table: Any) -> Zone:
+    if not isinstance(table, dict):
+        raise BadInput(f"{where} must be a table")
+    keep_in = choice(where, {"keep": "in", **table}, "keep", {"in": 1, "out": 0})
+    if "polygon" in table:
+        numbers(where, table, {}, ("keep", "polygon"))
+        return Zone(keep_in, _polygon(where, table["polygon"]))
+    found = numbers(where, table, FENCE_CIRCLE, ("keep",))
+    return Zone(keep_in, ((found["north"], found["east"]),), found["radius"])
+
+
+def _rally(path: Path, tables: Any) -> Rally:
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise BadInput(f"{path}: rally points are [[rally]] tables")
+    named = enumerate(tables, 1)
+    return tuple(RallyPoint(**numbers(f"{path}: rally {number}", table, RALLY, ())) for number, table in named)

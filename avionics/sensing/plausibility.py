@@ -180,5 +180,6 @@ def _refuse(state: State, frame: SensorFrame, bad: int) -> tuple[State, SensorFr
         None if bad & 8 else frame.adc,
         None if bad & 16 else frame.torque,
         None if bad & 32 else frame.gps,
+        frame.receiver,
     )
     return after, kept, names

@@ -5,6 +5,7 @@ from __future__ import annotations
 from avionics import topics
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import excitation as excitation_input
+from avionics.guidance import fence
 from avionics.guidance import heading as heading_loop
 from avionics.guidance import modes as flight_modes
 from avionics.guidance import navigation as navigator
@@ -36,6 +37,8 @@ def navigation(s: AutopilotState, publish: Publish) -> None:
         )
         if s.navigation.item != item:
             say(s, publish, Severity.INFO, "navigation", f"item {item} done")
+        if s.fence.zones:
+            s.fence_clearance = fence.clearance(s.fence, s.position.north, s.position.east)
     publish(topics.NAVIGATION, navigation_status(s))
 
 

@@ -20,6 +20,7 @@ RECORDED = (
     ("adc", topics.ADC),
     ("torque", topics.TORQUE_RAW),
     ("gps", topics.GPS),
+    ("receiver", topics.RECEIVER),
 )
 
 

@@ -6,6 +6,7 @@ from avionics import topics
 from avionics.limits import clip
 from avionics.messages import (
     ActuatorCommand,
+    FlapCommand,
     Mode,
 )
 from avionics.mixing import flapping, tail
@@ -15,6 +16,9 @@ from avionics.topics import Publish
 
 def mix(s: AutopilotState, publish: Publish) -> None:
     """Elevator, roll command and throttle -> tail and wing drives."""
+    if s.modes.killed:
+        stop(s, publish)
+        return
     clock, added = s.clock, s.excited
     yaw_stick = s.pilot.yaw if s.modes.mode == Mode.MANUAL and s.modes.armed else 0.0
     asked = tail.Asked(
@@ -37,4 +41,13 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         s.modes.armed,
     )
     publish(topics.FLAP, flap)
+    publish(topics.ACTUATORS, s.actuators)
+
+
+def stop(s: AutopilotState, publish: Publish) -> None:
+    """After a kill: drives off without running down, wings told to stay where they are, tail at neutral."""
+    s.flapping, s.tail = flapping.State(), tail.State()
+    before, time_us = s.actuators, s.clock.time_us
+    s.actuators = ActuatorCommand(time_us, before.wing_left, before.wing_right, 0.0, 0.0, 0.0, 0)
+    publish(topics.FLAP, FlapCommand(time_us, 0.0, 0.0, 0.0, 0.0, 0.0))
     publish(topics.ACTUATORS, s.actuators)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from avionics import topics
+from avionics import piloting, topics
+from avionics.inputs import act
 from avionics.messages import (
     Stage,
 )
@@ -38,3 +39,12 @@ def torque(s: AutopilotState, publish: Publish) -> None:
     """Torque of the drives, at each sample of the strain gauges."""
     if s.frame.torque is not None:
         publish(topics.DRIVE_TORQUE, drive_torque.step(s.gains.torque, s.frame.torque))
+
+
+def pilot(s: AutopilotState, publish: Publish) -> None:
+    """The receiver's frame, if one came, and what its switches ask for; sticks that have grown stale."""
+    sample = s.frame.receiver
+    if sample is not None:
+        act(s, publish, piloting.take_receiver(s, publish, sample), "receiver")
+    if s.ways_in.source:
+        piloting.watch(s, publish)

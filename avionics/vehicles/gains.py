@@ -9,7 +9,7 @@ from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes, navigation
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, drive_torque, inertial, plausibility, power, wing_angle
+from avionics.sensing import air_data, drive_torque, inertial, plausibility, power, receiver, wing_angle
 from avionics.stabilization import pitch, roll
 
 
@@ -25,6 +25,7 @@ class FlightGains(NamedTuple):
     torque: drive_torque.Gains
     altitude_filter: altitude_filter.Gains
     position_filter: position_filter.Gains
+    receiver: receiver.Gains
     modes: modes.Gains
     navigation: navigation.Gains
     altitude: altitude.Gains

@@ -18,12 +18,12 @@ from avionics.board.parameter_file import Loaded, ParameterFile, default_path
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
 from avionics.messages import Severity
-from avionics.missions import load_mission
+from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
-from groundstation.command.onboard import Onboard, scripted_start
+from groundstation.command.onboard import Onboard, plan_commands, scripted_start
 from logs.attached import FLIGHT_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
@@ -57,7 +57,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = load_vehicle(chosen.vehicle)
-    mission = load_mission(chosen.mission)
+    plan = load_flight_plan(chosen.mission)
     kept = None
     if chosen.parameters != options.NO_PARAMETERS:
         kept = ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
@@ -67,8 +67,9 @@ def run(arguments: Sequence[str]) -> int:
     with contextlib.ExitStack() as stack:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
-        note_inputs(recorder, vehicle, mission)
-        onboard = Onboard(vehicle, mission, recorder, scripted_start() if chosen.start else ())
+        note_inputs(recorder, vehicle, plan.mission)
+        script = (*plan_commands(plan), *(scripted_start() if chosen.start else ()))
+        onboard = Onboard(vehicle, plan.mission, recorder, script)
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.live import Live
 
 from avionics.link.transport import open_transport
-from avionics.missions import load_mission
+from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
@@ -49,6 +49,7 @@ EXAMPLES = (
     "wingbeat fly",
     "wingbeat fly --vehicle arizona_100cm --wind 2 --seed 7",
     "wingbeat fly --aerodynamics blade_element",
+    "wingbeat fly --mission field.plan      # QGroundControl's; also .waypoints and our own .toml",
     "wingbeat fly --vehicle my_bird/        # a folder with world.toml and avionics.toml",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
 )
@@ -86,6 +87,8 @@ class Plan(NamedTuple):
     """the joined log"""
     parts: tuple[Path, Path]
     """what the world and the flight computer record"""
+    notes: tuple[str, ...]
+    """what of the mission's file is not flown"""
 
 
 def build_parser() -> options.Parser:
@@ -114,6 +117,8 @@ def run(arguments: Sequence[str]) -> int:
     plan = check(chosen)
     console = open_console(quiet=chosen.json)
     signal.signal(signal.SIGTERM, _interrupt)
+    for note in plan.notes:
+        print(note, file=sys.stderr)
     _prepare(plan, console)
     began = time.monotonic()
     try:
@@ -141,7 +146,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     model = simulated(world, chosen.aerodynamics).aerodynamics.model
     steady_wind(chosen.wind, chosen.wind_from)
     dryden.turbulence(chosen.turbulence, 1.0, chosen.seed)
-    load_mission(chosen.mission)
+    notes = load_flight_plan(chosen.mission).notes
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)
@@ -149,7 +154,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     for path in (log, *parts):
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
-    return Plan(chosen.vehicle, vehicle.title, model, log, parts)
+    return Plan(chosen.vehicle, vehicle.title, model, log, parts, notes)
 
 
 def _check_flown(name: str) -> None:

@@ -107,14 +107,14 @@ def run(arguments: Sequence[str]) -> int:
         NoAnswer: no vehicle, a refusal, or silence.
     """
     chosen = build_parser().parse_args(arguments)
-    items = _check_files(chosen)
+    _check_files(chosen)
     connection = Connection(chosen.url, stays=chosen.verb == "monitor")
     try:
         if chosen.verb == "monitor":
             return monitor.watch(connection, as_json=chosen.json)
         connection.find_vehicle(chosen.timeout)
         if chosen.verb == "mission":
-            _mission(connection, chosen, items)
+            _mission(connection, chosen)
         else:
             VERBS[chosen.verb](connection, chosen)
     finally:
@@ -122,7 +122,7 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _check_files(chosen: argparse.Namespace) -> tuple[client.Item, ...]:
+def _check_files(chosen: argparse.Namespace) -> None:
     """Read or refuse files and inputs before the vehicle is spoken to."""
     if chosen.verb == "excite":
         chosen.asked = gcs_excite.excitation_of(chosen)
@@ -131,11 +131,11 @@ def _check_files(chosen: argparse.Namespace) -> tuple[client.Item, ...]:
     if chosen.verb == "param" and chosen.action == "save":
         _check_new(chosen.file)
     if chosen.verb != "mission" or chosen.action == "show":
-        return ()
+        return
     if chosen.action == "upload":
-        return waypoints.read(chosen.file)
+        waypoints.read(chosen.file)
+        return
     _check_new(chosen.file)
-    return ()
 
 
 def _check_new(file: Path) -> None:
@@ -303,17 +303,61 @@ def _print_parameters(wanted: Sequence[client.Parameter], chosen: argparse.Names
         print(f"no parameter's name contains {chosen.pattern!r}", file=sys.stderr)
 
 
-def _mission(connection: Connection, chosen: argparse.Namespace, items: tuple[client.Item, ...]) -> None:
+def _mission(connection: Connection, chosen: argparse.Namespace) -> None:
     if chosen.action == "upload":
-        _run(connection, client.MissionUpload(connection.target, items), "sending the mission", chosen)
-        _report_mission(items, f"sent {len(items)} items", None, chosen)
+        _upload(connection, chosen)
         return
-    items = _run(connection, client.MissionDownload(connection.target), "reading the mission", chosen).items
+    items = _download_items(connection, chosen, mavlink.MAV_MISSION_TYPE_MISSION, "the mission")
     if chosen.action == "download":
-        waypoints.write(chosen.file, items)
+        _write(connection, chosen, items)
         _report_mission(items, f"{len(items)} items written to {chosen.file}", chosen.file, chosen)
         return
     _report_mission(items, "", None, chosen)
+
+
+def _upload(connection: Connection, chosen: argparse.Namespace) -> None:
+    """The mission; fence and rally points where the file has them."""
+    ours = connection.state.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+    content = waypoints.read_upload(chosen.file, ours)
+    for note in content.notes:
+        print(note, file=sys.stderr)
+    for mission_type, name, items in (
+        (mavlink.MAV_MISSION_TYPE_FENCE, "the fence", content.fence),
+        (mavlink.MAV_MISSION_TYPE_RALLY, "the rally points", content.rally),
+        (mavlink.MAV_MISSION_TYPE_MISSION, "the mission", content.mission),
+    ):
+        if items:
+            upload = client.MissionUpload(connection.target, items, mission_type=mission_type)
+            _run(connection, upload, f"sending {name}", chosen)
+    beside = [f"{len(part)} {name}" for part, name in ((content.fence, "fence"), (content.rally, "rally")) if part]
+    text = " and ".join([f"{len(content.mission)}", *beside])
+    _report_mission(content.mission, f"sent {text} items", None, chosen)
+
+
+def _download_items(
+    connection: Connection, chosen: argparse.Namespace, mission_type: int, name: str
+) -> tuple[client.Item, ...]:
+    download = client.MissionDownload(connection.target, mission_type=mission_type)
+    return _run(connection, download, f"reading {name}", chosen).items
+
+
+def _write(connection: Connection, chosen: argparse.Namespace, items: tuple[client.Item, ...]) -> None:
+    """A plain list, or a plan with fence, rally points and home."""
+    if chosen.file.suffix != ".plan":
+        waypoints.write(chosen.file, items)
+        return
+    connection.run(
+        client.CommandExchange(
+            connection.target, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(mavlink.MAVLINK_MSG_ID_HOME_POSITION),)
+        )
+    )
+    connection.listen(3.0, lambda state: state.home is not None)
+    home = connection.state.home
+    if home is None:
+        raise NoAnswer("the vehicle does not say where its home is, and a plan needs it: write a .waypoints list")
+    fence = _download_items(connection, chosen, mavlink.MAV_MISSION_TYPE_FENCE, "the fence")
+    rally = _download_items(connection, chosen, mavlink.MAV_MISSION_TYPE_RALLY, "the rally points")
+    waypoints.write_plan(chosen.file, waypoints.Upload(items, fence, rally), home)
 
 
 def _report_mission(items: Sequence[client.Item], text: str, file: Path | None, chosen: argparse.Namespace) -> None:

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from avionics import topics
 from avionics.board.board import Board
 from avionics.board.parameter_file import ParameterFile
-from avionics.guidance.mission import Mission
+from avionics.guidance.mission import NO_FENCE, FlightPlan, Mission
 from avionics.link.ground import GroundLink
-from avionics.messages import Command, CommandKind, Mode, PilotInput, Severity
+from avionics.messages import Command, CommandKind, Input, Mode, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle
@@ -33,6 +33,14 @@ def scripted_start() -> tuple[Command, ...]:
         Command(START_US, CommandKind.ARM, source=SCRIPT),
         Command(START_US, CommandKind.SET_MODE, name=Mode.AUTO.name, source=SCRIPT),
     )
+
+
+def plan_commands(plan: FlightPlan) -> tuple[Command, ...]:
+    """What puts a plan's fence and rally points on board at the first tick, as logged inputs."""
+    fence = Command(0, CommandKind.SET_FENCE, payload=plan.fence, source=SCRIPT)
+    rally = Command(0, CommandKind.SET_RALLY, payload=plan.rally, source=SCRIPT)
+    wanted = ((plan.fence != NO_FENCE, fence), (bool(plan.rally), rally))
+    return tuple(command for there, command in wanted if there)
 
 
 class Onboard:
@@ -70,7 +78,7 @@ class Onboard:
             BoardSilent: the sensors stopped answering.
         """
         step = self.view.autopilot.step
-        inputs: list[Command | PilotInput] = []
+        inputs: list[Input] = []
         try:
             while (frame := board.read()) is not None:
                 board.write(step(frame, [*self._due(frame.time_us), *inputs]))
@@ -95,7 +103,7 @@ class Onboard:
             due.append(self._script.pop(0))
         return due
 
-    def _poll(self, link: GroundLink) -> list[Command | PilotInput]:
+    def _poll(self, link: GroundLink) -> list[Input]:
         now = self._clock()
         if now - self._polled_at < POLL:
             return []

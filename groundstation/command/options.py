@@ -75,7 +75,10 @@ def vehicle_files(vehicle: str) -> tuple[str, str]:
 def add_mission(parser: argparse.ArgumentParser) -> None:
     """Offer ``--mission``."""
     parser.add_argument(
-        "--mission", default=DEFAULT_MISSION, metavar="FILE", help=f"name or file of a mission ({DEFAULT_MISSION})"
+        "--mission",
+        default=DEFAULT_MISSION,
+        metavar="FILE",
+        help=f"name or file of a mission: .toml, .plan, .waypoints ({DEFAULT_MISSION})",
     )
 
 

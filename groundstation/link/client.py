@@ -553,6 +553,8 @@ class MissionDownload(NamedTuple):
     total: int | None = None
     timer: Timer = Timer()
     failure: str = ""
+    mission_type: int = 0
+    """-; MAV_MISSION_TYPE: mission, fence or rally points"""
 
     @property
     def finished(self) -> bool:
@@ -576,6 +578,8 @@ class MissionDownload(NamedTuple):
 
     def _heard(self, now: float, message: Any) -> tuple[MissionDownload, Outgoing]:
         kind = message.get_type()
+        if getattr(message, "mission_type", self.mission_type) != self.mission_type:
+            return self, ()
         if kind == "MISSION_COUNT" and self.total is None:
             return self._replace(total=message.count, timer=Timer())._next(now)
         if kind == "MISSION_ITEM_INT" and self.total is not None and message.seq == len(self.items):
@@ -588,13 +592,14 @@ class MissionDownload(NamedTuple):
 
     def _next(self, now: float) -> tuple[MissionDownload, Outgoing]:
         if self.finished:
-            return self, (mavlink.MAVLink_mission_ack_message(*self.target, mavlink.MAV_MISSION_ACCEPTED),)
+            done = mavlink.MAV_MISSION_ACCEPTED
+            return self, (mavlink.MAVLink_mission_ack_message(*self.target, done, self.mission_type),)
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
     def _request(self) -> Any:
         if self.total is None:
-            return mavlink.MAVLink_mission_request_list_message(*self.target)
-        return mavlink.MAVLink_mission_request_int_message(*self.target, len(self.items))
+            return mavlink.MAVLink_mission_request_list_message(*self.target, self.mission_type)
+        return mavlink.MAVLink_mission_request_int_message(*self.target, len(self.items), self.mission_type)
 
 
 class MissionUpload(NamedTuple):
@@ -608,6 +613,8 @@ class MissionUpload(NamedTuple):
     accepted: bool = False
     reason: str = ""
     failure: str = ""
+    mission_type: int = 0
+    """-; MAV_MISSION_TYPE: mission, fence or rally points"""
 
     @property
     def finished(self) -> bool:
@@ -627,13 +634,15 @@ class MissionUpload(NamedTuple):
             return self, ()
         if self.timer.spent or self.sent:
             return self._replace(failure=f"{self.progress().note}, then silence"), ()
-        count = mavlink.MAVLink_mission_count_message(*self.target, len(self.items))
+        count = mavlink.MAVLink_mission_count_message(*self.target, len(self.items), self.mission_type)
         return self._replace(timer=self.timer.again(now)), (count,)
 
     def _heard(self, now: float, message: Any) -> tuple[MissionUpload, Outgoing]:
         kind = message.get_type()
         if kind == "STATUSTEXT":
             return self._replace(reason=text_of(message)), ()
+        if getattr(message, "mission_type", self.mission_type) != self.mission_type:
+            return self, ()
         if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self.items):
             sent = max(self.sent, message.seq + 1)
             return self._replace(sent=sent, timer=self.timer.answered(now)), (self._item(message.seq),)
@@ -660,6 +669,7 @@ class MissionUpload(NamedTuple):
             item.x,
             item.y,
             item.z,
+            self.mission_type,
         )
 
 

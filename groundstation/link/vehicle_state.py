@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from avionics.link.vehicle import Home
 from avionics.messages import Severity, Stage
 
 EVENTS_KEPT = 200
@@ -107,6 +108,8 @@ class VehicleState(NamedTuple):
     """rad; course to fly"""
     exciting: bool | None = None
     """-; True while an identification input runs"""
+    home: Home | None = None
+    """where north and east are counted from"""
     events: tuple[Heard, ...] = ()
     """what the vehicle said, oldest first, at most `EVENTS_KEPT`"""
     said: int = 0
@@ -179,6 +182,11 @@ def _global_position(state: VehicleState, message: Any) -> VehicleState:
         longitude=math.radians(message.lon * 1e-7),
         altitude=message.relative_alt * 1e-3,
     )
+
+
+def _home(state: VehicleState, message: Any) -> VehicleState:
+    latitude, longitude = math.radians(message.latitude * 1e-7), math.radians(message.longitude * 1e-7)
+    return state._replace(home=Home(latitude, longitude, message.altitude * 1e-3))
 
 
 def _local_position(state: VehicleState, message: Any) -> VehicleState:
@@ -303,6 +311,7 @@ RECEIVERS: dict[str, Receiver] = {
     "VFR_HUD": _hud,
     "GLOBAL_POSITION_INT": _global_position,
     "LOCAL_POSITION_NED": _local_position,
+    "HOME_POSITION": _home,
     "GPS_RAW_INT": _gps,
     "BATTERY_STATUS": _battery,
     "SYS_STATUS": _system_status,

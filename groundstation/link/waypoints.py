@@ -1,6 +1,6 @@
-"""Mission files of the ground: the plain-text ``QGC WPL 110`` list that every ground station reads and writes.
+"""Mission files of the ground: the plain ``QGC WPL 110`` list, QGroundControl's ``.plan``, and our own TOML.
 
-Wingbeat's own missions (TOML, metres from home) are read too, and sent in the local frame.
+Our own missions are metres from home, and are sent in the local frame.
 """
 
 from __future__ import annotations
@@ -8,83 +8,93 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from avionics.link.mission_codec import encode_item
-from avionics.missions import load_mission
+from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, wire_scale
+from avionics.link.vehicle import Home
+from avionics.link.wire_item import WireItem
+from avionics.missions import load_plan, plan_file, waypoint_file
+from avionics.missions.waypoint_file import HEADER
 from avionics.quantities import BadInput
 from groundstation.link.client import Item
 
-HEADER = "QGC WPL 110"
-LOCAL_FRAMES = frozenset((1, 4, 7, 8, 9, 12, 20, 21))
-"""MAV_FRAMEs whose x and y are metres, sent in 1e-4 m; the others are degrees, sent in 1e-7 deg"""
-MISSION_FRAME = 2
-"""MAV_FRAME_MISSION: x and y are whatever the command says, sent as they are"""
 
+class Upload(NamedTuple):
+    """What of a file is sent to a vehicle."""
 
-def scale_of(frame: int) -> float:
-    """How many wire units x and y make of one unit in a file."""
-    if frame == MISSION_FRAME:
-        return 1.0
-    return 1e4 if frame in LOCAL_FRAMES else 1e7
+    mission: tuple[Item, ...]
+    fence: tuple[Item, ...] = ()
+    rally: tuple[Item, ...] = ()
+    notes: tuple[str, ...] = ()
+    """-; what of the file is not sent, for people"""
 
 
 def read(path: Path) -> tuple[Item, ...]:
-    """Read a mission file.
+    """The mission of a file as it stands in it, for whatever vehicle.
 
     Raises:
-        BadInput: unreadable, not such a list, or a line that is malformed; the text gives its number.
+        BadInput: as of `read_upload`.
+    """
+    return read_upload(path, ours=False).mission
+
+
+def read_upload(path: Path, ours: bool) -> Upload:
+    """Mission, fence and rally points of a file; ``ours`` leaves out what our own flight computer has no use for.
+
+    That is a camera's commands, and the home that a plain list begins with.
+
+    Raises:
+        BadInput: unreadable, not such a list or plan, or a part that is malformed; the text says which.
     """
     if path.suffix == ".toml" or not path.suffix:
         return _own_mission(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {error}") from None
-    if not lines or lines[0].strip() != HEADER:
-        raise BadInput(f"{path}: the first line of a mission file must be {HEADER!r}")
-    numbered = [(number, line) for number, line in enumerate(lines[1:], 2) if line.strip()]
-    items = tuple(_item(path, number, line.split()) for number, line in numbered)
-    if not items:
-        raise BadInput(f"{path}: the mission has no items")
-    return items
+    if path.suffix == ".plan":
+        return _planned(path, ours)
+    lines = waypoint_file.read(path)
+    home = ours and len(lines) > 1 and waypoint_file.home_of(lines) is not None
+    notes = (f"the first line of {path.name} is home: it is not sent",) if home else ()
+    return Upload(tuple(item_of(line.item, line.autocontinue) for line in lines[int(home) :]), notes=notes)
 
 
-def _own_mission(path: Path) -> tuple[Item, ...]:
-    wire = [encode_item(item, None) for item in load_mission(path)]
-    return tuple(
-        Item(
-            item.frame,
-            item.command,
-            item.params,
-            round(item.x * scale_of(item.frame)),
-            round(item.y * scale_of(item.frame)),
-            item.z,
-        )
-        for item in wire
+def _planned(path: Path, ours: bool) -> Upload:
+    file = plan_file.read(path)
+    mission, note = plan_file.without_cameras(file.mission) if ours else (file.mission, "")
+    items = tuple(item_of(planned.item) for planned in plan_file.numbered(mission))
+    fence, rally = (tuple(map(item_of, part)) for part in (file.fence, file.rally))
+    return Upload(items, fence, rally, (note,) if note else ())
+
+
+def _own_mission(path: Path) -> Upload:
+    plan = load_plan(path)
+    return Upload(
+        tuple(item_of(encode_item(item, None)) for item in plan.mission),
+        tuple(map(item_of, encode_fence(plan.fence, None))),
+        tuple(map(item_of, encode_rally(plan.rally, None))),
     )
 
 
-def _item(path: Path, line: int, words: Sequence[str]) -> Item:
-    if len(words) != 12:
-        raise BadInput(f"{path}, line {line}: a mission item has 12 columns, not {len(words)}")
-    try:
-        frame, command, autocontinue = int(words[2]), int(words[3]), int(words[11])
-        numbers = [float(word) for word in words[4:11]]
-    except ValueError as error:
-        raise BadInput(f"{path}, line {line}: {error}") from None
-    if not 0 <= frame <= 255 or not 0 <= command <= 65535 or not 0 <= autocontinue <= 1:
-        raise BadInput(f"{path}, line {line}: frame, command or autocontinue out of range")
-    places = [_wire(path, line, value * scale_of(frame)) for value in numbers[4:6]]
-    if not math.isfinite(numbers[6]):
-        raise BadInput(f"{path}, line {line}: the altitude must be a finite number")
-    parameters = (numbers[0], numbers[1], numbers[2], numbers[3])
-    return Item(frame, command, parameters, places[0], places[1], numbers[6], autocontinue)
+def item_of(item: WireItem, autocontinue: int = 1) -> Item:
+    """As MISSION_ITEM_INT carries it."""
+    scale = wire_scale(item.frame)
+    x, y = (0.0 if math.isnan(value) else value for value in (item.x, item.y))
+    return Item(item.frame, item.command, item.params, round(x * scale), round(y * scale), item.z, autocontinue)
 
 
-def _wire(path: Path, line: int, value: float) -> int:
-    if not math.isfinite(value) or abs(value) >= 2**31:
-        raise BadInput(f"{path}, line {line}: a coordinate is out of range")
-    return round(value)
+def wire_item(item: Item) -> WireItem:
+    """The other way round."""
+    scale = wire_scale(item.frame)
+    return WireItem(item.frame, item.command, item.parameters, item.x / scale, item.y / scale, item.z)
+
+
+def write_plan(path: Path, content: Upload, home: Home) -> None:
+    """Write a mission with its fence and rally points to a new ``.plan`` file.
+
+    Raises:
+        BadInput: the file exists, or cannot be written.
+    """
+    mission = [plan_file.PlannedItem(wire_item(item), f"item {n}", n) for n, item in enumerate(content.mission, 1)]
+    fence, rally = (tuple(map(wire_item, part)) for part in (content.fence, content.rally))
+    plan_file.write(path, plan_file.PlanFile(home, tuple(mission), fence, rally))
 
 
 def write(path: Path, items: Sequence[Item]) -> None:
@@ -102,7 +112,7 @@ def write(path: Path, items: Sequence[Item]) -> None:
 
 
 def _line(number: int, item: Item) -> str:
-    scale = scale_of(item.frame)
+    scale = wire_scale(item.frame)
     places = (f"{item.x / scale:.4f}", f"{item.y / scale:.4f}") if scale == 1e4 else _degrees(item, scale)
     parameters = (f"{value:.8g}" for value in item.parameters)
     columns = (number, int(number == 0), item.frame, item.command, *parameters, *places, f"{item.z:.8g}")

@@ -8,11 +8,13 @@ from typing import Any
 
 from rich.table import Table
 
+from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import LOCAL_FRAMES, wire_scale
 from groundstation.link.client import Item, Parameter, command_name
-from groundstation.link.waypoints import LOCAL_FRAMES, MISSION_FRAME, scale_of
 from groundstation.views import wording
 from groundstation.views.terminal import open_console
 
+MISSION_FRAME = mavlink.MAV_FRAME_MISSION
 PARAMETER_TYPES = {1: "uint8", 2: "int8", 3: "uint16", 4: "int16", 5: "uint32", 6: "int32", 9: "float"}
 
 
@@ -46,7 +48,7 @@ def print_mission(items: Sequence[Item]) -> None:
 def _place(item: Item) -> str:
     if item.frame == MISSION_FRAME or (not item.x and not item.y):
         return ""
-    scale = scale_of(item.frame)
+    scale = wire_scale(item.frame)
     if item.frame in LOCAL_FRAMES:
         return f"{item.x / scale:+.1f} m N  {item.y / scale:+.1f} m E"
     return f"{item.x / scale:.6f}  {item.y / scale:.6f}"

@@ -12,6 +12,7 @@ from avionics.messages import (
     GpsFix,
     ImuSample,
     PressureSample,
+    ReceiverSample,
     SensorFrame,
     TorqueSample,
 )
@@ -27,6 +28,7 @@ from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import RawFrame
+from sim_bridge.sensors.receiver import Pilot
 from sim_bridge.sensors.suite import TICK_RATE, SensorSuite, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
@@ -71,6 +73,8 @@ class Scenario(NamedTuple):
     throw: Throw = Throw()
     sensor_corner: float = 0.0
     """-; above 0 every fixed error of the sensors is that many standard deviations, either way"""
+    pilot: Pilot | None = None
+    """who has a transmitter in his hands; None for nobody"""
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -98,7 +102,8 @@ class SimulatedWorld:
         launch = vehicle.launch
         throw = scenario.throw
         self.plant.y[3:7] = quaternion_from_euler(throw.bank, launch.pitch + throw.pitch, scenario.wind_from)
-        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, scenario.sensor_corner)
+        corner, pilot = scenario.sensor_corner, scenario.pilot
+        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, corner, pilot)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
         self._gust = STILL
@@ -303,6 +308,7 @@ def sensor_frame(raw: RawFrame) -> SensorFrame:
         AdcBurst(*raw.adc) if raw.adc else None,
         TorqueSample(*raw.torque) if raw.torque else None,
         GpsFix(*raw.gps) if raw.gps else None,
+        ReceiverSample(*raw.receiver) if raw.receiver else None,
     )
 
 

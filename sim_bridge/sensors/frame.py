@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 BURST_LENGTH = 60
 """samples; of one ADC burst"""
+CHANNELS = 8
+"""of the radio-control receiver"""
 
 
 class RawImu(NamedTuple):
@@ -110,6 +112,19 @@ class RawGps(NamedTuple):
     """-; used in the fix"""
 
 
+class RawReceiver(NamedTuple):
+    """One frame of the radio-control receiver."""
+
+    time_us: int
+    """us; since the start of the simulation"""
+    pulses: tuple[int, ...]
+    """us; pulse widths of the channels, whole microseconds"""
+    lost: int
+    """-; 1 while the receiver does not hear its transmitter"""
+    rssi: int
+    """-; signal strength, 1 to 254, 0 when lost"""
+
+
 class RawFrame(NamedTuple):
     """All that the sensors deliver in one tick; what was not sampled in it is None."""
 
@@ -121,3 +136,4 @@ class RawFrame(NamedTuple):
     adc: RawAdc | None = None
     torque: RawTorque | None = None
     gps: RawGps | None = None
+    receiver: RawReceiver | None = None

@@ -19,6 +19,7 @@ from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
+from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 
 TICK_RATE = 200.0
@@ -31,6 +32,8 @@ POWER_TICKS = 2
 """100 Hz; torque cells too"""
 GPS_TICKS = 40
 """5 Hz"""
+RECEIVER_TICKS = 4
+"""50 Hz"""
 
 LARGEST = 1e6
 """SI; no value of an observation is larger while the simulation makes sense"""
@@ -75,8 +78,10 @@ def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
 class SensorSuite:
     """All sensors of one vehicle on one flight: the same spec, seed, home and observations give the same frames."""
 
-    def __init__(self, spec: SensorSpec, seed: int, home: Home, corner: float = 0.0) -> None:
-        """Build every sensor with a random stream of its own.
+    def __init__(
+        self, spec: SensorSpec, seed: int, home: Home, corner: float = 0.0, pilot: Pilot | None = None
+    ) -> None:
+        """Build every sensor with a random stream of its own; a ``pilot`` brings a transmitter and its receiver.
 
         With a ``corner`` above 0 each error of a unit is that many standard deviations, its sign by chance.
 
@@ -95,6 +100,7 @@ class SensorSuite:
         self._torque_installed = spec.torque_cell.installed
         self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, GPS_TICKS * tick)
         self._encoder = Encoder(spec.encoder)
+        self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
         self._field_frd: Vector | None = None
 
     @property
@@ -132,6 +138,7 @@ class SensorSuite:
             RawAdc(time_us, *self._power_sensor.read(observation)) if tick % POWER_TICKS == 0 else None,
             self._torque(observation) if self._torque_installed and tick % POWER_TICKS == 0 else None,
             self._fix(observation, tick),
+            self._receiver.read(observation) if tick % RECEIVER_TICKS == 0 else None,
         )
 
     def _imu(self, observation: Observation, tick: int) -> RawImu:

@@ -7,7 +7,7 @@ from typing import Any
 
 from avionics import messages as m
 from avionics import topics as t
-from avionics.guidance.mission import Mission
+from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.link.vehicle import Home, Parameter
 
 HOME = Home(math.radians(48.1), math.radians(11.6), 520.0)
@@ -21,6 +21,8 @@ class FakeVehicle:
         self.mode = m.Mode.MANUAL
         self.armed = False
         self.mission: Mission = ()
+        self.fence: Fence = NO_FENCE
+        self.rally: Rally = ()
         self.home: Home | None = HOME
         self.parameters = [
             Parameter("PITCH_P", 0.8, 0.0, 5.0),
@@ -29,7 +31,7 @@ class FakeVehicle:
         ]
         self.refusals: dict[m.CommandKind, str] = {}
         self.said: list[m.Event] = []
-        self.inputs: list[m.Command | m.PilotInput] = []
+        self.inputs: list[m.Input] = []
         self.topics: dict[str, Any] = {}
         for topic, message in _messages(self.time_us).items():
             self.topics[topic.name] = message
@@ -43,7 +45,7 @@ class FakeVehicle:
     def refusal(self, command: m.Command) -> str:
         return self.refusals.get(command.kind, "")
 
-    def apply(self, inputs: list[m.Command | m.PilotInput]) -> None:
+    def apply(self, inputs: list[m.Input]) -> None:
         self.inputs += inputs
         for command in inputs:
             if isinstance(command, m.Command):
@@ -56,6 +58,10 @@ class FakeVehicle:
             self.mode = m.Mode[command.name]
         elif command.kind is m.CommandKind.SET_MISSION:
             self.mission = command.payload
+        elif command.kind is m.CommandKind.SET_FENCE:
+            self.fence = command.payload
+        elif command.kind is m.CommandKind.SET_RALLY:
+            self.rally = command.payload
         elif command.kind is m.CommandKind.SET_PARAMETER:
             names = [parameter.name for parameter in self.parameters]
             index = names.index(command.name)

@@ -71,6 +71,7 @@ def test_a_refusal_is_told_and_nothing_happens(command: Command, word: str) -> N
 
 def test_what_would_be_taken_is_not_refused_and_not_done() -> None:
     view = flown(3.0)
+    assert view.refusal(Command(0, CommandKind.SET_MODE, "STABILIZED")) == ""
     assert view.refusal(ARM) == ""
     assert view.armed is False
     assert flown(3.0, ()).events(10**6) == []

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surrogate_gains import VEHICLE
 
-from avionics.guidance import navigation
+from avionics.guidance import navigation, path
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
 from avionics.guidance.navigation import Situation
 from avionics.limits import wrap
@@ -41,7 +41,7 @@ def test_a_leg_tells_how_far_along_and_how_far_to_the_right(start, end, along, c
     length = math.dist(start, end)
     n, e = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     place = (start[0] + n * along * length - e * cross, start[1] + e * along * length + n * cross)
-    line = navigation.leg(start, end, place)
+    line = path.leg(start, end, place)
     assert line.length == pytest.approx(length)
     assert line.along == pytest.approx(along * length, abs=1e-6)
     assert line.cross == pytest.approx(cross, abs=1e-6)
@@ -51,8 +51,8 @@ def test_a_leg_tells_how_far_along_and_how_far_to_the_right(start, end, along, c
 def test_the_course_leads_toward_the_leg_and_never_backward(start, end, place) -> None:
     if not apart(start, end):
         return
-    line = navigation.leg(start, end, place)
-    turn = wrap(navigation.course_to_leg(line, GAINS.lookahead) - line.course)
+    line = path.leg(start, end, place)
+    turn = wrap(path.course_to_leg(line, GAINS.lookahead) - line.course)
     assert abs(turn) < math.pi / 2
     assert turn * line.cross <= 1e-9
 
@@ -64,7 +64,7 @@ def test_passing_abeam_counts_as_reached_however_far_aside(start, end, cross) ->
     length = math.dist(start, end)
     n, e = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     beyond = (end[0] + 0.1 * n - cross * e, end[1] + 0.1 * e + cross * n)
-    assert navigation.reached(navigation.leg(start, end, beyond), GAINS.acceptance)
+    assert path.reached(path.leg(start, end, beyond), GAINS.acceptance)
 
 
 @given(place=places, sign=st.sampled_from([-1.0, 1.0]))
@@ -72,16 +72,16 @@ def test_following_the_course_ends_on_the_leg(place, sign) -> None:
     start, end = (0.0, 0.0), (5000.0 * sign, 1000.0)
     north, east = place
     for _ in range(400):
-        course = navigation.course_to_leg(navigation.leg(start, end, (north, east)), GAINS.lookahead)
+        course = path.course_to_leg(path.leg(start, end, (north, east)), GAINS.lookahead)
         north, east = north + 2.0 * math.cos(course), east + 2.0 * math.sin(course)
-    assert abs(navigation.leg(start, end, (north, east)).cross) < 2.0
+    assert abs(path.leg(start, end, (north, east)).cross) < 2.0
 
 
 @given(bearing=st.floats(-3.1, 3.1), distance=st.floats(2.0, 200.0))
 def test_following_the_circle_course_ends_on_the_circle_clockwise(bearing: float, distance: float) -> None:
     north, east = distance * math.cos(bearing), distance * math.sin(bearing)
     for _ in range(500):
-        course = navigation.circle_course(25.0, GAINS.lookahead, north, east)
+        course = path.circle_course(25.0, GAINS.lookahead, north, east)
         before = math.atan2(east, north)
         north, east = north + math.cos(course), east + math.sin(course)
     assert math.hypot(north, east) == pytest.approx(25.0, abs=1.0)
@@ -142,7 +142,9 @@ def test_waypoints_are_flown_leg_by_leg() -> None:
     state, _ = fly(mission, SEEN._replace(north=93.0), state)
     state, target = fly(mission, SEEN._replace(north=98.0), state)
     assert state.item == 1
-    assert target.heading == pytest.approx(math.pi / 2, abs=0.1)
+    # The leg begins at the waypoint, 2 m to the left of where the corner was cut.
+    assert target.cross_track == pytest.approx(2.0)
+    assert target.heading == pytest.approx(math.pi / 2 - math.atan2(2.0, GAINS.lookahead))
 
 
 def test_without_a_position_a_waypoint_holds_the_course() -> None:

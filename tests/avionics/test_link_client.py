@@ -119,7 +119,11 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
         (mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_RESULT_ACCEPTED, ()),
         (mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_RESULT_ACCEPTED, ()),
         (mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_RESULT_DENIED, ()),
-        (mavlink.MAV_CMD_NAV_LOITER_UNLIM, mavlink.MAV_RESULT_UNSUPPORTED, ()),
+        (mavlink.MAV_CMD_NAV_LOITER_UNLIM, mavlink.MAV_RESULT_ACCEPTED, ()),
+        (mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_RESULT_ACCEPTED, (-1, 0, 30, 0, 48.101, 11.601, 560)),
+        (mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_RESULT_DENIED, (-1, 0, 30, 0, 8.1, 11.6, 560)),
+        (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, mavlink.MAV_RESULT_ACCEPTED, (1.0,)),
+        (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, mavlink.MAV_RESULT_DENIED, (0.0,)),
         (mavlink.MAV_CMD_DO_MOTOR_TEST, mavlink.MAV_RESULT_UNSUPPORTED, ()),
         (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_ACCEPTED, (148.0,)),
         (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_RESULT_UNSUPPORTED, (397.0,)),
@@ -143,7 +147,12 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
         assert acks == [*sent, (mavlink.MAV_CMD_MISSION_START, mavlink.MAV_RESULT_DENIED)]
         assert message.target_system == 255
         settle(client)
-        assert vehicle.armed and vehicle.mode is m.Mode.RETURN
+        assert vehicle.armed and vehicle.mode is m.Mode.LOITER
+        circles = [each for each in vehicle.inputs if getattr(each, "kind", None) is m.CommandKind.LOITER_AT]
+        assert [(each.payload.kind, each.payload.radius) for each in circles] == [(ItemKind.LOITER, 30.0)]
+        assert circles[0].payload.altitude == pytest.approx(40.0)
+        kills = [each for each in vehicle.inputs if getattr(each, "kind", None) is m.CommandKind.KILL]
+        assert len(kills) == 1
 
 
 def test_a_command_for_another_vehicle_is_not_ours() -> None:
@@ -247,7 +256,7 @@ def test_items_lost_on_the_way_are_asked_for_again_and_out_of_order_ones_dropped
 @pytest.mark.parametrize(
     ("fields", "result"),
     [
-        ((6, 31, 0.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_UNSUPPORTED"),
+        ((6, 82, 0.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_UNSUPPORTED"),
         ((6, 16, 5.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_INVALID_PARAM1"),
         ((6, 16, 0.0, 0.0, 481000000, 116000000, math.nan), "MAV_MISSION_INVALID_PARAM7"),
         ((6, 16, 0.0, 0.0, 0, 0, 40.0), "MAV_MISSION_INVALID_PARAM5_X"),
@@ -340,7 +349,17 @@ def test_the_sticks_arrive_with_nose_up_positive() -> None:
         client.mav.manual_control_send(1, -500, 250, 700, 1000, 0)
         client.mav.manual_control_send(2, 900, 0, 0, 0, 0)
         settle(client)
-        assert [each[1:] for each in vehicle.inputs] == [(0.5, 0.25, 1.0, 0.7)]
+        assert [each[1:] for each in vehicle.inputs] == [(0.5, 0.25, 1.0, 0.7, m.PilotSource.MANUAL_CONTROL)]
+
+
+def test_overridden_channels_arrive_as_they_are() -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.rc_channels_override_send(1, 1, 1500, 1600, 0, 65535, 1000, 2000, 0, 0, 1700, *[0] * 8, 65534)
+        client.mav.rc_channels_override_send(7, 1, *[1500] * 8)
+        settle(client)
+        assert vehicle.inputs == [
+            m.ChannelOverride(vehicle.time_us, (1500, 1600, 0, 65535, 1000, 2000, 0, 0, 1700, *[0] * 8, 65534))
+        ]
 
 
 def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too() -> None:

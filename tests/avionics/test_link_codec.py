@@ -33,6 +33,7 @@ fixes = st.builds(
     st.integers(0, 60),
 )
 commands = st.builds(m.ActuatorCommand, times, angles, angles, st.floats(0, 1), angles, angles, st.integers(0, 1))
+pulses = st.tuples(*[st.integers(0, 65535)] * m.CHANNELS)
 frames = st.builds(
     m.SensorFrame,
     st.just(0),
@@ -42,6 +43,7 @@ frames = st.builds(
     st.none() | st.builds(m.AdcBurst, times, adc, adc),
     st.none() | st.builds(m.TorqueSample, times, counts, counts),
     st.none() | fixes,
+    st.none() | st.builds(m.ReceiverSample, times, pulses, st.integers(0, 1), st.integers(0, 255)),
 ).map(lambda frame: frame._replace(time_us=frame.imu.time_us))
 
 

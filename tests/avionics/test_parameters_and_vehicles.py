@@ -63,6 +63,7 @@ def test_names_that_were_flown_stay() -> None:
 def test_a_value_set_over_the_wire_reads_back_the_same_single(name: str, share: float) -> None:
     entry = TABLE[name]
     value = parameters.single(entry.low + share * (entry.high - entry.low))
+    value = float(round(value)) if entry.whole else value
     change = parameters.set_value(RAVEN.gains, TABLE, name, value)
     if not change.accepted:
         assert name.startswith("FLAP_THR_PT")

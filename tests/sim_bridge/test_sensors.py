@@ -17,6 +17,7 @@ from avionics.quantities import BadInput
 from sim_bridge.environment.home import COLLEGE_PARK
 from sim_bridge.sensors import frame
 from sim_bridge.sensors.frame import RawFrame
+from sim_bridge.sensors.receiver import Sticks
 from sim_bridge.sensors.suite import SECTIONS, SensorSpec, SensorSuite, SimulationDiverged, sensor_spec
 
 PAIRS = [
@@ -26,12 +27,13 @@ PAIRS = [
     (frame.RawAdc, messages.AdcBurst),
     (frame.RawTorque, messages.TorqueSample),
     (frame.RawGps, messages.GpsFix),
+    (frame.RawReceiver, messages.ReceiverSample),
     (frame.RawFrame, messages.SensorFrame),
 ]
 
 
 def fly(spec: SensorSpec = SPEC, seed: int = 5, ticks: int = 120) -> list[RawFrame]:
-    suite = SensorSuite(spec, seed, COLLEGE_PARK)
+    suite = SensorSuite(spec, seed, COLLEGE_PARK, lambda seen: Sticks(roll=0.3, throttle=0.6, mode=1))
     return [suite.sample(cruise(tick, flap_left=0.5 * math.sin(0.12 * tick)), tick) for tick in range(ticks)]
 
 
@@ -42,6 +44,7 @@ def test_raw_records_are_the_flight_computers_messages(raw: type, message: type)
 
 def test_burst_length_is_the_flight_computers() -> None:
     assert frame.BURST_LENGTH == messages.BURST_LENGTH
+    assert frame.CHANNELS == messages.CHANNELS
     burst = fly(ticks=1)[0].adc
     assert burst is not None
     assert len(burst.voltage_counts) == len(burst.current_counts) == messages.BURST_LENGTH
@@ -52,7 +55,15 @@ def test_rates() -> None:
     seconds = 2.0
     assert len(frames) / seconds == 200.0
     count = {part: sum(getattr(f, part) is not None for f in frames) / seconds for part in RawFrame._fields[1:]}
-    assert count == {"imu": 200.0, "encoder": 200.0, "pressures": 50.0, "adc": 100.0, "torque": 100.0, "gps": 5.0}
+    assert count == {
+        "imu": 200.0,
+        "encoder": 200.0,
+        "pressures": 50.0,
+        "adc": 100.0,
+        "torque": 100.0,
+        "gps": 5.0,
+        "receiver": 50.0,
+    }
     fields = [f.imu[7:] for f in frames]
     changes = sum(a != b for a, b in pairwise(fields)) / seconds
     assert 20.0 < changes <= 75.0
@@ -78,12 +89,13 @@ def test_the_wire_changes_no_digit() -> None:
         "adc": codec.encode_adc,
         "torque": codec.encode_torque,
         "gps": codec.encode_gps,
+        "receiver": codec.encode_receiver,
     }
     decoders = dict(codec.SENSOR_DECODERS.values())
     crossed = set()
     for f in fly(ticks=800):
         assert tuple(codec.decode_imu(codec.encode_imu(messages.ImuSample(*f.imu)))) == tuple(f.imu)
-        for name, (_, message) in zip(RawFrame._fields[2:], PAIRS[1:6], strict=True):
+        for name, (_, message) in zip(RawFrame._fields[2:], PAIRS[1:7], strict=True):
             raw = getattr(f, name)
             if raw is not None:
                 assert decoders[name](encoders[name](message(*raw))) == raw

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
+from avionics import topics
 from avionics.guidance.mission import ItemKind
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation
+from avionics.link.mission_codec import decode_item
 from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
@@ -25,6 +28,8 @@ from avionics.messages import Command, CommandKind, Mode
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _DENIED = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+_NO_PLACE = 2**31 - 1
+"""degE7; a COMMAND_INT without a place"""
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
@@ -58,8 +63,9 @@ class CommandService:
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda request: self._mode(request, Mode.RETURN),
             mavlink.MAV_CMD_MISSION_START: self._start_mission,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
-            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._no_circling,
-            mavlink.MAV_CMD_DO_REPOSITION: self._no_circling,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._circle,
+            mavlink.MAV_CMD_DO_REPOSITION: self._circle,
+            mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             **dict.fromkeys(EXCITE_COMMANDS, self._excite),
             PREFLIGHT: self._calibrations.answer,
             CALIBRATE: self._calibrations.answer,
@@ -98,7 +104,12 @@ class CommandService:
         if request.params[0] not in (0.0, 1.0):
             return Verdict(_DENIED, (), "arm: the first parameter must be 0 or 1")
         kind = CommandKind.ARM if request.params[0] else CommandKind.DISARM
-        return self._ask_core(self._command(kind, request))
+        return self._ask_core(self._command(kind, request, request.params[1]))
+
+    def _terminate(self, request: Request) -> Verdict:
+        if request.params[0] <= 0.5:
+            return Verdict(_DENIED, (), "flight termination ends with arming anew")
+        return self._ask_core(self._command(CommandKind.KILL, request))
 
     def _mode(self, request: Request, mode: Mode | None) -> Verdict:
         if mode is None:
@@ -143,8 +154,19 @@ class CommandService:
             return Verdict(_DENIED, (), reason)
         return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, float(number)))
 
-    def _no_circling(self, request: Request) -> Verdict:
-        return Verdict(_UNSUPPORTED, (), "no circling at a place: upload a mission, or use ALTITUDE_HOLD")
+    def _circle(self, request: Request) -> Verdict:
+        """Here in the mode LOITER, or at the place of a LOITER_UNLIM or DO_REPOSITION."""
+        wanted = _circle_item(request)
+        if wanted is None:
+            return self._mode(request, Mode.LOITER)
+        height = self._vehicle.latest(topics.ALTITUDE)
+        if not math.isfinite(wanted.z) and height is not None:
+            wanted = wanted._replace(frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, z=height.altitude)
+        try:
+            item = decode_item(wanted, self._vehicle.home)
+        except ItemRefused as refused:
+            return Verdict(_DENIED, (), str(refused))
+        return self._ask_core(self._command(CommandKind.LOITER_AT, request, payload=item))
 
     def _excite(self, request: Request) -> Verdict:
         params = request.params
@@ -177,6 +199,23 @@ class CommandService:
         return self._send(request, self._requests.interval(request.sender.link, request.params[0]))
 
 
+def _circle_item(request: Request) -> WireItem | None:
+    """The circle that a command asks for, None where it names no place; COMMAND_LONG counts from the sea."""
+    latitude, longitude, altitude = request.params[4:7]
+    if request.is_int:
+        placed = max(abs(latitude), abs(longitude)) < _NO_PLACE
+        latitude, longitude = latitude * 1e-7, longitude * 1e-7
+    else:
+        placed = math.isfinite(latitude + longitude)
+    if not placed or (latitude, longitude) == (0.0, 0.0):
+        return None
+    radius = request.params[2] if math.isfinite(request.params[2]) else 0.0
+    if request.command == mavlink.MAV_CMD_DO_REPOSITION and request.params[3] == 1.0:
+        radius = -radius
+    circle = (0.0, 0.0, radius, 0.0)
+    return WireItem(request.frame, mavlink.MAV_CMD_NAV_LOITER_UNLIM, circle, latitude, longitude, altitude)
+
+
 def _whole(value: float) -> int:
     """``value`` as a whole number, -1 when it is none."""
     return int(value) if value == value and abs(value) < 1e6 and value == int(value) else -1
@@ -185,5 +224,6 @@ def _whole(value: float) -> int:
 def _read(message: Any, sender: Sender) -> Request:
     first = (message.param1, message.param2, message.param3, message.param4)
     if message.get_type() == "COMMAND_INT":
-        return Request(message.command, (*first, float(message.x), float(message.y), message.z), sender)
+        params = (*first, float(message.x), float(message.y), message.z)
+        return Request(message.command, params, sender, message.frame, is_int=True)
     return Request(message.command, (*first, message.param5, message.param6, message.param7), sender)

@@ -1,4 +1,4 @@
-"""MANUAL_CONTROL: the pilot's sticks."""
+"""MANUAL_CONTROL and RC_CHANNELS_OVERRIDE: the pilot's sticks and channels."""
 
 from __future__ import annotations
 
@@ -6,23 +6,30 @@ from typing import Any
 
 from avionics.link.services.service import Output, Sender
 from avionics.link.vehicle import VehicleView
-from avionics.messages import PilotInput
+from avionics.messages import OVERRIDDEN, ChannelOverride, PilotInput
 
 FULL = 1000.0
 """A stick at its stop."""
 
 
 class ManualService:
-    """Turns MANUAL_CONTROL into `PilotInput`."""
+    """Turns MANUAL_CONTROL into `PilotInput` and RC_CHANNELS_OVERRIDE into `ChannelOverride`."""
 
-    handles = frozenset({"MANUAL_CONTROL"})
+    handles = frozenset({"MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE"})
 
     def __init__(self, vehicle: VehicleView, system: int) -> None:
         self._vehicle = vehicle
         self._system = system
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """The sticks; MAVLink's x is positive with the stick forward, which is nose down."""
+        """The sticks or the channels; what they mean is the flight core's to know."""
+        if message.get_type() == "RC_CHANNELS_OVERRIDE":
+            pulses = tuple(getattr(message, f"chan{number}_raw") for number in range(1, OVERRIDDEN + 1))
+            return [ChannelOverride(self._vehicle.time_us, pulses)]
+        return self._sticks(message)
+
+    def _sticks(self, message: Any) -> list[Output]:
+        """MAVLink's x is positive with the stick forward, which is nose down."""
         if message.target != self._system:
             return []
         pitch, roll, yaw = _axis(-message.x), _axis(message.y), _axis(message.r)

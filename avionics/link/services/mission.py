@@ -1,7 +1,7 @@
-"""Missions: upload, download, clear, choose the item, tell which was reached.
+"""Missions, fences and rally points: upload, download, clear; choose the item, tell which was reached.
 
-A mission arrives item by item, each asked for and asked for again when it does not come; it enters the flight
-core whole or not at all. There are no fences and rally points: those lists are always empty.
+A list arrives item by item, each asked for and asked for again when it does not come; it enters the flight
+core whole or not at all.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from avionics import topics
-from avionics.guidance.mission import Mission, MissionItem
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import Addressee, decode_item, encode_item, read_message, write_message
+from avionics.link.mission_codec import Addressee, Slot, read_message, write_message
+from avionics.link.services.plans import MOST_ITEMS, PARTS, PlanPart
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, VehicleView
-from avionics.link.wire_item import ItemRefused
+from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 
-MOST_ITEMS = 500
 _MISSION = mavlink.MAV_MISSION_TYPE_MISSION
 _ALL = mavlink.MAV_MISSION_TYPE_ALL
 _ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
@@ -29,16 +28,20 @@ _ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
 @dataclass
 class _Upload:
     sender: Sender
+    part: PlanPart
     count: int
     deadline: float
     asked: int = 1
-    items: list[MissionItem] = field(default_factory=list)
+    items: list[WireItem] = field(default_factory=list)
 
 
 class _Pending(NamedTuple):
     sender: Sender
-    mission: Mission
+    part: PlanPart
+    content: Any
+    items: int
     mission_type: int
+    """as it was said: a type, or all of them"""
     deadline: float
 
 
@@ -66,7 +69,7 @@ class MissionService:
         self._gains = gains
         self._upload: _Upload | None = None
         self._pending: list[_Pending] = []
-        self._done: tuple[Sender, int] | None = None
+        self._done: tuple[Sender, int, int] | None = None
         self._item = 0
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
@@ -91,52 +94,76 @@ class MissionService:
     # --- to the vehicle
 
     def _begin(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        if message.mission_type != _MISSION:
-            empty = message.count == 0
-            result = _ACCEPTED if empty else mavlink.MAV_MISSION_UNSUPPORTED
-            return [_ack(sender, result, message.mission_type)]
+        mission_type = message.mission_type
+        part = PARTS.get(mission_type)
+        if part is None:
+            return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, mission_type)]
         if self._upload is not None and self._upload.sender != sender:
-            return [_ack(sender, mavlink.MAV_MISSION_DENIED), *refusal_text("another mission upload runs", sender)]
+            denied = _ack(sender, mavlink.MAV_MISSION_DENIED, mission_type)
+            return [denied, *refusal_text("another mission upload runs", sender)]
         if message.count > MOST_ITEMS:
             text = f"a mission has at most {MOST_ITEMS} items"
-            return [_ack(sender, mavlink.MAV_MISSION_NO_SPACE), *refusal_text(text, sender)]
+            return [_ack(sender, mavlink.MAV_MISSION_NO_SPACE, mission_type), *refusal_text(text, sender)]
         if message.count == 0:
-            return self._install((), sender, _MISSION, now)
-        self._upload = _Upload(sender, message.count, now + self._gains.ask_again)
+            return self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
+        self._upload = _Upload(sender, part, message.count, now + self._gains.ask_again)
         return [_request(self._upload)]
+
+    def _deadline(self, now: float) -> float:
+        return now + self._gains.confirm
 
     def _take_item(self, message: Any, sender: Sender, now: float) -> list[Output]:
         upload = self._upload
         if upload is None or upload.sender != sender:
-            repeated = self._done is not None and self._done == (sender, message.seq)
-            return [_ack(sender, _ACCEPTED)] if repeated else []
-        if message.seq != len(upload.items):
+            repeated = self._done is not None and self._done == (sender, message.seq, message.mission_type)
+            return [_ack(sender, _ACCEPTED, message.mission_type)] if repeated else []
+        if message.seq != len(upload.items) or message.mission_type != upload.part.mission_type:
             return []
+        item = read_message(message)
         try:
-            item = decode_item(read_message(message), self._vehicle.home)
+            upload.part.probe(item, self._vehicle.home)
         except ItemRefused as refused:
-            self._upload = None
-            text = f"mission item {message.seq}: {refused}"
-            return [_ack(sender, refused.result), *refusal_text(text, sender)]
+            return self._refuse(upload, refused, f"mission item {message.seq}: {refused}")
         upload.items.append(item)
         upload.asked, upload.deadline = 1, now + self._gains.ask_again
-        if len(upload.items) < upload.count:
-            return [_request(upload)]
-        self._upload = None
-        return self._install(tuple(upload.items), sender, _MISSION, now)
+        return [_request(upload)] if len(upload.items) < upload.count else self._complete(upload, now)
 
-    def _install(self, mission: Mission, sender: Sender, mission_type: int, now: float) -> list[Output]:
-        command = Command(self._vehicle.time_us, CommandKind.SET_MISSION, "", 0.0, mission, sender.name)
+    def _refuse(self, upload: _Upload, refused: ItemRefused, text: str) -> list[Output]:
+        self._upload = None
+        return [_ack(upload.sender, refused.result, upload.part.mission_type), *refusal_text(text, upload.sender)]
+
+    def _complete(self, upload: _Upload, now: float) -> list[Output]:
+        self._upload = None
+        part, items = upload.part, upload.items
+        try:
+            content = part.decode(items, self._vehicle.home)
+        except ItemRefused as refused:
+            return self._refuse(upload, refused, str(refused))
+        return self._install(
+            _Pending(upload.sender, part, content, len(items), part.mission_type, self._deadline(now))
+        )
+
+    def _install(self, pending: _Pending) -> list[Output]:
+        sender, kind = pending.sender, pending.part.kind
+        command = Command(self._vehicle.time_us, kind, "", 0.0, pending.content, sender.name)
         reason = self._vehicle.refusal(command)
         if reason:
-            return [_ack(sender, mavlink.MAV_MISSION_DENIED, mission_type), *refusal_text(reason, sender)]
-        self._pending.append(_Pending(sender, mission, mission_type, now + self._gains.confirm))
+            denied = _ack(sender, mavlink.MAV_MISSION_DENIED, pending.mission_type)
+            return [denied, *refusal_text(reason, sender)]
+        self._pending.append(pending)
         return [command]
 
     def _clear(self, mission_type: int, sender: Sender, now: float) -> list[Output]:
-        if mission_type not in (_MISSION, _ALL):
+        """One list, or all: then the mission's answer speaks for them."""
+        if mission_type != _ALL and mission_type not in PARTS:
             return [_ack(sender, _ACCEPTED, mission_type)]
-        return self._install((), sender, mission_type, now)
+        outputs: list[Output] = []
+        if mission_type == _ALL:
+            others = [part for part in PARTS.values() if part.mission_type != _MISSION]
+            time_us = self._vehicle.time_us
+            outputs += [Command(time_us, part.kind, "", 0.0, part.none, sender.name) for part in others]
+        part = PARTS[_MISSION if mission_type == _ALL else mission_type]
+        return [*outputs, *self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))]
 
     def _set_current(self, sequence: int, sender: Sender) -> list[Output]:
         command = Command(self._vehicle.time_us, CommandKind.SET_CURRENT_ITEM, "", float(sequence), None, sender.name)
@@ -158,20 +185,24 @@ class MissionService:
     # --- from the vehicle
 
     def _count(self, mission_type: int, sender: Sender) -> Output:
-        count = len(self._vehicle.mission) if mission_type == _MISSION else 0
+        count = len(self._items(mission_type))
         return Reply(
             mavlink.MAVLink_mission_count_message(sender.system, sender.component, count, mission_type), sender
         )
 
     def _give_item(self, message: Any, sender: Sender, as_int: bool) -> list[Output]:
-        mission = self._vehicle.mission if message.mission_type == _MISSION else ()
-        if message.seq >= len(mission):
+        items = self._items(message.mission_type)
+        if message.seq >= len(items):
             return [_ack(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
-        item = encode_item(mission[message.seq], self._vehicle.home)
         navigation = self._vehicle.latest(topics.NAVIGATION)
-        current = navigation is not None and navigation.item == message.seq
+        flown = message.mission_type == _MISSION and navigation is not None and navigation.item == message.seq
+        slot = Slot(message.seq, flown, message.mission_type)
         to = Addressee(sender.system, sender.component)
-        return [Reply(write_message(item, message.seq, current, to, as_int), sender)]
+        return [Reply(write_message(items[message.seq], slot, to, as_int), sender)]
+
+    def _items(self, mission_type: int) -> tuple[WireItem, ...]:
+        part = PARTS.get(mission_type)
+        return () if part is None else part.encode(part.on_board(self._vehicle), self._vehicle.home)
 
     # --- what is due
 
@@ -188,20 +219,23 @@ class MissionService:
         return outputs
 
     def _confirm(self, now: float) -> list[Output]:
-        settled = [each for each in self._pending if self._vehicle.mission == each.mission or now >= each.deadline]
+        settled = [each for each in self._pending if self._on_board(each) or now >= each.deadline]
         self._pending = [each for each in self._pending if each not in settled]
         return [self._settle(each) for each in settled]
 
+    def _on_board(self, pending: _Pending) -> bool:
+        return bool(pending.part.on_board(self._vehicle) == pending.content)
+
     def _settle(self, pending: _Pending) -> Output:
-        taken = self._vehicle.mission == pending.mission
+        taken = self._on_board(pending)
         if taken:
-            self._done = (pending.sender, len(pending.mission) - 1)
+            self._done = (pending.sender, pending.items - 1, pending.mission_type)
         return _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
 
     def _ask_again(self, upload: _Upload, now: float) -> list[Output]:
         if upload.asked >= self._gains.give_up:
             self._upload = None
-            return [_ack(upload.sender, mavlink.MAV_MISSION_OPERATION_CANCELLED)]
+            return [_ack(upload.sender, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.part.mission_type)]
         upload.asked += 1
         upload.deadline = now + self._gains.ask_again
         return [_request(upload)]
@@ -216,7 +250,7 @@ class MissionService:
 def _request(upload: _Upload) -> Reply:
     sender = upload.sender
     message = mavlink.MAVLink_mission_request_int_message(
-        sender.system, sender.component, len(upload.items), _MISSION
+        sender.system, sender.component, len(upload.items), upload.part.mission_type
     )
     return Reply(message, sender)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 from avionics.link.transport import Peer
-from avionics.messages import Command, PilotInput
+from avionics.messages import Input
 
 
 class Sender(NamedTuple):
@@ -28,7 +28,7 @@ class Reply(NamedTuple):
     to: Sender | None = None
 
 
-Output = Reply | Command | PilotInput
+Output = Reply | Input
 
 
 class Service(Protocol):

@@ -14,6 +14,9 @@ class Request(NamedTuple):
     params: tuple[float, ...]
     """seven numbers; the fifth and sixth of a COMMAND_INT are its integers as they are"""
     sender: Sender
+    frame: int = 0
+    """MAV_FRAME of a COMMAND_INT"""
+    is_int: bool = False
 
 
 class Verdict(NamedTuple):

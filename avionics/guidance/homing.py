@@ -1,0 +1,66 @@
+"""The way home: up to a safe altitude, along a straight line to home or to a nearer rally point, a circle there."""
+
+from __future__ import annotations
+
+import math
+
+from avionics.guidance import circle
+from avionics.guidance.mission import MissionItem
+from avionics.guidance.path import course_to_leg, leg
+from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead, tailwind
+from avionics.messages import Stage
+
+CALM = 1.0
+"""m/s; less wind than this is landed in on any course"""
+INTO_WIND = 0.35
+"""rad; off the wind's own direction at which the circle is left to land"""
+
+
+def begin(gains: Gains, state: State, seen: Situation) -> State:
+    """Choose where to return to: the nearest rally point, or home where there is none."""
+    goal = min(seen.rally, key=lambda point: math.dist((point.north, point.east), here(seen)), default=None)
+    north, east, altitude = (0.0, 0.0, gains.return_altitude) if goal is None else goal
+    return state._replace(goal_north=north, goal_east=east, goal_altitude=altitude)
+
+
+def return_home(
+    gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation
+) -> tuple[State, Target, bool]:
+    """Climb where it is too low, fly to the goal, circle there for the loiter time; blind, hold the heading.
+
+    It is done when the time is over and, in a wind, the circle leads against it.
+    """
+    altitude = gains.return_altitude
+    if not seen.valid:
+        return state, Target(Stage.EN_ROUTE, altitude, state.heading), False
+    if state.arrived:
+        state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
+        return state, target, state.elapsed >= gains.loiter_time and _into_wind(gains, state, seen)
+    if seen.altitude < gains.return_floor and not state.via:
+        return _climb(gains, state, dt, seen)
+    if not state.via:
+        state = state._replace(via=1, from_north=seen.north, from_east=seen.east, radius=0.0)
+    goal = (state.goal_north, state.goal_east)
+    distance = math.dist(goal, here(seen))
+    if distance <= max(gains.acceptance, gains.loiter_radius):
+        state = circle.centre_at(state, *goal, gains.loiter_radius, seen)._replace(arrived=1)
+        state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
+        return state, target, state.elapsed >= gains.loiter_time
+    line = leg((state.from_north, state.from_east), goal, here(seen))
+    course = course_to_leg(line, lookahead(gains, seen))
+    return state._replace(heading=course), Target(Stage.EN_ROUTE, altitude, course, distance, line.cross), False
+
+
+def _climb(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target, bool]:
+    if state.radius == 0.0:
+        state = circle.centre_beside(state, gains.loiter_radius, seen)
+    state, target = circle.around(gains, state, dt, gains.return_altitude, seen)
+    return state._replace(arrived=0), target, False
+
+
+def _into_wind(gains: Gains, state: State, seen: Situation) -> bool:
+    """Whether the course leads against the wind, if there is one; after another turn any course will do."""
+    wind = math.hypot(seen.wind_north, seen.wind_east)
+    turn = math.tau * gains.loiter_radius / max(seen.airspeed - wind, 1.0)
+    late = state.elapsed >= gains.loiter_time + turn
+    return late or wind < CALM or tailwind(seen, seen.heading) <= -wind * math.cos(INTO_WIND)

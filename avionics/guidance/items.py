@@ -1,0 +1,56 @@
+"""The plain kinds of item: take-off, hold, waypoint, excitation.
+
+Each function returns the target it asks for and whether the item is done.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from avionics.guidance.mission import MissionItem
+from avionics.guidance.path import course_to_leg, leg, reached
+from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead
+from avionics.limits import wrap
+from avionics.messages import Stage
+
+Outcome = tuple[State, Target, bool]
+ItemFunction = Callable[[Gains, State, float, MissionItem, Situation], Outcome]
+
+
+def take_off(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+    """Straight ahead on the heading of the launch, climbing."""
+    done = seen.altitude >= item.altitude - gains.capture_altitude
+    return state, Target(Stage.CLIMB_OUT, item.altitude, state.heading), done
+
+
+def hold(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+    """Hold altitude and heading for a time that begins when both have been captured."""
+    captured = (
+        state.elapsed > 0.0
+        or state.waiting >= gains.capture_limit
+        or (
+            abs(item.altitude - seen.altitude) <= gains.capture_altitude
+            and abs(wrap(item.heading - seen.heading)) <= gains.capture_heading
+        )
+    )
+    state = state._replace(elapsed=state.elapsed + dt) if captured else state._replace(waiting=state.waiting + dt)
+    return state, Target(Stage.EN_ROUTE, item.altitude, item.heading), state.elapsed >= item.duration
+
+
+def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+    """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading."""
+    if not seen.valid:
+        return state, Target(Stage.EN_ROUTE, item.altitude, state.heading), False
+    line = leg((state.from_north, state.from_east), (item.north, item.east), here(seen))
+    course = course_to_leg(line, lookahead(gains, seen))
+    distance = math.hypot(item.north - seen.north, item.east - seen.east)
+    target = Target(Stage.EN_ROUTE, item.altitude, course, distance, line.cross)
+    return state._replace(heading=course), target, reached(line, gains.acceptance)
+
+
+def excite(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+    """Hold what was held at the start until the excitation has finished or was aborted."""
+    done = seen.excitations > state.excitations
+    asked = None if done else item.excitation
+    return state, Target(Stage.EN_ROUTE, state.altitude, state.heading, excitation=asked), done

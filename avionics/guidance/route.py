@@ -1,0 +1,187 @@
+"""What the navigation is tuned with, remembers, looks at and asks for; shared by the files of its parts."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from avionics.guidance.mission import Excitation, Rally
+from avionics.guidance.path import Place
+from avionics.limits import clip
+from avionics.messages import Mode, Stage
+from avionics.quantities import Quantity
+
+FASTEST_DRIFT = 4.0
+"""-; greatest factor by which a following wind lengthens the lookahead"""
+
+
+class Gains(NamedTuple):
+    """What the navigation is tuned with."""
+
+    lookahead: Annotated[float, Quantity("m", 1.0, 500.0)]
+    """m; distance ahead on the path at which the course aims, in still air"""
+    acceptance: Annotated[float, Quantity("m", 0.5, 200.0)]
+    """m; radius at which a waypoint counts as reached"""
+    capture_altitude: Annotated[float, Quantity("m", 0.1, 50.0)]
+    """m; altitude error at which a take-off or a climb on a circle is over and the time of a hold begins"""
+    capture_heading: Annotated[float, Quantity("rad", 0.02, 3.2)]
+    """rad; heading error at which the time of a hold begins"""
+    capture_limit: Annotated[float, Quantity("s", 0.0, 600.0)]
+    """s; after which the time of a hold begins anyway"""
+    return_altitude: Annotated[float, Quantity("m", 2.0, 1000.0)]
+    """m; safe altitude of the way home"""
+    return_floor: Annotated[float, Quantity("m", 0.0, 1000.0)]
+    """m; a return from below it first climbs on a circle where it is"""
+    loiter_radius: Annotated[float, Quantity("m", 3.0, 500.0)]
+    """m; of the circle flown at home, and of every circle that names no radius"""
+    loiter_time: Annotated[float, Quantity("s", 0.0, 36000.0)]
+    """s; circled at home before landing"""
+    approach_length: Annotated[float, Quantity("m", 5.0, 2000.0)]
+    """m; of the straight line down to the landing place, in still air"""
+    approach_altitude: Annotated[float, Quantity("m", 2.0, 300.0)]
+    """m; at which that line begins"""
+    approach_margin: Annotated[float, Quantity("m", 0.1, 100.0)]
+    """m; above the head of the line from which it may be begun; from higher a circle is flown there first"""
+    flare_altitude: Annotated[float, Quantity("m", 0.0, 30.0)]
+    """m; below which the nose is raised and the flapping reduced"""
+    flare_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; flapping in the flare"""
+    flare_pitch: Annotated[float, Quantity("rad", -0.5, 1.2)]
+    """rad; pitch in the flare"""
+    stick_climb: Annotated[float, Quantity("m/s", 0.0, 10.0)]
+    """m/s; change of the held altitude at full pitch stick (altitude hold)"""
+    stick_dead_band: Annotated[float, Quantity("-", 0.0, 0.5)]
+    """-; stick that counts as centred"""
+
+
+class State(NamedTuple):
+    """What the navigation remembers."""
+
+    mode: int = Mode.MANUAL
+    """-; mode of the last step"""
+    item: int = 0
+    """-; mission item being flown"""
+    begun: int = 0
+    """-; 1 once the item's start has been taken"""
+    elapsed: float = 0.0
+    """s; in the item, from its capture if it has one"""
+    waiting: float = 0.0
+    """s; for the capture of a hold"""
+    from_north: float = 0.0
+    """m; where the leg begins"""
+    from_east: float = 0.0
+    """m; where the leg begins"""
+    via: int = 0
+    """-; 1 when the next leg begins at the waypoint just passed, (``from_north``, ``from_east``), not where it is"""
+    heading: float = 0.0
+    """rad; heading held"""
+    altitude: float = 0.0
+    """m; altitude held"""
+    centre_north: float = 0.0
+    """m; of the circle flown"""
+    centre_east: float = 0.0
+    """m; of the circle flown"""
+    radius: float = 0.0
+    """m; of the circle flown, positive clockwise"""
+    bearing: float = 0.0
+    """rad; from the circle's centre to the aircraft at the last step"""
+    swept: float = 0.0
+    """rad; flown around the centre since the circle was joined, positive in its direction"""
+    goal_north: float = 0.0
+    """m; where a return goes to: home or a rally point"""
+    goal_east: float = 0.0
+    """m; where a return goes to"""
+    goal_altitude: float = 0.0
+    """m; at which it is circled there"""
+    final: int = 0
+    """-; 1 on the straight line down"""
+    flare: int = 0
+    """-; 1 once the flare has begun; it is not left again"""
+    touch_north: float = 0.0
+    """m; landing place"""
+    touch_east: float = 0.0
+    """m; landing place"""
+    slope_length: float = 0.0
+    """m; of the line down, once it is being flown"""
+    arrived: int = 0
+    """-; 1 once the circle of the item was joined, the return is over its goal, or the head of the approach met"""
+    excitations: int = 0
+    """-; excitations that were finished when the item began"""
+    extra: Excitation | None = None
+    """-; an identification input asked for over the link"""
+    jumps: tuple[tuple[int, int], ...] = ()
+    """-; number of a jump item, and how often it has jumped"""
+
+
+class Situation(NamedTuple):
+    """What the navigation looks at."""
+
+    mode: int
+    """-; flight mode"""
+    stage: int
+    """-; stage of the flight"""
+    north: float
+    """m; from home"""
+    east: float
+    """m; from home"""
+    valid: int
+    """-; 1 while the position can be steered by"""
+    heading: float
+    """rad; course over ground or yaw, whichever is steered"""
+    altitude: float
+    """m; positive up"""
+    stick_pitch: float
+    """-; -1 to 1"""
+    excitations: int
+    """-; excitations finished since boot"""
+    airspeed: float = 0.0
+    """m/s; true, 0 while unknown"""
+    ground_speed: float = 0.0
+    """m/s; 0 while unknown"""
+    wind_north: float = 0.0
+    """m/s; velocity of the air over ground, 0 while unknown"""
+    wind_east: float = 0.0
+    """m/s; velocity of the air over ground, 0 while unknown"""
+    rally: Rally = ()
+    """-; places to return to instead of home"""
+
+
+class Target(NamedTuple):
+    """What the navigation asks of the loops below."""
+
+    stage: Stage
+    """-; the stage this belongs to"""
+    altitude: float
+    """m; positive up"""
+    heading: float
+    """rad; course to fly"""
+    distance: float = 0.0
+    """m; to the item's place"""
+    cross_track: float = 0.0
+    """m; off the leg, positive to the right of it; off a circle, positive outside"""
+    curvature: float = 0.0
+    """1/m; of the path flown, positive to the right: the bank of a circle is known without an error"""
+    excitation: Excitation | None = None
+    """-; identification input to fly now"""
+
+
+def here(seen: Situation) -> Place:
+    """North and east of the aircraft."""
+    return seen.north, seen.east
+
+
+def lookahead(gains: Gains, seen: Situation) -> float:
+    """How far ahead (m) a path is aimed at: longer with the square of a following wind's ground speed.
+
+    A course is turned to by banking, at a rate that falls with the ground speed V; with a heading loop of gain P
+    the cross-track error is a second-order mode of frequency sqrt(g P / L) and damping sqrt(g P L) / (2 V). So the
+    damping of still air is kept when L grows as V squared.
+    """
+    if seen.airspeed <= 1.0:
+        return gains.lookahead
+    return gains.lookahead * clip((seen.ground_speed / seen.airspeed) ** 2, 1.0, FASTEST_DRIFT)
+
+
+def tailwind(seen: Situation, course: float) -> float:
+    """Wind (m/s) along ``course`` (rad), positive from behind."""
+    return seen.wind_north * math.cos(course) + seen.wind_east * math.sin(course)

@@ -1,0 +1,90 @@
+"""A flight plan from whatever file it is in: our own TOML, QGroundControl's ``.plan``, a ``.waypoints`` list."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from avionics.guidance.mission import FlightPlan, Mission
+from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import decode_fence, decode_item, decode_rally
+from avionics.link.vehicle import Home
+from avionics.link.wire_item import ItemRefused, WireItem
+from avionics.missions import plan_file, reader, waypoint_file
+from avionics.quantities import BadInput
+
+LISTS = (".waypoints", ".txt", ".mission")
+"""endings of plain lists"""
+
+
+def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
+    """The plan of that name, or in that file; places on the globe count from the file's own home.
+
+    Raises:
+        BadInput: no such mission, unreadable file, or an item that cannot be flown: the text names it and why.
+    """
+    path = reader.find(name_or_path)
+    if path.suffix == ".plan":
+        plan = _from_plan(path)
+    elif path.suffix in LISTS:
+        plan = FlightPlan(_from_list(path))
+    else:
+        return reader.load_plan(name_or_path)
+    refusal = reader.check_plan(plan)
+    if refusal:
+        raise BadInput(f"{path}: {refusal}")
+    return plan
+
+
+def _from_plan(path: Path) -> FlightPlan:
+    file = plan_file.read(path)
+    kept, note = plan_file.without_cameras(file.mission)
+    try:
+        items = plan_file.numbered(kept)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    mission = _mission(path, ((planned.where, planned.item) for planned in items), file.home)
+    try:
+        fence = decode_fence(file.fence, file.home)
+        rally = decode_rally(file.rally, file.home)
+    except ItemRefused as refused:
+        raise BadInput(f"{path}: fence or rally points: {refused}") from None
+    return FlightPlan(mission, fence, rally, (note,) if note else ())
+
+
+def _from_list(path: Path) -> Mission:
+    lines = waypoint_file.read(path)
+    home = waypoint_file.home_of(lines)
+    items: Sequence[WireItem] = [line.item for line in lines]
+    if home is not None:
+        items = items[1:]
+    elif any(item.frame in GLOBES and (item.x or item.y) for item in items):
+        raise BadInput(f"{path}: its first line must be home (frame 0, command 16): its places are on the globe")
+    jumps_from = 0 if home is None else 1
+    moved = (_from_first(item, jumps_from) for item in items)
+    return _mission(path, ((f"item {number}", item) for number, item in enumerate(moved, jumps_from)), home)
+
+
+GLOBES = (
+    mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_INT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+)
+
+
+def _from_first(item: WireItem, first: int) -> WireItem:
+    """A jump counts the items of the list with home as its number 0; our missions have none."""
+    if item.command != mavlink.MAV_CMD_DO_JUMP:
+        return item
+    return item._replace(params=(item.params[0] - first, *item.params[1:]))
+
+
+def _mission(path: Path, items: Iterable[tuple[str, WireItem]], home: Home | None) -> Mission:
+    made = []
+    for where, item in items:
+        try:
+            made.append(decode_item(item, home))
+        except ItemRefused as refused:
+            raise BadInput(f"{path}: {where}: {refused}") from None
+    return tuple(made)

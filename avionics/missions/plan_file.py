@@ -1,0 +1,340 @@
+"""QGroundControl's ``.plan``: a JSON document with a mission, a geofence and rally points.
+
+Surveys and corridor scans hold the simple items that they were laid out to; a fixed-wing landing pattern becomes a
+LAND item on the course from its approach to its landing place.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.link.dialect import mavlink
+from avionics.link.vehicle import Home
+from avionics.link.wire_item import WireItem
+from avionics.quantities import BadInput
+
+RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+CAMERA = frozenset(
+    (
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
+        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
+        mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
+        mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        mavlink.MAV_CMD_SET_CAMERA_MODE,
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE,
+        mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
+    )
+)
+"""commands for a camera, which a survey is full of"""
+
+
+class PlannedItem(NamedTuple):
+    """A mission item and where it stands in the file."""
+
+    item: WireItem
+    where: str
+    """-; "item 3", or "item 3 (survey)\""""
+    identity: int
+    """-; what DO_JUMP calls it in the file"""
+
+
+class PlanFile(NamedTuple):
+    """What a file holds, in MAVLink's words."""
+
+    home: Home
+    mission: tuple[PlannedItem, ...]
+    fence: tuple[WireItem, ...] = ()
+    rally: tuple[WireItem, ...] = ()
+
+
+def read(path: Path) -> PlanFile:
+    """The plan of a file.
+
+    Raises:
+        BadInput: unreadable, no plan, or a part of it that is malformed; the text says which.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read mission file {path}: {error}") from None
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise BadInput(f"{path}: not valid JSON: {error}") from None
+    if not isinstance(document, dict) or document.get("fileType") != "Plan":
+        raise BadInput(f'{path}: a plan has "fileType": "Plan"')
+    try:
+        return _plan(document)
+    except _Malformed as error:
+        raise BadInput(f"{path}: {error}") from None
+
+
+class _Malformed(ValueError):
+    """A part of the document is not what it should be; the text says which."""
+
+
+def _plan(document: Mapping[str, Any]) -> PlanFile:
+    mission = _table(document, "mission", "the plan")
+    latitude, longitude, altitude = _numbers(mission, "plannedHomePosition", 3, "the mission")
+    home = Home(math.radians(latitude), math.radians(longitude), altitude)
+    items = [
+        made
+        for number, table in enumerate(_list(mission, "items", "the mission"), 1)
+        for made in _items(table, f"item {number}")
+    ]
+    if not items:
+        raise _Malformed("the mission has no items")
+    fence = document.get("geoFence", {})
+    rally = document.get("rallyPoints", {})
+    if not isinstance(fence, dict) or not isinstance(rally, dict):
+        raise _Malformed("geoFence and rallyPoints must be objects")
+    return PlanFile(home, tuple(items), _fence(fence), _rally(rally))
+
+
+# --- mission -----------------------------------------------------------------------------------------------
+
+
+def _items(table: Any, where: str) -> list[PlannedItem]:
+    if not isinstance(table, dict):
+        raise _Malformed(f"{where} must be an object")
+    if table.get("type") == "SimpleItem":
+        return [_simple(table, where)]
+    if table.get("type") != "ComplexItem":
+        raise _Malformed(f"{where}: type must be SimpleItem or ComplexItem, not {table.get('type')!r}")
+    kind = str(table.get("complexItemType", ""))
+    if kind == "fwLandingPattern":
+        return [_landing(table, f"{where} ({kind})")]
+    laid_out = table.get("TransectStyleComplexItem")
+    if not isinstance(laid_out, dict):
+        raise _Malformed(f"{where}: a {kind or 'complex item'} cannot be flown")
+    inner = _list(laid_out, "Items", f"{where} ({kind})")
+    return [made for item in inner for made in _items(item, f"{where} ({kind})")]
+
+
+def _simple(table: Mapping[str, Any], where: str) -> PlannedItem:
+    frame, command = (_whole(table, key, where, 65535) for key in ("frame", "command"))
+    values = _numbers(table, "params", 7, where, empty=math.nan)
+    x, y, z = values[4:7]
+    if frame == mavlink.MAV_FRAME_MISSION:
+        x, y, z = (0.0 if math.isnan(value) else value for value in (x, y, z))
+    item = WireItem(frame, command, (values[0], values[1], values[2], values[3]), x, y, z)
+    return PlannedItem(item, where, _whole(table, "doJumpId", where, 65535, 0))
+
+
+def _landing(table: Mapping[str, Any], where: str) -> PlannedItem:
+    """LAND at the pattern's landing place, on the course from its approach point."""
+    key = next((key for key in ("landingApproachCoordinate", "loiterCoordinate") if key in table), None)
+    if key is None:
+        raise _Malformed(f"{where}: landingApproachCoordinate is missing")
+    approach, place = (_numbers(table, name, 3, where) for name in (key, "landCoordinate"))
+    north = place[0] - approach[0]
+    east = (place[1] - approach[1]) * math.cos(math.radians(place[0]))
+    heading = math.degrees(math.atan2(east, north)) % 360.0
+    item = WireItem(RELATIVE, mavlink.MAV_CMD_NAV_LAND, (0.0, 0.0, 0.0, heading), place[0], place[1], 0.0)
+    return PlannedItem(item, where, 0)
+
+
+# --- fence and rally points --------------------------------------------------------------------------------
+
+
+def _fence(table: Mapping[str, Any]) -> tuple[WireItem, ...]:
+    items: list[WireItem] = []
+    for number, entry in enumerate(_list(table, "polygons", "the fence", []), 1):
+        where = f"fence, polygon {number}"
+        corners = [_pair(corner, where) for corner in _list(_object(entry, where), "polygon", where)]
+        command = _KEEP_IN if _object(entry, where).get("inclusion", True) else _KEEP_OUT
+        params = (float(len(corners)), 0.0, 0.0, 0.0)
+        items += [WireItem(RELATIVE, command, params, x, y, 0.0) for x, y in corners]
+    for number, entry in enumerate(_list(table, "circles", "the fence", []), 1):
+        where = f"fence, circle {number}"
+        circle = _table(_object(entry, where), "circle", where)
+        x, y = _numbers(circle, "center", 2, where)
+        command = _CIRCLE_IN if _object(entry, where).get("inclusion", True) else _CIRCLE_OUT
+        params = (_number(circle.get("radius"), f"{where}: radius"), 0.0, 0.0, 0.0)
+        items.append(WireItem(RELATIVE, command, params, x, y, 0.0))
+    return tuple(items)
+
+
+_KEEP_IN = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+_KEEP_OUT = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+_CIRCLE_IN = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+_CIRCLE_OUT = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+
+
+def _rally(table: Mapping[str, Any]) -> tuple[WireItem, ...]:
+    command, nothing = mavlink.MAV_CMD_NAV_RALLY_POINT, (0.0, 0.0, 0.0, 0.0)
+    points = [
+        _row(point, 3, f"rally point {number}")
+        for number, point in enumerate(_list(table, "points", "the rally points", []), 1)
+    ]
+    return tuple(WireItem(RELATIVE, command, nothing, *point) for point in points)
+
+
+# --- parts of the document ---------------------------------------------------------------------------------
+
+
+def _object(value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise _Malformed(f"{where} must be an object")
+    return value
+
+
+def _table(parent: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    return _object(parent.get(key), f"{where}: {key}")
+
+
+def _list(parent: Mapping[str, Any], key: str, where: str, default: list[Any] | None = None) -> list[Any]:
+    value = parent.get(key, default)
+    if not isinstance(value, list):
+        raise _Malformed(f"{where}: {key} must be a list")
+    return value
+
+
+def _whole(table: Mapping[str, Any], key: str, where: str, high: int, default: int | None = None) -> int:
+    value = table.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= high:
+        raise _Malformed(f"{where}: {key} must be a whole number from 0 to {high}, not {value!r}")
+    return value
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise _Malformed(f"{where} must be a number, not {value!r}")
+    return float(value)
+
+
+def _numbers(
+    table: Mapping[str, Any], key: str, count: int, where: str, empty: float | None = None
+) -> tuple[float, ...]:
+    return _row(table.get(key), count, f"{where}: {key}", empty)
+
+
+def _row(value: Any, count: int, where: str, empty: float | None = None) -> tuple[float, ...]:
+    """``count`` numbers; ``empty`` stands for null where that is allowed."""
+    if not isinstance(value, list) or len(value) != count:
+        raise _Malformed(f"{where} must be a list of {count} numbers")
+    return tuple(empty if part is None and empty is not None else _number(part, where) for part in value)
+
+
+def _pair(value: Any, where: str) -> tuple[float, float]:
+    first, second = _row(value, 2, where)
+    return first, second
+
+
+# --- what is sent or flown of it ---------------------------------------------------------------------------
+
+
+def numbered(mission: Sequence[PlannedItem]) -> tuple[PlannedItem, ...]:
+    """The items with every DO_JUMP leading to a place in the list, instead of a name in the file.
+
+    Raises:
+        BadInput: a jump to an item that is not in the list.
+    """
+    places = {planned.identity: place for place, planned in reversed(list(enumerate(mission))) if planned.identity}
+    return tuple(_jump_to(planned, places) for planned in mission)
+
+
+def _jump_to(planned: PlannedItem, places: Mapping[int, int]) -> PlannedItem:
+    item = planned.item
+    if item.command != mavlink.MAV_CMD_DO_JUMP:
+        return planned
+    target = item.params[0]
+    if target not in places:
+        raise BadInput(f"{planned.where}: DO_JUMP (177) leads to item {target:g}, which is not flown")
+    return planned._replace(item=item._replace(params=(float(places[int(target)]), *item.params[1:])))
+
+
+def without_cameras(mission: Sequence[PlannedItem]) -> tuple[tuple[PlannedItem, ...], str]:
+    """The items but for a camera's, and a line about them; empty when there were none."""
+    kept = tuple(planned for planned in mission if planned.item.command not in CAMERA)
+    left = len(mission) - len(kept)
+    return kept, f"{left} camera commands are passed over: there is no camera" if left else ""
+
+
+# --- writing -----------------------------------------------------------------------------------------------
+
+
+def write(path: Path, plan: PlanFile) -> None:
+    """Write a plan to a new file.
+
+    Raises:
+        BadInput: the file exists, or cannot be written.
+    """
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            json.dump(document(plan), file, indent=4, allow_nan=False)
+            file.write("\n")
+    except OSError as error:
+        raise BadInput(f"cannot write {path}: {error.strerror}") from None
+
+
+def document(plan: PlanFile) -> dict[str, Any]:
+    """The plan as QGroundControl's document."""
+    home = [math.degrees(plan.home.latitude), math.degrees(plan.home.longitude), plan.home.altitude]
+    items = [_simple_table(planned.item, number) for number, planned in enumerate(plan.mission, 1)]
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "Wingbeat",
+        "mission": {
+            "version": 2,
+            "firmwareType": mavlink.MAV_AUTOPILOT_GENERIC,
+            "vehicleType": mavlink.MAV_TYPE_FIXED_WING,
+            "cruiseSpeed": 8,
+            "hoverSpeed": 5,
+            "globalPlanAltitudeMode": 1,
+            "plannedHomePosition": home,
+            "items": items,
+        },
+        "geoFence": {"version": 2, "circles": _circles(plan.fence), "polygons": _polygons(plan.fence)},
+        "rallyPoints": {"version": 2, "points": [[item.x, item.y, item.z] for item in plan.rally]},
+    }
+
+
+def _simple_table(item: WireItem, number: int) -> dict[str, Any]:
+    params: list[float | None] = [*item.params, item.x, item.y, item.z]
+    if item.command == mavlink.MAV_CMD_DO_JUMP:
+        params[0] = item.params[0] + 1.0
+    values = [None if value is None or math.isnan(value) else value for value in params]
+    # A plan has no frame for the integer messages.
+    frame = RELATIVE if item.frame == mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT else item.frame
+    return {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": item.command,
+        "doJumpId": number,
+        "frame": frame,
+        "params": values,
+        "Altitude": values[6],
+        "AltitudeMode": 1,
+        "AMSLAltAboveTerrain": None,
+    }
+
+
+def _circles(fence: Sequence[WireItem]) -> list[dict[str, Any]]:
+    return [
+        {
+            "circle": {"center": [item.x, item.y], "radius": item.params[0]},
+            "inclusion": item.command == _CIRCLE_IN,
+            "version": 1,
+        }
+        for item in fence
+        if item.command in (_CIRCLE_IN, _CIRCLE_OUT)
+    ]
+
+
+def _polygons(fence: Sequence[WireItem]) -> list[dict[str, Any]]:
+    corners = [item for item in fence if item.command in (_KEEP_IN, _KEEP_OUT)]
+    polygons: list[dict[str, Any]] = []
+    while corners:
+        count = max(int(corners[0].params[0]), 1)
+        polygon, corners = corners[:count], corners[count:]
+        inside = polygon[0].command == _KEEP_IN
+        places = [[item.x, item.y] for item in polygon]
+        polygons.append({"polygon": places, "inclusion": inside, "version": 1})
+    return polygons

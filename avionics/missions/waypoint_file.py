@@ -1,0 +1,71 @@
+"""``QGC WPL 110``: the plain list of mission items that every ground station reads and writes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import wire_scale
+from avionics.link.vehicle import Home
+from avionics.link.wire_item import WireItem
+from avionics.quantities import BadInput
+
+HEADER = "QGC WPL 110"
+COLUMNS = 12
+
+
+class Line(NamedTuple):
+    """One item of the list."""
+
+    item: WireItem
+    autocontinue: int = 1
+    """-; 1 to go on to the next item"""
+
+
+def read(path: Path) -> tuple[Line, ...]:
+    """The items of a file.
+
+    Raises:
+        BadInput: unreadable, not such a list, or a line that is malformed; the text gives its number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read mission file {path}: {error}") from None
+    if not lines or lines[0].strip() != HEADER:
+        raise BadInput(f"{path}: the first line of a mission file must be {HEADER!r}")
+    numbered = [(number, line) for number, line in enumerate(lines[1:], 2) if line.strip()]
+    items = tuple(_line(f"{path}, line {number}", line.split()) for number, line in numbered)
+    if not items:
+        raise BadInput(f"{path}: the mission has no items")
+    return items
+
+
+def _line(where: str, words: Sequence[str]) -> Line:
+    if len(words) != COLUMNS:
+        raise BadInput(f"{where}: a mission item has {COLUMNS} columns, not {len(words)}")
+    try:
+        frame, command, autocontinue = int(words[2]), int(words[3]), int(words[11])
+        numbers = [float(word) for word in words[4:11]]
+    except ValueError as error:
+        raise BadInput(f"{where}: {error}") from None
+    if not 0 <= frame <= 255 or not 0 <= command <= 65535 or not 0 <= autocontinue <= 1:
+        raise BadInput(f"{where}: frame, command or autocontinue out of range")
+    x, y, z = numbers[4:7]
+    scale = wire_scale(frame)
+    if not all(math.isfinite(value) and abs(value * scale) < 2**31 for value in (x, y)):
+        raise BadInput(f"{where}: a coordinate is out of range")
+    if not math.isfinite(z):
+        raise BadInput(f"{where}: the altitude must be a finite number")
+    return Line(WireItem(frame, command, (numbers[0], numbers[1], numbers[2], numbers[3]), x, y, z), autocontinue)
+
+
+def home_of(lines: Sequence[Line]) -> Home | None:
+    """Home where the list begins with it, as ArduPilot's lists do: a waypoint with its altitude above the sea."""
+    first = lines[0].item
+    if (first.frame, first.command) != (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT):
+        return None
+    return Home(math.radians(first.x), math.radians(first.y), first.z)

@@ -1,0 +1,96 @@
+"""The pilot's three ways in, as they act on the state: sticks, channels of an override, frames of the receiver.
+
+The receiver goes before an override, that before MANUAL_CONTROL; a source that falls silent is left for the next one,
+and without any the sticks are neutral. A kill switch counts wherever it is. Every stick that came is published with
+its source; who is flown is said when it changes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from avionics import topics
+from avionics.limits import clip
+from avionics.messages import ChannelOverride, CommandKind, Event, PilotInput, PilotSource, ReceiverSample, Severity
+from avionics.sensing import pilot, receiver
+from avionics.sensing.pilot import Act
+from avionics.state import AutopilotState
+from avionics.topics import Publish
+
+NOTHING: tuple[Act, ...] = ()
+IN_COMMAND = {
+    PilotSource.MANUAL_CONTROL: "MANUAL_CONTROL",
+    PilotSource.OVERRIDE: "RC_CHANNELS_OVERRIDE",
+    PilotSource.RECEIVER: "the receiver",
+}
+
+
+def take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> tuple[Act, ...]:
+    """MANUAL_CONTROL; sticks that are no numbers are refused and counted."""
+    _, pitch, roll, yaw, throttle, _ = sticks
+    if not math.isfinite(pitch + roll + yaw + throttle):
+        s.plausibility = s.plausibility._replace(rejected=s.plausibility.rejected + 1)
+        return NOTHING
+    pitch, roll, yaw = (clip(axis, -1.0, 1.0) for axis in (pitch, roll, yaw))
+    held = receiver.Sticks(pitch, roll, yaw, clip(throttle, 0.0, 1.0))
+    time_us = sticks.time_us
+    publish(topics.PILOT, PilotInput(time_us, *held, PilotSource.MANUAL_CONTROL))
+    s.ways_in = s.ways_in._replace(manual=held, manual_us=time_us)
+    watch(s, publish)
+    _fly(s)
+    return NOTHING
+
+
+def take_override(s: AutopilotState, publish: Publish, override: ChannelOverride) -> tuple[Act, ...]:
+    """RC_CHANNELS_OVERRIDE."""
+    publish(topics.OVERRIDE, override)
+    before = s.ways_in
+    s.ways_in = pilot.take_override(s.gains.receiver, before, override)
+    if s.ways_in.override.time_us >= 0:
+        publish(topics.PILOT, PilotInput(override.time_us, *s.ways_in.override.sticks, PilotSource.OVERRIDE))
+    watch(s, publish)
+    _fly(s)
+    return _acts(s, before.override, s.ways_in.override, PilotSource.OVERRIDE)
+
+
+def take_receiver(s: AutopilotState, publish: Publish, sample: ReceiverSample) -> tuple[Act, ...]:
+    """A frame of the receiver."""
+    before = s.ways_in
+    s.ways_in = pilot.take_receiver(s.gains.receiver, before, sample)
+    if s.ways_in is before:
+        return NOTHING
+    publish(topics.PILOT, PilotInput(sample.time_us, *s.ways_in.radio.sticks, PilotSource.RECEIVER))
+    watch(s, publish)
+    _fly(s)
+    return _acts(s, before.radio, s.ways_in.radio, PilotSource.RECEIVER)
+
+
+def _acts(s: AutopilotState, before: receiver.State, after: receiver.State, source: PilotSource) -> tuple[Act, ...]:
+    """A kill from whatever source; mode and arming from the one in command."""
+    if pilot.kill_switch(s.ways_in):
+        return (Act(CommandKind.KILL),) if s.modes.armed else NOTHING
+    if s.ways_in.source != source or before is after:
+        return NOTHING
+    return pilot.acts(s.gains.receiver, before, after, disarmed=not s.modes.armed)
+
+
+def watch(s: AutopilotState, publish: Publish) -> None:
+    """Choose whose sticks are flown; say it when that changes."""
+    ways = s.ways_in
+    source = pilot.choose(s.gains.receiver, ways, s.clock.time_us)
+    if source != ways.source:
+        s.ways_in = ways._replace(source=int(source))
+        _announce(s, publish, source)
+        _fly(s)
+
+
+def _fly(s: AutopilotState) -> None:
+    source = PilotSource(s.ways_in.source)
+    s.pilot = PilotInput(max(s.clock.time_us, 0), *pilot.sticks(s.ways_in), source)
+
+
+def _announce(s: AutopilotState, publish: Publish, source: PilotSource) -> None:
+    lost = source == PilotSource.NONE
+    severity = Severity.WARNING if lost else Severity.INFO
+    text = "sticks lost: neutral" if lost else f"sticks of {IN_COMMAND[source]}"
+    publish(topics.EVENTS, Event(s.clock.time_us, severity, "pilot", text))

@@ -1,0 +1,148 @@
+"""Radio-control channels -> sticks and switches; the same for the receiver's and for overridden channels.
+
+Channels 1 to 4 are roll, pitch, throttle and yaw; a switch has three positions. A frame counts as lost when the
+receiver says so or when a stick's pulse is outside of what a working receiver gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from avionics.limits import clip
+from avionics.quantities import Quantity
+
+ROLL, PITCH, THROTTLE, YAW = range(4)
+"""places of the sticks among the channels"""
+SWITCH_LOW, SWITCH_HIGH = 1300, 1700
+"""us; between the low, middle and high position of a switch"""
+SETTLED = 3
+"""frames; for which a switch must stay before it counts, 60 ms at 50 Hz"""
+
+Four = tuple[float, float, float, float]
+PULSE = Quantity("us", 500.0, 2500.0)
+
+
+class Gains(NamedTuple):
+    """Calibration of the channels, the switches, and how long a silence is borne."""
+
+    low: Annotated[Four, PULSE]
+    """us; pulse of roll, pitch, throttle and yaw at the low end"""
+    trim: Annotated[Four, PULSE]
+    """us; the same, centred; the throttle's is not used"""
+    high: Annotated[Four, PULSE]
+    """us; the same at the high end: right, nose up, full flapping, right"""
+    reverse: Annotated[Four, Quantity("-", -1.0, 1.0)]
+    """-; -1 where the transmitter moves a channel the other way, else 1"""
+    dead_zone: Annotated[float, Quantity("us", 0.0, 200.0)]
+    """us; about the trim, that counts as centred"""
+    pulse_min: Annotated[float, PULSE]
+    """us; shorter pulses are no signal"""
+    pulse_max: Annotated[float, PULSE]
+    """us; longer pulses are no signal"""
+    frame_time: Annotated[float, Quantity("s", 0.05, 10.0)]
+    """s; without a good frame before the receiver is lost"""
+    stick_time: Annotated[float, Quantity("s", 0.05, 60.0)]
+    """s; without MANUAL_CONTROL or RC_CHANNELS_OVERRIDE before their sticks are lost"""
+    mode_channel: Annotated[int, Quantity("-", 0, 18)]
+    """-; of the mode switch, 0 for none"""
+    arm_channel: Annotated[int, Quantity("-", 0, 18)]
+    """-; of the arm switch, armed by moving it to high, 0 for none"""
+    kill_channel: Annotated[int, Quantity("-", 0, 18)]
+    """-; of the kill switch, high kills, 0 for none"""
+    mode_low: Annotated[int, Quantity("-", 1, 7)]
+    """-; number of the mode of the switch's low position"""
+    mode_middle: Annotated[int, Quantity("-", 1, 7)]
+    """-; number of the mode of its middle position"""
+    mode_high: Annotated[int, Quantity("-", 1, 7)]
+    """-; number of the mode of its high position"""
+
+
+class Sticks(NamedTuple):
+    """Where the sticks are."""
+
+    pitch: float = 0.0
+    """-; -1 nose down to 1 nose up"""
+    roll: float = 0.0
+    """-; -1 left to 1 right"""
+    yaw: float = 0.0
+    """-; -1 left to 1 right"""
+    throttle: float = 0.0
+    """-; 0 to 1 flapping"""
+
+
+class Switch(NamedTuple):
+    """A switch without its bounces."""
+
+    position: int = -1
+    """-; 0 low, 1 middle, 2 high, -1 before it was heard"""
+    seen: int = -1
+    """-; position of the last frame"""
+    frames: int = 0
+    """-; frames in a row with that position"""
+
+
+class State(NamedTuple):
+    """What is remembered of one source of channels."""
+
+    time_us: int = -1
+    """us; of its last good frame, -1 before the first"""
+    sticks: Sticks = Sticks()
+    mode: Switch = Switch()
+    arm: Switch = Switch()
+    kill: Switch = Switch()
+
+
+def usable(gains: Gains, pulses: Sequence[int], lost: int) -> bool:
+    """Whether a frame carries the pilot's sticks."""
+    return not lost and all(gains.pulse_min <= pulse <= gains.pulse_max for pulse in pulses[:4])
+
+
+def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], patience: int = SETTLED) -> State:
+    """Take a good frame; a channel beyond those that came, or of 0 us, leaves its switch as it was.
+
+    ``patience`` is the number of frames for which a switch must stay before it counts.
+    """
+    return State(
+        time_us,
+        sticks(gains, pulses),
+        _settled(state.mode, gains.mode_channel, pulses, patience),
+        _settled(state.arm, gains.arm_channel, pulses, patience),
+        _settled(state.kill, gains.kill_channel, pulses, patience),
+    )
+
+
+def sticks(gains: Gains, pulses: Sequence[int]) -> Sticks:
+    """The four sticks, calibrated."""
+    pitch, roll, yaw = (_axis(gains, place, pulses) for place in (PITCH, ROLL, YAW))
+    return Sticks(pitch, roll, yaw, _flap(gains, pulses))
+
+
+def _axis(gains: Gains, place: int, pulses: Sequence[int]) -> float:
+    """A centred stick, -1 to 1; both halves have their own travel."""
+    off = pulses[place] - gains.trim[place]
+    beyond = abs(off) - gains.dead_zone
+    if beyond <= 0.0:
+        return 0.0
+    end = gains.high[place] if off > 0.0 else gains.low[place]
+    travel = max(abs(end - gains.trim[place]) - gains.dead_zone, 1.0)
+    share = min(beyond / travel, 1.0)
+    return share if off * gains.reverse[place] > 0.0 else -share
+
+
+def _flap(gains: Gains, pulses: Sequence[int]) -> float:
+    """The throttle, 0 to 1, with the dead zone at its low end."""
+    low, high = gains.low[THROTTLE], gains.high[THROTTLE]
+    share = (pulses[THROTTLE] - low) / max(high - low, 1.0)
+    share = share if gains.reverse[THROTTLE] > 0.0 else 1.0 - share
+    dead = gains.dead_zone / max(high - low, 1.0)
+    return clip((share - dead) / (1.0 - dead), 0.0, 1.0)
+
+
+def _settled(switch: Switch, channel: int, pulses: Sequence[int], patience: int) -> Switch:
+    if not 1 <= channel <= len(pulses) or pulses[channel - 1] == 0:
+        return switch
+    pulse = pulses[channel - 1]
+    seen = 0 if pulse < SWITCH_LOW else 2 if pulse > SWITCH_HIGH else 1
+    count = min(switch.frames + 1, patience) if seen == switch.seen else 1
+    return Switch(seen if count >= patience else switch.position, seen, count)

@@ -1,0 +1,98 @@
+"""How far it is to a fence, and what the modes make of it."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from surrogate_gains import VEHICLE
+from test_guidance_modes import CRUISE, FLYING, run
+
+from avionics.guidance import fence
+from avionics.guidance.mission import Fence, Zone
+from avionics.messages import Failsafe, Mode, Stage
+
+GAINS = VEHICLE.gains.modes
+SQUARE = Zone(1, ((-100.0, -100.0), (-100.0, 100.0), (100.0, 100.0), (100.0, -100.0)))
+BITTEN = Zone(1, ((-100.0, -100.0), (-100.0, 100.0), (100.0, 100.0), (0.0, 0.0), (100.0, -100.0)))
+"""a square with a wedge cut out of its north side down to its middle"""
+places = st.tuples(st.floats(-300, 300), st.floats(-300, 300))
+
+
+@given(place=places)
+def test_the_depth_in_a_square_is_the_way_to_its_nearest_side(place: tuple[float, float]) -> None:
+    north, east = abs(place[0]), abs(place[1])
+    inside = min(100.0 - north, 100.0 - east)
+    beyond = math.hypot(max(north - 100.0, 0.0), max(east - 100.0, 0.0))
+    assert fence.depth(SQUARE, place) == pytest.approx(inside if inside > 0.0 else -beyond, abs=1e-9)
+
+
+@given(place=places, centre=places, radius=st.floats(10, 300))
+def test_the_depth_in_a_circle_is_its_radius_less_the_distance(place, centre, radius) -> None:
+    assert fence.depth(Zone(1, (centre,), radius), place) == pytest.approx(radius - math.dist(place, centre))
+
+
+def test_a_concave_corner_is_outside() -> None:
+    assert fence.depth(BITTEN, (50.0, 0.0)) == pytest.approx(-50.0 / math.sqrt(2.0))
+    assert fence.depth(BITTEN, (-20.0, 0.0)) == pytest.approx(20.0)
+
+
+@given(place=places, shift=places, turn=st.floats(0, math.tau))
+def test_a_fence_that_moves_and_turns_with_the_place_is_as_far_away(place, shift, turn) -> None:
+    c, s = math.cos(turn), math.sin(turn)
+
+    def moved(point: tuple[float, float]) -> tuple[float, float]:
+        return point[0] * c - point[1] * s + shift[0], point[0] * s + point[1] * c + shift[1]
+
+    there = fence.depth(Zone(1, tuple(moved(corner) for corner in BITTEN.places)), moved(place))
+    here = fence.depth(BITTEN, place)
+    assert abs(there) == pytest.approx(abs(here), abs=1e-6)
+    assert there == pytest.approx(here, abs=1e-6) or abs(here) < 1e-6
+
+
+def test_the_nearest_border_of_all_zones_counts() -> None:
+    tower = Zone(0, ((60.0, 0.0),), 20.0)
+    both = Fence((SQUARE, tower))
+    assert fence.clearance(Fence(), 1e6, 0.0) == math.inf
+    assert fence.clearance(both, 0.0, 0.0) == pytest.approx(40.0)
+    assert fence.clearance(both, 0.0, 95.0) == pytest.approx(5.0)
+    assert fence.clearance(both, 50.0, 0.0) == pytest.approx(-10.0)
+
+
+# --- the modes ------------------------------------------------------------------------------------------
+
+
+def test_close_to_the_fence_is_said_and_outside_returns() -> None:
+    near = CRUISE._replace(fence_clearance=GAINS.fence_margin - 1.0)
+    state, said = run(FLYING, near, 0.1)
+    assert (state.mode, state.failsafe) == (Mode.AUTO, Failsafe.FENCE_NEAR)
+    assert [notice.text for notice in said] == ["failsafe: close to the fence"]
+    state, said = run(state, CRUISE._replace(fence_clearance=-1.0), 0.1)
+    assert (state.mode, state.failsafe) == (Mode.RETURN, Failsafe.FENCE)
+    assert "failsafe: returning, outside the fence" in [notice.text for notice in said]
+
+
+def test_the_lower_of_both_ceilings_holds() -> None:
+    state, _ = run(FLYING, CRUISE._replace(altitude=61.0, fence_ceiling=60.0), 0.1)
+    assert state.mode == Mode.RETURN
+    state, _ = run(FLYING, CRUISE._replace(altitude=GAINS.fence_altitude + 1.0, fence_ceiling=1000.0), 0.1)
+    assert state.mode == Mode.RETURN
+
+
+LOW = CRUISE._replace(altitude=10.0, fence_floor=20.0)
+HIGH = LOW._replace(altitude=20.0 + GAINS.fence_margin + 1.0)
+
+
+def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
+    state, _ = run(FLYING, LOW, 1.0)
+    assert state.mode == Mode.AUTO
+    state, _ = run(state, HIGH, 1.0)
+    fallen, _ = run(state, LOW, 0.1)
+    assert (fallen.mode, fallen.failsafe) == (Mode.RETURN, Failsafe.FENCE)
+    landing, _ = run(state._replace(stage=Stage.APPROACH), LOW._replace(wanted_stage=Stage.APPROACH), 1.0)
+    assert (landing.mode, landing.failsafe) == (Mode.AUTO, 0)
+
+
+def test_on_the_ground_there_is_no_fence() -> None:
+    state, said = run(FLYING._replace(stage=Stage.ON_GROUND, armed=0), CRUISE._replace(fence_clearance=-50.0), 1.0)
+    assert (state.failsafe, said) == (0, [])

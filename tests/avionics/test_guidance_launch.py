@@ -1,0 +1,121 @@
+"""Hand-launch detection: throws of every kind are seen soon, and a bird waved about on the hand is not launched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from surrogate_gains import VEHICLE
+
+from avionics.guidance import modes
+from avionics.limits import low_pass
+from avionics.messages import Mode, Stage
+
+GAINS = VEHICLE.gains.modes
+DT = 0.02
+G = 9.80665
+WAITING = modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1)
+ON_THE_HAND = modes.Conditions(
+    forward_force=0.0, airspeed=0.0, altitude=0.0, climb_rate=0.0, roll=0.0, pitch=0.2, ground_speed=0.0,
+    home_distance=0.0, fix_age=0.1, battery=1.0, settled=1, imu_fault=0, items=3, throttle_stick=0.0,
+    wanted_stage=Stage.CLIMB_OUT,
+)  # fmt: skip
+Accel = Callable[[float], float]
+PITOT_LAG = 0.25
+"""s; of the airspeed's filter"""
+
+
+def launched_at(
+    accel: Accel, seconds: float, wind: float = 0.0, pitch: float = 0.2, roll: float = 0.0, pitot: bool = True
+) -> float | None:
+    """When (s) a bird that is accelerated along its body counts as launched; None when it does not."""
+    state, speed, airspeed, accelerating = WAITING, 0.0, wind, ON_THE_HAND
+    for tick in range(round(seconds / DT)):
+        pushed = accel(tick * DT)
+        speed += pushed * DT
+        airspeed = low_pass(airspeed, max(speed + wind, 0.0), PITOT_LAG, DT)
+        force = pushed + G * math.sin(pitch)
+        seen = accelerating._replace(forward_force=force, airspeed=airspeed if pitot else 0.0, pitch=pitch, roll=roll)
+        state, _ = modes.step(GAINS, state, DT, seen)
+        if state.stage != Stage.WAIT_LAUNCH:
+            return tick * DT
+    return None
+
+
+def throw(speed: float, duration: float = 0.3) -> Accel:
+    """A push up to ``speed`` m/s, then a glide that slows down by 1 m/s^2."""
+    return lambda time: speed / duration if time < duration else -1.0
+
+
+@pytest.mark.parametrize("speed", [4.2, 6.0, 7.8])
+@pytest.mark.parametrize("pitch", [-0.06, 0.2, 0.46])
+@pytest.mark.parametrize("roll", [-0.26, 0.26])
+@pytest.mark.parametrize("wind", [0.0, 4.0])
+def test_a_throw_is_seen_within_half_a_second(speed: float, pitch: float, roll: float, wind: float) -> None:
+    time = launched_at(throw(speed), 2.0, wind, pitch, roll)
+    assert time is not None and time < (0.55 if speed >= 6.0 else 0.75)
+
+
+@pytest.mark.parametrize("speed", [4.2, 6.0])
+def test_a_throw_is_seen_without_a_pitot(speed: float) -> None:
+    time = launched_at(throw(speed), 2.0, pitot=False)
+    assert time is not None and time < 0.8
+
+
+def waved(reach: float, frequency: float) -> Accel:
+    """To and fro along the body by ``reach`` m to each side, ``frequency`` times a second."""
+    omega = math.tau * frequency
+    return lambda time: -reach * omega * omega * math.sin(omega * time) * min(time / 2.0, 1.0)
+
+
+STRONGEST = 60.0
+"""m/s^2; six g, more than an arm gives with a bird on it"""
+WAVES = [
+    (reach, frequency)
+    for reach in (0.1, 0.3, 0.5, 0.65)
+    for frequency in (0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
+    if reach * (math.tau * frequency) ** 2 <= STRONGEST
+]
+
+
+@pytest.mark.parametrize(("reach", "frequency"), WAVES)
+@pytest.mark.parametrize("wind", [0.0, 2.0, 4.0])
+def test_waving_it_about_is_no_launch(reach: float, frequency: float, wind: float) -> None:
+    assert launched_at(waved(reach, frequency), 12.0, wind) is None
+
+
+@pytest.mark.parametrize("pitot", [True, False])
+def test_running_with_it_is_no_launch(pitot: bool) -> None:
+    def steps(time: float) -> float:
+        """Up to 4 m/s in two seconds, with a jolt of three g, 20 ms long, at every step."""
+        stride = time % 0.35
+        return (2.0 if time < 2.0 else 0.0) + (30.0 if stride < 0.02 else -30.0 if stride < 0.04 else 0.0)
+
+    assert launched_at(steps, 6.0, wind=1.0, pitot=pitot) is None
+
+
+def test_a_gust_on_the_hand_is_no_launch() -> None:
+    assert launched_at(lambda time: 0.0, 5.0, wind=9.0) is None
+
+
+def test_a_jolt_on_the_hand_is_no_launch() -> None:
+    assert launched_at(lambda time: 40.0 if time % 0.5 < 0.03 else -40.0 if time % 0.5 < 0.06 else 0.0, 10.0) is None
+
+
+def test_a_bird_hanging_from_the_hand_is_not_launched() -> None:
+    assert launched_at(throw(6.0), 2.0, pitch=1.4) is None
+    assert launched_at(throw(6.0), 2.0, roll=2.0) is None
+
+
+@pytest.mark.parametrize(("mode", "stage"), [(Mode.AUTO, Stage.CLIMB_OUT), (Mode.MANUAL, Stage.EN_ROUTE)])
+def test_after_the_throw_the_navigation_or_the_pilot_flies(mode: Mode, stage: Stage) -> None:
+    state, said = WAITING._replace(mode=mode), []
+    seen = ON_THE_HAND._replace(forward_force=22.0, airspeed=6.0)
+    for _ in range(30):
+        state, notices = modes.step(GAINS, state, DT, seen)
+        said += [notice.text for notice in notices]
+        if "launched" in said:
+            break
+    assert (state.stage, said) == (stage, ["launched"])
+    assert (state.push, state.push_way, state.thrown) == (0.0, 0.0, 0)
