@@ -1,0 +1,132 @@
+"""``wingbeat gcs calibrate`` and ``excite`` as a user runs them, against a flight computer on a UDP port."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from avionics.board.parameter_file import ParameterFile
+from avionics.link.ground import GroundLink
+from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, ImuSample, SensorFrame
+from avionics.recorder import NullRecorder
+from avionics.vehicles import load_vehicle
+from groundstation.command.main import main
+from groundstation.command.onboard import Onboard
+
+Capture = pytest.CaptureFixture[str]
+RAVEN = load_vehicle("robo_raven_ii_d")
+TICK_US = 5000
+
+
+class Bench:
+    """A board at rest: 7.8 V where 8.0 V are measured, wings 12 and 20 counts off."""
+
+    def __init__(self) -> None:
+        self.over = threading.Event()
+        self._tick = 0
+
+    def read(self) -> SensorFrame | None:
+        # A pause in which the ground's thread runs, shorter than a tick.
+        if self.over.wait(0.0005):
+            return None
+        self._tick += 1
+        now = TICK_US * self._tick
+        imu = ImuSample(now, 0.0, 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
+        burst = AdcBurst(now, (819,) * 60, (512,) * 60)
+        return SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
+
+    def write(self, command: ActuatorCommand) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+@contextlib.contextmanager
+def aboard(path: Path) -> Iterator[str]:
+    """A flight computer with a parameter file; yields the address for a ground station."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    file = ParameterFile(path, RAVEN)
+    onboard = Onboard(file.load().vehicle, (), NullRecorder())
+    onboard.keep_parameters(file)
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], onboard.view, storage=file)
+    board = Bench()
+    thread = threading.Thread(target=onboard.fly, args=(board, link))
+    thread.start()
+    try:
+        yield f"udpout:127.0.0.1:{port}"
+    finally:
+        board.over.set()
+        thread.join()
+        link.close()
+
+
+def gcs(*words: str) -> int:
+    return main(["gcs", *words])
+
+
+def test_a_calibration_is_told_kept_and_flown_after_a_restart(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "raven.json"
+    with aboard(path) as url:
+        assert gcs(url, "calibrate", "battery", "--voltage", "7.8", "--json") == 0
+        document = json.loads(capsys.readouterr().out)
+        assert gcs(url, "calibrate", "wings", "--angle", "1.8") == 0
+        lines = capsys.readouterr().out.splitlines()
+    assert document["kind"] == "battery"
+    assert document["said"][0].startswith("battery: keep the drives at rest")
+    assert any(line.startswith("BATTERY calibrated: ") for line in document["said"])
+    changed = {row["name"]: row["value"] for row in document["parameters"]}
+    assert changed["PWR_DIVIDER"] == pytest.approx(0.5 * (819 * 5.0 / 1024 / 0.5) / 7.8, rel=1e-6)
+    assert any(line.startswith("WINGS calibrated") for line in lines)
+    zeros = {line.split()[0]: float(line.split()[1]) for line in lines if line.startswith("WING_ZERO")}
+    # 1.8 degrees are ten counts, to the six digits a wire's number has.
+    assert zeros == pytest.approx({"WING_ZERO_LEFT": 2.0, "WING_ZERO_RIGHT": 10.0}, rel=1e-5)
+    with aboard(path) as url:
+        assert gcs(url, "param", "get", "WING_ZERO_RIGHT") == 0
+        name, _, value = capsys.readouterr().out.split()
+        assert (name, float(value)) == ("WING_ZERO_RIGHT", zeros["WING_ZERO_RIGHT"])
+
+
+def test_a_refusal_is_one_line(tmp_path: Path, capsys: Capture) -> None:
+    with aboard(tmp_path / "raven.json") as url:
+        assert gcs(url, "calibrate", "airspeed", "--in-flight") == 1
+        assert capsys.readouterr().err.endswith("calibration refused: not in flight\n")
+        assert gcs(url, "calibrate", "battery", "--voltage", "20") == 1
+        said = capsys.readouterr()
+        assert said.err.count("\n") == 1
+        assert said.err.endswith("BATTERY not calibrated: 20.00 V were given, 8.00 V are measured\n")
+
+
+def test_an_excitation_on_the_ground_is_refused_and_a_bad_one_never_sent(tmp_path: Path, capsys: Capture) -> None:
+    with aboard(tmp_path / "raven.json") as url:
+        sweep = ("sweep", "elevator", "--amplitude", "3", "--start", "0.5", "--end", "3", "--duration", "10")
+        assert gcs(url, "excite", *sweep, "--loops", "active") == 1
+        assert "excitation refused: mode must be" in capsys.readouterr().err
+    band = ("--period", "10", "--low", "0.3")
+    assert gcs("udpout:127.0.0.1:9", "excite", "multisine", "--rudder", "5", *band, "--high", "0.3") == 2
+    assert "holds 1 harmonics" in capsys.readouterr().err
+
+
+def test_parameters_are_saved_to_a_file_and_loaded_from_it(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "raven.params"
+    with aboard(tmp_path / "raven.json") as url:
+        assert gcs(url, "param", "save", str(file)) == 0
+        assert gcs(url, "param", "save", str(file)) == 2
+        assert gcs(url, "param", "set", "PITCH_P", "0.5") == 0
+        capsys.readouterr()
+        assert gcs(url, "param", "load", str(file), "--json") == 0
+        document: dict[str, Any] = json.loads(capsys.readouterr().out)
+        assert [row["name"] for row in document["parameters"]] == ["PITCH_P"]
+        assert document["parameters"][0]["value"] == pytest.approx(RAVEN.gains.pitch.proportional, rel=1e-6)
+        file.write_text("1\t1\tNO_SUCH\t1.0\t9\n")
+        assert gcs(url, "param", "load", str(file)) == 2
+        assert "no parameter NO_SUCH" in capsys.readouterr().err
