@@ -233,8 +233,8 @@ def inputs(gains: Gains, state: State) -> Inputs:
         return elevator, throttle, rudder
     swept = asked.shape in SWEEPS
     unit = sweep(asked, gains.fade, elapsed) if swept else steps(asked.shape, asked.width, elapsed)
-    elevator, throttle, rudder = (amplitude * unit for amplitude in asked.amplitudes())
-    return elevator, throttle, rudder
+    elevator, throttle, rudder = asked.amplitudes()
+    return elevator * unit, throttle * unit, rudder * unit
 
 
 def outside(gains: Gains, state: State, flown: Flown) -> bool:

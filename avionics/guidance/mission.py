@@ -75,11 +75,12 @@ class Excitation(NamedTuple):
 
     def amplitudes(self) -> tuple[float, float, float]:
         """Greatest excursion of elevator (rad), throttle (-) and rudder (rad)."""
-        elevator, throttle, rudder = (
-            beside + (self.amplitude if channel == self.channel else 0.0)
-            for channel, beside in zip(Channel, self.beside, strict=True)
-        )
-        return elevator, throttle, rudder
+        elevator, throttle, rudder = self.beside
+        if self.channel == Channel.ELEVATOR:
+            return elevator + self.amplitude, throttle, rudder
+        if self.channel == Channel.THROTTLE:
+            return elevator, throttle + self.amplitude, rudder
+        return elevator, throttle, rudder + self.amplitude
 
 
 class MissionItem(NamedTuple):
