@@ -31,14 +31,21 @@ def modes_table(linear: Linearization, orbit: Orbit) -> Table:
     table = tables.plain_table(("", ""), ("", ""), *numbers)
     slow = [mode for mode in linear.floquet if mode.natural_frequency < 2.0 * math.pi * orbit.inputs.frequency]
     for i, mode in enumerate(slow):
-        name = mode.name or ("wings, " + ("lateral" if mode.lateral else "symmetric"))
+        name = mode.name or _unnamed(mode)
         note = " aliases?" if aliases(mode, orbit.inputs.frequency) else ""
         table.add_row(
             "" if i else "stroke map", Text(name, style="bold" if mode.name else "dim"), *_cells(mode, note)
         )
     for i, mode in enumerate(averaged_modes(linear.averaged)):
-        table.add_row("" if i else "A", Text(mode.name, style="bold"), *_cells(mode))
+        table.add_row(
+            "" if i else "A", Text(mode.name or "doubtful", style="bold" if mode.name else "dim"), *_cells(mode)
+        )
     return table
+
+
+def _unnamed(mode: Mode) -> str:
+    of = "wings" if mode.body_share < 0.5 else "body and wings"
+    return f"{of}, {'lateral' if mode.lateral else 'symmetric'}"
 
 
 def matrices_table(model: AveragedModel) -> Table:

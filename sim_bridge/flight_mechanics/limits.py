@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from sim_bridge.aerodynamics import regression
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs
 from sim_bridge.vehicles import SimulatedVehicle
+
+
+class Control(NamedTuple):
+    """A control of a steady flight, and its range."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    spent: str
+    """what is to be said where it holds the flight no longer"""
+
+    def left(self, rate: float) -> float:
+        """How much longer it stays in range at ``rate`` in its unit a step: steps; infinite at rest."""
+        end = self.high if rate > 0.0 else self.low
+        return max((end - self.value) / rate, 0.0) if rate else math.inf
+
 
 MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {regression.MODEL.name: regression.check}
 """by model: refuses, from its section of the vehicle file, an airspeed in m/s at which it does not hold"""
@@ -38,6 +57,39 @@ def excesses(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
     """What the inputs ask for that the vehicle has not, in words that follow "it needs"; empty within its limits."""
     found = [_elevator(vehicle, inputs), *DRIVES[vehicle.drive.kind](vehicle, inputs)]
     return [words for words in found if words]
+
+
+def controls(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[Control]:
+    """Elevator and what sets the thrust, with their ranges."""
+    travel, drive = vehicle.tail_servo.travel, vehicle.drive
+    elevator = Control(
+        "elevator", inputs.elevator, -travel, travel, "rad", "the tail cannot hold the pitch moment"
+    )  # fmt: skip
+    reach = drive.travel - abs(vehicle.cruise.stroke_mean)
+    thrust = {
+        "servo": Control(
+            "commanded half stroke", inputs.amplitude, 0.0, reach, "rad", "a larger stroke gives no more thrust"
+        ),
+        "crank": Control(
+            "stroke", inputs.frequency, min(drive.frequencies), max(drive.frequencies), "Hz",
+            "the drive's stroke holds no flight",
+        ),
+        "linkage": Control("throttle", inputs.throttle, 0.0, 1.0, "", "the motor gives no more"),
+    }  # fmt: skip
+    return [elevator, thrust[drive.kind]]
+
+
+def running_out(vehicle: SimulatedVehicle, now: StrokeInputs, ahead: StrokeInputs) -> str:
+    """Which control ends a row of steady flights, in words: the one that on its course soonest leaves its range.
+
+    Args:
+        now, ahead: inputs of the last flight found, and of one a step further by its course.
+    """
+    pairs = zip(controls(vehicle, now), controls(vehicle, ahead), strict=True)
+    one = min(pairs, key=lambda pair: pair[0].left(pair[1].value - pair[0].value))[0]
+    limit = f"{one.high:.3g}" if one.low == 0.0 or one.low == -one.high else f"{one.low:g} to {one.high:g}"
+    sign = "±" if one.low == -one.high else ""
+    return f"{one.spent} ({one.name} at {one.value:.2g} of {sign}{limit} {one.unit}".rstrip() + ")"
 
 
 def _elevator(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> str:

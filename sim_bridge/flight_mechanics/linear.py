@@ -12,6 +12,8 @@ from sim_bridge.flight_mechanics.orbit import Orbit
 
 POORLY_EXPLAINED = 0.02
 """-; share of variance left by four states, above which A and B are told to be doubtful"""
+DOUBTFUL = 0.1
+"""-; likewise, above which the eigenvalues of A are no modes of the aircraft and get no names"""
 NEAR = 2.0
 """-; a mode of the wings within this factor of the short period's frequency is told to move it"""
 
@@ -25,10 +27,23 @@ class Linearization(NamedTuple):
 
 
 def averaged_modes(model: AveragedModel) -> list[Mode]:
-    """Modes of A, slowest first: the fastest two eigenvalues are the short period's, the others the phugoid's."""
+    """Modes of A, slowest first: the fastest two eigenvalues are the short period's, the others the phugoid's.
+
+    Without names where four states leave more than `DOUBTFUL` unexplained.
+    """
     roots = sorted((complex(root) for root in np.linalg.eigvals(model.a)), key=abs)
     named = [(root, PHUGOID if i < 2 else SHORT_PERIOD) for i, root in enumerate(roots)]
-    return [Mode(root, 1.0, float(name == SHORT_PERIOD), 0.0, name) for root, name in named if root.imag >= 0.0]
+    clear = unexplained(model) <= DOUBTFUL
+    return [
+        Mode(root, 1.0, float(name == SHORT_PERIOD), name=name if clear else "")
+        for root, name in named
+        if root.imag >= 0.0
+    ]
+
+
+def unexplained(model: AveragedModel) -> float:
+    """The largest share of a rate's variance that four states leave."""
+    return float(np.max(model.unexplained))
 
 
 def warnings(linear: Linearization, orbit: Orbit) -> list[str]:
@@ -40,10 +55,11 @@ def warnings(linear: Linearization, orbit: Orbit) -> list[str]:
         for mode in linear.floquet
         if mode.name and aliases(mode, frequency)
     ]
-    if float(np.max(linear.averaged.unexplained)) > POORLY_EXPLAINED:
+    left = unexplained(linear.averaged)
+    if left > POORLY_EXPLAINED:
         found.append(
-            f"A and B leave {100.0 * float(np.max(linear.averaged.unexplained)):.0f} % of the response to the"
-            " elevator unexplained: more than four states take part"
+            f"A and B leave {100.0 * left:.0f} % of the response to the elevator unexplained: more than four states"
+            f" take part{'; read the modes of the stroke map (Floquet) instead' if left > DOUBTFUL else ''}"
         )
     return found
 

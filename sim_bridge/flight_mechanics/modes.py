@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, FreeMap, Q, W
+from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, PITCH, FreeMap, Q, U, W
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
@@ -24,6 +24,8 @@ TURNING = 0.2
 GONE = 1e-7
 """-; a multiplier below it is lost in rounding"""
 SHORT_PERIOD, PHUGOID = "short period", "phugoid"
+LED_BY = {"speed": (U,), "heave": (W,), "pitch": (Q, PITCH)}
+"""states of the body's longitudinal motion by what leads it"""
 DUTCH_ROLL, SPIRAL, ROLL_SUBSIDENCE = "dutch roll", "spiral", "roll subsidence"
 
 
@@ -39,7 +41,9 @@ class Mode(NamedTuple):
     lateral_share: float = 0.0
     """-; share of sideslip, roll and yaw in the body's motion: 0 or 1 about a symmetric orbit"""
     name: str = ""
-    """one of those above, or nothing for a mode of wings and wake"""
+    """one of those above, what leads it with how it goes ("pitch oscillation"), or nothing for wings and wake"""
+    led_by: str = ""
+    """what has the largest share of the body's longitudinal motion, of `LED_BY`"""
 
     @property
     def natural_frequency(self) -> float:
@@ -76,7 +80,8 @@ def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
         if multiplier.imag < 0.0 or abs(multiplier) < GONE:
             continue
         eigenvalue = complex(np.log(complex(multiplier))) * orbit.inputs.frequency
-        found.append(Mode(eigenvalue, *_shares(vector, orbit, free.coordinates)))
+        shares, led_by = _shares(vector, orbit, free.coordinates)
+        found.append(Mode(eigenvalue, *shares, led_by=led_by))
     return named(sorted(found, key=lambda mode: abs(mode.eigenvalue)))
 
 
@@ -89,24 +94,35 @@ def named(found: list[Mode]) -> list[Mode]:
     """Name the body's modes among ``found``, slowest first.
 
     Longitudinal: the slowest that is mainly speed and pitch, the slowest that is mainly angle of attack and pitch
-    rate. Lateral: the slowest oscillation, the slowest and the next aperiodic one.
+    rate unless that motion swings up, as an insect's does, which has no short period: those and what else is mainly
+    the body's are named after what leads them. Lateral: the slowest oscillation, the slowest and the next aperiodic
+    one.
     """
     body = [i for i, mode in enumerate(found) if mode.body_share > LEAST_BODY_SHARE]
     along = [i for i in body if not found[i].lateral]
     across = [i for i in body if found[i].lateral]
+    pitching = [i for i in along if found[i].pitching_share > 0.5]
+    swings_up = any(found[i].eigenvalue.imag and found[i].eigenvalue.real > 0.0 for i in pitching)
     aperiodic = [i for i in across if found[i].eigenvalue.imag == 0.0]
     chosen = {
         PHUGOID: [i for i in along if found[i].pitching_share <= 0.5][:1],
-        SHORT_PERIOD: [i for i in along if found[i].pitching_share > 0.5][:1],
+        SHORT_PERIOD: [] if swings_up else pitching[:1],
         DUTCH_ROLL: [i for i in across if found[i].eigenvalue.imag > 0.0][:1],
         SPIRAL: aperiodic[:1],
         ROLL_SUBSIDENCE: aperiodic[1:2],
     }
-    names = {i: name for name, places in chosen.items() for i in places}
+    names = {i: _led(found[i]) for i in along if found[i].body_share > 0.5}
+    names |= {i: name for name, places in chosen.items() for i in places}
     return [mode._replace(name=names.get(i, "")) for i, mode in enumerate(found)]
 
 
-def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[float, float, float]:
+def _led(mode: Mode) -> str:
+    if mode.eigenvalue.imag:
+        return f"{mode.led_by} oscillation"
+    return f"{mode.led_by} {'divergence' if mode.eigenvalue.real > 0.0 else 'subsidence'}"
+
+
+def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[tuple[float, float, float], str]:
     rates = slice(BODY + coordinates, BODY + 2 * coordinates)
     scale = np.ones(vector.shape[0])
     scale[:3] = scale[rates.stop :] = 1.0 / orbit.means.airspeed
@@ -116,7 +132,8 @@ def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[float, floa
     body, lateral = float(np.sum(weight[:BODY])), float(np.sum(weight[list(LATERAL)]))
     along = float(np.sum(weight[list(LONGITUDINAL)]))
     pitching = float(weight[W] + weight[Q]) / max(along, 1e-300)
-    return body / float(np.sum(weight)), pitching, lateral / max(body, 1e-300)
+    led_by = max(LED_BY, key=lambda name: float(np.sum(weight[list(LED_BY[name])])))
+    return (body / float(np.sum(weight)), pitching, lateral / max(body, 1e-300)), led_by
 
 
 def short_period(found: list[Mode]) -> Mode:

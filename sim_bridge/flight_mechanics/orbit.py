@@ -14,14 +14,14 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from sim_bridge.actuators.linkage import Motor
-from sim_bridge.flight_mechanics.limits import check_model, excesses, model_warning
+from sim_bridge.flight_mechanics.limits import check_model, excesses, model_warning, running_out
 from sim_bridge.flight_mechanics.stroke_map import Stroke, StrokeInputs, StrokeMap, StrokeMeans
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 
 FOUND, REPEATS = 1e-9, 1e-6
 """largest residual at which the search ends, and at which its end is an orbit"""
-JACOBIANS, JACOBIANS_ON = 12, 5
+JACOBIANS, JACOBIANS_ON = 12, 3
 """of one search from nothing (one that converges takes up to 8), and of one from a trim nearby"""
 CONTRACTION, STALL = 0.3, 0.9
 """-; residual after a step over that before: above the one the Jacobian is made anew, above the other it stalls"""
@@ -142,7 +142,7 @@ def trim(vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, told: To
 
     Raises:
         BadInput: the aerodynamic model does not hold there, there is no orbit, or only beyond what the vehicle's
-            servos and drive can do.
+            servos and drive can do; which control ends the flights on the way there, and at what value.
     """
     if not airspeed > abs(climb_rate):
         raise BadInput(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
@@ -221,7 +221,7 @@ def _continued(asked: _Search, refusal: str) -> _Point:
     done, share, slope = 0.0, FIRST_STEP, np.zeros_like(last.x)
     slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0)
     way = abs(asked.airspeed - cruise.airspeed) + abs(asked.climb_rate - cruise.climb_rate)
-    reached = start.words()
+    reached = start
     while done < 1.0:
         ahead = min(done + share, 1.0)
         there = _Search(stroke, *_between(start, asked, ahead), asked.told)
@@ -229,23 +229,23 @@ def _continued(asked: _Search, refusal: str) -> _Point:
         if found is None:
             share *= 0.5
             if share * way < LAST_STEP:
-                raise BadInput(f"{refusal}: the nearest found is {reached}, with {_settings(stroke, last.x)}")
+                now, ahead_of_it = (inputs_of(stroke, x) for x in (last.x, last.x + LAST_STEP / way * slope))
+                raise BadInput(
+                    f"{refusal}: {_beyond(reached, asked)} {running_out(stroke.vehicle, now, ahead_of_it)}"
+                )
             continue
         needs = excesses(stroke.vehicle, inputs_of(stroke, found.x))
         if needs and ahead < 1.0:
             raise BadInput(f"{refusal}: already at {there.words()} it needs {' and '.join(needs)}")
         slope = (found.x - last.x) / (ahead - done)
-        last, done, share, reached = found, ahead, min(1.5 * share, 1.0), there.words()
+        last, done, share, reached = found, ahead, min(1.5 * share, 1.0), there
     return last
 
 
-def _settings(stroke: StrokeMap, x: Floats) -> str:
-    inputs = inputs_of(stroke, x)
-    drive = f"a stroke of {inputs.frequency:.3g} Hz"
-    if stroke.vehicle.drive.kind == "servo":
-        drive = f"a commanded half stroke of {inputs.amplitude:.2g} rad"
-    throttle = f", a throttle of {inputs.throttle:.2g}" if stroke.motor else ""
-    return f"{drive}{throttle} and {inputs.elevator:.2g} rad of elevator"
+def _beyond(reached: _Search, asked: _Search) -> str:
+    if reached.climb_rate == asked.climb_rate:
+        return f"{'below' if asked.airspeed < reached.airspeed else 'above'} {reached.airspeed:.3g} m/s"
+    return f"beyond {reached.words()}"
 
 
 def _between(start: _Search, end: _Search, share: float) -> tuple[float, float]:

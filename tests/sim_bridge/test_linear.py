@@ -27,6 +27,14 @@ def test_the_modes_of_a_are_named_by_their_speed() -> None:
     assert found[1].damping == pytest.approx(exact.damping)
 
 
+def test_what_four_states_do_not_explain_gets_no_names_and_says_what_to_read_instead() -> None:
+    poor = SLOW._replace(unexplained=np.array([0.0, 0.4, 0.0]))
+    assert [mode.name for mode in averaged_modes(poor)] == ["", ""]
+    orbit = Orbit(np.zeros(0), StrokeInputs(4.0, 0.5, 0.0), MEANS, 0.0)
+    (said,) = warnings(Linearization([], poor), orbit)
+    assert "40 % of the response" in said and said.endswith("read the modes of the stroke map (Floquet) instead")
+
+
 def test_what_to_beware_of_is_said() -> None:
     orbit = Orbit(np.zeros(0), StrokeInputs(4.0, 0.5, 0.0), MEANS, 0.0)
     fast = Mode(-5.0 + 12.0j, 1.0, 1.0, 0.0, SHORT_PERIOD)

@@ -12,7 +12,7 @@ from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.regression import Regression
 from sim_bridge.flight_mechanics.excursions import excursions, figures
 from sim_bridge.flight_mechanics.free_map import FreeMap
-from sim_bridge.flight_mechanics.limits import excesses
+from sim_bridge.flight_mechanics.limits import Control, excesses, running_out
 from sim_bridge.flight_mechanics.modes import modes
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs, StrokeMap
@@ -53,12 +53,24 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
             0.0,
             r"16 m/s climbing 0 m/s: it needs a stroke of 7\.\d+ Hz, the drive has 0 to 7\.25",
         ),
-        ("arizona_100cm", 2.0, 0.0, r"the nearest found is 3\.\d+ m/s .* and 0\.5\d* rad of elevator"),
+        ("arizona_100cm", 2.0, 0.0, r"already at 4\.\d+ m/s .* it needs 0\.6\d rad of elevator, the servo has 0\.6$"),
+        (
+            "robo_raven_ii_d",
+            2.0,
+            0.0,
+            r": below 3\.\d+ m/s the tail cannot hold the pitch moment \(elevator at 0\.\d+ of ±0\.6 rad\)",
+        ),
+        (
+            "slow_hawk",
+            9.2,
+            4.0,
+            r"beyond 9\.2 m/s climbing 3\.\d+ m/s the motor gives no more \(throttle at 1 of 1\)",
+        ),
         (
             "robo_raven_ii_d",
             6.8,
             3.0,
-            r"the nearest found is 6\.8 m/s climbing 1\.\d+ m/s, with a commanded half stroke",
+            r"beyond 6\.8 m/s climbing 1\.\d+ m/s a larger stroke gives no more thrust \(commanded half stroke",
         ),
         ("arizona_100cm", 40.0, 0.0, r"already at 1\d\.\d+ m/s climbing 0 m/s it needs a stroke of"),
         ("robo_raven_ii_d", 2.0, 3.0, r"an airspeed of 2 m/s does not climb 3 m/s"),
@@ -67,6 +79,22 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
 def test_a_refusal_tells_what_stands_in_the_way(name: str, airspeed: float, climb_rate: float, said: str) -> None:
     with pytest.raises(BadInput, match=said):
         trim(vehicle(name), airspeed, climb_rate)
+
+
+@pytest.mark.parametrize(("rate", "steps"), [(0.1, 2.0), (-0.1, 8.0), (0.0, math.inf)])
+def test_a_control_lasts_until_the_end_of_its_range_that_it_goes_to(rate: float, steps: float) -> None:
+    assert Control("elevator", 0.3, -0.5, 0.5, "rad", "").left(rate) == pytest.approx(steps)
+
+
+def test_the_control_that_runs_out_first_is_told_whichever_way_it_goes() -> None:
+    bird, now = vehicle("robo_raven_ii_d"), StrokeInputs(4.0, 0.5, -0.4)
+    assert "elevator at -0.4 of ±0.6" in running_out(bird, now, StrokeInputs(4.0, 0.55, -0.5))
+    assert "half stroke at 0.5 of 0.9" in running_out(bird, now, StrokeInputs(4.0, 0.7, -0.41))
+
+
+def test_an_insects_flight_is_followed_to_a_speed_that_newton_does_not_reach() -> None:
+    orbit = trim(vehicle("hawkmoth"), 2.9, 0.0)
+    assert orbit.means.airspeed == pytest.approx(2.9, abs=1e-6) and orbit.residual < 1e-6
 
 
 def test_an_airspeed_at_which_the_aerodynamic_model_does_not_hold_is_refused() -> None:
@@ -131,6 +159,16 @@ def test_a_charge_lasts_as_long_as_its_current(cruising: tuple[SimulatedVehicle,
     assert found.range == pytest.approx(found.endurance * orbit.means.airspeed)
     still = orbit._replace(means=orbit.means._replace(current=0.0))
     assert math.isinf(figures(bird, still).endurance)
+
+
+@pytest.mark.parametrize("name", ["hawkmoth", "entomopter"])
+def test_an_insects_growing_swing_is_one_of_the_body_and_no_short_period(name: str) -> None:
+    bird = vehicle(name)
+    found = modes(bird, trim(bird, bird.cruise.airspeed, bird.cruise.climb_rate))
+    (swing,) = [mode for mode in found if mode.eigenvalue.real > 0.0 and mode.eigenvalue.imag > 0.0]
+    assert swing.name == "pitch oscillation" and swing.body_share > 0.99
+    names = {mode.name for mode in found if not mode.lateral}
+    assert names == {"pitch oscillation", "pitch subsidence", "heave subsidence"}
 
 
 def test_a_motor_and_its_flight_have_modes(motored: SimulatedVehicle) -> None:
