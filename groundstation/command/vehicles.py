@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from rich.console import Console
 from rich.text import Text
 
 from avionics.quantities import SOURCE_KINDS, Source
@@ -18,6 +19,8 @@ from groundstation.views.terminal import open_console
 from sim_bridge.mechanism import total_mass
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, models_of, vehicle_names
 
+WIDEST = 100
+"""characters of a line; what is longer is wrapped"""
 EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat vehicles --json")
 JSON_KEYS = {
     "vehicles": "list of {name, title, mass, wingspan, aerodynamics, flies, sources}; kg, m; aerodynamics: names of"
@@ -54,16 +57,21 @@ def _list(as_json: bool) -> None:
     if as_json:
         print_document({"vehicles": records})
         return
-    table = tables.plain_table(
-        ("vehicle", ""), ("", ""), ("mass", "right"), ("span", "right"), *((kind, "right") for kind in SOURCE_KINDS)
-    )
+    table = tables.plain_table(("vehicle", ""), ("", ""), ("mass", "right"), ("span", "right"), ("values", ""))
+    table.columns[0].no_wrap = True
     for record in records:
-        counts = (str(record["sources"][kind]) for kind in SOURCE_KINDS)
+        counts = ", ".join(f"{count} {kind}" for kind, count in record["sources"].items() if count)
         mass, span = f"{record['mass'] * 1e3:.0f} g", f"{record['wingspan']:.2f} m"
-        table.add_row(Text(record["name"], style="bold"), record["title"], mass, span, *counts)
-    console = open_console()
+        table.add_row(Text(record["name"], style="bold"), record["title"], mass, span, counts)
+    console = _narrow_console()
     console.print(table)
     console.print("\nwingbeat vehicles NAME shows every value with its source", style="dim")
+
+
+def _narrow_console() -> Console:
+    console = open_console()
+    console.width = min(console.width, WIDEST)
+    return console
 
 
 def _record(vehicle: SimulatedVehicle) -> dict[str, Any]:
@@ -98,12 +106,14 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
     if as_json:
         print_document({"vehicles": [_record(vehicle)], "values": values})
         return
-    console = open_console()
+    console = _narrow_console()
     console.print(Text(vehicle.title, style="bold"))
     console.print(Text(_models(vehicle)))
-    table = tables.plain_table(("", ""), ("value", "right"), ("", ""), ("source", ""))
+    table = tables.plain_table(("", ""), ("value", "right"), ("source", ""))
+    table.columns[0].no_wrap = True
     for value in values:
-        table.add_row(value["key"], _written(value["value"]), Text(str(value["kind"]), style="dim"), value["source"])
+        source = Text.assemble((f"{value['kind']}: ", "dim"), str(value["source"]))
+        table.add_row(value["key"], _written(value["value"]), source)
     console.print(table)
     if vehicle.path.stem in flight_names():
         flight = load_flight_vehicle(vehicle.path.stem)
@@ -126,5 +136,5 @@ def _value(vehicle: SimulatedVehicle, key: str) -> Any:
 
 def _written(value: Any) -> str:
     if isinstance(value, tuple):
-        return f"{value[0]:g} … {value[-1]:g}" if len(value) > 3 else "  ".join(f"{number:g}" for number in value)
+        return f"{value[0]:g} … {value[-1]:g}" if len(value) > 3 else " ".join(f"{number:g}" for number in value)
     return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -13,16 +13,15 @@ from groundstation.views import tables, wording
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import FITTED, SHORT, UNREPRODUCIBLE, VERDICTS, WITHIN, Figure, Row, nearest
 
-WIDTHS = (18, 38, 12, 8, 3, 9)
-"""characters; at least, so that the papers' columns stand below each other"""
 STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim"}
 
 
 def validation_table(found: Mapping[str, Sequence[Row]]) -> RenderableType:
-    """One row a figure, the papers one below the other."""
+    """One row a figure, the papers one below the other, each with what has to be said of its figures below it."""
     parts: list[RenderableType] = []
     for name, rows in found.items():
-        parts += [Text(PAPERS[name].title, style="bold"), _paper_table(rows), Text()]
+        notes = list(dict.fromkeys(row.why for row in rows if row.why))
+        parts += [Text(PAPERS[name].title, style="bold"), _paper_table(rows, notes), _notes(notes), Text()]
     return Group(*parts)
 
 
@@ -33,32 +32,37 @@ def summary_line(found: Mapping[str, Sequence[Row]]) -> Text:
     return Text(f"{len(every)} figures: {', '.join(counts)}")
 
 
-def _paper_table(rows: Sequence[Row]) -> Table:
-    numbers = (("published", "right"), ("ours", "right"), ("", ""), ("difference", "right"))
+def _paper_table(rows: Sequence[Row], notes: Sequence[str]) -> Table:
+    numbers = (("published", "right"), ("ours", "right"), ("difference", "right"))
     table = tables.plain_table(("where", ""), ("figure", ""), *numbers, ("verdict", ""))
-    for column, width in zip(table.columns, WIDTHS, strict=False):
-        column.min_width = width
-    said = ""
+    table.padding = (0, 2, 0, 0)
     for row in rows:
-        table.add_row(*_cells(row, row.why if row.why != said else ""))
-        said = row.why
+        table.add_row(*_cells(row, notes.index(row.why) + 1 if row.why else 0))
     return table
 
 
-def _cells(row: Row, why: str) -> tuple[str | Text, ...]:
+def _notes(notes: Sequence[str]) -> Table:
+    table = Table.grid(padding=(0, 1))
+    table.add_column(justify="right", style="dim", min_width=4)
+    table.add_column(style="dim")
+    for number, words in enumerate(notes, start=1):
+        table.add_row(Text(f"[{number}]"), Text(words))
+    return table
+
+
+def _cells(row: Row, note: int) -> tuple[str | Text, ...]:
     printed = row.figure
-    unit = "" if printed.unit == "-" else printed.unit
     verdict = Text(_judged(row), style=STYLES[row.verdict])
-    if why:
-        verdict.append(f": {why}", style="dim")
-    ours = wording.UNKNOWN if row.ours is None else f"{row.ours:.4g}"
-    return printed.where, printed.quantity, _printed(printed), ours, unit, _difference(row), verdict
+    if note:
+        verdict.append(f" [{note}]", style="dim")
+    ours = wording.UNKNOWN if row.ours is None else _with_unit(f"{row.ours:.4g}", printed)
+    return printed.where, printed.quantity, _printed(printed), ours, _difference(row), verdict
 
 
 def _judged(row: Row) -> str:
     if row.verdict not in (WITHIN, SHORT) or not row.limit:
         return row.verdict
-    limit = _with_unit(row.limit, row.figure) if row.share is None else f"{100.0 * row.share:g} %"
+    limit = _with_unit(f"{row.limit:.3g}", row.figure) if row.share is None else f"{100.0 * row.share:g} %"
     return f"{row.verdict} {'of ' if row.verdict == SHORT else ''}{limit}"
 
 
@@ -77,8 +81,12 @@ def _difference(row: Row) -> str:
     if row.difference == 0.0 and row.figure.low != row.figure.high:
         return "inside"
     reference = abs(nearest(row.figure, row.ours))
-    return f"{100.0 * row.difference / reference:+.1f} %" if reference else _with_unit(row.difference, row.figure)
+    return (
+        f"{100.0 * row.difference / reference:+.1f} %"
+        if reference
+        else _with_unit(f"{row.difference:.3g}", row.figure)
+    )
 
 
-def _with_unit(value: float, printed: Figure) -> str:
-    return f"{value:.3g} {'' if printed.unit == '-' else printed.unit}".rstrip()
+def _with_unit(number: str, printed: Figure) -> str:
+    return number if printed.unit == "-" else f"{number} {printed.unit}"

@@ -235,6 +235,13 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element too" in told
 
 
+@pytest.mark.parametrize("name", [[], ["robo_raven_ii_a"], ["hawkmoth"]])
+def test_vehicles_are_told_within_a_hundred_columns(name: list[str], capsys: Capture) -> None:
+    assert main(["vehicles", *name]) == 0
+    told = capsys.readouterr().out
+    assert max(map(len, told.splitlines())) <= 100 and "…" not in told.replace(" … ", "")
+
+
 def test_a_broken_pipe_is_quiet(log: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from groundstation.command import validate
 from groundstation.command.main import main
+from groundstation.views.validation import validation_table
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import VERDICTS, Study
 
@@ -41,6 +44,22 @@ def test_one_paper_is_told_to_programs(capsys: Capture, monkeypatch: pytest.Monk
             assert row["difference"] is None
         else:
             assert row["ours"] - row["difference"] == pytest.approx(min(max(row["ours"], low), high))
+
+
+@pytest.mark.parametrize("columns", [80, 100, 160])
+def test_the_table_says_every_verdict_and_note_at_any_width(columns: int) -> None:
+    rows = [row for check in PAPERS["gerdes"].checks if not check.slow for row in check.rows()]
+    console = Console(width=columns, record=True, file=io.StringIO())
+    console.print(validation_table({"gerdes": rows}))
+    told = console.export_text()
+    assert max(map(len, told.splitlines())) <= columns and "…" not in told
+    whole = " ".join(told.split())
+    notes = list(dict.fromkeys(row.why for row in rows if row.why))
+    for number, words in enumerate(notes, start=1):
+        assert f"[{number}] {words}" in whole
+    marked = whole.split(f"[1] {notes[0]}")[0]
+    for number, words in enumerate(notes, start=1):
+        assert marked.count(f"[{number}]") == sum(row.why == words for row in rows)
 
 
 def test_what_is_not_printed_is_null(capsys: Capture) -> None:
