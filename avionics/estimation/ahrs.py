@@ -49,8 +49,8 @@ of attack"""
 TILT_DOUBT = 3.0
 """-; what a block's disagreement counts in its noise: the path's accelerations last for many blocks"""
 
-RAZOR = 1
-"""value of `AhrsGains.method`"""
+AVERAGES, RAZOR = 0, 1
+"""values of `AhrsGains.method`"""
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -82,6 +82,8 @@ class AhrsGains(NamedTuple):
     """rad/s; largest gyro bias that is believed, each axis"""
     gyro_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
     """-; age of a gyro sample in sample intervals: 0.5 when it is the mean over the last interval"""
+    accel_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
+    """-; age of an accelerometer sample likewise"""
     field_tolerance: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.1
     """-; share by which the field's strength may differ from the reference"""
     dip_tolerance: Annotated[float, Quantity("rad", 0.01, 1.6)] = 0.17
@@ -315,8 +317,9 @@ def step(
     rates = (imu.gyro_x, imu.gyro_y, imu.gyro_z)
     if gains.method == RAZOR:
         return _razor_step(gains, state, imu, rates, dt)
-    r = multiply(state.r, _turn(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt))
-    force = rotate(r, (imu.accel_x, imu.accel_y, imu.accel_z))
+    angles = _angles(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt)
+    r = multiply(state.r, rotation(*angles))
+    force = rotate(r, _earlier(gains.accel_delay, angles, (imu.accel_x, imu.accel_y, imu.accel_z)))
     field = rotate(r, (imu.mag_x, imu.mag_y, imu.mag_z))
     speed = airspeed / max(STEEPEST, hypot(r[0], r[3]))
     velocity = (speed * r[0], speed * r[3], 0.0)
@@ -363,13 +366,16 @@ def _resumed(state: AhrsState) -> AhrsState:
     return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse), aid=aid)
 
 
-def _turn(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Matrix:
-    """Rotation over one interval; the mean rate in it is extrapolated by ``lead`` intervals from two samples."""
-    return rotation(
-        (rates[0] + lead * (rates[0] - old[0]) - bias[0]) * dt,
-        (rates[1] + lead * (rates[1] - old[1]) - bias[1]) * dt,
-        (rates[2] + lead * (rates[2] - old[2]) - bias[2]) * dt,
-    )
+def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
+    """Rotation in rad over one interval; its mean rate is extrapolated by ``lead`` intervals from two samples."""
+    (a, b, c), (p, q, r), (x, y, z) = old, rates, bias
+    return ((p + lead * (p - a) - x) * dt, (q + lead * (q - b) - y) * dt, (r + lead * (r - c) - z) * dt)
+
+
+def _earlier(share: float, angles: Vector, v: Vector) -> Vector:
+    """A body vector of ``share`` of an interval ago in the body axes of now."""
+    (a, b, c), (x, y, z) = angles, v
+    return (x - share * (b * z - c * y), y - share * (c * x - a * z), z - share * (a * y - b * x))
 
 
 def _between(a: Vector, b: Vector, share: float) -> Vector:

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from avionics.estimation.ahrs import AhrsGains
 from groundstation.command import options
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from logs.replay.imu import ImuScore, recordings, replay_imu
+from logs.replay.imu import METHODS, ImuScore, recordings, replay_imu
 
-EXAMPLES = ("wingbeat replay --imu tests/data/broad", "wingbeat replay --imu trial_16.npz --json")
+EXAMPLES = (
+    "wingbeat replay --imu tests/data/broad",
+    "wingbeat replay --imu tests/data/broad --method razor",
+    "wingbeat replay --imu trial_16.npz --json",
+)
 JSON_KEYS = {
     "file": "name of the recording (the document is a list of rows)",
     "total_deg": "RMS angle between estimate and reference",
@@ -27,6 +32,12 @@ def build_parser() -> options.Parser:
     parser = options.build_parser("replay", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument(
         "--imu", action="append", required=True, type=Path, metavar="FILE|DIR", help="recordings; may be repeated"
+    )
+    parser.add_argument(
+        "--method",
+        choices=tuple(METHODS),
+        default="averages",
+        help="corrections of the filter: averages over time, as flown, or the classic ones of the Razor, to compare",
     )
     options.add_json(parser)
     return parser
@@ -47,7 +58,8 @@ def run(arguments: Sequence[str]) -> int:
             done.append(score)
             bar.show(len(done), len(files), score.file)
 
-        scores = replay_imu(files, scored=scored)
+        gains = AhrsGains(method=METHODS[chosen.method])
+        scores = replay_imu(files, gains, scored=scored)
     if chosen.json:
         print_document(scores)
     else:

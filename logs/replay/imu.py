@@ -29,6 +29,8 @@ ENU_FROM_NED = (0.0, sqrt(0.5), sqrt(0.5), 0.0)
 """-; quaternion (w, x, y, z): north and east change places, down turns up"""
 LONGEST_GAP = ahrs.LONGEST_STEP
 """s; without a finite sensor sample, which the filter bridges"""
+METHODS = {"averages": ahrs.AVERAGES, "razor": ahrs.RAZOR}
+"""what `ahrs.AhrsGains.method` can be"""
 SENSORS = ("gyr", "acc", "mag")
 SHAPES = {"gyr": (3,), "acc": (3,), "mag": (3,), "quat": (4,), "movement": ()}
 

@@ -64,6 +64,8 @@ class Motion(NamedTuple):
     """m/s^2; true acceleration along NED z, shape (n,)"""
     airspeed: Array
     """m/s; true, shape (n,)"""
+    v_ned: Array
+    """m/s; true velocity over ground in still air, shape (n, 3)"""
     samples: list[ImuSample]
 
 
@@ -125,7 +127,9 @@ def fly(airframe: Airframe, duration: float, still: float = 0.0, seed: int = 1) 
         ImuSample(round(t * 1e6), *f, *g, *m)
         for t, f, g, m in zip(time, force.tolist(), gyro.tolist(), field.tolist(), strict=True)
     ]
-    return Motion(time, euler, accel_ned[:, 2], speed, samples)
+    moved = np.cumsum(0.5 * (accel_ned[1:] + accel_ned[:-1]), axis=0) / airframe.rate
+    v_ned = velocity[0] + np.concatenate([np.zeros((1, 3)), moved])
+    return Motion(time, euler, accel_ned[:, 2], speed, v_ned, samples)
 
 
 def _ramp(time: Array, start: float, length: float) -> Array:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from avionics.estimation.ahrs import AhrsGains
+from avionics.estimation.ahrs import RAZOR, AhrsGains
 from avionics.quantities import BadInput
 from avionics.vehicles.loader import load_vehicle, vehicle_names
 from logs.replay import imu
@@ -77,8 +77,26 @@ def test_shared_trials_with_one_parameter_set() -> None:
     assert scores["30"].total_deg <= 4.5
 
 
-def test_recording_at_rest_scores_nothing(tmp_path: Path) -> None:
-    (score,) = imu.replay_imu([saved(tmp_path / "still.npz")])
+def test_averages_beat_the_classic_corrections() -> None:
+    """GIVEN a hand that shakes the sensor WHEN the Razor takes each sample for gravity THEN it fails."""
+    (ours,), (classic,) = imu.replay_imu([TRIAL]), imu.replay_imu([TRIAL], AhrsGains(method=RAZOR))
+    assert classic.inclination_deg > 20.0
+    assert ours.inclination_deg < 0.05 * classic.inclination_deg
+    assert ours.total_deg < 0.05 * classic.total_deg
+
+
+@needs_shared
+def test_classic_corrections_err_as_those_measured_elsewhere() -> None:
+    """The shared README tells 96 and 58 degrees of a Razor DCM with its default gains; here 97.7 and 60.2."""
+    scores = {score.file[6:8]: score for score in imu.replay_imu([SHARED], AhrsGains(method=RAZOR))}
+    assert scores["16"].total_deg == pytest.approx(96.0, rel=0.1)
+    assert scores["30"].total_deg == pytest.approx(58.0, rel=0.1)
+    assert scores["08"].total_deg < 10.0
+
+
+@pytest.mark.parametrize("method", list(imu.METHODS.values()))
+def test_recording_at_rest_scores_nothing_by_either_method(tmp_path: Path, method: int) -> None:
+    (score,) = imu.replay_imu([saved(tmp_path / "still.npz")], AhrsGains(method=method))
     assert score[1:] == pytest.approx((0.0, 0.0, 0.0), abs=1e-5)
 
 
