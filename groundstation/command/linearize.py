@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.linear_motion import linear_tables
 from groundstation.views.progress import ProgressBar
 from sim_bridge.flight_mechanics.averaged import AveragedModel, stroke_averaged_model
+from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.linear import Linearization, averaged_modes, warnings
 from sim_bridge.flight_mechanics.modes import Mode, aliases, modes
 from sim_bridge.flight_mechanics.orbit import Orbit
+from sim_bridge.tuning.model import model_of, save_model
 from sim_bridge.vehicles import SimulatedVehicle
 
 EXAMPLES = (
     "wingbeat linearize robo_raven_ii_d",
     "wingbeat linearize arizona_100cm --airspeed 9 --climb 0.5 --json",
+    "wingbeat linearize robo_raven_ii_d --out raven_model.toml",
 )
 MODE_KEYS = "name, eigenvalue [re, im] 1/s, natural_frequency rad/s, damping, period s, time_to_half s (< 0: double)"
 JSON_KEYS = STEADY_KEYS | {
@@ -31,21 +36,33 @@ JSON_KEYS = STEADY_KEYS | {
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "Linearise a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
-    return steady_parser("linearize", summary, EXAMPLES, JSON_KEYS)
+    parser = steady_parser("linearize", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a new TOML file: the model of all axes, for tune")
+    return parser
 
 
 def run(arguments: Sequence[str]) -> int:
     """Search the trim, linearise about it, print modes and matrices.
 
     Raises:
-        BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
+        BadInput: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists.
     """
-    return answer(build_parser().parse_args(arguments), examined)
+    chosen = build_parser().parse_args(arguments)
+    if chosen.out is not None and chosen.out.exists():
+        raise BadInput(f"{chosen.out} exists already; choose another name")
+    return answer(chosen, lambda vehicle, orbit: examined(vehicle, orbit, chosen.out, chosen.vehicle))
 
 
-def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
-    """The flight's linear models for programs and for people."""
+def examined(vehicle: SimulatedVehicle, orbit: Orbit, out: Path | None = None, name: str = "") -> Answer:
+    """The flight's linear models for programs and for people; all axes' is written to ``out``, naming the vehicle.
+
+    Raises:
+        BadInput: the file exists.
+    """
     linear = linearized(vehicle, orbit)
+    if out is not None:
+        saved = model_of(vehicle, orbit, axes_model(vehicle, orbit, linear.averaged))
+        save_model(out, saved._replace(vehicle=name))
     return Answer(document(linear, orbit), linear_tables(linear, orbit))
 
 

@@ -36,6 +36,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
+    "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
     "validate": Subcommand("groundstation.command.validate", "every published figure beside ours"),
     "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
 }

@@ -1,0 +1,212 @@
+"""``wingbeat tune``: gains of the cascade from a linear model, their margins, the file, and the proof in flight."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command import options
+from groundstation.command.steady import Asked, trimmed
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
+from groundstation.views.terminal import open_console
+from groundstation.views.tuning import design_heading, design_table, proof_table, written_line
+from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
+from sim_bridge.flight_mechanics.averaged_axes import axes_model
+from sim_bridge.tuning.cascade import Design, Loop, design
+from sim_bridge.tuning.margins import LIMITS
+from sim_bridge.tuning.model import LinearModel, is_model_file, load_model, model_of
+from sim_bridge.tuning.proof import SCENARIO, Flown, Proof, flown
+from sim_bridge.tuning.vehicle_file import places, write
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import load_vehicle as load_world
+
+EXAMPLES = (
+    "wingbeat tune robo_raven_ii_d",
+    "wingbeat tune my_bird --airspeed 7 --out my_tuned_bird",
+    "wingbeat tune my_model.toml --vehicle my_bird --no-fly --json",
+)
+FLOWN_KEYS = (
+    "holds, airtime s, touched, altitude_rms m, heading_rms, pitch_rms, roll_rms rad, elevator_rate, rudder_rate"
+    " rad/s, throttle_rms, power W"
+)
+JSON_KEYS = {
+    "vehicle, model": "what is tuned; where the linear model comes from",
+    "airspeed, frequency": "of the model: m/s, Hz of flapping",
+    "limits": "gain_margin dB, phase_margin rad that every loop must keep",
+    "loops": "list of {name, before, after}; each {gains by section.key, gain_margin dB, phase_margin rad, crossover,"
+    " bandwidth rad/s, sensitivity, stable, keeps}",
+    "flights": "null, or {before, after}; each {" + FLOWN_KEYS + "}",
+    "written": "names of the files",
+}
+
+
+class _Chosen(NamedTuple):
+    """What the command line came to."""
+
+    model: LinearModel
+    vehicle: FlightVehicle
+    world: SimulatedVehicle | None
+    """None where there is nothing to fly in"""
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = (
+        "Design the gains of every loop on the stroke-averaged linear model of a vehicle: at least"
+        f" {LIMITS.gain_margin_db:g} dB and 45 degrees a loop; write them, and fly before and after."
+    )
+    parser = options.build_parser("tune", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument(
+        "subject", metavar="VEHICLE|MODEL", help="name or folder of a vehicle, or file of a linear model"
+    )
+    parser.add_argument("--vehicle", metavar="V|DIR", help="whose gains, with a MODEL (default: the one it names)")
+    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="of the trim (the vehicle's cruise)")
+    options.add_aerodynamics(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="new folder for world.toml and avionics.toml, or a new FILE.toml"
+    )
+    parser.add_argument("--no-fly", action="store_true", help="leave out the flights before and after")
+    parser.add_argument("--seed", type=options.seed, default=SCENARIO.seed, metavar="N", help="of the flights (1)")
+    options.add_json(parser)
+    return parser
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Design, show, fly, write.
+
+    Raises:
+        BadInput: unknown vehicle, one without a file for the flight computer, no trim, a model that cannot be
+            used, no gains within the limits, or files that exist already.
+    """
+    chosen = build_parser().parse_args(arguments)
+    where = None if chosen.out is None else places(chosen.out)
+    subject = _subject(chosen)
+    with ProgressBar("designing") as bar:
+        found = design(subject.model, subject.vehicle, bar.show)
+    console = open_console(quiet=chosen.json)
+    console.print(design_heading(subject.vehicle, found))
+    console.print(design_table(found))
+    proof = None
+    if not chosen.no_fly and subject.world is not None:
+        proof = _proof(subject, subject.world, found, chosen.seed)
+        console.print(proof_table(proof))
+    written: list[Path] = []
+    if where is not None:
+        write(where, subject.vehicle, found, None if subject.world is None else subject.world.text)
+        written = [path for path in where if path is not None and path.exists()]
+        console.print(written_line(written))
+    if chosen.json:
+        print_document(_document(subject, found, proof, written))
+    return 0
+
+
+def _subject(chosen: argparse.Namespace) -> _Chosen:
+    """The model and the vehicle whose gains are designed.
+
+    Raises:
+        BadInput: one of them cannot be used.
+    """
+    path = Path(chosen.subject)
+    if not is_model_file(path):
+        if chosen.vehicle is not None:
+            raise BadInput("--vehicle goes with a MODEL; a VEHICLE is tuned on its own")
+        vehicle = _flight_vehicle(chosen.subject)
+        world = _world(chosen.subject, chosen.aerodynamics)
+        return _Chosen(_linearised(world, chosen.airspeed), vehicle, world)
+    if chosen.airspeed is not None or chosen.aerodynamics is not None:
+        raise BadInput("--airspeed and --aerodynamics go with a VEHICLE; a MODEL is about its own trim")
+    model = load_model(path)
+    name = chosen.vehicle or model.vehicle
+    if not name:
+        raise BadInput(f"{path} names no vehicle: say with --vehicle whose gains are designed")
+    vehicle = _flight_vehicle(name)
+    try:
+        return _Chosen(model, vehicle, _world(name, None))
+    except BadInput:
+        if chosen.no_fly:
+            return _Chosen(model, vehicle, None)
+        raise
+
+
+def _flight_vehicle(name: str) -> FlightVehicle:
+    """The flight computer's side of a vehicle.
+
+    Raises:
+        BadInput: there is no such vehicle, or it has none.
+    """
+    world, avionics = options.vehicle_files(name)
+    try:
+        return load_flight_vehicle(avionics)
+    except BadInput as error:
+        if world == avionics:
+            load_world(world)  # refuses a vehicle that nobody knows in its own words
+            raise BadInput(f"{name} has no file for the flight computer: there are no gains to tune") from None
+        raise error
+
+
+def _world(name: str, aerodynamics: str | None) -> SimulatedVehicle:
+    from groundstation.command.sim import simulated
+
+    return simulated(options.vehicle_files(name)[0], aerodynamics)
+
+
+def _linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
+    """The stroke-averaged model about level flight.
+
+    Raises:
+        BadInput: there is no such flight.
+    """
+    orbit = trimmed(Asked(world, world.cruise.airspeed if airspeed is None else airspeed, 0.0))
+    with ProgressBar("linearising") as bar:
+        averaged = stroke_averaged_model(world, orbit, lambda done, of: bar.show(done, of + 2))
+        return model_of(world, orbit, axes_model(world, orbit, averaged))
+
+
+def _proof(subject: _Chosen, world: SimulatedVehicle, found: Design, seed: int) -> Proof:
+    scenario = SCENARIO._replace(seed=seed)
+    with ProgressBar("flying") as bar:
+        bar.show(0, 2, "flying with the gains before")
+        before = flown(world, subject.vehicle, subject.vehicle.gains, scenario)
+        bar.show(1, 2, "flying with the gains after")
+        return Proof(before, flown(world, subject.vehicle, found.gains, scenario))
+
+
+def _document(subject: _Chosen, found: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
+    """The keys of `JSON_KEYS`."""
+    return {
+        "vehicle": subject.vehicle.name,
+        "model": found.model.origin,
+        "airspeed": found.model.airspeed,
+        "frequency": found.model.frequency,
+        "limits": {"gain_margin": LIMITS.gain_margin_db, "phase_margin": LIMITS.phase_margin},
+        "loops": [
+            {"name": before.name, "before": _loop(before), "after": _loop(after)}
+            for before, after in zip(found.before, found.after, strict=True)
+        ],
+        "flights": None if proof is None else {"before": _flown(proof.before), "after": _flown(proof.after)},
+        "written": written,
+    }
+
+
+def _loop(loop: Loop) -> dict[str, Any]:
+    margins = loop.margins
+    return {
+        "gains": loop.gains,
+        "gain_margin": margins.gain_db,
+        "phase_margin": margins.phase,
+        "crossover": margins.crossover,
+        "bandwidth": loop.bandwidth,
+        "sensitivity": margins.sensitivity,
+        "stable": margins.stable,
+        "keeps": margins.keeps(LIMITS),
+    }
+
+
+def _flown(flight: Flown) -> dict[str, Any]:
+    return flight._asdict()

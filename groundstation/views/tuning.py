@@ -1,0 +1,94 @@
+"""Designed gains, their margins, and the flights before and after, for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from avionics.vehicles import FlightVehicle
+from groundstation.views import tables, wording
+from sim_bridge.tuning.cascade import PARTS, Design, Loop
+from sim_bridge.tuning.margins import LIMITS
+from sim_bridge.tuning.proof import Flown, Proof
+
+SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
+
+
+def design_heading(vehicle: FlightVehicle, design: Design) -> Text:
+    """What is tuned, and on what."""
+    model = design.model
+    about = f"on {model.origin}, flapping at {model.frequency:.2f} Hz"
+    return Text.assemble((vehicle.title, "bold"), "\n", about)
+
+
+def design_table(design: Design) -> RenderableType:
+    """Two rows a loop, before and after: margins, bandwidth, gains."""
+    numbers = (("gain margin", "right"), ("phase margin", "right"), ("crossover", "right"), ("bandwidth", "right"))
+    table = tables.plain_table(("", ""), ("", ""), *numbers, ("gains", ""))
+    for before, after in zip(design.before, design.after, strict=True):
+        table.add_row(Text(before.name, style="bold"), "before", *_loop_cells(before))
+        table.add_row("", "after", *_loop_cells(after))
+    notes = [Text(words, style="dim") for words in _notes(design)]
+    return Group(Text(), table, *notes)
+
+
+def _loop_cells(loop: Loop) -> tuple[RenderableType, ...]:
+    margins = loop.margins
+    gains = "  ".join(f"{SHORT[key.split('.')[1]]} {value:.3g}" for key, value in loop.gains.items())
+    if not margins.stable:
+        return Text("unstable", style="red"), "", "", "", gains
+    gain = _margin(f"{margins.gain_db:.1f} dB", margins.gain_db >= LIMITS.gain_margin_db, margins.gain_db)
+    phase = _margin(wording.angle(margins.phase, ".0f"), margins.phase >= LIMITS.phase_margin, margins.phase)
+    return gain, phase, f"{margins.crossover:.2f} rad/s", f"{loop.bandwidth:.2f} rad/s", gains
+
+
+def _margin(words: str, kept: bool, value: float) -> Text:
+    if not math.isfinite(value):
+        return Text("any")
+    return Text(words if kept else f"{words} !", style="" if kept else "red")
+
+
+def _notes(design: Design) -> list[str]:
+    asked = f"at least {LIMITS.gain_margin_db:g} dB and {wording.angle(LIMITS.phase_margin, '.0f')}"
+    notes = [f"asked of every loop: {asked}; ! marks what falls short; bandwidth: -3 dB from setpoint to response"]
+    missing = [part.name for part in PARTS if part.name not in {loop.name for loop in design.after}]
+    if missing:
+        notes.append(f"not designed, the model lacks their motion: {', '.join(missing)}")
+    return notes
+
+
+def proof_table(proof: Proof) -> RenderableType:
+    """The same flight with the gains before and after."""
+    table = tables.plain_table(("", ""), ("before", "right"), ("after", "right"), ("", ""))
+    before, after = (_flown_cells(flight) for flight in proof)
+    for (label, one, note), (_, other, _) in zip(before, after, strict=True):
+        table.add_row(label, one, other, Text(note, style="dim"))
+    flight = proof.after
+    title = f"flown in gusts, {flight.holds} holds, {flight.airtime:.0f} s measured; RMS"
+    return Group(Text(), Text(title, style="dim"), table)
+
+
+def _flown_cells(flight: Flown) -> list[tuple[str, str, str]]:
+    degrees = {
+        "heading": (flight.heading_rms, "course over ground against its setpoint"),
+        "pitch": (flight.pitch_rms, "against its setpoint, as the loop sees it"),
+        "rocking": (flight.roll_rms, "bank about its mean"),
+    }
+    rates = {"elevator": flight.elevator_rate, "rudder": flight.rudder_rate}
+    rows = [("altitude", f"{flight.altitude_rms:.2f} m", "true altitude against its setpoint")]
+    rows += [(name, wording.angle(value, ".1f"), note) for name, (value, note) in degrees.items()]
+    rows += [
+        (name, f"{wording.angle(value, '.0f')}/s", "rate of the command: effort") for name, value in rates.items()
+    ]
+    rows += [("throttle", f"{flight.throttle_rms:.3f}", "about its mean: effort")]
+    rows += [("power", f"{flight.power:.1f} W", "mean")]
+    return [*rows, ("ground", "touched" if flight.touched else "clear", "")]
+
+
+def written_line(written: Sequence[Path]) -> Text:
+    """Where the files are."""
+    return Text(f"\nwritten {' and '.join(str(path) for path in written)}")

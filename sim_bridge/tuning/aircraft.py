@@ -1,0 +1,94 @@
+"""The aircraft as the loops see it: the linear model behind servos, drive and mixing, with named signals.
+
+Signals: `elevator` and `rudder` are commanded angles in rad, `throttle` is 0 to 1, `roll_command` -1 to 1; `pitch`,
+`roll` in rad, `pitch_rate`, `roll_rate`, `yaw_rate` in rad/s, `climb` in m/s, positive up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics.limits import between_points
+from avionics.mixing import flapping
+from avionics.vehicles.airframe import Airframe
+from avionics.vehicles.gains import FlightGains
+from sim_bridge.tuning import blocks
+from sim_bridge.tuning.model import HALF_STROKE, DriveModel, LinearModel
+
+STEP = 0.02
+"""-; of throttle, over which the stroke's growth is taken"""
+
+
+class Aircraft(NamedTuple):
+    """What is tuned: the model, and what the flight computer believes."""
+
+    model: LinearModel
+    airframe: Airframe
+    gains: FlightGains
+
+
+def longitudinal(aircraft: Aircraft) -> Any:
+    """From elevator (and throttle, where the model knows the drive) to pitch, pitch_rate and climb."""
+    model = aircraft.model
+    inputs, columns = ["tail_angle"], [model.elevator]
+    parts = [blocks.lag(aircraft.airframe.tail_time_constant, "elevator", "tail_angle")]
+    if model.drive is not None:
+        inputs, columns = [*inputs, "thrust"], [*columns, model.drive.b * stroke_slope(aircraft.gains, model.drive)]
+        parts.append(blocks.lag(model.drive.lag, "throttle", "thrust"))
+    outputs = ["pitch", "pitch_rate", "climb"]
+    plant = _plant(model.a, columns, _seen(model), inputs, outputs)
+    return blocks.joined([plant, *parts], ["elevator", "throttle"][: len(inputs)], outputs)
+
+
+def _seen(model: LinearModel) -> list[list[float]]:
+    """Outputs pitch, pitch rate, climb of u, w, q, theta; about level flight."""
+    climb = [math.sin(model.pitch), -math.cos(model.pitch), 0.0, model.airspeed]
+    return [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], climb]
+
+
+def lateral(aircraft: Aircraft) -> Any:
+    """From roll_command to roll, roll_rate and yaw_rate of the heading; the mixing's rudder share is in it.
+
+    The stroke's asymmetry is not: the model has no such input.
+    """
+    model, across = aircraft.model, aircraft.model.lateral
+    assert across is not None
+    rudder = across.rudder * aircraft.gains.tail.rudder_share
+    seen = [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0 / math.cos(model.pitch), 0.0]]
+    outputs = ["roll", "roll_rate", "yaw_rate"]
+    plant = _plant(across.a, [rudder], seen, ["tail_angle"], outputs)
+    servo = blocks.lag(aircraft.airframe.tail_time_constant, "roll_command", "tail_angle")
+    return blocks.joined([plant, servo], ["roll_command"], outputs)
+
+
+def stroke_slope(gains: FlightGains, drive: DriveModel) -> float:
+    """Of the drive's input per throttle at the trim: 1, or rad of half stroke by the flight computer's own map."""
+    if drive.input != HALF_STROKE:
+        return 1.0
+    at = throttle_at(gains.flapping, drive.at)
+    ends = [between_points(at + side * STEP, *_map(gains.flapping)) for side in (-1.0, 1.0)]
+    return (ends[1] - ends[0]) / (2.0 * STEP)
+
+
+def throttle_at(gains: flapping.Gains, half_stroke: float) -> float:
+    """Throttle at which the flight computer commands that half stroke (rad), away from the ends of its map."""
+    throttles, amplitudes = _map(gains)
+    middle = np.linspace(throttles[0] + STEP, throttles[-1] - STEP, 1001)
+    commanded = [between_points(float(throttle), throttles, amplitudes) for throttle in middle]
+    return float(middle[int(np.argmin(np.abs(np.array(commanded) - half_stroke)))])
+
+
+def _map(gains: flapping.Gains) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return gains.throttle_points, gains.amplitude_points
+
+
+def _plant(a: Any, columns: list[Any], seen: list[list[float]], inputs: list[str], outputs: list[str]) -> Any:
+    import control
+
+    b = np.column_stack(columns)
+    return control.ss(
+        a, b, seen, np.zeros((len(seen), len(columns))), inputs=inputs, outputs=outputs, name="aircraft"
+    )

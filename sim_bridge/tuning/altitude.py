@@ -1,0 +1,46 @@
+"""Altitude loop: proportional from altitude error to climb setpoint, the climb loop closed within it, 50 Hz.
+
+The climb setpoint is slewed; flown at the greatest climb towards its altitude, a vehicle must not be asked to slow
+down faster than that, else it overshoots: proportional <= climb_rate_limit / greatest climb setpoint.
+"""
+
+from __future__ import annotations
+
+from avionics.guidance import altitude
+from sim_bridge.tuning import blocks, climb
+from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.ranges import greatest
+
+APART = 4.0
+"""-; the loop inside is at least so much faster (Skogestad and Postlethwaite 2005, section 10.6: 4 to 10 times)"""
+
+
+def process(aircraft: Aircraft) -> Process:
+    """What the altitude loop acts on; the filter's altitude follows the true one without lag."""
+    import control
+
+    height = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["climb"], outputs=["altitude"], name="height")
+    wait = blocks.delay(blocks.loop_delay(climb.RATE), "climb_asked", "climb_setpoint")
+    whole = blocks.joined([climb.closed(aircraft), height, wait], ["climb_asked"], ["altitude"])
+    return Process(pick(whole, "climb_asked", "altitude"), pick(whole, "climb_asked", "altitude", "altitude"))
+
+
+def terms(gains: altitude.Gains) -> Terms:
+    """The loop's part of its gains."""
+    return Terms(gains.proportional, 0.0, 0.0)
+
+
+def tuned(aircraft: Aircraft) -> Aircraft:
+    """With the altitude loop designed.
+
+    Raises:
+        BadInput: no gain keeps the margins.
+    """
+    inside = loop_bandwidth(climb.process(aircraft), climb.terms(aircraft.gains.altitude))
+    ranges = greatest(altitude.Gains, "proportional")
+    file = aircraft.gains.altitude
+    steepest = file.climb_rate_limit / max(file.climb_max, file.sink_max)
+    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest))
+    gains = file._replace(proportional=found.proportional)
+    return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

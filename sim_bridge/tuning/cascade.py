@@ -1,0 +1,124 @@
+"""The whole cascade, designed from inside out, each loop with those inside it closed as they were designed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from avionics.quantities import BadInput
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles.gains import FlightGains
+from sim_bridge.tuning import altitude, climb, heading, pitch, roll
+from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.tuning.loop import Process, Terms, loop_bandwidth, loop_margins
+from sim_bridge.tuning.margins import Margins
+from sim_bridge.tuning.model import LinearModel
+
+
+class Part(NamedTuple):
+    """One loop of the cascade."""
+
+    name: str
+    """-; for people"""
+    keys: tuple[str, ...]
+    """-; what of the vehicle file it chooses: section.key"""
+    process: Callable[[Aircraft], Process]
+    terms: Callable[[FlightGains], Terms]
+    tuned: Callable[[Aircraft], Aircraft]
+    lateral: bool = False
+    """-; needs the model's lateral motion"""
+    drive: bool = False
+    """-; needs the model's drive"""
+
+
+PARTS = (
+    Part("pitch", ("pitch.proportional", "pitch.integral", "pitch.damping"), pitch.process,
+         lambda gains: pitch.terms(gains.pitch), pitch.tuned),
+    Part("roll", ("roll.proportional", "roll.integral", "roll.damping"), roll.process,
+         lambda gains: roll.terms(gains.roll), roll.tuned, lateral=True),
+    Part("climb", ("altitude.throttle_error", "altitude.throttle_integral"), climb.process,
+         lambda gains: climb.terms(gains.altitude), climb.tuned, drive=True),
+    Part("altitude", ("altitude.proportional",), altitude.process,
+         lambda gains: altitude.terms(gains.altitude), altitude.tuned, drive=True),
+    Part("heading", ("heading.proportional",), heading.process,
+         lambda gains: heading.terms(gains.heading), heading.tuned, lateral=True),
+)  # fmt: skip
+
+
+class Loop(NamedTuple):
+    """One loop with one set of gains."""
+
+    name: str
+    gains: dict[str, float]
+    """by section.key"""
+    margins: Margins
+    bandwidth: float
+    """rad/s; -3 dB from the setpoint to what follows it; 0 for a loop that is not stable"""
+
+
+class Design(NamedTuple):
+    """What tuning a vehicle came to."""
+
+    model: LinearModel
+    gains: FlightGains
+    """with the designed ones in place"""
+    before: tuple[Loop, ...]
+    """the file's own gains, all of them, loop by loop"""
+    after: tuple[Loop, ...]
+    """the designed gains, in the same order"""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The designed gains by section.key."""
+        return {key: value for loop in self.after for key, value in loop.gains.items()}
+
+
+def design(
+    model: LinearModel, vehicle: FlightVehicle, told: Callable[[int, int], None] = lambda done, of: None
+) -> Design:
+    """Design every loop that the model has the motion for; ``told`` hears how many of how many are done.
+
+    Raises:
+        BadInput: a loop finds no gains that keep the margins.
+    """
+    start = Aircraft(model, vehicle.airframe, vehicle.gains)
+    parts = parts_of(model)
+    aircraft = start
+    for i, part in enumerate(parts):
+        try:
+            aircraft = _rounded(part.tuned(aircraft), part)
+        except BadInput as error:
+            raise BadInput(f"{part.name}: {error}") from None
+        told(i + 1, len(parts))
+    before, after = (tuple(examined(part, one) for part in parts) for one in (start, aircraft))
+    return Design(model, aircraft.gains, before, after)
+
+
+def parts_of(model: LinearModel) -> tuple[Part, ...]:
+    """The loops that the model has the motion for."""
+    missing = (model.lateral is None, model.drive is None)
+    return tuple(part for part in PARTS if not (part.lateral and missing[0]) and not (part.drive and missing[1]))
+
+
+def examined(part: Part, aircraft: Aircraft) -> Loop:
+    """A loop as the aircraft's gains make it."""
+    process, terms = part.process(aircraft), part.terms(aircraft.gains)
+    found = loop_margins(process, terms)
+    speed = loop_bandwidth(process, terms) if found.stable else 0.0
+    return Loop(part.name, {key: value_of(aircraft.gains, key) for key in part.keys}, found, speed)
+
+
+def value_of(gains: FlightGains, key: str) -> float:
+    """The gain called section.key."""
+    section, name = key.split(".")
+    return float(getattr(getattr(gains, section), name))
+
+
+def _rounded(aircraft: Aircraft, part: Part) -> Aircraft:
+    """With the part's gains as they are written: three digits."""
+    gains = aircraft.gains
+    for key in part.keys:
+        section, name = key.split(".")
+        value = float(f"{value_of(gains, key):.3g}")
+        gains = gains._replace(**{section: getattr(gains, section)._replace(**{name: value})})
+    return aircraft._replace(gains=gains)

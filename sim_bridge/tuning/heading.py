@@ -1,0 +1,48 @@
+"""Heading loop: proportional from heading error to roll setpoint, the roll loop closed within it, 50 Hz.
+
+The file's integral is kept as it is: the course that is steered has the wind in it already. The roll
+setpoint is slewed: in a turn at the greatest bank the error must not shrink faster than that can follow.
+"""
+
+from __future__ import annotations
+
+import math
+
+from avionics.guidance import heading
+from sim_bridge.plant_kernel import GRAVITY
+from sim_bridge.tuning import blocks, roll
+from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.tuning.altitude import APART
+from sim_bridge.tuning.climb import RATE
+from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.ranges import greatest
+
+
+def process(aircraft: Aircraft) -> Process:
+    """What the heading loop acts on; in still air the course follows the yaw."""
+    import control
+
+    turn = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["yaw_rate"], outputs=["yaw"], name="turn")
+    wait = blocks.delay(blocks.loop_delay(RATE), "bank_asked", "roll_setpoint")
+    whole = blocks.joined([roll.closed(aircraft), turn, wait], ["bank_asked"], ["yaw"])
+    return Process(pick(whole, "bank_asked", "yaw"), pick(whole, "bank_asked", "yaw", "yaw"))
+
+
+def terms(gains: heading.Gains) -> Terms:
+    """The loop's part of its gains."""
+    return Terms(gains.proportional, gains.integral, 0.0)
+
+
+def tuned(aircraft: Aircraft) -> Aircraft:
+    """With the heading loop designed.
+
+    Raises:
+        BadInput: no gain keeps the margins.
+    """
+    inside = loop_bandwidth(roll.process(aircraft), roll.terms(aircraft.gains.roll))
+    ranges = greatest(heading.Gains, "proportional")
+    file = aircraft.gains.heading
+    steepest = file.roll_rate * aircraft.model.airspeed / (GRAVITY * math.tan(file.roll_max))
+    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest))
+    gains = file._replace(proportional=found.proportional)
+    return aircraft._replace(gains=aircraft.gains._replace(heading=gains))

@@ -1,0 +1,216 @@
+"""What the five loops have in common: L = (P + I/s) measured + D rate, and the search for P, I and D.
+
+Method: loop shaping within constraints. A candidate is a crossover frequency with the ratios of integral and damping
+to the proportional term; among those that keep gain and phase margin, the limits of sensitivity and resonance (Astrom
+and Murray, Feedback Systems, 2nd edition, sections 10.3 and 12.3), and cross over below a share of the flapping
+frequency, the one with the greatest bandwidth from setpoint to what follows it is taken; of those within
+`AS_GOOD` of it the one with the greatest integral, which rejects slow disturbances best (Astrom, Panagopoulos,
+Hagglund 1998, Automatica 34, 585). The search is a grid, then a finer one about the best; every number of the result
+is computed anew by `margins`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from sim_bridge.tuning.margins import LIMITS, Complex, Limits, Margins, bandwidth, frequencies, margins, response
+from sim_bridge.vectors import Floats
+
+CROSSOVERS, DECADES = 40, 2.3
+"""-; candidates, and how far they go below the highest crossover allowed"""
+INTEGRALS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.0, 1.6, 2.5, 4.0, 6.3, 10.0, 16.0, 25.0, 40.0)
+"""-; crossover frequency times P / I: with 1 the lag there is 45 degrees, below it integral"""
+DAMPINGS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3)
+"""-; crossover frequency times D / P"""
+AS_GOOD = 0.95
+"""-; share of the best that is as good"""
+SLACK = 1.01
+"""-; margin kept to the limits of the search, for the frequencies between its points"""
+
+
+class Terms(NamedTuple):
+    """Gains of one loop, in the units of its own."""
+
+    proportional: float
+    integral: float
+    damping: float
+
+
+class Process(NamedTuple):
+    """What a loop acts on: single-input systems from the loop's command."""
+
+    followed: Any
+    """to what should follow the setpoint"""
+    sensed: Any
+    """to two outputs: what is compared with the setpoint, and the rate that the damping acts on"""
+    forward: Any | None = None
+    """from the setpoint, past the controller, to what should follow it"""
+
+
+class Wish(NamedTuple):
+    """What a search may choose."""
+
+    fastest: float
+    """rad/s; highest gain crossover allowed"""
+    integral: bool
+    """whether there is an integral"""
+    damping: bool
+    """whether there is a damping"""
+    ranges: tuple[float, float, float]
+    """greatest P, I, D the flight computer takes"""
+    regulates: bool = False
+    """whether the greatest integral is sought instead of the greatest bandwidth: feed-forwards do the following"""
+    steepest: float = math.inf
+    """greatest P that the rate limit behind the loop can follow"""
+    limits: Limits = LIMITS
+
+
+class _Sampled(NamedTuple):
+    omega: Floats
+    followed: Complex
+    measured: Complex
+    rate: Complex
+    forward: Complex
+
+
+class _Candidate(NamedTuple):
+    worth: float
+    """rad/s of bandwidth, or the integral"""
+    terms: Terms
+    shape: tuple[float, float, float]
+    """crossover rad/s, P / I and D / P times it"""
+
+
+def open_loop(process: Process, terms: Terms) -> Any:
+    """The loop cut at its command, as one python-control system (negative feedback closes it)."""
+    import control
+
+    steady = np.array([[terms.proportional, terms.damping]])
+    if not terms.integral:
+        return control.ss(process.sensed.A, process.sensed.B, steady @ process.sensed.C, 0.0)
+    # One state more: what is measured, integrated.
+    n, summed = process.sensed.nstates, process.sensed.C[:1]
+    a = np.block([[process.sensed.A, np.zeros((n, 1))], [summed, np.zeros((1, 1))]])
+    b = np.vstack((process.sensed.B, [[0.0]]))
+    return control.ss(a, b, np.hstack((steady @ process.sensed.C, [[terms.integral]])), 0.0)
+
+
+def loop_margins(process: Process, terms: Terms) -> Margins:
+    """Margins of a loop with these gains."""
+    return margins(open_loop(process, terms))
+
+
+def loop_bandwidth(process: Process, terms: Terms) -> float:
+    """rad/s; -3 dB of the closed loop from the setpoint to what follows it."""
+    sampled = _sample(process)
+    return bandwidth(sampled.omega, _closed(sampled, terms)[1])
+
+
+def search(process: Process, wish: Wish) -> Terms:
+    """The gains of greatest bandwidth within the limits.
+
+    Raises:
+        BadInput: no gains keep them.
+    """
+    sampled = _sample(process)
+    crossovers = wish.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
+    integrals, dampings = INTEGRALS if wish.integral else (math.inf,), DAMPINGS if wish.damping else (0.0,)
+    coarse = _best(process, sampled, wish, product(crossovers, integrals, dampings))
+    if coarse is None:
+        raise BadInput(
+            f"no gains give this loop {wish.limits.gain_margin_db:g} dB and"
+            f" {math.degrees(wish.limits.phase_margin):.0f} degrees below {wish.fastest:.3g} rad/s"
+        )
+    crossover, integral, damping = coarse.shape
+    crossovers = np.minimum(crossover * np.geomspace(0.85, 1.18, 9), wish.fastest)
+    dampings = tuple(_about(damping)) if wish.damping else (0.0,)
+    fine = _best(process, sampled, wish, product(crossovers, integral * np.geomspace(0.63, 1.6, 7), dampings))
+    return (fine or coarse).terms
+
+
+def _about(damping: float) -> Floats:
+    return np.maximum(damping + np.linspace(-0.15, 0.15, 7), 0.0)
+
+
+def _best(
+    process: Process, sampled: _Sampled, wish: Wish, shapes: Iterable[tuple[float, float, float]]
+) -> _Candidate | None:
+    """The best of the shapes that keeps every limit; none where none does."""
+    found = []
+    for shape in shapes:
+        terms = _terms(sampled, shape)
+        if all(0.0 <= value <= most for value, most in zip(terms, wish.ranges, strict=True)):
+            speed = _speed(sampled, terms, wish)
+            if speed > 0.0 and terms.proportional <= wish.steepest and _stable(process, terms):
+                found.append(_Candidate(terms.integral if wish.regulates else speed, terms, shape))
+    if not found:
+        return None
+    most = max(candidate.worth for candidate in found)
+    good = [candidate for candidate in found if candidate.worth >= AS_GOOD * most]
+    return max(good, key=lambda candidate: (candidate.terms.integral, candidate.worth))
+
+
+def _stable(process: Process, terms: Terms) -> bool:
+    """Whether the closed loop is: poles of the open one with its output fed back."""
+    loop = open_loop(process, terms)
+    return bool(np.all(np.linalg.eigvals(loop.A - loop.B @ loop.C).real < 0.0))
+
+
+def _terms(sampled: _Sampled, shape: tuple[float, float, float]) -> Terms:
+    """The gains with a gain of one at the shape's crossover."""
+    crossover, integral, damping = shape
+    i = int(np.searchsorted(sampled.omega, crossover))
+    relative = 1.0 - 1j * crossover / (integral * sampled.omega[i])
+    level = abs(relative * sampled.measured[i] + damping / crossover * sampled.rate[i])
+    proportional = float(1.0 / level)
+    return Terms(proportional, proportional * crossover / integral, proportional * damping / crossover)
+
+
+def _speed(sampled: _Sampled, terms: Terms, wish: Wish) -> float:
+    """Bandwidth (rad/s) with these gains, 0 where they break a limit."""
+    limits = wish.limits
+    loop, closed = _closed(sampled, terms)
+    if np.min(np.abs(1.0 + loop)) < SLACK / limits.sensitivity or np.max(np.abs(closed)) > limits.resonance:
+        return 0.0
+    level = np.log(np.abs(loop))
+    crossing = np.flatnonzero(np.diff(np.sign(level)))
+    if len(crossing) == 0 or sampled.omega[crossing[-1]] > wish.fastest:
+        return 0.0
+    if np.min(np.abs(np.angle(-loop[crossing]))) < SLACK * limits.phase_margin:
+        return 0.0
+    turning = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0.0))
+    most = SLACK * limits.gain_margin_db * math.log(10.0) / 20.0
+    if len(turning) and np.min(np.abs(level[turning])) < most:
+        return 0.0
+    return bandwidth(sampled.omega, closed)
+
+
+def _closed(sampled: _Sampled, terms: Terms) -> tuple[Complex, Complex]:
+    """Responses (n,) of the open loop and of the closed one."""
+    correction = terms.proportional + terms.integral / (1j * sampled.omega)
+    loop = correction * sampled.measured + terms.damping * sampled.rate
+    return loop, (correction * sampled.followed + sampled.forward) / (1.0 + loop)
+
+
+def _sample(process: Process) -> _Sampled:
+    omega = frequencies()
+    measured, rate = response(process.sensed, omega)[:, 0, :]
+    forward = np.zeros(len(omega), dtype=np.complex128)
+    if process.forward is not None:
+        forward = response(process.forward, omega)
+    return _Sampled(omega, response(process.followed, omega), measured, rate, forward)
+
+
+def pick(system: Any, source: str, *targets: str) -> Any:
+    """The part of a system from one named signal to others, one of them more than once if need be."""
+    import control
+
+    column = [system.input_labels.index(source)]
+    rows = [system.output_labels.index(target) for target in targets]
+    return control.ss(system.A, system.B[:, column], system.C[rows], system.D[np.ix_(rows, column)])

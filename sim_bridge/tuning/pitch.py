@@ -1,0 +1,63 @@
+"""Pitch loop: elevator, its servo, the notch at the flapping frequency, sampled at 100 Hz."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from avionics.stabilization import pitch
+from sim_bridge.tuning import blocks
+from sim_bridge.tuning.aircraft import Aircraft, longitudinal
+from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
+from sim_bridge.tuning.ranges import greatest
+
+RATE = 100.0
+"""Hz; of the loop"""
+SHARE = 1.0 / 3.0
+"""-; highest crossover over the flapping frequency: at half of it the stroke averages end"""
+
+
+def system(aircraft: Aircraft) -> Any:
+    """The open aircraft: elevator_command (and throttle) to pitch, climb, and what the loop measures."""
+    gains, frequency = aircraft.gains.pitch, aircraft.model.frequency
+    width = gains.notch_width
+    parts = [
+        longitudinal(aircraft),
+        blocks.delay(blocks.loop_delay(RATE), "elevator_command", "elevator"),
+        blocks.notch(frequency, width, "pitch", "pitch_seen"),
+        blocks.notch(frequency, width, "pitch_rate", "rate_notched"),
+        blocks.lag(gains.rate_lag, "rate_notched", "rate_seen"),
+    ]
+    inputs = ["elevator_command", "throttle"] if aircraft.model.drive is not None else ["elevator_command"]
+    return blocks.joined(parts, inputs, ["pitch", "climb", "pitch_seen", "rate_seen"])
+
+
+def process(aircraft: Aircraft) -> Process:
+    """What the pitch loop acts on."""
+    whole = system(aircraft)
+    command = "elevator_command"
+    return Process(pick(whole, command, "pitch"), pick(whole, command, "pitch_seen", "rate_seen"))
+
+
+def closed(aircraft: Aircraft) -> Any:
+    """The aircraft with its pitch loop closed: pitch_setpoint and throttle to pitch and climb."""
+    signals = ("pitch_setpoint", "pitch_seen", "rate_seen", "elevator_command")
+    loop = blocks.controller(terms(aircraft.gains.pitch), signals)
+    return blocks.joined([system(aircraft), loop], ["pitch_setpoint", "throttle"], ["pitch", "climb"])
+
+
+def terms(gains: pitch.Gains) -> Terms:
+    """The loop's part of its gains."""
+    return Terms(gains.proportional, gains.integral, gains.damping)
+
+
+def tuned(aircraft: Aircraft) -> Aircraft:
+    """With the pitch loop designed.
+
+    Raises:
+        BadInput: no gains keep the margins.
+    """
+    fastest = SHARE * aircraft.model.flapping_rate
+    ranges = greatest(pitch.Gains, "proportional", "integral", "damping")
+    found = search(process(aircraft), Wish(fastest, True, True, ranges))
+    gains = aircraft.gains.pitch._replace(**found._asdict())
+    return aircraft._replace(gains=aircraft.gains._replace(pitch=gains))

@@ -1,0 +1,199 @@
+"""The proof in flight: the same mission in the same gusts with the gains before and after, in numbers.
+
+Errors are against the simulated world's truth; windows begin `SETTLED` after a hold's setpoints, so that both sets of
+gains are measured over the same span of their flights.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics
+from avionics.autopilot import Autopilot
+from avionics.guidance.mission import ItemKind, Mission, MissionItem
+from avionics.messages import Command, CommandKind, Mode, Stage
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles.gains import FlightGains
+from sim_bridge import topics as truth_topics
+from sim_bridge.flight.flight import fly
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import SimulatedVehicle
+
+START = tuple(
+    Command(2_000_000, kind, name=name, source="script")
+    for kind, name in ((CommandKind.ARM, ""), (CommandKind.SET_MODE, Mode.AUTO.name))
+)
+"""armed and switched to AUTO after 2 s: the attitude is known by then"""
+SETTLED, MEASURED = 8.0, 18.0
+"""s; from a hold's beginning to the window, and its length"""
+HEIGHT, STEP, TURN = 20.0, 3.0, math.radians(90.0)
+"""m, m, rad: of the first hold, and from it to the second"""
+MISSION: Mission = (
+    MissionItem(ItemKind.TAKEOFF, altitude=HEIGHT),
+    MissionItem(ItemKind.HOLD, altitude=HEIGHT, heading=0.0, duration=SETTLED + MEASURED + 1.0),
+    MissionItem(ItemKind.HOLD, altitude=HEIGHT + STEP, heading=TURN, duration=SETTLED + MEASURED + 1.0),
+)
+SCENARIO = Scenario(seed=1, wind_speed=2.0, turbulence="light", duration=120.0)
+"""a breeze with light gusts: in still air there is nothing to hold against"""
+_KEPT = {
+    topic.name
+    for topic in (topics.NAVIGATION, topics.PITCH_LOOP, topics.ACTUATORS, topics.ALTITUDE_LOOP, topics.POWER)
+} | {truth_topics.STATE.name}
+
+Array = NDArray[np.float64]
+
+
+class Flown(NamedTuple):
+    """One flight in numbers."""
+
+    holds: int
+    """-; windows it was measured in"""
+    airtime: float
+    """s; of those windows"""
+    touched: bool
+    """whether it touched the ground before their end"""
+    altitude_rms: float
+    """m; setpoint minus true altitude"""
+    heading_rms: float
+    """rad; setpoint minus true course over ground"""
+    pitch_rms: float
+    """rad; pitch setpoint minus pitch, as the loop saw it"""
+    roll_rms: float
+    """rad; true bank about its mean: how much it rocks"""
+    elevator_rate: float
+    """rad/s; RMS of the commanded elevator's rate"""
+    rudder_rate: float
+    """rad/s; RMS of the commanded rudder's rate"""
+    throttle_rms: float
+    """-; throttle of the climb loop about its mean"""
+    power: float
+    """W; electrical, mean"""
+
+
+class Proof(NamedTuple):
+    """The same flight twice."""
+
+    before: Flown
+    after: Flown
+
+
+class _Memory:
+    """Keeps the few topics that are measured, and knows when the mission is over."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, list[Any]] = defaultdict(list)
+        self.over = False
+
+    def publish(self, topic: Topic, message: Any) -> None:
+        if topic.name in _KEPT:
+            self._rows[topic.name].append(message)
+        if topic is topics.NAVIGATION and message.item >= len(MISSION):
+            self.over = True
+
+    def column(self, topic: Topic, name: str) -> Array:
+        """(n,) of a field; in s for the time."""
+        values = np.array([getattr(row, name) for row in self._rows[topic.name]], dtype=np.float64)
+        return values * 1e-6 if name == "time_us" else values
+
+
+class _World(SimulatedWorld):
+    """Ends with the mission: nothing is measured in a landing."""
+
+    def __init__(self, vehicle: SimulatedVehicle, scenario: Scenario, memory: _Memory) -> None:
+        super().__init__(vehicle, scenario, memory.publish)
+        self._memory = memory
+
+    @property
+    def finished(self) -> bool:
+        return self._memory.over or super().finished
+
+
+def flown(
+    world: SimulatedVehicle, vehicle: FlightVehicle, gains: FlightGains, scenario: Scenario = SCENARIO
+) -> Flown:
+    """Fly `MISSION` with these gains in one process.
+
+    Raises:
+        BadInput: a scenario or vehicle that cannot be flown, or a flight that never came to its first hold.
+    """
+    memory = _Memory()
+    autopilot = Autopilot(vehicle._replace(gains=gains), MISSION, memory.publish)
+    fly(_World(world, scenario, memory), autopilot, START)
+    return _measured(memory)
+
+
+def _measured(memory: _Memory) -> Flown:
+    spans = _windows(memory)
+    if not spans:
+        raise BadInput(f"the flight did not come to its first hold at {HEIGHT:g} m")
+    truth, time = _chosen(memory, truth_topics.STATE, spans), memory.column(truth_topics.STATE, "time_us")
+    asked_altitude, asked_heading = (
+        _held(memory, name, truth("time_us")) for name in ("altitude_setpoint", "heading_setpoint")
+    )
+    altitude = memory.column(truth_topics.STATE, "down")[0] - truth("down")
+    course = np.arctan2(truth("v_east"), truth("v_north"))
+    roll, actuators = _roll(truth), _chosen(memory, topics.ACTUATORS, spans)
+    on_ground = memory.column(truth_topics.STATE, "on_ground")
+    launched = int(np.argmin(on_ground))
+    return Flown(
+        len(spans),
+        float(sum(end - begin for begin, end in spans)),
+        bool(np.any(on_ground[launched:][time[launched:] <= spans[-1][1]])),
+        _rms(asked_altitude - altitude),
+        _rms((asked_heading - course + np.pi) % (2.0 * np.pi) - np.pi),
+        _rms(_chosen(memory, topics.PITCH_LOOP, spans)("pitch_error")),
+        float(np.std(roll)),
+        _rms(_rate(actuators, "elevator")),
+        _rms(_rate(actuators, "rudder")),
+        float(np.std(_chosen(memory, topics.ALTITUDE_LOOP, spans)("throttle"))),
+        float(np.mean(_chosen(memory, topics.POWER, spans)("power"))),
+    )
+
+
+def _windows(memory: _Memory) -> list[tuple[float, float]]:
+    """Beginning and end (s) of the span that is measured in each hold."""
+    time, item = memory.column(topics.NAVIGATION, "time_us"), memory.column(topics.NAVIGATION, "item")
+    en_route = memory.column(topics.NAVIGATION, "stage") == Stage.EN_ROUTE
+    found = []
+    for i, wanted in enumerate(MISSION):
+        inside = time[en_route & (item == i)]
+        if wanted.kind == ItemKind.HOLD and len(inside) and inside[-1] >= inside[0] + SETTLED + MEASURED - 0.1:
+            found.append((float(inside[0]) + SETTLED, float(inside[0]) + SETTLED + MEASURED))
+    return found
+
+
+def _chosen(memory: _Memory, topic: Topic, spans: list[tuple[float, float]]) -> Callable[[str], Array]:
+    """Gives a topic's fields (n,), samples of the spans alone."""
+    time = memory.column(topic, "time_us")
+    inside = np.any([(time >= begin) & (time <= end) for begin, end in spans], axis=0)
+    return lambda name: memory.column(topic, name)[inside]
+
+
+def _held(memory: _Memory, name: str, times: Array) -> Array:
+    """(n,); what the navigation asked for at ``times`` in s."""
+    places = np.searchsorted(memory.column(topics.NAVIGATION, "time_us"), times, side="right") - 1
+    return np.asarray(memory.column(topics.NAVIGATION, name)[np.maximum(places, 0)])
+
+
+def _roll(truth: Callable[[str], Array]) -> Array:
+    w, x, y, z = (truth(f"quaternion_{axis}") for axis in "wxyz")
+    return np.asarray(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
+
+
+def _rate(actuators: Callable[[str], Array], name: str) -> Array:
+    """rad/s, of a commanded angle; the gap between two spans is left out."""
+    steps = np.diff(actuators("time_us"))
+    rates = np.diff(actuators(name)) / steps
+    return np.asarray(rates[steps < 0.1])
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

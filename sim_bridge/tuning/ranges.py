@@ -1,0 +1,15 @@
+"""The ranges that the flight computer allows its gains."""
+
+from __future__ import annotations
+
+from typing import Any, get_args, get_type_hints
+
+from avionics.quantities import Quantity
+
+
+def greatest(gains: type[Any], *keys: str) -> tuple[float, float, float]:
+    """Greatest allowed P, I and D of a class of gains, by their keys; 0 for those a loop has not."""
+    hints = get_type_hints(gains, include_extras=True)
+    found = [next(extra.high for extra in get_args(hints[key]) if isinstance(extra, Quantity)) for key in keys]
+    proportional, integral, damping = [*found, 0.0, 0.0][:3]
+    return proportional, integral, damping

@@ -1,0 +1,48 @@
+"""Roll loop: roll command, the rudder's share of it and its servo, the dihedral, sampled at 100 Hz."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from avionics.stabilization import roll
+from sim_bridge.tuning import blocks
+from sim_bridge.tuning.aircraft import Aircraft, lateral
+from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
+from sim_bridge.tuning.pitch import RATE, SHARE
+from sim_bridge.tuning.ranges import greatest
+
+
+def system(aircraft: Aircraft) -> Any:
+    """The open aircraft: roll_asked to roll, roll_rate and yaw_rate."""
+    parts = [lateral(aircraft), blocks.delay(blocks.loop_delay(RATE), "roll_asked", "roll_command")]
+    return blocks.joined(parts, ["roll_asked"], ["roll", "roll_rate", "yaw_rate"])
+
+
+def process(aircraft: Aircraft) -> Process:
+    """What the roll loop acts on."""
+    whole = system(aircraft)
+    return Process(pick(whole, "roll_asked", "roll"), pick(whole, "roll_asked", "roll", "roll_rate"))
+
+
+def closed(aircraft: Aircraft) -> Any:
+    """The aircraft with its roll loop closed: roll_setpoint to roll and yaw_rate."""
+    loop = blocks.controller(terms(aircraft.gains.roll), ("roll_setpoint", "roll", "roll_rate", "roll_asked"))
+    return blocks.joined([system(aircraft), loop], ["roll_setpoint"], ["roll", "yaw_rate"])
+
+
+def terms(gains: roll.Gains) -> Terms:
+    """The loop's part of its gains."""
+    return Terms(gains.proportional, gains.integral, gains.damping)
+
+
+def tuned(aircraft: Aircraft) -> Aircraft:
+    """With the roll loop designed.
+
+    Raises:
+        BadInput: no gains keep the margins.
+    """
+    fastest = SHARE * aircraft.model.flapping_rate
+    ranges = greatest(roll.Gains, "proportional", "integral", "damping")
+    found = search(process(aircraft), Wish(fastest, True, True, ranges))
+    gains = aircraft.gains.roll._replace(**found._asdict())
+    return aircraft._replace(gains=aircraft.gains._replace(roll=gains))
