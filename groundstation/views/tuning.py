@@ -54,7 +54,7 @@ def _margin(words: str, kept: bool, value: float) -> Text:
 
 def _notes(design: Design) -> list[str]:
     asked = f"at least {LIMITS.gain_margin_db:g} dB and {wording.angle(LIMITS.phase_margin, '.0f')}"
-    notes = [f"asked of every loop: {asked}; ! marks what falls short; bandwidth: -3 dB from setpoint to response"]
+    notes = [f"every loop: {asked}, ! falls short; bandwidth: -3 dB from setpoint to response"]
     missing = [part.name for part in PARTS if part.name not in {loop.name for loop in design.after}]
     if missing:
         notes.append(f"not designed, the model lacks their motion: {', '.join(missing)}")

@@ -10,6 +10,7 @@ from avionics.guidance import altitude
 from sim_bridge.tuning import blocks, climb
 from sim_bridge.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.margins import GUIDANCE
 from sim_bridge.tuning.ranges import greatest
 
 APART = 4.0
@@ -41,6 +42,6 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     ranges = greatest(altitude.Gains, "proportional")
     file = aircraft.gains.altitude
     steepest = file.climb_rate_limit / max(file.climb_max, file.sink_max)
-    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest))
+    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE))
     gains = file._replace(proportional=found.proportional)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

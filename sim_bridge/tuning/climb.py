@@ -8,16 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 from avionics.guidance import altitude
-from sim_bridge.tuning import blocks, margins, pitch
+from sim_bridge.tuning import blocks, pitch
 from sim_bridge.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
+from sim_bridge.tuning.margins import GUIDANCE
 from sim_bridge.tuning.ranges import greatest
 
 RATE = 50.0
 """Hz; of the loop"""
-LIMITS = margins.Limits(sensitivity=1.4)
-"""calmer than the attitude loops: thrust saturates, and what shakes the throttle shakes the roll (Astrom and Hagglund
-1995, PID Controllers, section 4.6: 1.4 to 2)"""
 SHARE = 0.1
 """-; highest crossover over the flapping frequency: the thrust of a stroke is known when it is over"""
 
@@ -63,6 +61,6 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(altitude.Gains, "throttle_error", "throttle_integral")
-    found = search(process(aircraft), Wish(fastest, True, False, ranges, regulates=True, limits=LIMITS))
+    found = search(process(aircraft), Wish(fastest, True, False, ranges, regulates=True, limits=GUIDANCE))
     gains = aircraft.gains.altitude._replace(throttle_error=found.proportional, throttle_integral=found.integral)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

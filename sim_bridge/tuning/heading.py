@@ -15,6 +15,7 @@ from sim_bridge.tuning.aircraft import Aircraft
 from sim_bridge.tuning.altitude import APART
 from sim_bridge.tuning.climb import RATE
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.margins import GUIDANCE
 from sim_bridge.tuning.ranges import greatest
 
 
@@ -43,6 +44,6 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     ranges = greatest(heading.Gains, "proportional")
     file = aircraft.gains.heading
     steepest = file.roll_rate * aircraft.model.airspeed / (GRAVITY * math.tan(file.roll_max))
-    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest))
+    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE))
     gains = file._replace(proportional=found.proportional)
     return aircraft._replace(gains=aircraft.gains._replace(heading=gains))

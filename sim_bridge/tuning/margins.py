@@ -30,6 +30,9 @@ class Limits(NamedTuple):
 
 
 LIMITS = Limits()
+GUIDANCE = Limits(sensitivity=1.5)
+"""of the outer loops, calmer: they meet gusts, and rates and thrust that saturate (Astrom and Hagglund 1995, PID
+Controllers, section 4.6: 1.4 to 2)"""
 
 
 class Margins(NamedTuple):

@@ -1,0 +1,158 @@
+"""Designed loops: their margins by other means, and the flight code's own loops flown on the linear model."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model, nearest, vehicle
+
+from avionics.quantities import BadInput
+from avionics.stabilization import pitch, roll
+from avionics.vehicles.gains import FlightGains
+from sim_bridge.tuning.cascade import PARTS, design
+from sim_bridge.tuning.margins import LIMITS
+
+TRIM = 1e-3
+"""rad; of a disturbance small enough for nothing to saturate"""
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_every_designed_loop_keeps_its_margins_by_the_frequency_response_alone(name: str) -> None:
+    found = {loop: nearest(response) for loop, response in loops(name, designed(name).gains).items()}
+    assert set(found) == {"pitch", "roll", "climb", "altitude", "heading"}
+    for loop, margins in found.items():
+        assert margins.gain_db >= 6.0, loop
+        assert margins.phase_deg >= 45.0, loop
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_margins_told_are_those_of_the_frequency_response(name: str) -> None:
+    """Before and after: Padé's delays and python-control's crossings against exact delays and a fine grid."""
+    for told, gains in ((designed(name).before, vehicle(name).gains), (designed(name).after, designed(name).gains)):
+        responses = loops(name, gains)
+        for loop in told:
+            found = nearest(responses[loop.name])
+            assert loop.margins.gain_db == pytest.approx(found.gain_db, abs=0.05), loop.name
+            assert math.degrees(loop.margins.phase) == pytest.approx(found.phase_deg, abs=0.3), loop.name
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_nothing_but_the_cascade_is_changed(name: str) -> None:
+    found, file = designed(name), vehicle(name).gains
+    changed = {
+        f"{section}.{key}"
+        for section in file._fields
+        for key in getattr(file, section)._fields
+        if getattr(getattr(file, section), key) != getattr(getattr(found.gains, section), key)
+    }
+    assert changed <= {key for part in PARTS for key in part.keys}
+    values = designed(name).values
+    assert set(values) == {key for part in PARTS for key in part.keys}
+    assert all(getattr(getattr(found.gains, key.split(".")[0]), key.split(".")[1]) == values[key] for key in values)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_loop_is_no_faster_than_the_flapping_and_the_loops_inside_it_allow(name: str) -> None:
+    loop = {one.name: one for one in designed(name).after}
+    flapping = 2.0 * math.pi * model(name).frequency
+    assert max(loop["pitch"].margins.crossover, loop["roll"].margins.crossover) <= flapping / 3.0 * 1.01
+    assert loop["altitude"].margins.crossover <= loop["climb"].bandwidth / 4.0 * 1.01
+    assert loop["heading"].margins.crossover <= loop["roll"].bandwidth / 4.0 * 1.01
+    gains = designed(name).gains.altitude
+    assert gains.proportional * max(gains.climb_max, gains.sink_max) <= gains.climb_rate_limit
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_designed_loop_is_as_fast_as_any_scaled_within_the_limits(name: str) -> None:
+    """With P, I and D all larger by a fifth the pitch loop breaks a limit: the search left nothing there."""
+    gains = designed(name).gains.pitch
+    scaled = designed(name).gains._replace(
+        pitch=gains._replace(
+            proportional=1.2 * gains.proportional, integral=1.2 * gains.integral, damping=1.2 * gains.damping
+        )
+    )
+    response = loops(name, scaled)["pitch"]
+    crossing = np.flatnonzero(np.diff(np.sign(np.abs(response) - 1.0)))
+    too_fast = OMEGA[crossing[-1]] > 2.0 * math.pi * model(name).frequency / 3.0
+    margins = nearest(response)
+    near = np.min(np.abs(1.0 + response)) < 1.0 / LIMITS.sensitivity
+    assert too_fast or near or margins.gain_db < 6.0 or margins.phase_deg < 45.0
+
+
+def pitch_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float = 0.0) -> bool:
+    """Fly the flight code's pitch loop on A and B, its elevator multiplied about the trim."""
+    m, trim = model(name), gains.pitch.elevator_trim
+    axis = Sampled(m.a, m.elevator, vehicle(name).airframe.tail_time_constant, 0.005 + late)
+    state = pitch.initial(gains.pitch)
+    axis.x[3] = TRIM
+
+    def fly(time: float) -> float:
+        nonlocal state
+        measured = pitch.Measured(float(axis.x[3]), float(axis.x[2]), m.frequency)
+        state, status = pitch.step(gains.pitch, state, round(time * 1e6), 0.01, 0.0, measured)
+        assert not status.saturated
+        axis.advance(factor * (status.elevator - trim), 0.01)
+        return float(axis.x[3])
+
+    return grows(fly)
+
+
+def roll_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float = 0.0) -> bool:
+    """Fly the flight code's roll loop on A and B, its command multiplied."""
+    m = model(name)
+    assert m.lateral is not None
+    b = m.lateral.rudder * gains.tail.rudder_share
+    axis = Sampled(m.lateral.a, b, vehicle(name).airframe.tail_time_constant, 0.005 + late)
+    state = roll.State()
+    axis.x[3] = TRIM
+
+    def fly(time: float) -> float:
+        nonlocal state
+        measured = float(axis.x[3]), float(axis.x[1])
+        state, status = roll.step(gains.roll, state, round(time * 1e6), 0.01, 0.0, measured)
+        assert not status.saturated
+        axis.advance(factor * status.roll_command, 0.01)
+        return float(axis.x[3])
+
+    return grows(fly)
+
+
+@pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_flight_code_stands_the_gain_it_was_designed_for_and_no_more(name: str, flown) -> None:  # type: ignore[no-untyped-def]
+    gains = designed(name).gains
+    loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
+    most = 10.0 ** (loop.margins.gain_db / 20.0)
+    assert not flown(name, gains, 1.0)
+    assert not flown(name, gains, 1.9)
+    assert not flown(name, gains, 0.96 * most)
+    assert flown(name, gains, 1.04 * most)
+    assert flown(name, gains, 2.5 * most)
+
+
+@pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_flight_code_stands_the_delay_its_phase_margin_says(name: str, flown) -> None:  # type: ignore[no-untyped-def]
+    gains = designed(name).gains
+    loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
+    most = loop.margins.phase / loop.margins.crossover
+    assert not flown(name, gains, late=0.93 * most)
+    assert flown(name, gains, late=1.07 * most)
+
+
+def test_a_model_without_drive_and_lateral_motion_tunes_the_pitch_loop_alone() -> None:
+    name = VEHICLES[0]
+    bare = model(name)._replace(drive=None, lateral=None)
+    found = design(bare, vehicle(name))
+    assert [loop.name for loop in found.after] == ["pitch"]
+    assert found.after[0].gains == designed(name).after[0].gains
+    assert found.gains.roll == vehicle(name).gains.roll
+
+
+def test_an_elevator_that_does_nothing_is_refused_by_the_loop_it_is_in() -> None:
+    name = VEHICLES[0]
+    limp = model(name)._replace(elevator=1e-6 * model(name).elevator)
+    with pytest.raises(BadInput, match="pitch: no gains"):
+        design(limp, vehicle(name))
