@@ -1,6 +1,7 @@
 """Climb loop: throttle, the drive's lag, the climb rate averaged over a stroke, sampled at 50 Hz.
 
-The pitch loop is closed within it; the feed-forwards from the climb setpoint to throttle and pitch are the file's.
+The pitch loop is closed within it; the feed-forwards from the climb setpoint to throttle and pitch are the file's; so
+is the pitch's answer to the climb error, which is part of the loop: that is cut where the climb rate is measured.
 """
 
 from __future__ import annotations
@@ -21,36 +22,49 @@ SHARE = 0.1
 
 
 def system(aircraft: Aircraft) -> Any:
-    """throttle_asked and climb_setpoint (by the feed-forwards) to climb and to what the loop measures."""
+    """throttle_asked, pitch_asked and climb_setpoint (by feed-forward) to climb and what the loop measures."""
     gains, wait = aircraft.gains.altitude, blocks.loop_delay(RATE)
     parts = [
         pitch.closed(aircraft),
         blocks.delay(wait, "throttle_asked", "throttle"),
         blocks.gain(gains.throttle_climb, "climb_setpoint", "throttle_asked"),
-        blocks.delay(wait, "climb_setpoint", "climb_ahead"),
-        blocks.gain(gains.pitch_climb, "climb_ahead", "pitch_setpoint"),
+        blocks.delay(wait, "pitch_asked", "pitch_setpoint"),
+        blocks.gain(gains.pitch_climb, "climb_setpoint", "pitch_asked"),
         blocks.stroke_mean(aircraft.model.frequency, "climb", "climb_seen"),
     ]
-    return blocks.joined(parts, ["throttle_asked", "climb_setpoint"], ["climb", "climb_seen"])
+    return blocks.joined(parts, ["throttle_asked", "pitch_asked", "climb_setpoint"], ["climb", "climb_seen"])
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the climb loop acts on."""
-    whole = system(aircraft)
-    followed, seen = (pick(whole, "throttle_asked", *names) for names in (["climb"], ["climb_seen", "climb_seen"]))
-    return Process(followed, seen, pick(whole, "climb_setpoint", "climb"))
+    """What the climb loop acts on: its damping is the pitch's answer to the climb error."""
+    import control
+
+    whole, answer = (
+        system(aircraft),
+        blocks.gain(aircraft.gains.altitude.pitch_error, "climb_setpoint", "pitch_asked"),
+    )
+    ahead = blocks.joined([whole, answer], ["climb_setpoint"], ["climb"])
+    # Two inputs to one output, transposed: a loop's responses are the same, and it has one input and two outputs.
+    paths = whole[["climb_seen"], ["throttle_asked", "pitch_asked"]]
+    sensed = control.ss(paths.A.T, paths.C.T, paths.B.T, paths.D.T)
+    return Process(pick(whole, "throttle_asked", "climb"), sensed, ahead)
 
 
 def closed(aircraft: Aircraft) -> Any:
     """The aircraft with its climb loop closed: climb_setpoint to climb."""
-    signals = ("climb_setpoint", "climb_seen", "no_rate", "throttle_asked")
-    loop = blocks.controller(terms(aircraft.gains.altitude), signals)
-    return blocks.joined([system(aircraft), loop], ["climb_setpoint"], ["climb"])
+    throttle, answer = terms(aircraft.gains.altitude)._replace(damping=0.0), aircraft.gains.altitude.pitch_error
+    parts = [
+        system(aircraft),
+        blocks.controller(throttle, ("climb_setpoint", "climb_seen", "no_rate", "throttle_asked")),
+        blocks.gain(answer, "climb_setpoint", "pitch_asked"),
+        blocks.gain(-answer, "climb_seen", "pitch_asked"),
+    ]
+    return blocks.joined(parts, ["climb_setpoint"], ["climb"])
 
 
 def terms(gains: altitude.Gains) -> Terms:
     """The loop's part of its gains."""
-    return Terms(gains.throttle_error, gains.throttle_integral, 0.0)
+    return Terms(gains.throttle_error, gains.throttle_integral, gains.pitch_error)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
@@ -60,7 +74,10 @@ def tuned(aircraft: Aircraft) -> Aircraft:
         BadInput: no gains keep the margins.
     """
     fastest = SHARE * aircraft.model.flapping_rate
-    ranges = greatest(altitude.Gains, "throttle_error", "throttle_integral")
-    found = search(process(aircraft), Wish(fastest, True, False, ranges, regulates=True, limits=GUIDANCE))
+    ranges, held = (
+        greatest(altitude.Gains, "throttle_error", "throttle_integral"),
+        aircraft.gains.altitude.pitch_error,
+    )
+    found = search(process(aircraft), Wish(fastest, True, False, ranges, held, regulates=True, limits=GUIDANCE))
     gains = aircraft.gains.altitude._replace(throttle_error=found.proportional, throttle_integral=found.integral)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

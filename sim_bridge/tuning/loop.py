@@ -64,6 +64,8 @@ class Wish(NamedTuple):
     """whether there is a damping"""
     ranges: tuple[float, float, float]
     """greatest P, I, D the flight computer takes"""
+    held: float = 0.0
+    """the D of a loop whose damping is not chosen"""
     regulates: bool = False
     """whether the greatest integral is sought instead of the greatest bandwidth: feed-forwards do the following"""
     steepest: float = math.inf
@@ -144,8 +146,9 @@ def _best(
     """The best of the shapes that keeps every limit; none where none does."""
     found = []
     for shape in shapes:
-        terms = _terms(sampled, shape)
-        if all(0.0 <= value <= most for value, most in zip(terms, wish.ranges, strict=True)):
+        terms = _terms(sampled, shape, wish)
+        chosen = terms if wish.damping else terms[:2]
+        if all(0.0 <= value <= most for value, most in zip(chosen, wish.ranges, strict=False)):
             speed = _speed(sampled, terms, wish)
             if speed > 0.0 and terms.proportional <= wish.steepest and _stable(process, terms):
                 found.append(_Candidate(terms.integral if wish.regulates else speed, terms, shape))
@@ -162,14 +165,15 @@ def _stable(process: Process, terms: Terms) -> bool:
     return bool(np.all(np.linalg.eigvals(loop.A - loop.B @ loop.C).real < 0.0))
 
 
-def _terms(sampled: _Sampled, shape: tuple[float, float, float]) -> Terms:
-    """The gains with a gain of one at the shape's crossover."""
+def _terms(sampled: _Sampled, shape: tuple[float, float, float], wish: Wish) -> Terms:
+    """The gains with a gain of one at the shape's crossover, a held damping aside."""
     crossover, integral, damping = shape
     i = int(np.searchsorted(sampled.omega, crossover))
     relative = 1.0 - 1j * crossover / (integral * sampled.omega[i])
     level = abs(relative * sampled.measured[i] + damping / crossover * sampled.rate[i])
     proportional = float(1.0 / level)
-    return Terms(proportional, proportional * crossover / integral, proportional * damping / crossover)
+    rate = proportional * damping / crossover if wish.damping else wish.held
+    return Terms(proportional, proportional * crossover / integral, rate)
 
 
 def _speed(sampled: _Sampled, terms: Terms, wish: Wish) -> float:

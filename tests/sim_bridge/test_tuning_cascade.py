@@ -38,6 +38,21 @@ def test_the_margins_told_are_those_of_the_frequency_response(name: str) -> None
             assert math.degrees(loop.margins.phase) == pytest.approx(found.phase_deg, abs=0.3), loop.name
 
 
+@pytest.mark.parametrize("answer", [0.03, -0.02])
+def test_a_pitch_that_answers_climb_errors_is_part_of_the_climb_loop(answer: float) -> None:
+    name = VEHICLES[0]
+    gains = vehicle(name).gains
+    nosed = vehicle(name)._replace(gains=gains._replace(altitude=gains.altitude._replace(pitch_error=answer)))
+    told, found = design(model(name), nosed), designed(name)
+    for loops_told, used in ((told.before, nosed.gains), (told.after, told.gains)):
+        responses = loops(name, used)
+        for loop in loops_told:
+            if loop.name in ("climb", "altitude"):
+                assert loop.margins.gain_db == pytest.approx(nearest(responses[loop.name]).gain_db, abs=0.05)
+    assert told.gains.altitude.pitch_error == answer
+    assert told.values["altitude.throttle_integral"] != found.values["altitude.throttle_integral"]
+
+
 @pytest.mark.parametrize("name", VEHICLES)
 def test_nothing_but_the_cascade_is_changed(name: str) -> None:
     found, file = designed(name), vehicle(name).gains

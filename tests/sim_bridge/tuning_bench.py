@@ -66,8 +66,10 @@ def loops(name: str, gains: FlightGains) -> dict[str, Complex]:
     correction = climb_gains.throttle_error + climb_gains.throttle_integral / S
     by_throttle, by_pitch = climbing
     mean = 1.0 / (1.0 + S / (2.0 * model(name).frequency))
-    climb = correction * by_throttle * wait * mean
+    nose = climb_gains.pitch_error * by_pitch * wait
+    climb = (correction * by_throttle * wait + nose) * mean
     ahead = (correction + climb_gains.throttle_climb) * by_throttle * wait + climb_gains.pitch_climb * by_pitch * wait
+    ahead = ahead + nose
     return {
         "pitch": along,
         "roll": across,
