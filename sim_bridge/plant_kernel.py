@@ -211,13 +211,23 @@ def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratc
     charge = y[COORDINATES + 2 * n + 2]
     open_circuit = _supply(charge, p.battery)
     voltage = open_circuit
+    before = last = open_circuit
     for _ in range(VOLTAGE_ROUNDS):
         _drive_torques(y, t / c.duration, max(voltage, 0.1) / p.drive[2], c, p, s)
-        voltage = open_circuit - p.battery[3] * s.drive[CURRENT]
+        before, last, voltage = last, voltage, open_circuit - p.battery[3] * s.drive[CURRENT]
+        if p.drive_kind == LINKAGE and last != before:
+            voltage = _extrapolated(before, last, voltage)
     s.drive[VOLTAGE] = voltage
     for i in range(n):
         if p.joints.kind[i] == WING:
             s.load[BASE + i] += s.drive[p.joints.channel[i]]
+
+
+@inlined
+def _extrapolated(before: float, last: float, voltage: float) -> float:
+    """The end of a row of voltages that shrinks by the same share each round: a motor's current is linear in it."""
+    bend = voltage - 2.0 * last + before
+    return voltage - (voltage - last) * (voltage - last) / bend if bend != 0.0 else voltage
 
 
 @inlined

@@ -7,6 +7,7 @@ import pytest
 from plant_bench import NAMES, air, equations, hold, joint_rates, mirrored, pitching, rates, slack, state, vehicle
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.actuators.linkage import drive
 from sim_bridge.aerodynamics.protocol import aspect_ratio
 from sim_bridge.mechanism import chord_shape, total_mass, wing_strips
 from sim_bridge.plant import Plant
@@ -235,6 +236,20 @@ def test_a_prescribed_joint_is_where_the_phase_of_the_stroke_says() -> None:
         rate = slope * 2.0 * math.pi * plant.y[layout.crank_speed]
         assert plant.y[layout.rate(at)] == pytest.approx(rate, abs=1e-3)
     assert plant.y[layout.crank_speed] > 3.0
+
+
+@pytest.mark.parametrize("throttle", [0.3, 0.77, 1.0])
+def test_a_motor_draws_what_the_voltage_that_its_current_leaves_drives(throttle: float) -> None:
+    plant = Plant(vehicle("slow_hawk"))
+    battery, layout = plant.parameters.battery, plant.layout
+    plant.y[2], plant.y[7] = -100.0, 9.0
+    plant.y[layout.crank_phase], plant.y[layout.crank_speed] = 2.0, 5.9 * throttle
+    rates(plant, plant.y, hold()._replace(throttle=throttle), air())
+    _, _, current, voltage = plant.scratch.drive[:4].tolist()
+    crank_rate = 2.0 * math.pi * float(plant.y[layout.crank_speed])
+    assert voltage == pytest.approx(battery[0] - battery[3] * current, abs=1e-9)
+    assert current == pytest.approx(throttle * drive(plant.parameters.motor, throttle * voltage, crank_rate).current)
+    assert current > 1.0
 
 
 def test_following_commands_is_advancing_through_them_one_by_one() -> None:
