@@ -55,7 +55,7 @@ class ImuSample(NamedTuple):
 
 
 class EncoderSample(NamedTuple):
-    """Quadrature counts of the wing encoders, accumulated since power-on."""
+    """Quadrature counts of the wing encoders, accumulated since power-on, and what their index pulses latched."""
 
     time_us: Time
     """us; since boot"""
@@ -63,6 +63,14 @@ class EncoderSample(NamedTuple):
     """counts; left wing, positive with the wing up"""
     right_counts: Counts
     """counts; right wing, positive with the wing up"""
+    left_index_counts: Counts = 0
+    """counts; of the left counter at its encoder's last index pulse"""
+    right_index_counts: Counts = 0
+    """counts; of the right counter at its encoder's last index pulse"""
+    left_index_pulses: Number = 0
+    """-; of the left encoder's index since power-on; 0 where there is none"""
+    right_index_pulses: Number = 0
+    """-; of the right encoder's index since power-on; 0 where there is none"""
 
 
 class PressureSample(NamedTuple):
@@ -307,9 +315,9 @@ class WingState(NamedTuple):
     rate_right: float
     """rad/s; flap rate"""
     phase: float
-    """rad; of the mean of both wings, 0 to 2 pi, 0 at the upward crossing of the stroke's middle"""
+    """rad; of the mean of both wings, 0 to 2 pi in equal times, 0 at the upward crossing of the stroke's middle"""
     frequency: float
-    """Hz; of the last full stroke, 0 when not flapping"""
+    """Hz; of the last full stroke, ended by a crossing either way; 0 when not flapping"""
     amplitude_left: float
     """rad; half the peak-to-peak angle of the last stroke"""
     amplitude_right: float
@@ -317,11 +325,21 @@ class WingState(NamedTuple):
     mean_angle: float
     """rad; middle of the last stroke, both wings"""
     downstroke_ratio: float
-    """-; downstroke's share of the last stroke"""
+    """-; downstroke's share of the last stroke, mean of both wings"""
     strokes: Number
     """-; full strokes since boot"""
     flapping: Number
-    """-; 1 while a stroke is measured, 0 otherwise"""
+    """-; 1 while a stroke is measured (without encoders: commanded), 0 otherwise"""
+    downstroke_ratio_left: float
+    """-; downstroke's share of the left wing's last stroke"""
+    downstroke_ratio_right: float
+    """-; downstroke's share of the right wing's last stroke"""
+    valid_left: Number
+    """-; 0 while the left encoder is not believed: its wing is taken to move as the other"""
+    valid_right: Number
+    """-; 0 while the right encoder is not believed: its wing is taken to move as the other"""
+    missed_counts: Number
+    """counts; missed by both encoders since boot, as their indices told"""
 
 
 class PowerState(NamedTuple):
@@ -342,7 +360,15 @@ class PowerState(NamedTuple):
     energy_per_stroke: float
     """J; of the last full stroke"""
     battery_remaining: float
-    """-; 0 to 1, from the charge drawn"""
+    """-; 0 to 1, from the charge drawn and the open-circuit voltage"""
+    open_circuit_voltage: float
+    """V; of the battery: the voltage plus its sag under the current"""
+    resistance: float
+    """ohm; of battery and leads, measured as the slope of that sag once the current varies"""
+    current_zero: float
+    """A; zero of the current sensor learned at rest, already taken off"""
+    clipped: Number
+    """-; looks at a burst, 25 a second, that found the current at the end of its sensor's range: all is too little"""
 
 
 class DriveTorque(NamedTuple):

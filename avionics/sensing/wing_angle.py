@@ -1,9 +1,13 @@
 """Wing motion from encoder counts: angle, rate, phase, frequency and the shape of the last stroke.
 
-A stroke runs from one upward crossing of the stroke's middle to the next, for the mean of both wings. Crossings are
-timed by interpolation between samples and confirmed by a hysteresis, so that neither the encoder's steps (0.18
-degree, E2-500, Gerdes et al. 2017 Table 1) nor a trembling wing make strokes. Between crossings the phase runs
-on with the period of the last stroke.
+A stroke runs from one crossing of the stroke's middle to the next in the same direction, for the mean of both wings.
+The middle lies halfway between the last top and the last bottom, so that it follows a stroke that moves. Crossings
+are timed by interpolation between samples and confirmed by a hysteresis, so that neither the encoder's steps (0.18
+degree, E2-500, Gerdes et al. 2017 Table 1) nor a trembling wing make strokes. Upward and downward crossings both set
+phase and period: between them the phase runs on for half a stroke only.
+
+An encoder that is not believed (`avionics.sensing.encoders`) is replaced by the other wing's; without both, phase and
+frequency are those of the commanded stroke.
 """
 
 from __future__ import annotations
@@ -11,12 +15,17 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, NamedTuple
 
-from avionics.messages import EncoderSample, WingState
+from avionics.messages import WingState
 from avionics.quantities import Quantity
+from avionics.sensing.encoders import Counts, new
 
 TWO_PI = 2.0 * pi
 PATIENCE = 1.5
-"""-; periods without an upward crossing after which the wing does not flap"""
+"""-; periods without a crossing after which the wing does not flap"""
+SPLIT_SHARE = 0.5
+"""-; of the last stroke in the share of a stroke above the middle, which hardly changes with a drive's frequency"""
+STEADY = 0.02
+"""-; of the period, by which it changes at most while that share is measured"""
 
 
 class Gains(NamedTuple):
@@ -46,6 +55,19 @@ class Gains(NamedTuple):
     """Hz; flapping faster than this is none"""
 
 
+class Commanded(NamedTuple):
+    """The stroke asked of the wings, the best guess where no encoder is believed."""
+
+    frequency: float = 0.0
+    """Hz; 0 when no flapping is asked"""
+    phase: float = 0.0
+    """rad; 0 to 2 pi"""
+
+
+NOTHING = Commanded()
+"""no flapping is asked"""
+
+
 class Stroke(NamedTuple):
     """The last full stroke."""
 
@@ -58,28 +80,41 @@ class Stroke(NamedTuple):
     mean_angle: float = 0.0
     """rad; middle between the extremes, mean of both wings"""
     downstroke_ratio: float = 0.0
-    """-; share of the period from the top to the bottom"""
+    """-; share of the period from the top to the bottom, mean of both wings"""
+    downstroke_ratio_left: float = 0.0
+    """-; of the left wing"""
+    downstroke_ratio_right: float = 0.0
+    """-; of the right wing"""
 
 
-class Extremes(NamedTuple):
-    """Extreme angles since the present stroke began."""
+class Turn(NamedTuple):
+    """The last top and the last bottom of one wing, or of the mean of both."""
 
-    left_high: float = 0.0
-    """rad"""
-    left_low: float = 0.0
-    """rad"""
-    right_high: float = 0.0
-    """rad"""
-    right_low: float = 0.0
-    """rad"""
     high: float = 0.0
-    """rad; of the mean of both wings"""
-    low: float = 0.0
-    """rad; of the mean of both wings"""
+    """rad"""
     high_us: float = 0.0
-    """us; when the mean was highest"""
+    """us"""
+    low: float = 0.0
+    """rad"""
     low_us: float = 0.0
-    """us; when the mean was lowest"""
+    """us"""
+
+
+class Beat(NamedTuple):
+    """The last crossings, and from where the phase runs on."""
+
+    anchor_us: float = 0.0
+    """us; of the last crossing, or when the search for one began"""
+    anchor: float = 0.0
+    """-; phase there, in turns"""
+    up_us: float = -1.0
+    """us; of the last upward crossing, -1 before the first"""
+    down_us: float = -1.0
+    """us; of the last downward crossing, -1 before the first"""
+    split: float = -1.0
+    """-; share of a stroke above the middle, smoothed; -1 before it is known"""
+    crossings: int = 0
+    """-; confirmed since the search began; from the second on they lie between a true top and a true bottom"""
 
 
 class State(NamedTuple):
@@ -102,162 +137,246 @@ class State(NamedTuple):
     rate_right: float = 0.0
     """rad/s"""
     side: int = 0
-    """-; 1 above the middle, -1 below it, 0 not known, -2 below it and not yet above it since the search began"""
-    rise_us: float = -1.0
-    """us; last upward passage of the middle, not yet confirmed; -1 for none"""
-    begun_us: float = 0.0
-    """us; when the present stroke, or the search for one, began"""
-    crossed: int = 0
-    """-; 1 when the stroke began with an upward crossing"""
-    extremes: Extremes = Extremes()
-    """since then"""
+    """-; 1 above the middle, -1 below it, 0 not known"""
+    crossed_us: float = -1.0
+    """us; last passage of the middle towards the other side, not yet confirmed; -1 for none"""
+    mean_turn: Turn = Turn()
+    """of the mean of both wings"""
+    left_turn: Turn = Turn()
+    right_turn: Turn = Turn()
+    beat: Beat = Beat()
     stroke: Stroke = Stroke()
     """the one before"""
     strokes: int = 0
     """-; full ones since boot"""
+    valid: int = 3
+    """-; encoders believed in the last sample: 1 for the left, 2 for the right"""
+    missed: int = 0
+    """counts; missed by then"""
 
 
-def step(gains: Gains, state: State, sample: EncoderSample) -> tuple[State, WingState]:
-    """One encoder sample on; a sample that is not later than the last changes nothing."""
+def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTHING) -> tuple[State, WingState]:
+    """One sample on; a sample that is not later than the last changes nothing.
+
+    Args:
+        gains: calibration of the encoders and what counts as flapping.
+        state: what the last step returned, ``State()`` at boot.
+        counts: as `avionics.sensing.encoders.step` gives them.
+        commanded: stroke asked of the wings.
+    """
+    time_us, left, right, valid_left, valid_right, missed = counts
     per_count = TWO_PI / (gains.counts_per_turn * gains.gear_ratio)
-    left = (sample.left_counts - gains.zero_left) * gains.sign_left * per_count
-    right = (sample.right_counts - gains.zero_right) * gains.sign_right * per_count
-    time_us = sample.time_us
-    if state.time_us < 0:
-        state = _searching(State(time_us, left, right, time_us, left, right))
-        return state, _message(state)
-    if time_us <= state.time_us:
-        return state, _message(state)
-    rate_left, rate_right = _rates(gains, state, time_us, left, right)
-    extremes = _widened(state, left, right)
-    side, rise_us, crossed_up = _crossing(gains, state, extremes, time_us, 0.5 * (left + right))
-    state = State(
-        time_us, left, right, state.time_us, state.left, state.right, rate_left, rate_right,
-        side, rise_us, state.begun_us, state.crossed, extremes, state.stroke, state.strokes,
-    )  # fmt: skip
-    if crossed_up:
-        state = _next_stroke(gains, state)
-    elif (time_us - state.begun_us) * 1e-6 > PATIENCE * (state.stroke.period or 1.0 / gains.slowest):
-        state = _searching(state)
-    return state, _message(state)
+    left = (left - gains.zero_left) * gains.sign_left * per_count
+    right = (right - gains.zero_right) * gains.sign_right * per_count
+    valid = valid_left + 2 * valid_right
+    if valid == 1:
+        right = left
+    elif valid == 2:
+        left = right
+    if valid != state.valid or missed != state.missed or state.time_us < 0:
+        state = _taken_over(state, time_us, left, right, valid)._replace(missed=missed)
+    if valid == 0:
+        return _unmeasured(gains, state, counts, commanded)
+    if time_us > state.time_us:
+        state = _advance(gains, state, time_us, left, right)
+    return state, _message(state, counts)
 
 
-def _rates(gains: Gains, state: State, time_us: int, left: float, right: float) -> tuple[float, float]:
-    """Flap rates: differences over two intervals, which halves the encoder's steps, low-passed."""
-    span = (time_us - state.before_us) * 1e-6
-    dt = (time_us - state.time_us) * 1e-6
+def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
+    (last_us, left_1, right_1, before_us, left_0, right_0, rate_left, rate_right, side, crossed_us,
+     mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed) = state  # fmt: skip
+    # Differences over two intervals halve the encoder's steps.
+    span = (time_us - before_us) * 1e-6
+    dt = (time_us - last_us) * 1e-6
     share = dt / (dt + gains.rate_time)
-    return (
-        state.rate_left + share * ((left - state.left_before) / span - state.rate_left),
-        state.rate_right + share * ((right - state.right_before) / span - state.rate_right),
+    rate_left += share * ((left - left_0) / span - rate_left)
+    rate_right += share * ((right - right_0) / span - rate_right)
+
+    # An extreme lies at the last sample; at rest, where all are equal, none does.
+    if (left_1 - left_0) * (left - left_1) <= 0.0 and (left != left_1 or left_1 != left_0):
+        left_turn = _turned(left_turn, side, (left_0, left_1, left), last_us, dt)
+    if (right_1 - right_0) * (right - right_1) <= 0.0 and (right != right_1 or right_1 != right_0):
+        right_turn = _turned(right_turn, side, (right_0, right_1, right), last_us, dt)
+    mean_0, mean_1, mean = 0.5 * (left_0 + right_0), 0.5 * (left_1 + right_1), 0.5 * (left + right)
+    if (mean_1 - mean_0) * (mean - mean_1) <= 0.0 and (mean != mean_1 or mean_1 != mean_0):
+        mean_turn = _turned(mean_turn, side, (mean_0, mean_1, mean), last_us, dt)
+
+    high, low = mean_turn.high, mean_turn.low
+    if side == 0:
+        side = _first_side(gains, mean, max(high, mean), min(low, mean))
+        confirmed = False
+    else:
+        middle, margin = 0.5 * (high + low), 0.5 * gains.hysteresis * (high - low)
+        above, above_1 = (mean - middle) * side, (mean_1 - middle) * side
+        if above <= 0.0 < above_1:
+            crossed_us = last_us + (time_us - last_us) * above_1 / (above_1 - above)
+        confirmed = above < -margin
+    state = new(State, (
+        time_us, left, right, last_us, left_1, right_1, rate_left, rate_right, side, crossed_us,
+        mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed,
+    ))  # fmt: skip
+    if confirmed:
+        return _cross(gains, state)
+    if (time_us - beat.anchor_us) * 1e-6 > PATIENCE * (stroke.period or 1.0 / gains.slowest):
+        return _searching(state)
+    return state
+
+
+def _turned(turn: Turn, side: int, angles: tuple[float, float, float], last_us: int, dt: float) -> Turn:
+    """The top or bottom with the middle one of three ``angles``, an extreme; the parabola through them places it."""
+    before, here, after = angles
+    bend = before - 2.0 * here + after
+    if bend == 0.0:
+        return turn
+    offset = 0.5 * (before - after) / bend
+    value, when = here - 0.25 * (before - after) * offset, last_us + offset * dt * 1e6
+    if bend < 0.0:
+        return turn._replace(high=value, high_us=when) if side >= 0 and value > turn.high else turn
+    return turn._replace(low=value, low_us=when) if side <= 0 and value < turn.low else turn
+
+
+def _first_side(gains: Gains, mean: float, high: float, low: float) -> int:
+    """The side that a wing is on which has just begun to move, 0 while it has moved too little."""
+    half = 0.5 * (high - low)
+    beyond = mean - 0.5 * (high + low)
+    if half < gains.least_amplitude or abs(beyond) <= gains.hysteresis * half:
+        return 0
+    return 1 if beyond > 0.0 else -1
+
+
+def _cross(gains: Gains, state: State) -> State:
+    """A crossing of the middle was confirmed: the stroke that it ends, and where the phase runs on from."""
+    rising = state.side < 0
+    at = state.crossed_us if state.crossed_us >= 0.0 else float(state.time_us)
+    turn, beat = state.mean_turn, state.beat
+    if 0.5 * (turn.high - turn.low) < gains.least_amplitude:
+        return _searching(state)
+    if beat.crossings == 0:
+        return _reversed(state, Beat(at, crossings=1), Stroke(), 0)
+    since = beat.up_us if rising else beat.down_us
+    period = (at - since) * 1e-6 if since >= 0.0 else 0.0
+    if 0.0 < period < 1.0 / gains.fastest:
+        return _reversed(state, beat, state.stroke, 0)
+    if period > 1.0 / gains.slowest:
+        period = 0.0
+    stroke = _stroke(state, period, rising) if period else state.stroke
+    return _reversed(
+        state, _next_beat(beat, at, period, state.stroke.period, rising), stroke, int(rising and period > 0.0)
     )
 
 
-def _widened(state: State, left: float, right: float) -> Extremes:
-    """The extremes with those of the last sample, if it was one; its neighbours make it a parabola."""
-    extremes = state.extremes
-    l1, r1 = state.left, state.right
-    if (l1 - state.left_before) * (left - l1) <= 0.0:
-        value, _ = _vertex(state.left_before, l1, left)
-        extremes = extremes._replace(left_high=max(extremes.left_high, value), left_low=min(extremes.left_low, value))
-    if (r1 - state.right_before) * (right - r1) <= 0.0:
-        value, _ = _vertex(state.right_before, r1, right)
-        extremes = extremes._replace(
-            right_high=max(extremes.right_high, value), right_low=min(extremes.right_low, value)
-        )
-    m0, m1, m2 = 0.5 * (state.left_before + state.right_before), 0.5 * (l1 + r1), 0.5 * (left + right)
-    if (m1 - m0) * (m2 - m1) <= 0.0:
-        value, offset = _vertex(m0, m1, m2)
-        when = state.time_us + offset * (state.time_us - state.before_us)
-        if value > extremes.high:
-            extremes = extremes._replace(high=value, high_us=when)
-        if value < extremes.low:
-            extremes = extremes._replace(low=value, low_us=when)
-    return extremes
+def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool) -> Beat:
+    """The beat after a crossing at ``at`` us that ended a stroke of ``period`` s (0 when it ended none)."""
+    _, _, up_us, down_us, split, crossings = beat
+    if rising:
+        above = (down_us - up_us) * 1e-6 / period if period and down_us > up_us >= 0.0 else -1.0
+        if split < 0.0 <= above:
+            split = above
+        elif above >= 0.0 and abs(period - before) < STEADY * before:
+            split += SPLIT_SHARE * (above - split)
+        return Beat(at, 0.0, at, down_us, split, crossings + 1)
+    above = (at - up_us) * 1e-6 / period if period and up_us >= 0.0 else 0.5
+    return Beat(at, split if split >= 0.0 else above, up_us, at, split, crossings + 1)
 
 
-def _vertex(before: float, here: float, after: float) -> tuple[float, float]:
-    """Value of the parabola through three samples at its vertex, and how many samples that lies after the second."""
-    bend = before - 2.0 * here + after
-    if bend == 0.0:
-        return here, 0.0
-    offset = 0.5 * (before - after) / bend
-    return here - 0.25 * (before - after) * offset, offset
+def _stroke(state: State, period: float, rising: bool) -> Stroke:
+    left, right, mean = state.left_turn, state.right_turn, state.mean_turn
+    return Stroke(
+        period,
+        0.5 * (left.high - left.low),
+        0.5 * (right.high - right.low),
+        0.5 * (mean.high + mean.low),
+        _downstroke_ratio(mean, period, rising),
+        _downstroke_ratio(left, period, rising),
+        _downstroke_ratio(right, period, rising),
+    )
 
 
-def _crossing(gains: Gains, state: State, extremes: Extremes, time_us: int, mean: float) -> tuple[int, float, bool]:
-    """Side of the stroke's middle, time of the last passage up, and whether that is confirmed now."""
-    high, low = extremes.high, extremes.low
-    if state.stroke.period > 0.0:
-        middle = state.stroke.mean_angle
-        half = 0.5 * (state.stroke.amplitude_left + state.stroke.amplitude_right)
+def _downstroke_ratio(turn: Turn, period: float, rising: bool) -> float:
+    """Share of the time from the top to the bottom, whichever of the two came last."""
+    share = (turn.low_us - turn.high_us) * 1e-6 / period
+    return max(0.0, min(1.0, share if rising else 1.0 + share))
+
+
+def _reversed(state: State, beat: Beat, stroke: Stroke, more: int) -> State:
+    """On the other side of the middle from here: its extremes are looked for anew."""
+    mean, now = 0.5 * (state.left + state.right), float(state.time_us)
+    if state.side < 0:
+        mean_turn = state.mean_turn._replace(high=mean, high_us=now)
+        left_turn = state.left_turn._replace(high=state.left, high_us=now)
+        right_turn = state.right_turn._replace(high=state.right, high_us=now)
     else:
-        high, low = max(high, mean), min(low, mean)
-        middle, half = 0.5 * (high + low), 0.5 * (high - low)
-        if half < gains.least_amplitude:
-            return 0, -1.0, False
-    margin = gains.hysteresis * half
-    last = 0.5 * (state.left + state.right)
-    side, rise_us = state.side, state.rise_us
-    if side <= 0 and last < middle <= mean:
-        rise_us = state.time_us + (time_us - state.time_us) * (middle - last) / (mean - last)
-    if side <= 0 and mean > middle + margin:
-        return 1, rise_us, side == -1 and rise_us >= 0.0
-    if side >= 0 and mean < middle - margin:
-        # A search that begins on the way down does not know the top yet, and with it not the middle.
-        return (-1 if side > 0 else -2), -1.0, False
-    return side, rise_us, False
-
-
-def _next_stroke(gains: Gains, state: State) -> State:
-    """An upward crossing was confirmed: the stroke that it ends, if it is one, and the beginning of the next."""
-    period = (state.rise_us - state.begun_us) * 1e-6
-    if state.crossed and period < 1.0 / gains.fastest:
-        return state
-    e = state.extremes
-    amplitude = 0.5 * (e.high - e.low)
-    stroke, strokes = Stroke(), state.strokes
-    if state.crossed and period <= 1.0 / gains.slowest and amplitude >= gains.least_amplitude:
-        share = (e.low_us - e.high_us) * 1e-6 / period
-        stroke = Stroke(
-            period,
-            0.5 * (e.left_high - e.left_low),
-            0.5 * (e.right_high - e.right_low),
-            0.5 * (e.high + e.low),
-            max(0.0, min(1.0, share)),
-        )
-        strokes += 1
-    return _from_here(state)._replace(begun_us=state.rise_us, crossed=1, stroke=stroke, strokes=strokes)
+        mean_turn = state.mean_turn._replace(low=mean, low_us=now)
+        left_turn = state.left_turn._replace(low=state.left, low_us=now)
+        right_turn = state.right_turn._replace(low=state.right, low_us=now)
+    return state._replace(
+        side=-state.side,
+        crossed_us=-1.0,
+        mean_turn=mean_turn,
+        left_turn=left_turn,
+        right_turn=right_turn,
+        beat=beat,
+        stroke=stroke,
+        strokes=state.strokes + more,
+    )
 
 
 def _searching(state: State) -> State:
     """No stroke is known: look for one from the present angles on."""
-    return _from_here(state)._replace(side=0, rise_us=-1.0, begun_us=float(state.time_us), crossed=0, stroke=Stroke())
-
-
-def _from_here(state: State) -> State:
-    """The state with extremes at the present angles."""
-    left, right, time_us = state.left, state.right, float(state.time_us)
+    left, right, now = state.left, state.right, float(state.time_us)
     mean = 0.5 * (left + right)
-    return state._replace(extremes=Extremes(left, left, right, right, mean, mean, time_us, time_us))
-
-
-def _message(state: State) -> WingState:
-    stroke = state.stroke
-    flapping = stroke.period > 0.0
-    turns = (state.time_us - state.begun_us) * 1e-6 / stroke.period if flapping else 0.0
-    return WingState(
-        state.time_us,
-        state.left,
-        state.right,
-        state.rate_left,
-        state.rate_right,
-        TWO_PI * (turns % 1.0),
-        1.0 / stroke.period if flapping else 0.0,
-        stroke.amplitude_left,
-        stroke.amplitude_right,
-        stroke.mean_angle,
-        stroke.downstroke_ratio,
-        state.strokes,
-        int(flapping),
+    return state._replace(
+        side=0,
+        crossed_us=-1.0,
+        mean_turn=Turn(mean, now, mean, now),
+        left_turn=Turn(left, now, left, now),
+        right_turn=Turn(right, now, right, now),
+        beat=Beat(now),
+        stroke=Stroke(),
     )
+
+
+def _taken_over(state: State, time_us: int, left: float, right: float, valid: int) -> State:
+    """The first sample, or the first since other encoders are believed or counts were found missed.
+
+    A wing whose encoder has just failed gets the other's past too, so that the stroke goes on, and no period is told
+    by crossings that were false; after a time without any encoder a stroke is looked for anew.
+    """
+    if state.time_us < 0 or state.valid == 0:
+        at = max(time_us, state.time_us)
+        began = State(at, left, right, at, left, right, strokes=state.strokes, valid=valid)
+        return _searching(began)
+    if valid == 1:
+        state = state._replace(
+            right=state.left, right_before=state.left_before, right_turn=state.left_turn, mean_turn=state.left_turn
+        )
+    elif valid == 2:
+        state = state._replace(
+            left=state.right, left_before=state.right_before, left_turn=state.right_turn, mean_turn=state.right_turn
+        )
+    return state._replace(valid=valid, beat=state.beat._replace(up_us=-1.0, down_us=-1.0))
+
+
+def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded) -> tuple[State, WingState]:
+    """No encoder is believed: the stroke that was asked stands for the one that is flown."""
+    state = state._replace(time_us=max(state.time_us, counts.time_us), rate_left=0.0, rate_right=0.0, stroke=Stroke())
+    asked = gains.slowest <= commanded.frequency <= gains.fastest
+    message = _message(state, counts)
+    if asked:
+        message = message._replace(phase=commanded.phase, frequency=commanded.frequency, flapping=1)
+    return state, message
+
+
+def _message(state: State, counts: Counts) -> WingState:
+    time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _ = state
+    _, _, _, valid_left, valid_right, missed = counts
+    period, amplitude_left, amplitude_right, mean_angle, ratio, ratio_left, ratio_right = stroke
+    if period > 0.0:
+        phase = TWO_PI * ((beat.anchor + (time_us - beat.anchor_us) * 1e-6 / period) % 1.0)
+        frequency, flapping = 1.0 / period, 1
+    else:
+        phase, frequency, flapping = 0.0, 0.0, 0
+    return new(WingState, (
+        time_us, left, right, rate_left, rate_right, phase, frequency, amplitude_left, amplitude_right, mean_angle,
+        ratio, strokes, flapping, ratio_left, ratio_right, valid_left, valid_right, missed,
+    ))  # fmt: skip

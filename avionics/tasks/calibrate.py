@@ -11,7 +11,7 @@ from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import say
 from avionics.messages import Calibration, Severity
 from avionics.quantities import BadInput
-from avionics.sensing import air_data, inertial
+from avionics.sensing import air_data, encoders, inertial
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -70,7 +70,7 @@ def gather(s: AutopilotState) -> Took:
         gathered, took = airspeed.step_scale(state.airspeed, _flown(s))
         s.calibration = state._replace(airspeed=gathered)
     elif kind == Calibration.WINGS and frame.encoder is not None:
-        at_rest, took = wings.step(state.wings, frame.encoder)
+        at_rest, took = wings.step(state.wings, encoders.without_missed(s.encoders, frame.encoder))
         s.calibration = state._replace(wings=at_rest)
     elif kind == Calibration.BATTERY and frame.adc is not None:
         supply, took = battery.step(s.gains.power, state.battery, frame.adc)

@@ -9,7 +9,7 @@ from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes, navigation
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, drive_torque, inertial, plausibility, power, receiver, wing_angle
+from avionics.sensing import air_data, drive_torque, encoders, inertial, plausibility, power, receiver, wing_angle
 from avionics.stabilization import pitch, roll
 
 
@@ -19,6 +19,7 @@ class FlightGains(NamedTuple):
     plausibility: plausibility.Gains
     imu: inertial.Gains
     ahrs: ahrs.AhrsGains
+    encoders: encoders.Gains
     wing_angle: wing_angle.Gains
     power: power.Gains
     air_data: air_data.Gains

@@ -1,4 +1,4 @@
-"""E2-500 optical encoders on the wing shafts."""
+"""E2-500 optical encoders on the wing shafts, their counters, and their index pulses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ class EncoderSpec(NamedTuple):
     """E2-500 (US Digital): 500 cycles a turn, four edges a cycle: 2000 counts, 0.18 deg (Gerdes Table 1).
 
     A count is a place, not a measurement: there is no noise, and the counter holds the last edge passed. The
-    counters are set when the vehicle is powered up in its jig, so the zeros are known to within that jig.
+    counters are set when the vehicle is powered up in its jig, so the zeros are known to within that jig. The
+    third channel is high during one state of the quadrature a turn, the same from either side.
     """
 
     counts_per_turn: Annotated[int, Quantity("counts", 4, 1000000)]
@@ -21,18 +22,60 @@ class EncoderSpec(NamedTuple):
     """of the left encoder with its wing level"""
     zero_right: Annotated[float, Quantity("counts", -1e6, 1e6)]
     """of the right encoder with its wing level"""
+    index_left: Annotated[float, Quantity("rad", -3.2, 3.2)]
+    """angle of the left wing at its encoder's index"""
+    index_right: Annotated[float, Quantity("rad", -3.2, 3.2)]
+    """angle of the right wing at its encoder's index"""
+
+
+class Counter:
+    """One wing's counter, with the register that an index pulse copies it into."""
+
+    def __init__(self, counts_per_turn: int, zero: float, index: float) -> None:
+        self._turn = counts_per_turn
+        self._counts_per_rad = counts_per_turn / math.tau
+        self._zero = zero
+        self._index = math.floor(index * self._counts_per_rad + zero)
+        self._place: int | None = None
+        self._lost = 0
+        self._latched = 0
+        self._pulses = 0
+
+    def lose(self, counts: int) -> None:
+        """The counter misses ``counts`` edges on the way up (negative: on the way down)."""
+        self._lost += counts
+
+    def read(self, flap: float) -> tuple[int, int, int]:
+        """Count at a flap angle in rad, count at the last index pulse, and the number of pulses so far.
+
+        The index is passed at most once from reading to reading (of a wing slower than a turn a tick).
+        """
+        place = math.floor(flap * self._counts_per_rad + self._zero)
+        if self._place is not None and place != self._place:
+            self._watch_index(self._place, place)
+        self._place = place
+        return place - self._lost, self._latched, self._pulses
+
+    def _watch_index(self, before: int, place: int) -> None:
+        """A pulse begins where the state of the index is entered, from below or from above."""
+        rising = place > before
+        edge = self._index if rising else self._index + 1
+        passed = (place - edge) // self._turn
+        if passed == (before - edge) // self._turn:
+            return
+        self._latched = self._index + self._turn * (passed if rising else passed + 1) - self._lost
+        self._pulses += 1
 
 
 class Encoder:
-    """Both wings' encoders and their counters."""
+    """Both wings' encoders."""
 
     def __init__(self, spec: EncoderSpec) -> None:
-        self._spec = spec
-        self._counts_per_rad = spec.counts_per_turn / math.tau
+        self.left = Counter(spec.counts_per_turn, spec.zero_left, spec.index_left)
+        self.right = Counter(spec.counts_per_turn, spec.zero_right, spec.index_right)
 
-    def read(self, flap_left: float, flap_right: float) -> tuple[int, int]:
-        """Counts of the left and right wing at these flap angles in rad, positive with the wing up."""
-        return (
-            math.floor(flap_left * self._counts_per_rad + self._spec.zero_left),
-            math.floor(flap_right * self._counts_per_rad + self._spec.zero_right),
-        )
+    def read(self, flap_left: float, flap_right: float) -> tuple[int, int, int, int, int, int]:
+        """What follows the time in a `RawEncoder`, at these flap angles in rad, positive with the wing up."""
+        left, left_index, left_pulses = self.left.read(flap_left)
+        right, right_index, right_pulses = self.right.read(flap_right)
+        return left, right, left_index, right_index, left_pulses, right_pulses

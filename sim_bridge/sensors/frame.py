@@ -40,7 +40,7 @@ class RawImu(NamedTuple):
 
 
 class RawEncoder(NamedTuple):
-    """Quadrature counts of the wing encoders."""
+    """Quadrature counts of the wing encoders, and what their index pulses latched."""
 
     time_us: int
     """us; since the start of the simulation"""
@@ -48,6 +48,14 @@ class RawEncoder(NamedTuple):
     """counts; left wing, positive with the wing up"""
     right_counts: int
     """counts; right wing, positive with the wing up"""
+    left_index_counts: int = 0
+    """counts; of the left counter at its last index pulse"""
+    right_index_counts: int = 0
+    """counts; of the right counter at its last index pulse"""
+    left_index_pulses: int = 0
+    """-; of the left encoder's index since the start"""
+    right_index_pulses: int = 0
+    """-; of the right encoder's index since the start"""
 
 
 class RawPressures(NamedTuple):

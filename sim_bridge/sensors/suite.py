@@ -99,7 +99,7 @@ class SensorSuite:
         self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6, corner))
         self._torque_installed = spec.torque_cell.installed
         self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, GPS_TICKS * tick)
-        self._encoder = Encoder(spec.encoder)
+        self.encoder = Encoder(spec.encoder)
         self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
         self._field_frd: Vector | None = None
 
@@ -133,7 +133,7 @@ class SensorSuite:
         return RawFrame(
             time_us,
             self._imu(observation, tick),
-            RawEncoder(time_us, *self._encoder.read(observation.flap_left, observation.flap_right)),
+            RawEncoder(time_us, *self.encoder.read(observation.flap_left, observation.flap_right)),
             self._pressures(observation) if tick % PRESSURE_TICKS == 0 else None,
             RawAdc(time_us, *self._power_sensor.read(observation)) if tick % POWER_TICKS == 0 else None,
             self._torque(observation) if self._torque_installed and tick % POWER_TICKS == 0 else None,

@@ -52,13 +52,13 @@ def biased() -> SensorSuite:
 
 
 def at_rest(attitude: Rotation, tick: int) -> Observation:
-    """What a vehicle at rest on the ground is, turned as told (r_ned_from_frd), wings level."""
+    """What a vehicle at rest on the ground is, turned as told (r_ned_from_frd), wings level, drives powered."""
     x, y, z, w = attitude.as_quat()
     force = attitude.inv().apply((0.0, 0.0, -G))
     still = (0.0, 0.0, 0.0)
     return Observation(
         5000 * tick + 5000, (w, x, y, z), still, tuple(force), still, still, still, 101325.0, 288.15, 1.225,
-        0.0, 0.0, 0.0, 0.0, 0.0, 7.8, 0.05, 0.0, 300.0,
+        0.0, 0.0, 0.0, 0.0, VEHICLE.gains.power.rest_current, 7.8, 0.0, 0.0, 300.0,
     )  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def test_the_calibrated_computer_finds_attitude_voltage_and_still_air() -> None:
     # The mounting is off by 0.3 degree a one-sigma axis, which no pose can tell.
     assert (roll, pitch) == pytest.approx((-0.3, 0.2), abs=math.radians(1.2))
     assert state.power_state.voltage == pytest.approx(7.8, abs=0.01)
-    assert abs(state.power_state.current) < 0.01
+    assert state.power_state.current == pytest.approx(gains.power.rest_current, abs=0.01)
     assert state.air.airspeed < 1.0
     assert (state.wing.angle_left, state.wing.angle_right) == pytest.approx((0.0, 0.0), abs=0.004)
 

@@ -112,7 +112,7 @@ def test_perfect_sensors_tell_the_truth() -> None:
     assert f.pressures is not None
     assert (f.pressures.static_counts, f.pressures.temperature_counts) == (10061300, 28776)
     assert f.torque == (0, 250, 250)
-    assert f.encoder == (0, 0, 0)
+    assert f.encoder == (0, 0, 0, 0, 0, 0, 0)
 
 
 def test_same_seed_same_frames() -> None:

@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from sensors_bench import SPEC, quiet, variance_bounds
 
 from sim_bridge.sensors.barometer import Barometer
-from sim_bridge.sensors.encoder import Encoder, EncoderSpec
+from sim_bridge.sensors.encoder import Counter, Encoder, EncoderSpec
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.pitot import Pitot
 from sim_bridge.sensors.torque_cell import TorqueCell
@@ -106,16 +109,41 @@ def test_barometer_drift_starts_at_nothing_and_settles_to_its_sigma() -> None:
 
 
 def test_encoder_counts_edges_of_a_2000_count_turn() -> None:
-    encoder = Encoder(EncoderSpec(2000, 0.0, 0.0))
+    encoder = Encoder(EncoderSpec(2000, 0.0, 0.0, 0.15, 0.15))
     step = math.tau / 2000
-    assert encoder.read(0.5 * step, -0.5 * step) == (0, -1)
-    assert encoder.read(10.5 * step, -10.5 * step) == (10, -11)
-    assert encoder.read(math.tau + 1e-9, 0.0) == (2000, 0)
+    assert encoder.read(0.5 * step, -0.5 * step)[:2] == (0, -1)
+    assert encoder.read(10.5 * step, -10.5 * step)[:2] == (10, -11)
+    assert encoder.read(math.tau + 1e-9, 0.0)[:2] == (2000, 0)
 
 
 def test_encoder_zero_moves_the_counts() -> None:
-    encoder = Encoder(EncoderSpec(2000, 100.0, -37.5))
-    assert encoder.read(1e-9, 1e-9) == (100, -38)
+    encoder = Encoder(EncoderSpec(2000, 100.0, -37.5, 0.15, 0.15))
+    assert encoder.read(1e-9, 1e-9)[:2] == (100, -38)
+
+
+def test_index_latches_the_same_count_from_below_and_from_above() -> None:
+    """GIVEN an index at 0.15 rad (count 48 of a zero at 0.3) THEN each passage latches 48, nothing else does."""
+    counter = Counter(2000, 0.3, 0.15)
+    angles = [0.0, 0.1, 0.14, 0.2, 0.3, 0.16, 0.1, -0.2, 0.14, 0.151, 0.149]
+    seen = [counter.read(angle)[1:] for angle in angles]
+    assert seen == [(0, 0)] * 3 + [(48, 1)] * 3 + [(48, 2)] * 3 + [(48, 3)] * 2
+
+
+def test_index_tells_what_the_counter_missed() -> None:
+    counter = Counter(2000, 0.0, 0.15)
+    counter.read(0.0)
+    assert counter.read(0.3) == (95, 47, 1)
+    counter.lose(7)
+    assert counter.read(0.3) == (88, 47, 1)
+    assert counter.read(0.0) == (-7, 40, 2)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=40))
+def test_index_pulses_once_for_every_passage_of_its_place(angles: list[float]) -> None:
+    counter = Counter(2000, 0.0, 0.15)
+    places = [math.floor(angle * 2000 / math.tau) for angle in angles]
+    passed = sum((a < 47) != (b < 47) if 47 not in (a, b) else a != b == 47 for a, b in pairwise(places))
+    assert [counter.read(angle) for angle in angles][-1][2] == passed
 
 
 def test_torque_cell_reads_counts_noise_and_saturates() -> None:
