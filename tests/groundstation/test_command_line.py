@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from avionics.messages import Attitude
+from avionics.state import zero
 from avionics.topics import ATTITUDE
 from avionics.vehicles.loader import FOLDER as COMPUTERS
 from groundstation.command.main import SUBCOMMANDS, main
@@ -29,9 +30,8 @@ def log(tmp_path: Path) -> Path:
     path = tmp_path / "short.mcap"
     recorder = McapRecorder(path, start_epoch_ns=0)
     recorder.note("wingbeat.avionics", {"vehicle": "test_bird"})
-    zeros = dict.fromkeys(Attitude._fields, 0.0)
     for tick in range(400):
-        recorder.record(ATTITUDE, Attitude(**{**zeros, "time_us": tick * 5000}))
+        recorder.record(ATTITUDE, zero(Attitude)._replace(time_us=tick * 5000))
     recorder.close()
     return path
 

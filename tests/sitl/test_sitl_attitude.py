@@ -22,8 +22,10 @@ from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 TURN = math.radians(25.0)
-STICKS = ((18.0, 1.0), (33.0, 0.0), (43.0, -1.0), (58.0, 0.0))
-"""s and side: a turn to the right, straight, a turn to the left, straight"""
+RIGHT, LEFT = (18.0, 33.0), (43.0, 58.0)
+"""s; turns, with straight flight before and after each"""
+STICK_PERIOD = 0.1
+"""s; a stick that is not told again is none"""
 HOLD_TIME = 14.0
 DURATION = 68.0
 SETTLED = 4.0
@@ -49,18 +51,27 @@ class Errors(NamedTuple):
     ratio: float
 
 
+def sticks(roll: float) -> list[PilotInput]:
+    """The pilot's, told ten times a second while the altitude is held."""
+    told = []
+    for time in np.arange(HOLD_TIME, DURATION, STICK_PERIOD).tolist():
+        side = float(RIGHT[0] <= time < RIGHT[1]) - float(LEFT[0] <= time < LEFT[1])
+        told.append(PilotInput(round(time * 1e6), 0.0, side * roll, 0.0, 0.6))
+    return told
+
+
 def turns(vehicle: str, scenario: Scenario) -> Flight:
     """AUTO to the climb-out's end, then ALTITUDE_HOLD with the roll stick held for turns of 25 degrees."""
     flight_vehicle, log = load_flight_vehicle(vehicle), MemoryLog()
     mission = load_mission("circuit")
     world = SimulatedWorld(calibrated(load_vehicle(vehicle)), scenario, log.publish)
     autopilot = Autopilot(flight_vehicle, mission, log.publish)
-    stick = TURN / flight_vehicle.gains.roll.stick_roll
     waiting: list[Command | PilotInput] = [
         *scripted_start(),
         Command(round(HOLD_TIME * 1e6), CommandKind.SET_MODE, name=Mode.ALTITUDE_HOLD.name),
-        *(PilotInput(round(at * 1e6), 0.0, side * stick, 0.0, 0.6) for at, side in STICKS),
+        *sticks(TURN / flight_vehicle.gains.roll.stick_roll),
     ]
+    waiting.sort(key=lambda entry: entry.time_us)
     command = NEUTRAL
     while not world.finished:
         frame = world.step(command)
