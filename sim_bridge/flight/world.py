@@ -28,6 +28,7 @@ from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import RawFrame
+from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot
 from sim_bridge.sensors.suite import TICK_RATE, SensorSuite, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
@@ -104,6 +105,7 @@ class SimulatedWorld:
         self.plant.y[3:7] = quaternion_from_euler(throw.bank, launch.pitch + throw.pitch, scenario.wind_from)
         corner, pilot = scenario.sensor_corner, scenario.pilot
         self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, corner, pilot)
+        self._edge = vehicle.sections["power_sensor"].edge
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
         self._gust = STILL
@@ -247,12 +249,15 @@ class SimulatedWorld:
     def _supply(self) -> tuple[float, float]:
         """Voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
 
-        The plant's current is smooth; pulses of the same mean lose more in the battery.
+        The plant's current is smooth; pulses of the same mean, with the edges that the ADC sees, lose more in the
+        battery.
         """
         current, power, drive = self._means.current, self._means.electrical_power, self.vehicle.drive
         open_circuit, resistance = self._open_circuit(), self.vehicle.battery.resistance
         if drive.pwm_frequency > 0.0 and 0.0 < current < drive.pulse_current:
-            return open_circuit - resistance * current, current * (open_circuit - resistance * drive.pulse_current)
+            square = mean_square(current / drive.pulse_current, drive.pwm_frequency * self._edge)
+            lost = resistance * drive.pulse_current * drive.pulse_current * square
+            return open_circuit - resistance * current, open_circuit * current - lost
         return power / current if current else open_circuit, power
 
     def _open_circuit(self) -> float:

@@ -182,6 +182,15 @@ def pulse(phase: float, duty: float, edge: float) -> float:
     return 1.0 if phase - math.floor(phase) < duty else 0.0
 
 
+def mean_square(duty: float, edge: float) -> float:
+    """Mean over a period of the square of `pulse`; ``duty`` and ``edge`` (at most a half) in periods."""
+    short = min(duty, 1.0 - duty)
+    if short < edge:
+        peaks = short * short / edge * (1.0 - short / (3.0 * edge))
+        return peaks if duty < 0.5 else 1.0 - 2.0 * short + peaks
+    return duty - edge / 3.0
+
+
 @njit(cache=True)
 def sample_burst(modulation: Floats, supply: Supply, channels: Channels, normals: Floats, counts: Integers) -> None:
     """Fill ``counts`` (2, n) with n samples of voltage and of current.

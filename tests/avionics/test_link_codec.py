@@ -18,7 +18,7 @@ from avionics.link.framing import FrameReader
 times = st.integers(0, 2**63)
 singles = st.floats(-1e6, 1e6, width=32)
 counts = st.integers(-(2**31), 2**31 - 1)
-pulses = st.integers(0, 2**32 - 1)
+passages = st.integers(0, 2**32 - 1)
 adc = st.lists(st.integers(0, 65535), min_size=m.BURST_LENGTH, max_size=m.BURST_LENGTH).map(tuple)
 imus = st.builds(m.ImuSample, times, *[singles] * 9)
 angles = st.floats(-math.pi / 2, math.pi / 2)
@@ -39,7 +39,7 @@ frames = st.builds(
     m.SensorFrame,
     st.just(0),
     imus,
-    st.none() | st.builds(m.EncoderSample, times, *[counts] * 4, pulses, pulses),
+    st.none() | st.builds(m.EncoderSample, times, *[counts] * 4, passages, passages),
     st.none() | st.builds(m.PressureSample, times, counts, counts, counts),
     st.none() | st.builds(m.AdcBurst, times, adc, adc),
     st.none() | st.builds(m.TorqueSample, times, counts, counts),

@@ -33,7 +33,7 @@ PAIRS = [
 
 
 def fly(spec: SensorSpec = SPEC, seed: int = 5, ticks: int = 120) -> list[RawFrame]:
-    suite = SensorSuite(spec, seed, COLLEGE_PARK, lambda seen: Sticks(roll=0.3, throttle=0.6, mode=1))
+    suite = SensorSuite(spec, seed, COLLEGE_PARK, pilot=lambda seen: Sticks(roll=0.3, throttle=0.6, mode=1))
     return [suite.sample(cruise(tick, flap_left=0.5 * math.sin(0.12 * tick)), tick) for tick in range(ticks)]
 
 

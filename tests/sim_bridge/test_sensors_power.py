@@ -11,7 +11,7 @@ from sensors_bench import SPEC, cruise, quiet, variance_bounds
 
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import sensor_seed
-from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec, pulse, supply, time_on
+from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec, mean_square, pulse, supply, time_on
 
 SEED = sensor_seed(11, 5)
 VOLTS_PER_COUNT = 5.0 / 1024 / 0.5
@@ -61,6 +61,14 @@ def test_power_over_all_phases_is_that_of_the_trapezoid(current: float) -> None:
     bursts = [burst_after(10000 + 10 * step, observation) for step in range(100)]
     power = np.mean([np.mean(volts * amperes) for volts, amperes in bursts])
     assert power == pytest.approx(mean_power(observation, EDGE_PERIODS / 3.0), rel=1e-4)
+
+
+@pytest.mark.parametrize("edge", [0.02, 0.05, 0.3])
+def test_mean_square_of_any_pulse(edge: float) -> None:
+    """GIVEN any duty, edges longer than the pulse or its gap too THEN the mean of the squares is told."""
+    for duty in np.linspace(0.0, 1.0, 41):
+        heights = [pulse(phase, duty, edge) for phase in np.arange(2000) / 2000.0]
+        assert mean_square(duty, edge) == pytest.approx(np.mean(np.square(heights)), abs=1e-3)
 
 
 def test_mean_of_the_product_is_not_the_product_of_the_means() -> None:
