@@ -12,6 +12,7 @@ from avionics.messages import ActuatorCommand, Input, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
 from avionics.quantities import BadInput
+from avionics.sensing.plausibility import shifted
 from avionics.state import AutopilotState, initial_state
 from avionics.tasks.intake import accept, refuse_time
 from avionics.topics import Publish
@@ -53,9 +54,12 @@ class Autopilot:
     def step(self, frame: SensorFrame, commands: Sequence[Input] = ()) -> ActuatorCommand:
         """One tick: sense, estimate, guide, stabilize, mix, report."""
         s, publish = self._state, self._publish
+        offset_us = s.plausibility.time_offset_us
+        if offset_us:
+            frame = shifted(frame, offset_us)
         if frame.time_us <= s.clock.time_us:
             receive(s, publish, commands)
-            return refuse_time(s, publish, frame)
+            return refuse_time(s, publish, frame)._replace(time_us=frame.time_us - offset_us)
         s.clock = timebase.advance(s.clock, frame.time_us)
         receive(s, publish, commands)
         accept(s, publish, frame)
@@ -67,7 +71,7 @@ class Autopilot:
         run(stabilize, s, publish)
         run(mix, s, publish)
         run(report, s, publish)
-        return s.actuators
+        return s.actuators._replace(time_us=frame.time_us - offset_us) if offset_us else s.actuators
 
     @property
     def state(self) -> AutopilotState:

@@ -33,7 +33,7 @@ from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
 from avionics.missions.limits import check_fence, check_item, check_rally
 from avionics.sensing.pilot import Act
-from avionics.situation import conditions, surroundings
+from avionics.situation import conditions, surroundings, unready
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -127,9 +127,12 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
         return
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
-    s.modes, notices = modes.arm(s.gains.modes, s.modes, conditions(s))
-    if s.modes.armed and not was_armed and landed:
-        s.navigation = navigation.choose_item(s.navigation, 0)
+    s.modes, notices = modes.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s)))
+    if s.modes.armed and not was_armed:
+        s.wing_check = s.wing_check._replace(jammed=0)
+        s.tail_check = s.tail_check._replace(jammed=0)
+        if landed:
+            s.navigation = navigation.choose_item(s.navigation, 0)
     tell(s, publish, notices)
 
 

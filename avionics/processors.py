@@ -66,6 +66,8 @@ MAIN = (
     Task(Part.SENSE, 200.0, sense.torque),
     Task(Part.SENSE, 200.0, calibrate.calibrate),
     Task(Part.SENSE, 200.0, sense.pilot),
+    Task(Part.SENSE, 50.0, sense.wings),
+    Task(Part.SENSE, 50.0, sense.tail),
     Task(Part.ESTIMATE, 200.0, estimate.altitude),
     Task(Part.ESTIMATE, 200.0, estimate.position),
     Task(Part.GUIDE, 50.0, guide.modes),

@@ -5,9 +5,16 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading, modes, navigation
-from avionics.messages import PilotSource
+from avionics.messages import Failsafe, PilotSource
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
+
+FIELD_PATIENCE = 1.0
+"""s; of refused magnetic fields that is no passing disturbance"""
+TRAVEL_MARGIN = 0.2
+"""rad; beyond a wing's travel, for a slack linkage"""
+FORCE_MARGIN = 3.0
+"""m/s^2; specific force off 1 g on a steady hand"""
 
 
 def position_usable(s: AutopilotState) -> int:
@@ -44,7 +51,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         ground_speed=math.hypot(s.position.v_north, s.position.v_east),
         home_distance=math.hypot(s.position.north, s.position.east),
         fix_age=plausibility.gps_age(s.plausibility, s.clock.time_us),
-        battery=s.power_state.battery_remaining,
+        battery=min(s.power_state.battery_remaining, s.power.battery.by_voltage),
         settled=int(s.attitude.window > 0.0),
         imu_fault=int(imu_age > s.gains.plausibility.fault_time),
         items=len(s.mission),
@@ -55,7 +62,50 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         fence_ceiling=s.fence.ceiling,
         pilot_lost=int(s.ways_in.source == PilotSource.NONE),
         kill_switch=int(pilot.kill_switch(s.ways_in)),
+        sensed=sensed(s),
+        turn_rate=max(abs(s.attitude.roll_rate), abs(s.attitude.pitch_rate), abs(s.attitude.yaw_rate)),
     )
+
+
+def sensed(s: AutopilotState) -> int:
+    """Flags of the failures that the sensing tells now."""
+    wings, ahrs = s.wing_check, s.ahrs
+    flags = 0
+    if wings.jammed or wings.lost:
+        flags |= (Failsafe.WING_JAMMED if wings.jammed else 0) | (Failsafe.ENCODER_LEFT if wings.lost & 1 else 0)
+        flags |= Failsafe.ENCODER_RIGHT if wings.lost & 2 else 0
+    if s.airspeed_check.blocked:
+        flags |= Failsafe.PITOT_BLOCKED
+    if s.plausibility.saturated >= plausibility.SATURATED:
+        flags |= Failsafe.ACCEL_SATURATED
+    if s.altitude_filter.refused > 0.0:
+        flags |= Failsafe.BARO_REFUSED
+    if s.tail_check.jammed:
+        flags |= Failsafe.TAIL_JAMMED
+    if ahrs is not None and ahrs.correction.refused[2] > FIELD_PATIENCE:
+        flags |= Failsafe.MAG_DISTURBED
+    return flags
+
+
+def unready(s: AutopilotState) -> tuple[str, ...]:
+    """What else speaks against arming: sensors and their calibration."""
+    left, right = s.wing.angle_left, s.wing.angle_right
+    flap = s.gains.flapping
+    force = math.hypot(*s.frame.imu[1:4])
+    bias = max(abs(s.attitude.bias_x), abs(s.attitude.bias_y), abs(s.attitude.bias_z))
+    checks = (
+        (s.wing.time_us == 0, "no encoder samples"),
+        (s.air.time_us == 0, "no pressure samples"),
+        (s.power_state.time_us == 0, "no samples of the supply"),
+        (max(left, right) > flap.travel_max + TRAVEL_MARGIN, "a wing's angle is above its travel: check its zero"),
+        (min(left, right) < flap.travel_min - TRAVEL_MARGIN, "a wing's angle is below its travel: check its zero"),
+        (
+            abs(force - STANDARD_GRAVITY) > FORCE_MARGIN,
+            "accelerometer does not read 1 g: hold still, or calibrate it",
+        ),
+        (bias >= s.gains.ahrs.bias_limit, "gyro bias at its limit"),
+    )
+    return tuple(text for failed, text in checks if failed)
 
 
 def surroundings(s: AutopilotState) -> navigation.Situation:

@@ -22,7 +22,17 @@ from avionics.guidance import altitude, excitation, heading, modes
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, encoders, pilot, plausibility, power, wing_angle
+from avionics.sensing import (
+    air_data,
+    airspeed_check,
+    encoders,
+    pilot,
+    plausibility,
+    power,
+    tail_check,
+    wing_angle,
+    wing_check,
+)
 from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
 
@@ -63,6 +73,9 @@ class AutopilotState:
     position_filter: position_filter.State = position_filter.State()
     ways_in: pilot.State = pilot.State()
     """the pilot's sticks by their source"""
+    airspeed_check: airspeed_check.State = airspeed_check.State()
+    wing_check: wing_check.State = wing_check.State()
+    tail_check: tail_check.State = tail_check.State()
     modes: modes.State = modes.State()
     navigation: navigator.State = navigator.State()
     heading_loop: heading.State = heading.State()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
@@ -143,13 +144,73 @@ class Plant:
         self.scratch = scratch(self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.touching = False
+        self._commanded = (0.0, 0.0)
+        self._tail: tuple[float, float] | None = None
+        self._stalled: dict[int, float] = {}
 
     def advance(self, controls: k.Controls, around: k.Surroundings) -> Means:
         """Integrate over ``controls.duration`` seconds."""
+        if self._tail is not None:
+            controls = controls._replace(elevator=self._tail[0], rudder=self._tail[1])
+        self._commanded = (controls.elevator, controls.rudder)
         steps = _steps(controls.duration)
         self.touching = k.advance(self.y, steps, controls, around, self.parameters, self.scratch)
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
-        return Means(*self.scratch.means.tolist())
+        means = Means(*self.scratch.means.tolist())
+        return self._with_stalled_drives(means, controls) if self._stalled else means
+
+    def jam_tail(self) -> None:
+        """Let elevator and rudder stay where they are."""
+        at, commanded = (self.layout.elevator, self.layout.rudder), self._commanded
+        held = [float(self.y[i]) if i >= 0 else angle for i, angle in zip(at, commanded, strict=True)]
+        self._tail = (held[0], held[1])
+
+    def free_tail(self) -> None:
+        """Let elevator and rudder follow their servos again."""
+        self._tail = None
+
+    def jam_wing(self, wing: int) -> None:
+        """Let the left (0) or right (1) wing stay where it is, whatever its drive does; a crank stops with both."""
+        for i in (0, 1) if self._cranked else (wing,):
+            joint, angle = self.layout.flap[i] - k.COORDINATES, float(self.y[self.layout.flap[i]])
+            self.parameters.joints.kind[joint] = k.PRESCRIBED
+            self.parameters.joints.motion[joint] = 0.0
+            self.parameters.joints.motion[joint, 0] = angle
+            self._stalled[i] = angle
+
+    def free_wing(self, wing: int) -> None:
+        """Let the wing move with its drive again."""
+        for i in (0, 1) if self._cranked else (wing,):
+            joint = self.layout.flap[i] - k.COORDINATES
+            self.parameters.joints.kind[joint] = k.WING
+            self._stalled.pop(i, None)
+
+    @property
+    def _cranked(self) -> bool:
+        return bool(self.parameters.drive_kind != k.SERVO)
+
+    def _with_stalled_drives(self, means: Means, controls: k.Controls) -> Means:
+        """The means with the torque and current of drives whose wings are jammed, and their charge drawn."""
+        torques, drive, motor = (
+            [means.torque_left, means.torque_right],
+            self.parameters.drive,
+            self.parameters.current,
+        )
+        current, voltage = 0.0, float(self.scratch.drive[k.VOLTAGE])
+        stall = float(drive[0]) * voltage / float(drive[2])
+        for i, angle in self._stalled.items():
+            start, end = controls[2 * i : 2 * i + 2]
+            servo = float(drive[3]) * (end - angle) + float(drive[4]) * (end - start) / controls.duration
+            pull = controls.throttle * stall if self._cranked else servo
+            torques[i] = min(max(pull, -stall), stall)
+            current += drive_current(torques[i], *motor.tolist())
+        self.y[self.layout.charge] += current * controls.duration
+        return means._replace(
+            torque_left=torques[0],
+            torque_right=torques[1],
+            current=means.current + current,
+            electrical_power=means.electrical_power + current * voltage,
+        )
 
     def follow(self, controls: Sequence[k.Controls], around: k.Surroundings) -> tuple[Floats, Floats]:
         """Integrate through intervals one after another; much less a call than as many of `advance`.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from avionics.messages import Event
 from avionics.topics import Topic
 from sim_bridge import messages as m
 
 STATE = Topic("/truth/state", m.TruthState, 1000, 200.0)
 WING = Topic("/truth/wing", m.TruthWing, 1001, 200.0)
 LOADS = Topic("/truth/loads", m.TruthLoads, 1002, 100.0)
+EVENTS = Topic("/truth/events", Event, 1003, 0.0)
+"""faults that began and ended"""
 
-TOPICS: tuple[Topic, ...] = (STATE, WING, LOADS)
+TOPICS: tuple[Topic, ...] = (STATE, WING, LOADS, EVENTS)

@@ -7,6 +7,7 @@ to the ground. Every refusal has a reason, said as a `Notice`.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import Annotated, NamedTuple
 
 from avionics.messages import Failsafe, Mode, Severity, Stage
@@ -21,6 +22,9 @@ GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND, Mode.LOITER)
 """modes in which the navigation steers"""
 PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 """modes in which the throttle is the pilot's"""
+
+
+PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
 
 
 class Notice(NamedTuple):
@@ -79,6 +83,10 @@ class Gains(NamedTuple):
     """m; below which to return once it was passed on the way up, until an approach; 0 for none"""
     fence_margin: Annotated[float, Quantity("m", 0.0, 500.0)]
     """m; from the fence at which it is warned of"""
+    glide_pitch: Annotated[float, Quantity("rad", -1.0, 1.0)]
+    """rad; pitch of a glide after the flapping was stopped"""
+    arm_turn: Annotated[float, Quantity("rad/s", 0.01, 20.0)]
+    """rad/s; greatest rate of turn to arm at"""
 
 
 class State(NamedTuple):
@@ -115,7 +123,11 @@ class State(NamedTuple):
     answered: int = 0
     """-; flags of `Failsafe` that have changed the mode since arming"""
     critical: int = 0
-    """-; 1 once the battery or the lost position made it land"""
+    """-; 1 once a failure made it land"""
+    cut: int = 0
+    """-; 1 once a failure stopped the flapping, until the next arming"""
+    pending: tuple[float, ...] = ()
+    """s; for which each row of `FAILURES` has been about to come or go; empty while none is"""
 
 
 class Conditions(NamedTuple):
@@ -161,6 +173,12 @@ class Conditions(NamedTuple):
     """-; 1 while there are no sticks that are not stale"""
     kill_switch: int = 0
     """-; 1 while a kill switch is on"""
+    sensed: int = 0
+    """-; flags of `Failsafe` that the sensing tells"""
+    turn_rate: float = 0.0
+    """rad/s; greatest of the three"""
+    unready: tuple[str, ...] = ()
+    """-; what else speaks against arming, looked up for that alone"""
 
 
 Outcome = tuple[State, tuple[Notice, ...]]
@@ -172,6 +190,7 @@ def arming_refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, 
     checks = (
         (not seen.settled, "attitude is not known yet"),
         (seen.imu_fault, "the IMU's samples are refused"),
+        (seen.turn_rate > gains.arm_turn, "the vehicle is being turned"),
         (max(abs(seen.roll), abs(seen.pitch)) > gains.arm_tilt, "tilted too far"),
         (seen.battery < gains.arm_battery, f"battery at {100.0 * seen.battery:.0f} %"),
         (seen.kill_switch, "the kill switch is on"),
@@ -180,7 +199,8 @@ def arming_refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, 
         (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
         (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
     )
-    return tuple(text for failed, text in checks if failed)
+    sensed = tuple(failure.text for failure in FAILURES if failure.flag & seen.sensed)
+    return tuple(text for failed, text in checks if failed) + sensed + seen.unready
 
 
 def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
@@ -191,7 +211,14 @@ def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
     if reasons:
         return state, (Notice(Severity.WARNING, f"arming refused: {'; '.join(reasons)}"),)
     armed = state._replace(
-        armed=1, stage=int(Stage.WAIT_LAUNCH), still_time=0.0, answered=0, critical=0, above_floor=0, killed=0
+        armed=1,
+        stage=int(Stage.WAIT_LAUNCH),
+        still_time=0.0,
+        answered=0,
+        critical=0,
+        cut=0,
+        above_floor=0,
+        killed=0,
     )
     armed = _without_push(armed)
     return armed, (Notice(Severity.NOTICE, "armed"),)
@@ -302,7 +329,7 @@ def _without_push(state: State) -> State:
 def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     landing = state.stage in LANDING
     slow = seen.airspeed < gains.touchdown_airspeed
-    if landing and seen.fix_age <= gains.gps_loss_delay:
+    if (landing or seen.sensed & PITOT_BLOCKED) and seen.fix_age <= gains.gps_loss_delay:
         slow = slow or seen.ground_speed < gains.touchdown_airspeed
     still = slow and abs(seen.climb_rate) < gains.touchdown_climb
     lasted = state.still_time + dt if still else 0.0
@@ -321,13 +348,63 @@ def _follow_navigation(state: State, seen: Conditions) -> Outcome:
     return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {wanted.name}"),)
 
 
+class Action(IntEnum):
+    """What is done about a failure in the air; a later one outranks an earlier one."""
+
+    CARRY_ON = 0
+    RETURN = 1
+    LAND = 2
+    CUT = 3
+
+
+DOING = {Action.RETURN: "returning", Action.LAND: "landing", Action.CUT: "flapping stopped"}
+
+
+class Failure(NamedTuple):
+    """One row of the table: what is told about a failure, and what is done."""
+
+    flag: Failsafe
+    text: str
+    """said after ``failsafe:``"""
+    action: Action
+    severity: Severity = Severity.WARNING
+    """of the words when it comes; those of the action are CRITICAL, those of the end INFO"""
+    clear: float = 0.0
+    """s; for which it must be absent until it is over"""
+
+
+FAILURES = (
+    Failure(Failsafe.WING_JAMMED, "wing jammed", Action.CUT, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.IMU_FAULT, "IMU samples refused", Action.CUT, Severity.CRITICAL, 0.5),
+    Failure(Failsafe.TAIL_JAMMED, "tail does not answer", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.ACCEL_SATURATED, "accelerometer saturated", Action.LAND, Severity.ERROR, 2.0),
+    Failure(Failsafe.BATTERY_CRITICAL, "battery nearly empty", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.POSITION_GONE, "no position", Action.LAND, Severity.ERROR),
+    Failure(Failsafe.LINK_LOST, "ground link lost", Action.RETURN),
+    Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
+    Failure(Failsafe.FENCE, "outside the fence", Action.RETURN, clear=2.0),
+    Failure(Failsafe.PILOT_LOST, "pilot's sticks lost", Action.CARRY_ON),
+    Failure(Failsafe.FENCE_NEAR, "close to the fence", Action.CARRY_ON, clear=2.0),
+    Failure(Failsafe.GPS_LOST, "GPS position lost", Action.CARRY_ON),
+    Failure(Failsafe.PITOT_BLOCKED, "airspeed not believed", Action.CARRY_ON),
+    Failure(Failsafe.MAG_DISTURBED, "magnetic field disturbed", Action.CARRY_ON, clear=2.0),
+    Failure(Failsafe.ENCODER_LEFT, "left wing encoder lost", Action.CARRY_ON),
+    Failure(Failsafe.ENCODER_RIGHT, "right wing encoder lost", Action.CARRY_ON),
+    Failure(Failsafe.BARO_REFUSED, "barometer refused", Action.CARRY_ON, clear=3.0),
+)
+"""in the order in which they are answered"""
+
+NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_GONE
+
+
 def present(gains: Gains, state: State, seen: Conditions) -> int:
     """Flags of the failures that are present now."""
     room = fence_room(gains, state, seen)
     return (
-        (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
-        | (Failsafe.GPS_LOST if _position_missed(gains, state, seen) else 0)
-        | (Failsafe.BATTERY_LOW if seen.battery < gains.battery_return else 0)
+        seen.sensed
+        | (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
+        | (_position_missed(gains, state, seen) if seen.fix_age > gains.gps_loss_delay else 0)
+        | (_battery(gains, seen) if seen.battery < gains.battery_return else 0)
         | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
         | (Failsafe.FENCE if room < 0.0 else Failsafe.FENCE_NEAR if room < gains.fence_margin else 0)
         | (Failsafe.PILOT_LOST if state.pilot_time > 0.0 else 0)
@@ -344,37 +421,34 @@ def fence_room(gains: Gains, state: State, seen: Conditions) -> float:
     return min(room, below) if state.above_floor and state.stage not in LANDING else room
 
 
-def _position_missed(gains: Gains, state: State, seen: Conditions) -> bool:
+def _battery(gains: Gains, seen: Conditions) -> int:
+    return Failsafe.BATTERY_LOW | (Failsafe.BATTERY_CRITICAL if seen.battery < gains.battery_land else 0)
+
+
+def _position_missed(gains: Gains, state: State, seen: Conditions) -> int:
     """A position that was there is gone; without a first fix only a guided flight misses it."""
-    never = math.isinf(seen.fix_age)
-    return seen.fix_age > gains.gps_loss_delay and (not never or (state.armed == 1 and state.mode in GUIDED))
-
-
-REASONS = {
-    Failsafe.LINK_LOST: "ground link lost",
-    Failsafe.GPS_LOST: "GPS position lost",
-    Failsafe.BATTERY_LOW: "battery low",
-    Failsafe.IMU_FAULT: "IMU samples refused",
-    Failsafe.FENCE: "outside the fence",
-    Failsafe.FENCE_NEAR: "close to the fence",
-    Failsafe.PILOT_LOST: "pilot's sticks lost",
-}
-RETURNING = (Failsafe.LINK_LOST, Failsafe.BATTERY_LOW, Failsafe.FENCE)
+    guided = state.armed == 1 and state.mode in GUIDED
+    if math.isinf(seen.fix_age) and not guided:
+        return 0
+    gone = guided and seen.fix_age > gains.gps_loss_delay + gains.gps_land_delay
+    return Failsafe.GPS_LOST | (Failsafe.POSITION_GONE if gone else 0)
 
 
 def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     if state.link_lost:
         state = state._replace(link_time=state.link_time + dt)
     state = _watch_pilot(gains, state, dt, seen)._replace(above_floor=_passed_floor(gains, state, seen))
-    flags = present(gains, state, seen)
+    now = int(present(gains, state, seen))
+    if not (now or state.failsafe):
+        return state, ()
+    flags, pending = _settled(state, dt, now)
     notices = _announce(state.failsafe, flags)
-    state = state._replace(failsafe=int(flags), answered=state.answered & int(flags))
-    if not state.armed or state.stage not in AIRBORNE:
+    state = state._replace(failsafe=flags, answered=state.answered & flags, pending=pending)
+    if not flags or not state.armed or state.stage not in AIRBORNE:
         return state, notices
-    state, landed = _land_when_critical(gains, state, seen)
-    state, returned = _return_when_failed(state, flags)
+    state, done = _answer(state, flags)
     state, circled = _leave_the_pilots_modes(gains, state, seen)
-    return state, notices + landed + returned + circled
+    return state, notices + done + circled
 
 
 def _passed_floor(gains: Gains, state: State, seen: Conditions) -> int:
@@ -408,28 +482,49 @@ def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Out
     return state, ()
 
 
+def _settled(state: State, dt: float, now: int) -> tuple[int, tuple[float, ...]]:
+    """Flags with what has come at once and what has been absent for long enough; the times of the rest."""
+    if now == state.failsafe:
+        return now, ()
+    before = state.pending or (0.0,) * len(FAILURES)
+    ending = state.failsafe & ~now
+    pending = tuple(
+        time + dt if failure.flag & ending else 0.0 for failure, time in zip(FAILURES, before, strict=True)
+    )
+    over = sum(
+        failure.flag
+        for failure, time in zip(FAILURES, pending, strict=True)
+        if failure.flag & ending and time >= failure.clear
+    )
+    after = (now | state.failsafe) & ~over
+    return after, () if after == now else pending
+
+
 def _announce(before: int, after: int) -> tuple[Notice, ...]:
     """One notice for each failure that came or went."""
     if before == after:
         return ()
-    came = tuple(Notice(Severity.WARNING, f"failsafe: {REASONS[f]}") for f in REASONS if f & after & ~before)
-    return came + tuple(Notice(Severity.INFO, f"failsafe over: {REASONS[f]}") for f in REASONS if f & before & ~after)
+    came = tuple(Notice(f.severity, f"failsafe: {f.text}") for f in FAILURES if f.flag & after & ~before)
+    return came + tuple(
+        Notice(Severity.INFO, f"failsafe over: {f.text}") for f in FAILURES if f.flag & before & ~after
+    )
 
 
-def _land_when_critical(gains: Gains, state: State, seen: Conditions) -> Outcome:
-    lost = seen.fix_age > gains.gps_loss_delay + gains.gps_land_delay and state.mode in GUIDED
-    if state.critical or state.mode == Mode.LAND or not (lost or seen.battery < gains.battery_land):
+def _answer(state: State, flags: int) -> Outcome:
+    """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
+    fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
+    if flags & NO_RETURN:
+        fresh = [f for f in fresh if f.action != Action.RETURN]
+    if not fresh:
         return state, ()
-    text = "failsafe: landing, " + ("no position" if lost else "battery nearly empty")
-    return _enter(state._replace(critical=1), Mode.LAND, Severity.CRITICAL, text)
-
-
-def _return_when_failed(state: State, flags: int) -> Outcome:
-    """Return once for each failure; the operator may then choose another mode."""
-    fresh = [f for f in RETURNING if f & flags & ~state.answered]
-    if not fresh or flags & Failsafe.GPS_LOST:
-        return state, ()
-    answered = state._replace(answered=state.answered | sum(fresh))
+    gravest = max(fresh, key=lambda failure: failure.action)
+    state = state._replace(answered=state.answered | sum(f.flag for f in fresh))
+    text = f"failsafe: {DOING[gravest.action]}, {gravest.text}"
+    if gravest.action == Action.CUT and not state.cut:
+        entered, _ = _enter(state._replace(cut=1, critical=1), Mode.LAND, Severity.CRITICAL, text)
+        return entered, (Notice(Severity.CRITICAL, text),)
+    if gravest.action == Action.LAND:
+        return _enter(state._replace(critical=1), Mode.LAND, Severity.CRITICAL, text)
     if state.mode in (Mode.RETURN, Mode.LAND) or state.stage in LANDING:
-        return answered, ()
-    return _enter(answered, Mode.RETURN, Severity.CRITICAL, f"failsafe: returning, {REASONS[fresh[0]]}")
+        return state, ()
+    return _enter(state, Mode.RETURN, Severity.CRITICAL, text)

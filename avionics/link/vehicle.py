@@ -158,6 +158,8 @@ class LinkGains(NamedTuple):
     """s; between two HEARTBEATs"""
     silence: float = 5.0
     """s; without a word from any ground station after one was heard, until the link counts as lost"""
+    acquaintance: float = 3.0
+    """s; for which a ground station must have been heard before its silence is a loss"""
     ask_again: float = 1.0
     """s; until an unanswered request of a mission transfer is repeated"""
     give_up: int = 5

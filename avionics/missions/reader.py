@@ -72,9 +72,11 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
         raise BadInput(f"cannot read mission file {path}: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
-    unknown = set(document) - {"name", "title", "item", "fence", "rally"}
+    unknown = set(document) - {"name", "title", "item", "fence", "rally", "fault"}
     if unknown:
-        raise BadInput(f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]], [fence], [[rally]]")
+        raise BadInput(
+            f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]], [fence], [[rally]], [[fault]]"
+        )
     tables = document.get("item", [])
     if not isinstance(tables, list) or not 1 <= len(tables) <= LONGEST_MISSION:
         raise BadInput(f"{path}: a mission has 1 to {LONGEST_MISSION} [[item]] tables")

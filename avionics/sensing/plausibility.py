@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 from avionics.quantities import Quantity
@@ -29,6 +29,10 @@ class Gains(NamedTuple):
     """counts; greatest change of an encoder between samples"""
     gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)]
     """m/s; per axis"""
+    accel_full: Annotated[float, Quantity("m/s^2", 5.0, 2000.0)]
+    """m/s^2; from which an axis of the accelerometer is at the end of its range"""
+    imu_repeats: Annotated[float, Quantity("-", 2.0, 1e9)]
+    """-; equal samples in a row after which the IMU has frozen: its noise does not repeat"""
     fault_time: Annotated[float, Quantity("s", 0.01, 10.0)]
     """s; without a good IMU sample before it is a fault"""
 
@@ -49,10 +53,22 @@ class State(NamedTuple):
     gps_time_us: int = -1
     """us; of the last good fix with a position, -1 before the first"""
     time_refused: int = 0
-    """-; 1 while frames are refused because their time does not rise"""
+    """-; frames in a row refused because their time does not rise"""
+    time_offset_us: int = 0
+    """us; added to the sensors' time since their clock jumped back"""
+    inertial: tuple[float, ...] = ()
+    """m/s^2, rad/s; last accelerometer and gyro reading"""
+    repeated: int = 0
+    """-; times that it has been read again"""
+    saturated: int = 0
+    """-; samples in a row with the accelerometer at the end of its range"""
 
 
 SENSORS = ("IMU", "encoder", "pressures", "ADC", "torque", "GPS")
+SATURATED = 3
+"""samples in a row at the end of the range after which the accelerometer says nothing"""
+TIME_PATIENCE = 20
+"""frames in a row with an earlier time after which the clock has jumped: it is followed from there"""
 ENCODER_PATIENCE = 20
 """refused samples in a row after which a jump of the counts is believed: the counter was reset"""
 
@@ -126,7 +142,13 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
     Returns the new state, the frame with refused samples taken out (a refused IMU sample stays in it, bit 0 of
     `State.bad` tells), and the names of the sensors that have just gone bad.
     """
-    bad = 0 if imu_plausible(gains, frame.imu) else 1
+    imu = frame.imu
+    inertial = imu[1:7]
+    repeated = state.repeated + 1 if inertial == state.inertial else 0
+    bad = 0 if repeated < gains.imu_repeats and imu_plausible(gains, imu) else 1
+    full = gains.accel_full
+    within = -full < imu[1] < full and -full < imu[2] < full and -full < imu[3] < full
+    saturated = 0 if within or bad else state.saturated + 1
     encoder, pressures, adc, torque, gps = frame.encoder, frame.pressures, frame.adc, frame.torque, frame.gps
     if encoder is not None:
         bad |= 0 if encoder_plausible(gains, state, encoder) else 2
@@ -138,14 +160,22 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
         bad |= 0 if torque_plausible(gains, torque) else 16
     if gps is not None:
         bad |= 0 if gps_plausible(gains, gps) else 32
+    health = (state.time_offset_us, inertial, repeated, saturated)
     if bad:
-        return _refuse(state, frame, bad)
-    return _accept(state, frame, 0), frame, ()
+        return _refuse(state, frame, bad, health)
+    return _accept(state, frame, 0, health), frame, ()
 
 
 def refuse_time(state: State) -> State:
     """A whole frame whose time does not rise was refused."""
-    return state._replace(rejected=state.rejected + 1, time_refused=1)
+    return state._replace(rejected=state.rejected + 1, time_refused=state.time_refused + 1)
+
+
+def shifted(frame: SensorFrame, offset_us: int) -> SensorFrame:
+    """The frame with ``offset_us`` added to every time in it."""
+    _, imu, *others = frame
+    samples: list[Any] = [sample and sample._replace(time_us=sample.time_us + offset_us) for sample in others]
+    return SensorFrame(frame.time_us + offset_us, imu._replace(time_us=imu.time_us + offset_us), *samples)
 
 
 def imu_age(state: State, time_us: int) -> float:
@@ -158,7 +188,10 @@ def gps_age(state: State, time_us: int) -> float:
     return math.inf if state.gps_time_us < 0 else (time_us - state.gps_time_us) * 1e-6
 
 
-def _accept(state: State, frame: SensorFrame, bad: int) -> State:
+Health = tuple[int, tuple[float, ...], int, int]
+
+
+def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
     """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
     encoder, gps = frame.encoder, frame.gps
     sampled = 1 | (2 if encoder else 0) | (4 if frame.pressures else 0)
@@ -170,14 +203,16 @@ def _accept(state: State, frame: SensorFrame, bad: int) -> State:
         (encoder.left_counts, encoder.right_counts) if encoder and not bad & 2 else state.encoder,
         0 if encoder and not bad & 2 else state.encoder_refused,
         frame.time_us if gps and not bad & 32 and gps.fix_type >= 2 else state.gps_time_us,
+        0,
+        *health,
     )
 
 
-def _refuse(state: State, frame: SensorFrame, bad: int) -> tuple[State, SensorFrame, tuple[str, ...]]:
+def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:
     """Take the refused samples out of a frame; its IMU sample stays, `State.bad` says that it is bad."""
     fresh = bad & ~state.bad
     names = tuple(name for i, name in enumerate(SENSORS) if fresh >> i & 1)
-    after = _accept(state, frame, bad)._replace(rejected=state.rejected + bad.bit_count())
+    after = _accept(state, frame, bad, health)._replace(rejected=state.rejected + bad.bit_count())
     if bad & 2:
         after = after._replace(encoder_refused=state.encoder_refused + 1)
     kept = SensorFrame(

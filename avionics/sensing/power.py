@@ -17,7 +17,7 @@ from __future__ import annotations
 from operator import mul
 from typing import Annotated, NamedTuple
 
-from avionics.limits import clip
+from avionics.limits import clip, low_pass
 from avionics.messages import AdcBurst, PowerState
 from avionics.quantities import Quantity
 
@@ -25,6 +25,8 @@ LONGEST_GAP = 1.0
 """s; between bursts, over which the last power is held when it is integrated"""
 BATTERY_US = 40_000
 """us; from look to look at the battery: six in a stroke of 4 Hz, which is what tells its resistance"""
+VOLTAGE_SHARE_TIME = 2.0
+"""s; over which the share by the voltage alone is averaged: a battery that fails is seen before its charge is"""
 RESISTANCE_SPAN = 5.0
 """-; times the bench's resistance, and its inverse, within which a measured one is believed"""
 
@@ -93,6 +95,8 @@ class Battery(NamedTuple):
     """-; share of the charge"""
     span: float = 0.0
     """s; over which the share of the open-circuit voltage has been averaged"""
+    by_voltage: float = 1.0
+    """-; share of the charge by the voltage of the last seconds alone"""
 
 
 class State(NamedTuple):
@@ -228,8 +232,12 @@ def watched(gains: Gains, battery: Battery, time_us: int, charge: float, voltage
     if battery.time_us < 0:
         open_circuit = voltage + gains.resistance * current
         share = share_of(gains.open_circuit, open_circuit)
-        return Battery(time_us, charge, voltage, current, open_circuit=open_circuit, remaining=share)
-    _, charge_before, mean_voltage, mean_current, variance, covariance, resistance, _, remaining, span = battery
+        return Battery(
+            time_us, charge, voltage, current, open_circuit=open_circuit, remaining=share, by_voltage=share
+        )
+    _, charge_before, mean_voltage, mean_current, variance, covariance, resistance, _, remaining, span, by_voltage = (
+        battery
+    )
     dt = min(LONGEST_GAP, (time_us - battery.time_us) * 1e-6)
     share = dt / (dt + gains.sag_time)
     off = current - mean_current
@@ -240,10 +248,13 @@ def watched(gains: Gains, battery: Battery, time_us: int, charge: float, voltage
     open_circuit = voltage + (resistance or gains.resistance) * current
     span = min(span + dt, gains.voltage_time)
     remaining = clip(remaining - (charge - charge_before) / gains.capacity, 0.0, 1.0)
-    remaining += (share_of(gains.open_circuit, open_circuit) - remaining) * min(1.0, dt / span)
+    told = share_of(gains.open_circuit, open_circuit)
+    remaining += (told - remaining) * min(1.0, dt / span)
+    by_voltage = low_pass(by_voltage, told, VOLTAGE_SHARE_TIME, dt)
     return Battery(
-        time_us, charge, mean_voltage, mean_current, variance, covariance, resistance, open_circuit, remaining, span
-    )
+        time_us, charge, mean_voltage, mean_current, variance, covariance, resistance, open_circuit, remaining, span,
+        by_voltage,
+    )  # fmt: skip
 
 
 def slope(gains: Gains, variance: float, covariance: float) -> float:

@@ -155,6 +155,13 @@ class State(NamedTuple):
     """counts; missed by then"""
 
 
+def angles(gains: Gains, left_counts: float, right_counts: float) -> tuple[float, float]:
+    """Flap angles (rad), left and right, of the counts."""
+    per_count = TWO_PI / (gains.counts_per_turn * gains.gear_ratio)
+    left = (left_counts - gains.zero_left) * gains.sign_left * per_count
+    return left, (right_counts - gains.zero_right) * gains.sign_right * per_count
+
+
 def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTHING) -> tuple[State, WingState]:
     """One sample on; a sample that is not later than the last changes nothing.
 
@@ -165,9 +172,7 @@ def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTH
         commanded: stroke asked of the wings.
     """
     time_us, left, right, valid_left, valid_right, missed = counts
-    per_count = TWO_PI / (gains.counts_per_turn * gains.gear_ratio)
-    left = (left - gains.zero_left) * gains.sign_left * per_count
-    right = (right - gains.zero_right) * gains.sign_right * per_count
+    left, right = angles(gains, left, right)
     valid = valid_left + 2 * valid_right
     if valid == 1:
         right = left

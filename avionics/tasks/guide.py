@@ -21,6 +21,13 @@ from avionics.situation import conditions, ground_motion, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
+JAMMED_SINK = 0.8
+"""m/s; of a landing without an elevator: there is no flare"""
+JAMMED_SHARE = 0.2
+"""-; of the throttle's gains without an elevator"""
+UNDERGROUND = 100.0
+"""m; below home: down, wherever it is"""
+
 
 def modes(s: AutopilotState, publish: Publish) -> None:
     """Stages and failsafes."""
@@ -84,9 +91,21 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
         s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):
         s.altitude_loop, s.vertical = altitude_loop.hold(state, time_us, s.target.altitude, measured)
+    elif s.tail_check.jammed:
+        sinking = by_throttle_alone(gains)
+        s.altitude_loop, s.vertical = altitude_loop.step(sinking, state, time_us, dt, -UNDERGROUND, measured)
     else:
         s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
     publish(topics.ALTITUDE_LOOP, s.vertical)
+
+
+def by_throttle_alone(gains: altitude_loop.Gains) -> altitude_loop.Gains:
+    """Gains of a slow descent without an elevator, so weak that they leave the phugoid its own damping."""
+    return gains._replace(
+        sink_max=JAMMED_SINK,
+        throttle_error=JAMMED_SHARE * gains.throttle_error,
+        throttle_integral=JAMMED_SHARE * gains.throttle_integral,
+    )
 
 
 def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
@@ -101,7 +120,10 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
         return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
     if stage == Stage.WAIT_LAUNCH:
         return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
-    if stage == Stage.FLARE:
+    if s.modes.cut:
+        pitch = s.gains.navigation.flare_pitch if stage == Stage.FLARE else s.gains.modes.glide_pitch
+        return altitude_loop.Asked(0.0, pitch)
+    if stage == Stage.FLARE and not s.tail_check.jammed:
         return altitude_loop.Asked(s.gains.navigation.flare_throttle, s.gains.navigation.flare_pitch)
     return None
 

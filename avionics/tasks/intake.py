@@ -7,13 +7,18 @@ from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import say
 from avionics.messages import (
     ActuatorCommand,
+    Attitude,
+    ImuSample,
     SensorFrame,
     Severity,
 )
 from avionics.sensing import inertial, plausibility
-from avionics.state import AutopilotState
+from avionics.state import STANDARD_GRAVITY, AutopilotState
+from avionics.timebase import BASE_RATE
 from avionics.topics import Publish
 
+TICK = 1.0 / BASE_RATE
+"""s"""
 RECORDED = (
     ("encoder", topics.ENCODER),
     ("pressures", topics.PRESSURES),
@@ -39,20 +44,37 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
     s.plausibility, frame, gone_bad = plausibility.step(s.gains.plausibility, s.plausibility, frame)
     if s.plausibility.bad & 1:
         frame = frame._replace(imu=s.frame.imu)
+    elif s.plausibility.saturated >= plausibility.SATURATED:
+        frame = frame._replace(imu=weighed(frame.imu, s.attitude))
     elif s.calibration.kind not in RAW_IMU:
         imu = inertial.correct(s.gains.imu, frame.imu)
         frame = frame if imu is frame.imu else frame._replace(imu=imu)
     s.frame = frame
     for name in gone_bad:
-        say(s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite or out of range")
+        say(s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite, out of range or repeated")
 
 
 def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> ActuatorCommand:
     """A frame that is not later than the last: count it, say so once, repeat the last actuators."""
     record_frame(publish, frame)
-    first = not s.plausibility.time_refused
     s.plausibility = plausibility.refuse_time(s.plausibility)
-    if first:
+    if s.plausibility.time_refused == 1:
         text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames refused"
         say(s, publish, Severity.ERROR, "sensing", text)
+    if s.plausibility.time_refused >= plausibility.TIME_PATIENCE:
+        step_us = s.clock.time_us + round(TICK * 1e6) - frame.time_us
+        offset = s.plausibility.time_offset_us + step_us
+        s.plausibility = s.plausibility._replace(time_offset_us=offset)
+        say(s, publish, Severity.WARNING, "sensing", f"sensor clock {offset * 1e-6:.3f} s back: followed from there")
     return s.actuators._replace(time_us=frame.time_us)
+
+
+def weighed(imu: ImuSample, attitude: Attitude) -> ImuSample:
+    """The sample with the specific force of unaccelerated flight at the present attitude instead of its own."""
+    w, x, y, z = attitude[7:11]
+    g = STANDARD_GRAVITY
+    return imu._replace(
+        accel_x=-2.0 * g * (x * z - w * y),
+        accel_y=-2.0 * g * (y * z + w * x),
+        accel_z=-g * (1.0 - 2.0 * (x * x + y * y)),
+    )

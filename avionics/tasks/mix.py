@@ -10,8 +10,12 @@ from avionics.messages import (
     Mode,
 )
 from avionics.mixing import flapping, tail
+from avionics.sensing import wing_check
 from avionics.state import AutopilotState
 from avionics.topics import Publish
+
+BESIDE_RATE = 3.0
+"""rad/s; of the wing that joins a jammed one"""
 
 
 def mix(s: AutopilotState, publish: Publish) -> None:
@@ -25,12 +29,15 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
     )
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
-    throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if s.modes.armed else 0.0
+    powered = s.modes.armed and not s.modes.cut
+    throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if powered else 0.0
     if added.active:
         s.applied = (moved.applied_elevator, throttle - s.vertical.throttle, moved.applied_rudder)
     s.flapping, flap, stroke = flapping.step(
         s.gains.flapping, s.flapping, clock.time_us, clock.dt, throttle, moved.asymmetry
     )
+    if s.modes.cut and s.wing_check.jammed in (wing_check.LEFT, wing_check.RIGHT):
+        stroke = beside_jammed(s, stroke)
     s.actuators = ActuatorCommand(
         clock.time_us,
         stroke.left,
@@ -51,3 +58,14 @@ def stop(s: AutopilotState, publish: Publish) -> None:
     s.actuators = ActuatorCommand(time_us, before.wing_left, before.wing_right, 0.0, 0.0, 0.0, 0)
     publish(topics.FLAP, FlapCommand(time_us, 0.0, 0.0, 0.0, 0.0, 0.0))
     publish(topics.ACTUATORS, s.actuators)
+
+
+def beside_jammed(s: AutopilotState, stroke: flapping.Stroke) -> flapping.Stroke:
+    """The free wing goes where the jammed one is, so that the glide is level."""
+    limits, step = s.gains.flapping, BESIDE_RATE * s.clock.dt
+    left, right = s.wing_check.angles
+    if s.wing_check.jammed == wing_check.LEFT:
+        wanted = clip(left, limits.travel_min, limits.travel_max)
+        return stroke._replace(right=clip(wanted, s.actuators.wing_right - step, s.actuators.wing_right + step))
+    wanted = clip(right, limits.travel_min, limits.travel_max)
+    return stroke._replace(left=clip(wanted, s.actuators.wing_left - step, s.actuators.wing_left + step))

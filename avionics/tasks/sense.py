@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from avionics import piloting, topics
+from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, say
-from avionics.messages import Severity, Stage
-from avionics.sensing import air_data, drive_torque, encoders, wing_angle
+from avionics.messages import Mode, Severity, Stage
+from avionics.sensing import air_data, airspeed_check, drive_torque, encoders, tail_check, wing_angle, wing_check
 from avionics.sensing import power as power_meter
+from avionics.sensing.plausibility import gps_age
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -46,7 +48,14 @@ def air(s: AutopilotState, publish: Publish) -> None:
     """Airspeed and pressure altitude, at each pressure sample; the pitot's zero is learned while disarmed."""
     if s.frame.pressures is not None:
         on_ground = not s.modes.armed and s.modes.stage == Stage.ON_GROUND
-        s.air_data, s.air = air_data.step(s.gains.air_data, s.air_data, s.frame.pressures, on_ground)
+        s.air_data, measured = air_data.step(s.gains.air_data, s.air_data, s.frame.pressures, on_ground)
+        fresh = s.fix is not None and gps_age(s.plausibility, s.clock.time_us) < s.gains.modes.gps_loss_delay
+        motion = airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw) if s.fix and fresh else None
+        airborne = s.modes.stage in AIRBORNE and s.modes.armed == 1
+        s.airspeed_check, airspeed = airspeed_check.step(
+            s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, measured.airspeed, motion, airborne
+        )
+        s.air = measured._replace(airspeed=airspeed) if s.airspeed_check.blocked else measured
         publish(topics.AIR_DATA, s.air)
 
 
@@ -63,3 +72,28 @@ def pilot(s: AutopilotState, publish: Publish) -> None:
         act(s, publish, piloting.take_receiver(s, publish, sample), "receiver")
     if s.ways_in.source:
         piloting.watch(s, publish)
+
+
+def wings(s: AutopilotState, publish: Publish) -> None:
+    """Whether both wings move as they are told."""
+    if s.frame.encoder is None:
+        return
+    raw, counts = s.gains.wing_angle, s.frame.encoder
+    state = s.wing_check
+    before = state.angles
+    angles = wing_angle.angles(raw, counts.left_counts, counts.right_counts)
+    told = int(s.modes.armed and s.modes.stage in AIRBORNE and s.flapping.frequency > 0.0)
+    dt = s.clock.dt_50
+    seen = wing_check.Seen(
+        (angles[0] - before[0]) / dt, (angles[1] - before[1]) / dt, s.power_state.current,
+        s.attitude.roll_rate, told, s.wing.valid_left + 2 * s.wing.valid_right,
+    )  # fmt: skip
+    s.wing_check = wing_check.step(s.gains.wing_check, state, dt, seen)._replace(angles=angles)
+
+
+def tail(s: AutopilotState, publish: Publish) -> None:
+    """Whether the tail answers."""
+    closed = s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL and not s.modes.cut
+    s.tail_check = tail_check.step(
+        s.gains.tail_check, s.tail_check, s.clock.dt_50, s.elevator.pitch_error, closed and not s.excited.active
+    )

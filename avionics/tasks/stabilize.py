@@ -6,6 +6,7 @@ from avionics import topics
 from avionics.guidance import excitation as excitation_input
 from avionics.guidance.modes import AIRBORNE
 from avionics.messages import (
+    Failsafe,
     Mode,
 )
 from avionics.stabilization import pitch as pitch_loop
@@ -13,10 +14,13 @@ from avionics.stabilization import roll as roll_loop
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
+IMU_FAULT = int(Failsafe.IMU_FAULT)
+
 
 def loops_closed(s: AutopilotState) -> bool:
-    """Whether the attitude loops fly: not on the ground or on the hand, and not in MANUAL."""
-    return s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL
+    """Whether the attitude loops fly: not on the ground or on the hand, not in MANUAL, and not without an IMU."""
+    blind = s.modes.failsafe & IMU_FAULT
+    return s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL and not blind
 
 
 def pitch(s: AutopilotState, publish: Publish) -> None:

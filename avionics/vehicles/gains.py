@@ -9,7 +9,19 @@ from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes, navigation
 from avionics.mixing import flapping, tail
-from avionics.sensing import air_data, drive_torque, encoders, inertial, plausibility, power, receiver, wing_angle
+from avionics.sensing import (
+    air_data,
+    airspeed_check,
+    drive_torque,
+    encoders,
+    inertial,
+    plausibility,
+    power,
+    receiver,
+    tail_check,
+    wing_angle,
+    wing_check,
+)
 from avionics.stabilization import pitch, roll
 
 
@@ -27,6 +39,9 @@ class FlightGains(NamedTuple):
     altitude_filter: altitude_filter.Gains
     position_filter: position_filter.Gains
     receiver: receiver.Gains
+    airspeed_check: airspeed_check.Gains
+    wing_check: wing_check.Gains
+    tail_check: tail_check.Gains
     modes: modes.Gains
     navigation: navigation.Gains
     altitude: altitude.Gains

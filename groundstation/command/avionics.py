@@ -17,7 +17,7 @@ from avionics.board.hil import HilBoard
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
-from avionics.messages import Severity
+from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.recorder import Recorder
@@ -27,6 +27,7 @@ from groundstation.command.onboard import Onboard, plan_commands, scripted_start
 from logs.attached import FLIGHT_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
+from sim_bridge.flight.flight import fault_commands
 
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
@@ -45,6 +46,7 @@ def build_parser() -> options.Parser:
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
+    parser.add_argument("--fault", action="append", default=[], type=options.fault, help=argparse.SUPPRESS)
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
 
@@ -68,8 +70,8 @@ def run(arguments: Sequence[str]) -> int:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
-        script = (*plan_commands(plan), *(scripted_start() if chosen.start else ()))
-        onboard = Onboard(vehicle, plan.mission, recorder, script)
+        commands = (*plan_commands(plan), *script(chosen))
+        onboard = Onboard(vehicle, plan.mission, recorder, commands)
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
@@ -86,6 +88,11 @@ def _tell(onboard: Onboard, loaded: Loaded) -> None:
         onboard.view.tell(severity, "parameters", loaded.text)
     if loaded.damaged:
         print(f"wingbeat: {loaded.text}", file=sys.stderr)
+
+
+def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
+    """What is commanded at fixed ticks: the start, and the faults that are inputs of the flight."""
+    return (scripted_start() if chosen.start else ()) + fault_commands(chosen.fault)
 
 
 def _fly(address: str, onboard: Onboard, link: GroundLink) -> None:

@@ -42,6 +42,7 @@ from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
+from sim_bridge.faults import Fault, divided, mission_faults
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import vehicle_names
 
@@ -51,6 +52,7 @@ EXAMPLES = (
     "wingbeat fly --aerodynamics blade_element",
     "wingbeat fly --mission field.plan      # QGroundControl's; also .waypoints and our own .toml",
     "wingbeat fly --vehicle my_bird/        # a folder with world.toml and avionics.toml",
+    "wingbeat fly --fault pitot_blocked@30 --fault gps_lost@40-50",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
 )
 JSON_KEYS = {
@@ -60,6 +62,7 @@ JSON_KEYS = {
     "seed": "of sensor noise and gusts",
     "wind": "m/s; steady",
     "wind_from": "rad; where it comes from, clockwise from north",
+    "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
     "turbulence": "none, light, moderate or severe",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
@@ -89,6 +92,8 @@ class Plan(NamedTuple):
     """what the world and the flight computer record"""
     notes: tuple[str, ...]
     """what of the mission's file is not flown"""
+    faults: tuple[Fault, ...]
+    """of the command line, then of the mission"""
 
 
 def build_parser() -> options.Parser:
@@ -99,6 +104,7 @@ def build_parser() -> options.Parser:
     options.add_aerodynamics(parser)
     options.add_mission(parser)
     options.add_world(parser, DURATION)
+    options.add_faults(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
     options.add_parameters(parser, options.NO_PARAMETERS)
@@ -154,7 +160,8 @@ def check(chosen: argparse.Namespace) -> Plan:
     for path in (log, *parts):
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
-    return Plan(chosen.vehicle, vehicle.title, model, log, parts, notes)
+    faults = (*chosen.fault, *mission_faults(chosen.mission))
+    return Plan(chosen.vehicle, vehicle.title, model, log, parts, notes, faults)
 
 
 def _check_flown(name: str) -> None:
@@ -209,12 +216,15 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--turbulence", chosen.turbulence]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
-    children.start("the world", ["sim", *world])
+    in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
+    children.start("the world", ["sim", *world, *in_world])
     links = [word for url in chosen.gcs for word in ("--gcs", url)]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--start", "--log", str(plan.parts[1])]
     flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
-    children.start("the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links])
+    children.start(
+        "the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links, *in_flight]
+    )
 
 
 def _free_port() -> int:
@@ -311,6 +321,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
                 "seed": chosen.seed,
                 "wind": chosen.wind,
                 "wind_from": chosen.wind_from,
+                "faults": options.fault_words(plan.faults)[1::2],
                 "turbulence": chosen.turbulence,
                 "wall_time": wall_time,
                 "speed": speed,

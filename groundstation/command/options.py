@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
 from avionics.quantities import BadInput
+from sim_bridge.faults import FAULTS, Fault, parse_fault
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
@@ -118,6 +119,32 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
     parser.add_argument(
         "--turbulence", default="none", metavar="LEVEL", help="Dryden gusts: none, light, moderate or severe (none)"
     )
+
+
+def add_faults(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--fault``, any number of times."""
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        type=fault,
+        metavar="NAME@T[-T2]",
+        help=f"what fails, from T to T2 seconds since boot; may be repeated. NAME: {', '.join(FAULTS)}",
+    )
+
+
+def fault(text: str) -> Fault:
+    """A fault, for argparse."""
+    try:
+        return parse_fault(text)
+    except BadInput as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
+
+
+def fault_words(faults: Iterable[Fault]) -> list[str]:
+    """The command line that gives ``faults`` to another process."""
+    ends = ((one, f"-{one.until!r}" if math.isfinite(one.until) else "") for one in faults)
+    return [word for one, end in ends for word in ("--fault", f"{one.name}@{one.at!r}{end}")]
 
 
 def positive(text: str) -> float:

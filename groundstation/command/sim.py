@@ -18,6 +18,7 @@ from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
+from sim_bridge.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
@@ -27,6 +28,7 @@ EXAMPLES = (
     "wingbeat sim",
     "wingbeat sim --vehicle arizona_100cm --listen tcp:0.0.0.0:4560 --speed 1 --wind 3",
     "wingbeat sim --aerodynamics quasi_steady",
+    "wingbeat sim --fault pitot_blocked@30 --fault gps_lost@40-50",
 )
 COMPILING = "compiling the physics, once: about half a minute"
 DURATION = 600.0
@@ -41,6 +43,7 @@ def build_parser() -> options.Parser:
     options.add_aerodynamics(parser)
     parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=f"tcp:HOST:PORT ({DEFAULT_URL})")
     options.add_world(parser, DURATION)
+    options.add_faults(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
@@ -50,12 +53,15 @@ def run(arguments: Sequence[str]) -> int:
     """Serve one flight.
 
     Raises:
-        BadInput: unknown vehicle or aerodynamic model, port in use, existing log, a flight computer that does not
-            come or answer.
+        BadInput: unknown vehicle, aerodynamic model or fault, port in use, existing log, a flight computer that does
+            not come or answer.
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
-    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration)
+    faults, of_flight = divided(chosen.fault)
+    if of_flight:
+        raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
+    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
@@ -110,6 +116,7 @@ def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: S
         "wind_from": repr(scenario.wind_from),
         "turbulence": scenario.turbulence,
         "duration": repr(scenario.duration),
+        "faults": " ".join(options.fault_words(scenario.faults)[1::2]),
         "home_latitude": repr(scenario.home.latitude),
         "home_longitude": repr(scenario.home.longitude),
         "home_altitude": repr(scenario.home.altitude),

@@ -20,6 +20,7 @@ from avionics.messages import ActuatorCommand, SensorFrame
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
 from sim_bridge.bridge.world import NEUTRAL, World
+from sim_bridge.faults import SimulationSilent
 
 DEFAULT_URL = "tcp:127.0.0.1:4560"
 """Where PX4 looks for its simulator."""
@@ -40,6 +41,8 @@ class Patience(NamedTuple):
     """s; for the answer to a sensor frame, of a partner in lockstep"""
     moment: float = 0.010
     """s; for the answer of one that promises none (PX4), once armed"""
+    silence: float = 15.0
+    """s; for a partner to hang up once the world has fallen silent, as it was told"""
     noise: float = 0.05
     """s; for the rest of something that began like a message"""
 
@@ -152,7 +155,11 @@ class Session:
         command = NEUTRAL
         ended = "the simulation finished"
         while not self._world.finished:
-            frame = self._world.step(command)
+            try:
+                frame = self._world.step(command)
+            except SimulationSilent as silence:
+                self._await_hanging_up()
+                return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
             self._pacer.hold(frame.time_us)
             self._send(frame)
             command = self._await_answer(frame.time_us, command)
@@ -161,6 +168,11 @@ class Session:
                 break
         self._say_end(EndReason.FINISHED)
         return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
+
+    def _await_hanging_up(self) -> None:
+        deadline = self._clock() + self._patience.silence
+        while not self._hung_up and self._clock() < deadline:
+            self._receive(self._patience.noise)
 
     @property
     def _lockstep(self) -> bool:

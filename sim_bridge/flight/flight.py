@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 
 from avionics.autopilot import Autopilot
 from avionics.link.codec import quantised_command
-from avionics.messages import Command
+from avionics.messages import Command, CommandKind
 from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.faults import Fault, SimulationSilent, divided
 from sim_bridge.flight.world import SimulatedWorld
 
 
 def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] = ()) -> None:
-    """Fly until the world is finished; each command of ``script`` enters at the first tick not before its time.
+    """Fly until the world is finished or silent; a command of ``script`` enters at the first tick not before it.
 
     The actuators reach the world as the wire would deliver them, so that the flight is bit for bit the one that two
     processes fly.
     """
-    waiting = deque(sorted(script, key=lambda command: command.time_us))
+    entering = [*script, *fault_commands(world.scenario.faults)]
+    waiting = deque(sorted(entering, key=lambda command: command.time_us))
     command = NEUTRAL
     while not world.finished:
-        frame = world.step(command)
+        try:
+            frame = world.step(command)
+        except SimulationSilent:
+            return
         due = []
         while waiting and waiting[0].time_us <= frame.time_us:
             due.append(waiting.popleft())
         command = quantised_command(autopilot.step(frame, due))
+
+
+def fault_commands(faults: Sequence[Fault]) -> tuple[Command, ...]:
+    """What those of ``faults`` that are inputs of the flight put in, at their beginnings and ends.
+
+    Raises:
+        BadInput: no such fault, or times that cannot be.
+    """
+    entering = []
+    for fault in divided(faults)[1]:
+        entering.append(Command(round(fault.at * 1e6), CommandKind.LINK_LOST, source="fault"))
+        if math.isfinite(fault.until):
+            entering.append(Command(round(fault.until * 1e6), CommandKind.LINK_REGAINED, source="fault"))
+    return tuple(entering)

@@ -9,11 +9,13 @@ from avionics.messages import (
     ActuatorCommand,
     AdcBurst,
     EncoderSample,
+    Event,
     GpsFix,
     ImuSample,
     PressureSample,
     ReceiverSample,
     SensorFrame,
+    Severity,
     TorqueSample,
 )
 from avionics.quantities import BadInput
@@ -24,6 +26,7 @@ from sim_bridge.environment import dryden
 from sim_bridge.environment.atmosphere import Air, isa
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
+from sim_bridge.faults import Fault, FaultInjector
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
@@ -76,6 +79,8 @@ class Scenario(NamedTuple):
     """-; above 0 every fixed error of the sensors is that many standard deviations, either way"""
     pilot: Pilot | None = None
     """who has a transmitter in his hands; None for nobody"""
+    faults: tuple[Fault, ...] = ()
+    """what fails, see `sim_bridge.faults`"""
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -92,7 +97,7 @@ class SimulatedWorld:
         """Put the vehicle into the launcher's hand, facing the wind.
 
         Raises:
-            BadInput: seed or wind out of range, no such turbulence, or bodies that make no vehicle.
+            BadInput: seed or wind out of range, no such turbulence or fault, or bodies that make no vehicle.
         """
         if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
             raise BadInput(f"duration must be above 0 s, not {scenario.duration:g}")
@@ -116,6 +121,8 @@ class SimulatedWorld:
         self._current_before = 0.0
         self._rest_since: float | None = None
         self._thrown_at = math.inf
+        self.faults = FaultInjector(scenario.faults)
+        """takes more of them in flight"""
 
     @property
     def tick_us(self) -> int:
@@ -141,8 +148,14 @@ class SimulatedWorld:
         return resting or now >= self.scenario.duration
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """Advance one tick with ``command`` held, record the truth and read the sensors at its end."""
+        """Advance one tick with ``command`` held, record the truth and read the sensors at its end.
+
+        Raises:
+            SimulationSilent: from the time of that fault on.
+        """
         self._tick += 1
+        for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
+            self._publish(topics.EVENTS, Event(self.time_us, Severity.WARNING, "world", text))
         air = self._air()
         self._current_before = self._means.current
         self._blow()
@@ -150,7 +163,7 @@ class SimulatedWorld:
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
-        return sensor_frame(self.suite.sample(self._observe(air), self._tick))
+        return sensor_frame(self.faults.sense(self.suite.sample(self._observe(air), self._tick), self._tick))
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""

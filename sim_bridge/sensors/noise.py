@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from avionics.quantities import BadInput
 from sim_bridge.observation import Vector
 
+Row = TypeVar("Row")
 BLOCK = 256
 """rows; drawn at once"""
 
@@ -61,16 +63,40 @@ def split(seed: SensorSeed) -> tuple[UnitErrors, np.random.Generator]:
     return Corner(unit, corner) if corner > 0.0 else unit, flight
 
 
+class _Endless(Generic[Row]):
+    """Rows drawn in blocks. Not a generator, so that a flight can be copied as it stands (`copy.deepcopy`)."""
+
+    def __init__(self, draw: Callable[[], Iterable[Row]]) -> None:
+        self._draw = draw
+        self._rows: Iterator[Row] = iter(())
+
+    def __iter__(self) -> Iterator[Row]:
+        return self
+
+    def __next__(self) -> Row:
+        for row in self._rows:
+            return row
+        self._rows = iter(self._draw())
+        return next(self._rows)
+
+
+def _rows(generator: np.random.Generator, width: int) -> list[list[float]]:
+    rows: list[list[float]] = generator.standard_normal((BLOCK, width)).tolist()
+    return rows
+
+
+def _arrays(generator: np.random.Generator, width: int) -> list[NDArray[np.float64]]:
+    return list(generator.standard_normal((BLOCK, width)))
+
+
 def normal_rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
     """Endless rows of ``width`` standard normal numbers."""
-    while True:
-        yield from generator.standard_normal((BLOCK, width)).tolist()
+    return _Endless(partial(_rows, generator, width))
 
 
 def normal_arrays(generator: np.random.Generator, width: int) -> Iterator[NDArray[np.float64]]:
     """Endless arrays of ``width`` standard normal numbers."""
-    while True:
-        yield from generator.standard_normal((BLOCK, width))
+    return _Endless(partial(_arrays, generator, width))
 
 
 def normal_vector(generator: UnitErrors, sigma: float) -> Vector:

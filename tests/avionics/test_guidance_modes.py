@@ -202,3 +202,49 @@ def test_a_lost_position_keeps_the_mode_and_hinders_a_return() -> None:
 def test_no_first_fix_is_no_failure_by_hand() -> None:
     state, said = run(modes.State(), READY._replace(fix_age=math.inf), 10.0)
     assert (state.failsafe, said) == (0, [])
+
+
+@pytest.mark.parametrize("failure", modes.FAILURES, ids=lambda failure: failure.flag.name)
+def test_each_failure_is_said_once_answered_once_and_said_to_be_over(failure: modes.Failure) -> None:
+    state, said = run(FLYING, CRUISE._replace(sensed=int(failure.flag)), 5.0)
+    texts = [notice.text for notice in said]
+    assert texts.count(f"failsafe: {failure.text}") == 1
+    mode = {modes.Action.CARRY_ON: Mode.AUTO, modes.Action.RETURN: Mode.RETURN}.get(failure.action, Mode.LAND)
+    assert (state.mode, state.cut) == (mode, int(failure.action == modes.Action.CUT))
+    assert sum(notice.severity == Severity.CRITICAL and "failsafe: " in notice.text for notice in said) <= 2
+    state, said = run(state, CRUISE, failure.clear + 0.1)
+    assert [notice.text for notice in said] == [f"failsafe over: {failure.text}"]
+    assert (state.failsafe, state.pending) == (0, ())
+
+
+def test_a_failure_that_flickers_is_said_once() -> None:
+    fence, state, said = CRUISE._replace(altitude=GAINS.fence_altitude + 1.0), FLYING, []
+    for _ in range(20):
+        for seen in (fence, CRUISE):
+            state, notices = run(state, seen, 0.5)
+            said += notices
+    assert [notice.text for notice in said if notice.text.endswith("outside the fence")] == [
+        "failsafe: outside the fence",
+        "failsafe: returning, outside the fence",
+    ]
+
+
+def test_the_gravest_of_several_failures_is_answered() -> None:
+    both = int(Failsafe.WING_JAMMED | Failsafe.TAIL_JAMMED | Failsafe.BATTERY_LOW)
+    state, said = run(FLYING, CRUISE._replace(sensed=both), 1.0)
+    assert (state.mode, state.cut) == (Mode.LAND, 1)
+    assert "failsafe: flapping stopped, wing jammed" in [notice.text for notice in said]
+
+
+def test_on_the_ground_a_failure_is_said_and_hinders_arming() -> None:
+    bad = READY._replace(sensed=int(Failsafe.MAG_DISTURBED), unready=("no encoder samples",))
+    state, said = run(modes.State(mode=Mode.AUTO), bad, 1.0)
+    assert (state.mode, [notice.text for notice in said]) == (Mode.AUTO, ["failsafe: magnetic field disturbed"])
+    state, notices = modes.arm(GAINS, state, bad)
+    assert state.armed == 0
+    assert "magnetic field disturbed; no encoder samples" in notices[0].text
+
+
+def test_turning_the_vehicle_hinders_arming() -> None:
+    state, notices = modes.arm(GAINS, modes.State(), READY._replace(turn_rate=GAINS.arm_turn + 0.1))
+    assert (state.armed, "being turned" in notices[0].text) == (0, True)

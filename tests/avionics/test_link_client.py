@@ -379,8 +379,10 @@ def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too()
 
     assert link.poll(0.0) == [] and link.poll(1000.0) == []  # nobody was ever heard: nobody is missed
     assert hear(1001.0) == [] and link.stations == 1
-    assert link.poll(1006.0) == []
-    assert [each.kind for each in link.poll(1006.1)] == [m.CommandKind.LINK_LOST]
+    assert link.poll(1006.1) == [] and link.stations == 0  # a single command: nobody flew by it
+    assert hear(1010.0) == [] and hear(1013.0) == []
+    assert link.poll(1018.0) == []
+    assert [each.kind for each in link.poll(1018.1)] == [m.CommandKind.LINK_LOST]
     assert link.poll(1020.0) == [] and link.stations == 0
     assert [each.kind for each in hear(1021.0)] == [m.CommandKind.LINK_REGAINED]
     assert [event.text.split()[0] for event in link.take_events()] == ["LINK_LOST", "LINK_REGAINED"]

@@ -5,6 +5,7 @@ Everything is measured against the simulated world's truth, by other means than 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind, Mission
+from avionics.link.codec import quantised_command
 from avionics.messages import ActuatorCommand, Command, SensorFrame, Stage
 from avionics.missions import load_mission
 from avionics.topics import Topic
@@ -22,7 +24,9 @@ from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import scripted_start
 from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
-from sim_bridge.flight.flight import fly
+from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.faults import Fault
+from sim_bridge.flight.flight import fault_commands, fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 
@@ -160,6 +164,36 @@ class Flight:
         true = float(np.sum(wing["electrical_power"][inside])) * 0.005
         at_launch, at_end = np.interp((launch * 1e6, end * 1e6), power["time_us"], power["energy"])
         return float(at_end - at_launch), true
+
+
+class Underway:
+    """A flight that can be stopped, copied as it stands, and flown on with something failing."""
+
+    def __init__(self, vehicle: str, scenario: Scenario, mission: Mission) -> None:
+        self.log = MemoryLog()
+        self.mission = mission
+        self.world = SimulatedWorld(load_vehicle(vehicle), scenario, self.log.publish)
+        self._autopilot = Autopilot(load_flight_vehicle(vehicle), mission, self.log.publish)
+        self._command = NEUTRAL
+        self._script = list(scripted_start())
+
+    def until(self, seconds: float) -> None:
+        """Fly on until that time since boot, or until the world is over."""
+        while not self.world.finished and self.world.time_us < seconds * 1e6:
+            frame = self.world.step(self._command)
+            due = [command for command in self._script if command.time_us <= self.world.time_us]
+            self._script = [command for command in self._script if command not in due]
+            self._command = quantised_command(self._autopilot.step(frame, due))
+
+    def branch(self, fault: Fault) -> Underway:
+        """The same flight, on which something will fail."""
+        twin = copy.deepcopy(self)
+        twin.world.faults.inject(fault)
+        twin._script += fault_commands([fault])
+        return twin
+
+    def flight(self) -> Flight:
+        return Flight(self.log, self.mission)
 
 
 def rms(values: Any) -> float:

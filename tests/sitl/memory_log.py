@@ -25,6 +25,12 @@ class MemoryLog:
     def __init__(self) -> None:
         self.messages: dict[str, list[Any]] = defaultdict(list)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> MemoryLog:
+        """Of a flight that is copied as it stands: messages are immutable."""
+        twin = MemoryLog()
+        twin.messages.update({name: list(kept) for name, kept in self.messages.items()})
+        return twin
+
     def publish(self, topic: Topic, message: Any) -> None:
         """Keep one message."""
         self.messages[topic.name].append(message)

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight, flown, rms
+from flown import ARIZONA, RAVEN, Flight, Underway, differing, flown, rms
+from promises import PROMISES, Promise, table
 
+import avionics
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.messages import Command, CommandKind, Mode, SensorFrame, Stage
+from sim_bridge import topics as truth_topics
+from sim_bridge.faults import FAULTS, Place, parse_fault
 from sim_bridge.flight.world import Scenario
 
+STRAIGHT = (
+    MissionItem(ItemKind.TAKEOFF, altitude=15.0),
+    MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.0, duration=600.0),
+)
+FAILS_AT = 24.0
 LOW_HOLD = (
     MissionItem(ItemKind.TAKEOFF, altitude=15.0),
     MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.5, duration=60.0),
@@ -126,3 +137,111 @@ def test_after_a_minute_without_gps_it_has_landed(vehicle: str) -> None:
     assert flight.event_time("failsafe: landing, no position") == pytest.approx(52.0, abs=0.5)
     assert abs(math.degrees(flight.touchdown().bank)) < 30.0
     assert flight.of(topics.NAVIGATION)[-1].armed == 0
+
+
+@functools.cache
+def underway(vehicle: str) -> Underway:
+    """The flight up to the failure, which all share."""
+    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 50.0), STRAIGHT)
+    flight.until(FAILS_AT - 0.1)
+    return flight
+
+
+def failed(vehicle: str, name: str) -> Flight:
+    branch = underway(vehicle).branch(parse_fault(f"{name}@{FAILS_AT}"))
+    branch.until(FAILS_AT + PROMISES[name].flown)
+    return branch.flight()
+
+
+def check_said_once(flight: Flight, promise: Promise) -> float:
+    """When the words were said (s): within their time, and once."""
+    said = [event.time_us * 1e-6 for event in flight.of(topics.EVENTS) if event.text.startswith(promise.says)]
+    assert len(said) == 1, f"{promise.says!r} among {flight.events()}"
+    assert FAILS_AT - 0.02 <= said[0] <= FAILS_AT + promise.within
+    return said[0]
+
+
+def check_flown(flight: Flight, promise: Promise) -> None:
+    """Bank, altitude and touchdown as they were, from the failure on."""
+    time, (_, end) = flight.truth["time_us"] * 1e-6, flight.air_time()
+    inside = (time >= FAILS_AT) & (time <= end)
+    assert np.degrees(np.abs(flight.true_attitude()[0][inside])).max() < promise.bank
+    if promise.altitude is not None:
+        assert end == time[-1], f"on the ground at {end} s"
+        change = flight.altitude()[inside] - flight.altitude()[inside][0]
+        low, high = promise.altitude
+        assert low < change.min()
+        assert change.max() < high
+    if promise.touchdown:
+        touchdown = flight.touchdown()
+        assert abs(math.degrees(touchdown.bank)) < 30.0
+        assert touchdown.sink < 2.0
+
+
+def check_stopped(flight: Flight, since: float) -> None:
+    """The wings rest from a second after that time (s) on."""
+    wing = flight.columns(truth_topics.WING)
+    late = wing["time_us"] > (since + 1.0) * 1e6
+    for side in ("left", "right"):
+        # What moves still is the spring of the drives under the air's load.
+        assert np.ptp(wing[f"angle_{side}"][late]) < 0.35
+        assert np.abs(wing[f"rate_{side}"][late]).mean() < 0.3
+
+
+IN_FLIGHT = [name for name in FAULTS if name != "sim_silent"]
+
+
+def test_every_fault_has_its_promise_and_the_readme_tells_it() -> None:
+    assert sorted(PROMISES) == sorted(FAULTS)
+    readme = (Path(avionics.__file__).parent / "README.md").read_text(encoding="utf-8")
+    assert "\n".join(table()) in readme
+
+
+@pytest.mark.parametrize("name", IN_FLIGHT)
+def test_what_is_promised_for_a_failure_is_kept(name: str) -> None:
+    flight, promise = failed(RAVEN, name), PROMISES[name]
+    since = check_said_once(flight, promise)
+    if FAULTS[name].place is not Place.FLIGHT:
+        assert [event.text for event in flight.of(truth_topics.EVENTS)] == [f"fault {name}: {FAULTS[name].text}"]
+    check_flown(flight, promise)
+    if promise.stops:
+        check_stopped(flight, since)
+
+
+OWN_PHYSICS = ["imu_frozen", "imu_saturated", "battery_critical", "tail_jammed", "wing_left_jammed"]
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", OWN_PHYSICS)
+def test_what_is_promised_holds_with_a_crank_too(name: str) -> None:
+    flight, promise = failed(ARIZONA, name), PROMISES[name]
+    since = check_said_once(flight, promise)
+    if promise.stops:  # with both wings where the crank stopped, nothing is promised of the glide
+        check_stopped(flight, since)
+    else:
+        check_flown(flight, promise)
+
+
+def test_a_copied_flight_is_the_flight() -> None:
+    one = underway(RAVEN)
+    twin, other = (one.branch(parse_fault(f"gps_lost@{FAILS_AT + 1.0}")) for _ in range(2))
+    twin.until(FAILS_AT + 2.0)
+    other.until(FAILS_AT + 2.0)
+    assert differing(twin.log, other.log) == []
+    assert len(one.log.messages[topics.GPS.name]) <= len(twin.log.messages[topics.GPS.name])
+
+
+def test_a_failure_that_ends_is_said_to_be_over() -> None:
+    branch = underway(RAVEN).branch(parse_fault(f"gps_lost@{FAILS_AT}-{FAILS_AT + 4.0}"))
+    branch.until(FAILS_AT + 6.0)
+    flight = branch.flight()
+    assert flight.event_time("failsafe over: GPS position lost") == pytest.approx(FAILS_AT + 4.2, abs=0.4)
+    assert [event.text for event in flight.of(truth_topics.EVENTS)][-1] == "fault gps_lost is over"
+
+
+def test_a_healthy_flight_in_a_wind_has_no_alarm() -> None:
+    flight = Underway(
+        RAVEN, Scenario(seed=2, wind_speed=3.0, wind_from=1.2, turbulence="light", duration=40.0), LOW_HOLD
+    )
+    flight.until(40.0)
+    assert [text for text in flight.flight().events() if "failsafe" in text or "refused" in text] == []

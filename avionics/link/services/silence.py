@@ -14,7 +14,8 @@ class SilenceService:
     """Tells the flight core when the last ground station has fallen silent, and when one speaks again.
 
     A ground station is who sent a HEARTBEAT of MAV_TYPE_GCS; any message of it counts as a word, which the
-    owner of the links reports with `heard`.
+    owner of the links reports with `heard`. One that was heard for a moment only (`LinkGains.acquaintance`), as a
+    single command of `wingbeat gcs` is, may fall silent: nobody flies by it.
     """
 
     handles = frozenset({"HEARTBEAT"})
@@ -22,7 +23,9 @@ class SilenceService:
     def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
         self._vehicle = vehicle
         self._patience = gains.silence
+        self._acquaintance = gains.acquaintance
         self._stations: dict[tuple[int, int, int], float] = {}
+        self._met: dict[tuple[int, int, int], float] = {}
         self._lost = False
 
     @property
@@ -34,7 +37,9 @@ class SilenceService:
         """A HEARTBEAT makes its sender a ground station when it says so."""
         if message.type != mavlink.MAV_TYPE_GCS:
             return []
-        self._stations[sender.system, sender.component, sender.link] = now
+        key = (sender.system, sender.component, sender.link)
+        self._met.setdefault(key, now)
+        self._stations[key] = now
         if not self._lost:
             return []
         self._lost = False
@@ -49,9 +54,10 @@ class SilenceService:
     def step(self, now: float) -> list[Output]:
         """LINK_LOST once the last ground station has been silent for too long."""
         silent = [key for key, last in self._stations.items() if now - last > self._patience]
+        known = [key for key in silent if self._stations[key] - self._met[key] >= self._acquaintance]
         for key in silent:
-            del self._stations[key]
-        if not silent or self._stations or self._lost:
+            del self._stations[key], self._met[key]
+        if not known or self._stations or self._lost:
             return []
         self._lost = True
         return [Command(self._vehicle.time_us, CommandKind.LINK_LOST, source="link")]

@@ -1,0 +1,121 @@
+"""Whether the pitot can be believed, and the airspeed to fly by when it cannot.
+
+The GPS tells the velocity over ground, and while the pitot is good the two tell the wind. A pitot that says
+standstill in motion, or departs from the airspeed that the ground velocity and the remembered wind make, is blocked;
+that airspeed then takes its place, without fixes that of the cruise.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import Annotated, NamedTuple
+
+from avionics.limits import low_pass
+from avionics.quantities import Quantity
+
+
+class Gains(NamedTuple):
+    """When the pitot is blocked, and when it is well again."""
+
+    standstill: Annotated[float, Quantity("m/s", 0.1, 20.0)]
+    """m/s; less airspeed than this, in motion over ground, is that of a blocked pitot"""
+    standstill_time: Annotated[float, Quantity("s", 0.05, 20.0)]
+    """s; for which it must last"""
+    difference: Annotated[float, Quantity("m/s", 0.5, 50.0)]
+    """m/s; from the expected airspeed that no gust makes for so long"""
+    difference_time: Annotated[float, Quantity("s", 0.1, 60.0)]
+    """s; for which it must last"""
+    recovery_time: Annotated[float, Quantity("s", 0.1, 600.0)]
+    """s; of agreement after which the pitot is believed again"""
+    wind_time: Annotated[float, Quantity("s", 0.5, 600.0)]
+    """s; time constant of the remembered wind"""
+    cruise: Annotated[float, Quantity("m/s", 0.5, 50.0)]
+    """m/s; airspeed that is taken without a fix"""
+
+
+class State(NamedTuple):
+    """What the check remembers."""
+
+    wind_north: float = 0.0
+    """m/s; of the air over ground"""
+    wind_east: float = 0.0
+    """m/s"""
+    span: float = 0.0
+    """s; over which the wind has been learned"""
+    still: float = 0.0
+    """s; for which it has stood still in motion"""
+    apart: float = 0.0
+    """s; for which it has differed from the expected airspeed"""
+    agreeing: float = 0.0
+    """s; for which a blocked pitot has agreed"""
+    blocked: int = 0
+    """-; 1 while the pitot is not believed"""
+
+
+class Motion(NamedTuple):
+    """What the pitot is compared with."""
+
+    v_north: float
+    """m/s; velocity over ground of the last fix"""
+    v_east: float
+    """m/s"""
+    yaw: float
+    """rad; of the nose"""
+
+
+def step(
+    gains: Gains, state: State, dt: float, airspeed: float, motion: Motion | None, airborne: bool
+) -> tuple[State, float]:
+    """One sample of the pitot on.
+
+    Args:
+        gains: thresholds.
+        state: what the last step returned, ``State()`` at boot.
+        dt: s; since the last sample.
+        airspeed: m/s; of the pitot.
+        motion: None without a recent fix: the verdict stays.
+        airborne: on the ground nothing is judged, and a blocked pitot is forgotten.
+    Returns:
+        the state, and the airspeed (m/s) to fly by.
+    """
+    if not airborne:
+        return State(), airspeed
+    if motion is None:
+        return state, gains.cruise if state.blocked else airspeed
+    known = state.span >= gains.difference_time
+    expected = hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east) if known else gains.cruise
+    moving = hypot(motion.v_north, motion.v_east) > gains.standstill
+    still = moving and airspeed < gains.standstill
+    apart = known and moving and abs(airspeed - expected) > gains.difference
+    if state.blocked:
+        state = _recovering(gains, state, dt, agrees=not still and abs(airspeed - expected) <= gains.difference)
+    else:
+        state = _watched(gains, state, dt, still, apart)
+        if not (still or apart):
+            state = _learned(gains, state, dt, airspeed, motion)
+    return state, expected if state.blocked else airspeed
+
+
+def _watched(gains: Gains, state: State, dt: float, still: bool, apart: bool) -> State:
+    still_time = state.still + dt if still else 0.0
+    apart_time = state.apart + dt if apart else 0.0
+    blocked = still_time >= gains.standstill_time or apart_time >= gains.difference_time
+    return state._replace(still=still_time, apart=apart_time, agreeing=0.0, blocked=int(blocked))
+
+
+def _recovering(gains: Gains, state: State, dt: float, agrees: bool) -> State:
+    agreeing = state.agreeing + dt if agrees else 0.0
+    blocked = int(agreeing < gains.recovery_time)
+    return state._replace(still=0.0, apart=0.0, agreeing=agreeing, blocked=blocked)
+
+
+def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Motion) -> State:
+    """The wind that the good pitot and the fix make: a mean at first, a low-pass later."""
+    span = min(state.span + dt, gains.wind_time)
+    north = motion.v_north - airspeed * cos(motion.yaw)
+    east = motion.v_east - airspeed * sin(motion.yaw)
+    return state._replace(
+        wind_north=low_pass(state.wind_north, north, span, dt) if state.span else north,
+        wind_east=low_pass(state.wind_east, east, span, dt) if state.span else east,
+        span=span,
+    )

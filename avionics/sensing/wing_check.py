@@ -1,0 +1,115 @@
+"""Whether both wings move as they are told: a jammed wing, or only its encoder is dead.
+
+A wing that is told to flap and does not move by its encoder is one or the other. A drive that pulls on a jammed wing
+draws more than the strokes before, and one wing that beats alone rocks the vehicle; a dead encoder changes neither.
+`avionics.sensing.encoders` stops believing an encoder at once; the verdict which of the two it is waits here.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from avionics.limits import low_pass
+from avionics.quantities import Quantity
+
+LEFT, RIGHT = 1, 2
+"""flags of the wings"""
+
+
+class Gains(NamedTuple):
+    """When a wing stands still, and when its drive is stalled."""
+
+    activity_time: Annotated[float, Quantity("s", 0.01, 5.0)]
+    """s; time constant of a wing's mean speed"""
+    least_rate: Annotated[float, Quantity("rad/s", 0.01, 20.0)]
+    """rad/s; mean speed of a wing that is told to flap, below which it stands still"""
+    still_time: Annotated[float, Quantity("s", 0.05, 10.0)]
+    """s; for which it must stand still"""
+    current_time: Annotated[float, Quantity("s", 0.01, 10.0)]
+    """s; time constant of the present current"""
+    usual_time: Annotated[float, Quantity("s", 0.1, 600.0)]
+    """s; time constant of the usual current"""
+    stall_ratio: Annotated[float, Quantity("-", 1.0, 20.0)]
+    """-; present over usual current from which a drive is stalled"""
+    stall_current: Annotated[float, Quantity("A", 0.1, 100.0)]
+    """A; less current than this is never that of a stalled drive"""
+    rocking: Annotated[float, Quantity("rad/s", 0.05, 20.0)]
+    """rad/s; mean size of the roll rate that one beating wing alone makes"""
+    verdict_time: Annotated[float, Quantity("s", 0.05, 10.0)]
+    """s; for which an encoder is not believed, and its wing not jammed, after which it is told lost"""
+
+
+class State(NamedTuple):
+    """What the check remembers."""
+
+    speed_left: float = 0.0
+    """rad/s; mean speed"""
+    speed_right: float = 0.0
+    """rad/s; mean speed"""
+    told: float = 0.0
+    """s; for which the wings have been told to flap"""
+    still_left: float = 0.0
+    """s; for which the left wing has stood still"""
+    still_right: float = 0.0
+    """s; for which the right wing has stood still"""
+    doubted: float = 0.0
+    """s; for which an encoder has not been believed"""
+    rocking: float = 0.0
+    """rad/s; mean size of the roll rate"""
+    current: float = 0.0
+    """A; present"""
+    usual: float = 0.0
+    """A; with both wings moving"""
+    lost: int = 0
+    """-; flags of wings whose encoder is dead"""
+    jammed: int = 0
+    """-; flags of wings that are jammed; kept until the next arming"""
+    angles: tuple[float, float] = (0.0, 0.0)
+    """rad; last left and right"""
+
+
+class Seen(NamedTuple):
+    """What the check looks at."""
+
+    rate_left: float
+    """rad/s; by the encoder"""
+    rate_right: float
+    """rad/s; by the encoder"""
+    current: float
+    """A; of both drives"""
+    roll_rate: float
+    """rad/s"""
+    told: int
+    """-; 1 while the wings are told to flap"""
+    valid: int = LEFT | RIGHT
+    """-; flags of the encoders that are believed"""
+
+
+def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
+    """One look; ``dt`` in s."""
+    left = low_pass(state.speed_left, abs(seen.rate_left), gains.activity_time, dt)
+    right = low_pass(state.speed_right, abs(seen.rate_right), gains.activity_time, dt)
+    rocking = low_pass(state.rocking, abs(seen.roll_rate), gains.activity_time, dt)
+    current = low_pass(state.current, seen.current, gains.current_time, dt)
+    told = state.told + dt if seen.told else 0.0
+    judged = told > 2.0 * gains.activity_time + gains.still_time
+    still_left = state.still_left + dt if judged and left < gains.least_rate else 0.0
+    still_right = state.still_right + dt if judged and right < gains.least_rate else 0.0
+    both_move = judged and still_left == 0.0 and still_right == 0.0
+    usual = low_pass(state.usual or current, current, gains.usual_time, dt) if both_move else state.usual
+    doubted = state.doubted + dt if seen.valid != LEFT | RIGHT else 0.0
+    lost = (LEFT | RIGHT) & ~(seen.valid | state.jammed) if doubted >= gains.verdict_time else 0
+    state = State(left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed)
+    return _judged(gains, state) if judged and not both_move else state
+
+
+def _judged(gains: Gains, state: State) -> State:
+    """The state with the wings that stand still while their drives pull, or while the other rocks the vehicle."""
+    still = (LEFT if state.still_left >= gains.still_time else 0) | (
+        RIGHT if state.still_right >= gains.still_time else 0
+    )
+    stalled = state.current > max(gains.stall_ratio * state.usual, gains.stall_current)
+    fresh = still & ~state.lost
+    if fresh and (stalled or state.rocking > gains.rocking):
+        return state._replace(jammed=state.jammed | fresh)
+    return state

@@ -1,0 +1,328 @@
+"""What can fail on a simulated flight, by name: what the sensors then read, or what the actuators then do.
+
+A fault begins at a time and lasts until another one, or for good. To add one: write what it does to a raw frame or to
+the plant, and enter it in ``FAULTS``; the tests and the table of promises then ask for it by its name.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Iterable
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from avionics.missions.reader import find
+from avionics.quantities import BadInput
+from sim_bridge.sensors.frame import RawFrame, RawPressures
+
+if TYPE_CHECKING:
+    from sim_bridge.plant import Plant
+
+SPIKE_COUNTS = 60_000
+"""counts; of 0.01 Pa: 600 Pa, as of 50 m"""
+SPIKE_SAMPLES = 10
+"""pressure samples from one spike to the next"""
+DISTURBANCE = (0.35, -0.25, 0.3)
+"""gauss; added to the magnetic field in body axes: as strong as the earth's own"""
+FULL_SCALE = 156.87
+"""m/s^2; 4095 counts of 3.9 mg: the end of the ADXL345's range"""
+CLOCK_STEP_US = 3_000_000
+"""us; by which the sensors' clock jumps back"""
+LOW_SHARE, CRITICAL_SHARE = 0.15, 0.04
+"""-; of the battery's charge that is left"""
+
+
+class Place(Enum):
+    """Where a fault enters the flight."""
+
+    SENSORS = "in the sensors' output"
+    PLANT = "in the plant"
+    BOARD = "at the edge of the world"
+    FLIGHT = "as an input of the flight"
+
+
+class Before(NamedTuple):
+    """What was true before the fault."""
+
+    pressures: RawPressures | None
+    """the first sample since boot: no airspeed"""
+    frame: RawFrame
+    """the last frame before the fault"""
+
+
+Sense = Callable[[RawFrame, Before, int], RawFrame]
+"""a raw frame, what was before, ticks since the fault began -> the frame that is read"""
+
+
+class Kind(NamedTuple):
+    """One row of the table of faults."""
+
+    text: str
+    """what happens, for people"""
+    place: Place
+    sense: Sense | None = None
+    """for `Place.SENSORS`"""
+    begin: Callable[[Plant], None] | None = None
+    """for `Place.PLANT`"""
+    end: Callable[[Plant], None] | None = None
+    """for `Place.PLANT`; None when it cannot be undone"""
+
+
+class Fault(NamedTuple):
+    """One failure of a flight."""
+
+    name: str
+    """of a row of `FAULTS`"""
+    at: float
+    """s; since boot"""
+    until: float = math.inf
+    """s; since boot"""
+
+
+# --- what the sensors read ------------------------------------------------------------------------------
+
+
+def _no_fix(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    return frame._replace(gps=None)
+
+
+def _blocked_pitot(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The tube is blocked and its drain is open: the pressure in it is the static one, whatever the airspeed."""
+    if frame.pressures is None or before.pressures is None:
+        return frame
+    return frame._replace(
+        pressures=frame.pressures._replace(differential_counts=before.pressures.differential_counts)
+    )
+
+
+def _disturbed_field(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    imu, (x, y, z) = frame.imu, DISTURBANCE
+    return frame._replace(imu=imu._replace(mag_x=imu.mag_x + x, mag_y=imu.mag_y + y, mag_z=imu.mag_z + z))
+
+
+def _left_encoder_dead(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    if frame.encoder is None or before.frame.encoder is None:
+        return frame
+    return frame._replace(encoder=frame.encoder._replace(left_counts=before.frame.encoder.left_counts))
+
+
+def _right_encoder_dead(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    if frame.encoder is None or before.frame.encoder is None:
+        return frame
+    return frame._replace(encoder=frame.encoder._replace(right_counts=before.frame.encoder.right_counts))
+
+
+def _frozen_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    return frame._replace(imu=before.frame.imu._replace(time_us=frame.imu.time_us))
+
+
+def _saturated_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The accelerometer stands at the end of its range on every axis; rates and field are still read."""
+    x, y, z = (math.copysign(FULL_SCALE, value) for value in before.frame.imu[1:4])
+    return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
+
+
+def _baro_spikes(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """Every tenth pressure sample is that of 50 m higher, the one at the beginning first."""
+    if frame.pressures is None or ticks // 4 % SPIKE_SAMPLES:
+        return frame
+    static = frame.pressures.static_counts - SPIKE_COUNTS
+    return frame._replace(pressures=frame.pressures._replace(static_counts=static))
+
+
+def _earlier(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The clock of all sensors has jumped back, and runs on from there."""
+    samples: list[Any] = [sample and sample._replace(time_us=sample.time_us - CLOCK_STEP_US) for sample in frame[1:]]
+    return RawFrame(frame.time_us - CLOCK_STEP_US, *samples)
+
+
+# --- what the plant does --------------------------------------------------------------------------------
+
+
+def _drain(share: float) -> Callable[[Plant], None]:
+    def drain(plant: Plant) -> None:
+        drawn = (1.0 - share) * plant.vehicle.battery.capacity
+        plant.y[plant.layout.charge] = max(drawn, float(plant.y[plant.layout.charge]))
+
+    return drain
+
+
+FAULTS: dict[str, Kind] = {
+    "gps_lost": Kind("the GPS gives no fix", Place.SENSORS, _no_fix),
+    "pitot_blocked": Kind("the pitot is blocked, its drain open: no airspeed", Place.SENSORS, _blocked_pitot),
+    "mag_disturbed": Kind("a magnet as strong as the earth's field is near", Place.SENSORS, _disturbed_field),
+    "encoder_left_lost": Kind("the left wing's encoder stands still", Place.SENSORS, _left_encoder_dead),
+    "encoder_right_lost": Kind("the right wing's encoder stands still", Place.SENSORS, _right_encoder_dead),
+    "imu_frozen": Kind("the IMU repeats its last sample", Place.SENSORS, _frozen_imu),
+    "imu_saturated": Kind("the accelerometer stands at the end of its range", Place.SENSORS, _saturated_imu),
+    "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
+    "time_backwards": Kind("the sensors' clock jumps back by 3 s", Place.SENSORS, _earlier),
+    "battery_low": Kind(f"{100 * LOW_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(LOW_SHARE)),
+    "battery_critical": Kind(
+        f"{100 * CRITICAL_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(CRITICAL_SHARE)
+    ),
+    "tail_jammed": Kind(
+        "elevator and rudder stay where they are", Place.PLANT, None,
+        lambda plant: plant.jam_tail(), lambda plant: plant.free_tail(),
+    ),
+    "wing_left_jammed": Kind(
+        "the left wing stays where it is, its drive pulling (a crank stops with both)", Place.PLANT, None,
+        lambda plant: plant.jam_wing(0), lambda plant: plant.free_wing(0),
+    ),
+    "wing_right_jammed": Kind(
+        "the right wing stays where it is, its drive pulling (a crank stops with both)", Place.PLANT, None,
+        lambda plant: plant.jam_wing(1), lambda plant: plant.free_wing(1),
+    ),
+    "sim_silent": Kind("the simulator stops sending sensor frames", Place.BOARD),
+    "link_lost": Kind("the ground station is not heard any more", Place.FLIGHT),
+}  # fmt: skip
+
+
+# --- reading them ---------------------------------------------------------------------------------------
+
+
+def parse_fault(text: str) -> Fault:
+    """The fault written as ``NAME@T`` or ``NAME@T-T2``, times in s since boot.
+
+    Raises:
+        BadInput: no such name, or times that are not 0 or more and rising; one line with the names.
+    """
+    name, at, times = text.partition("@")
+    begin, dash, end = times.partition("-")
+    if not at:
+        raise BadInput(f"fault {text}: it must be NAME@T or NAME@T-T2; NAME one of {', '.join(FAULTS)}")
+    return checked(Fault(name, _seconds(text, begin), _seconds(text, end) if dash else math.inf))
+
+
+def _seconds(text: str, number: str) -> float:
+    try:
+        return float(number)
+    except ValueError:
+        raise BadInput(f"fault {text}: {number or 'nothing'} is no time in seconds") from None
+
+
+def checked(fault: Fault) -> Fault:
+    """The fault, if it is in the table and its times can be.
+
+    Raises:
+        BadInput: see `parse_fault`; also an end of what has none.
+    """
+    if fault.name not in FAULTS:
+        raise BadInput(f"no fault {fault.name}; known: {', '.join(FAULTS)}")
+    if not (0.0 <= fault.at < fault.until and math.isfinite(fault.at)) or math.isnan(fault.until):
+        raise BadInput(
+            f"fault {fault.name}: from {fault.at:g} s to {fault.until:g} s; it must end after its beginning"
+        )
+    kind = FAULTS[fault.name]
+    if math.isfinite(fault.until) and (kind.place is Place.BOARD or (kind.begin and not kind.end)):
+        raise BadInput(f"fault {fault.name} does not end: give its beginning alone")
+    return fault
+
+
+def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
+    """The ``[[fault]]`` tables (name, at, until) of a mission file; none for files of other formats.
+
+    Raises:
+        BadInput: no such mission, not readable, an unknown name or key, a time that cannot be.
+    """
+    path = find(name_or_path)
+    if path.suffix != ".toml":
+        return ()
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("fault", [])
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInput(f"cannot read mission file {path}: {error}") from None
+    return tuple(_of_table(f"{path}: fault {number}", table) for number, table in enumerate(tables, 1))
+
+
+def _of_table(where: str, table: object) -> Fault:
+    if not isinstance(table, dict) or not {"name", "at"} <= set(table) <= {"name", "at", "until"}:
+        raise BadInput(f"{where} must be a [[fault]] table with name, at (s) and, if it ends, until (s)")
+    name, at, until = table["name"], table["at"], table.get("until", math.inf)
+    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in (at, until)):
+        raise BadInput(f"{where}: at and until must be numbers of seconds")
+    return checked(Fault(str(name), float(at), float(until)))
+
+
+def divided(faults: Iterable[Fault]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
+    """Those of the world, and those that are inputs of the flight."""
+    every = tuple(checked(fault) for fault in faults)
+    of_flight = tuple(fault for fault in every if FAULTS[fault.name].place is Place.FLIGHT)
+    return tuple(fault for fault in every if fault not in of_flight), of_flight
+
+
+# --- letting them happen --------------------------------------------------------------------------------
+
+
+class SimulationSilent(RuntimeError):
+    """The world sends no more sensor frames, as it was told."""
+
+
+class FaultInjector:
+    """Lets the faults of the world happen on one flight, tick by tick."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        """Take the faults of the world; those of the flight are not its own.
+
+        Raises:
+            BadInput: see `checked`.
+        """
+        self._faults, _ = divided(faults)
+        self._active: dict[Fault, int] = {}
+        self._before: dict[Fault, Before] = {}
+        self._boot: RawPressures | None = None
+        self._last: RawFrame | None = None
+
+    def inject(self, fault: Fault) -> None:
+        """Let one more fault of the world happen.
+
+        Raises:
+            BadInput: see `checked`.
+        """
+        self._faults = (*self._faults, *divided([fault])[0])
+
+    def act(self, plant: Plant, tick: int, time: float) -> list[str]:
+        """Begin and end what is due at ``time`` s; returns what has happened, for the log.
+
+        Raises:
+            SimulationSilent: from the time of that fault on.
+        """
+        said = []
+        for fault in self._faults:
+            present = fault.at <= time < fault.until
+            if present != (fault in self._active):
+                said.append(self._change(fault, plant, tick) if present else self._undo(fault, plant))
+        return said
+
+    def _change(self, fault: Fault, plant: Plant, tick: int) -> str:
+        kind = FAULTS[fault.name]
+        if kind.place is Place.BOARD:
+            raise SimulationSilent(f"no sensor frame from {fault.at:g} s on: fault {fault.name}")
+        self._active[fault] = tick
+        if self._last is not None:
+            self._before[fault] = Before(self._boot, self._last)
+        if kind.begin is not None:
+            kind.begin(plant)
+        return f"fault {fault.name}: {kind.text}"
+
+    def _undo(self, fault: Fault, plant: Plant) -> str:
+        del self._active[fault]
+        self._before.pop(fault, None)
+        end = FAULTS[fault.name].end
+        if end is not None:
+            end(plant)
+        return f"fault {fault.name} is over"
+
+    def sense(self, frame: RawFrame, tick: int) -> RawFrame:
+        """What is read instead of ``frame``."""
+        if self._boot is None:
+            self._boot = frame.pressures
+        healthy = frame
+        for fault, since in self._active.items():
+            sense = FAULTS[fault.name].sense
+            if sense is not None:
+                frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
+        self._last = healthy
+        return frame

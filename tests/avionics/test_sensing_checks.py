@@ -1,0 +1,117 @@
+"""The checks of pitot, wings, tail and battery on scripted signals."""
+
+import math
+
+import pytest
+from surrogate_gains import VEHICLE
+
+from avionics.sensing import airspeed_check, power, tail_check, wing_check
+from avionics.sensing.airspeed_check import Motion
+
+DT = 0.02
+PITOT = VEHICLE.gains.airspeed_check
+WINGS = VEHICLE.gains.wing_check
+TAIL = VEHICLE.gains.tail_check
+POWER = VEHICLE.gains.power
+
+
+def fly(state: airspeed_check.State, airspeed: float, motion: Motion | None, seconds: float):
+    used = airspeed
+    for _ in range(round(seconds / DT)):
+        state, used = airspeed_check.step(PITOT, state, DT, airspeed, motion, airborne=True)
+    return state, used
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (3.0, 0.0), (0.0, -3.0)])
+def test_a_blocked_pitot_is_replaced_by_what_ground_velocity_and_wind_make(wind: tuple[float, float]) -> None:
+    yaw = 0.7
+    motion = Motion(7.0 * math.cos(yaw) + wind[0], 7.0 * math.sin(yaw) + wind[1], yaw)
+    state, used = fly(airspeed_check.State(), 7.0, motion, 20.0)
+    assert (state.blocked, used) == (0, 7.0)
+    state, used = fly(state, 0.0, motion, PITOT.standstill_time + 2 * DT)
+    assert state.blocked
+    assert used == pytest.approx(7.0, abs=0.05)
+    turned = Motion(7.0 * math.cos(-2.0) + wind[0], 7.0 * math.sin(-2.0) + wind[1], -2.0)
+    _, used = fly(state, 0.0, turned, 1.0)
+    assert used == pytest.approx(7.0, abs=0.05)
+    state, used = fly(state, 7.0, motion, PITOT.recovery_time + 2 * DT)
+    assert (state.blocked, used) == (0, 7.0)
+
+
+def test_a_pitot_that_sticks_at_a_speed_is_found_by_its_difference() -> None:
+    state, _ = fly(airspeed_check.State(), 7.0, Motion(7.0, 0.0, 0.0), 20.0)
+    state, _ = fly(state, 12.0, Motion(7.0, 0.0, 0.0), PITOT.difference_time + 2 * DT)
+    assert state.blocked
+
+
+def test_a_gust_and_standing_still_on_the_ground_are_no_blocked_pitot() -> None:
+    state, _ = fly(airspeed_check.State(), 7.0, Motion(7.0, 0.0, 0.0), 20.0)
+    state, _ = fly(state, 12.0, Motion(7.0, 0.0, 0.0), PITOT.difference_time - 0.2)
+    state, _ = fly(state, 7.0, Motion(7.0, 0.0, 0.0), 1.0)
+    state, _ = fly(state, 0.0, Motion(0.1, 0.0, 0.0), 10.0)
+    assert not state.blocked
+    for _ in range(200):
+        state, _ = airspeed_check.step(PITOT, state, DT, 0.0, Motion(7.0, 0.0, 0.0), airborne=False)
+    assert not state.blocked
+
+
+def test_without_fixes_a_blocked_pitot_gives_the_cruise() -> None:
+    state = airspeed_check.State(blocked=1)
+    assert airspeed_check.step(PITOT, state, DT, 0.0, None, airborne=True)[1] == PITOT.cruise
+    assert airspeed_check.step(PITOT, airspeed_check.State(), DT, 5.0, None, airborne=True)[1] == 5.0
+
+
+BEATING = wing_check.Seen(4.0, -4.0, 2.4, 0.02, 1)
+
+
+def watch(state: wing_check.State, seen: wing_check.Seen, seconds: float) -> wing_check.State:
+    for _ in range(round(seconds / DT)):
+        state = wing_check.step(WINGS, state, DT, seen)
+    return state
+
+
+@pytest.mark.parametrize(("still", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
+def test_a_wing_that_stands_still_alone_has_a_dead_encoder(still: dict[str, float], flag: int) -> None:
+    state = watch(wing_check.State(), BEATING, 5.0)
+    assert (state.lost, state.jammed) == (0, 0)
+    state = watch(state, BEATING._replace(valid=3 - flag, **still), 3.0)
+    assert (state.lost, state.jammed) == (flag, 0)
+    state = watch(state, BEATING, 0.5)
+    assert (state.lost, state.jammed) == (0, 0)
+
+
+@pytest.mark.parametrize("sign", [{"current": 5.0}, {"roll_rate": -3.0}])
+def test_a_wing_that_stands_still_and_is_pulled_at_or_rocks_the_body_is_jammed(sign: dict[str, float]) -> None:
+    state = watch(wing_check.State(), BEATING, 5.0)
+    state = watch(state, BEATING._replace(rate_left=0.0, valid=wing_check.RIGHT, **sign), 1.5)
+    assert (state.lost, state.jammed) == (0, wing_check.LEFT)
+
+
+def test_wings_that_were_not_told_to_flap_may_rest() -> None:
+    state = watch(wing_check.State(), wing_check.Seen(0.0, 0.0, 9.0, 3.0, 0), 10.0)
+    assert (state.lost, state.jammed) == (0, 0)
+
+
+def pitched(error, seconds: float, state: tail_check.State | None = None) -> tail_check.State:
+    state = state or tail_check.State()
+    for i in range(round(seconds / DT)):
+        state = tail_check.step(TAIL, state, DT, error(i * DT), closed=True)
+    return state
+
+
+def test_a_lasting_pitch_error_is_a_jammed_tail_a_swinging_one_is_not() -> None:
+    settled = pitched(lambda t: 0.0, TAIL.grace + 1.0)
+    assert not pitched(lambda t: 0.5 * math.sin(2.0 * math.pi * t), 30.0, settled).jammed
+    assert pitched(lambda t: 0.5, 5.0, settled).jammed
+    assert not pitched(lambda t: 0.5, TAIL.grace - 0.1).jammed
+
+
+@pytest.mark.parametrize("current", [0.0, 3.0])
+def test_the_voltage_alone_tells_a_failing_battery_within_seconds(current: float) -> None:
+    empty, full = POWER.open_circuit
+    state = power.watched(POWER, power.Battery(), 0, 0.0, full - POWER.resistance * current, current)
+    low = empty + 0.1 * (full - empty) - POWER.resistance * current
+    for i in range(1, 200):
+        state = power.watched(POWER, state, i * power.BATTERY_US, 0.0, low, current)
+    assert state.by_voltage == pytest.approx(0.1, abs=0.03)
+    assert state.remaining > state.by_voltage

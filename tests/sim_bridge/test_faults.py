@@ -1,0 +1,112 @@
+"""Faults by name: how they are written, and what the sensors then read."""
+
+import math
+
+import pytest
+
+from avionics.quantities import BadInput
+from sim_bridge import faults
+from sim_bridge.faults import Fault, FaultInjector, SimulationSilent, mission_faults, parse_fault
+from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures
+
+
+def frame(tick: int) -> RawFrame:
+    """A frame whose every value tells its tick."""
+    time_us = 5_000 * (tick + 1)
+    imu = RawImu(time_us, *(tick + 0.1 * i for i in range(9)))
+    pressures = RawPressures(time_us, 10_000_000 + tick, 8192 + tick, 29_000) if tick % 4 == 0 else None
+    return RawFrame(time_us, imu, RawEncoder(time_us, tick, -tick), pressures, None, None, None)
+
+
+def sensed(*some: Fault, ticks: int = 40) -> list[RawFrame]:
+    injector = FaultInjector(some)
+    read = []
+    for tick in range(ticks):
+        injector.act(None, tick, 0.005 * (tick + 1))  # type: ignore[arg-type]
+        read.append(injector.sense(frame(tick), tick))
+    return read
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("gps_lost@12.5", Fault("gps_lost", 12.5)),
+        ("mag_disturbed@3-4.5", Fault("mag_disturbed", 3.0, 4.5)),
+    ],
+)
+def test_a_fault_is_read(text: str, fault: Fault) -> None:
+    assert parse_fault(text) == fault
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("gps_lost", "NAME@T"),
+        ("gps@3", "known: gps_lost, pitot_blocked"),
+        ("gps_lost@soon", "no time"),
+        ("gps_lost@5-3", "must end after"),
+        ("gps_lost@nan", "must end after"),
+        ("gps_lost@-1", "no time"),
+        ("battery_low@3-5", "does not end"),
+        ("sim_silent@3-5", "does not end"),
+    ],
+)
+def test_what_cannot_fail_is_refused_in_one_line(text: str, reason: str) -> None:
+    with pytest.raises(BadInput, match=reason) as refusal:
+        parse_fault(text)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_mission_tells_its_faults(tmp_path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text('[[fault]]\nname = "gps_lost"\nat = 3\nuntil = 5.0\n[[fault]]\nname = "imu_frozen"\nat = 9\n')
+    assert mission_faults(path) == (Fault("gps_lost", 3.0, 5.0), Fault("imu_frozen", 9.0))
+    path.write_text('[[fault]]\nname = "gps_lost"\n')
+    with pytest.raises(BadInput, match="fault 1"):
+        mission_faults(path)
+
+
+def test_without_faults_nothing_changes() -> None:
+    assert sensed() == [frame(tick) for tick in range(40)]
+
+
+def test_a_fault_lasts_from_its_beginning_to_its_end() -> None:
+    read = sensed(Fault("imu_frozen", 0.05, 0.10))
+    changed = [tick for tick, one in enumerate(read) if one != frame(tick)]
+    assert changed == [tick for tick in range(40) if 0.05 <= 0.005 * (tick + 1) < 0.10]
+    assert {one.imu[1:] for tick, one in enumerate(read) if tick in changed} == {frame(changed[0] - 1).imu[1:]}
+
+
+def test_a_blocked_pitot_reads_as_at_rest_and_the_barometer_goes_on() -> None:
+    late = [one.pressures for one in sensed(Fault("pitot_blocked", 0.1))[20:] if one.pressures]
+    first = frame(0).pressures
+    assert first is not None
+    assert {one.differential_counts for one in late} == {first.differential_counts}
+    assert len({one.static_counts for one in late}) == len(late)
+
+
+def test_a_dead_encoder_leaves_the_other_wing() -> None:
+    late = [one.encoder for one in sensed(Fault("encoder_left_lost", 0.1))[25:]]
+    assert len({one.left_counts for one in late}) == 1
+    assert len({one.right_counts for one in late}) == len(late)
+
+
+def test_the_clock_jumps_back_with_every_sample() -> None:
+    read = sensed(Fault("time_backwards", 0.1))
+    assert read[30].time_us == frame(30).time_us - faults.CLOCK_STEP_US
+    for sample in (read[30].imu, read[30].encoder, read[28].pressures):
+        assert sample is not None
+        assert sample.time_us < 0
+
+
+def test_a_saturated_accelerometer_leaves_rates_and_field() -> None:
+    late = sensed(Fault("imu_saturated", 0.1))[30]
+    assert all(math.isclose(abs(value), faults.FULL_SCALE) for value in late.imu[1:4])
+    assert late.imu[4:] == frame(30).imu[4:]
+
+
+def test_a_silent_world_says_so() -> None:
+    injector = FaultInjector([Fault("sim_silent", 0.1)])
+    with pytest.raises(SimulationSilent, match=r"0\.1 s"):
+        for tick in range(40):
+            injector.act(None, tick, 0.005 * (tick + 1))  # type: ignore[arg-type]

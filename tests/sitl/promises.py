@@ -1,0 +1,123 @@
+"""What is promised for each failure, and on which flight it is held: the table that the README shows.
+
+Measured on the Robo Raven in still air, level at 15 m, the failure after 16 s of flight. To add a failure: its row in
+`sim_bridge.faults.FAULTS`, its row here; both are asked for by the tests.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Promise(NamedTuple):
+    """One row."""
+
+    detection: str
+    action: str
+    says: str
+    """what an event says"""
+    within: float
+    """s; from the failure to those words"""
+    bank: float = 30.0
+    """deg; greatest"""
+    altitude: tuple[float, float] | None = None
+    """m; change of altitude that is not exceeded in the flight's time"""
+    touchdown: bool = False
+    """bank under 30 degrees and sink under 2 m/s"""
+    stops: bool = False
+    """the wings are at rest a second after the words"""
+    flown: float = 20.0
+    """s; after the failure"""
+
+    @property
+    def words(self) -> str:
+        """What the README says."""
+        parts = []
+        if self.altitude is not None:
+            low, high = self.altitude
+            parts.append(f"bank under {self.bank:.0f} deg, altitude {low:+.0f} to {high:+.0f} m")
+        if self.touchdown:
+            parts.append("touchdown with bank under 30 deg, sink under 2 m/s")
+        if self.stops:
+            parts.append("flapping stops within 1 s")
+        if not self.touchdown and self.altitude is None:
+            parts.append("neither attitude nor touchdown can be promised")
+        return "; ".join(parts)
+
+
+_ENCODER = "its counts stand still while told to flap, current and roll as before"
+_JAM = "as above, but the drive draws a stalled motor's current or one wing rocks the body"
+_GLIDE = "stop flapping, wings level, LAND; the free wing goes beside the jammed one"
+
+PROMISES: dict[str, Promise] = {
+    "gps_lost": Promise(
+        "no fix for 2 s", "dead reckoning, hold the heading; LAND after 30 s more", "failsafe: GPS position lost",
+        2.5, 10.0, (-2.0, 2.0),
+    ),
+    "pitot_blocked": Promise(
+        "standstill in motion, or apart from ground velocity and remembered wind",
+        "carry on by that airspeed", "failsafe: airspeed not believed", 2.0, 10.0, (-4.0, 3.0),
+    ),
+    "mag_disturbed": Promise(
+        "strength or dip of the field off its reference for 1 s", "carry on by gyro",
+        "failsafe: magnetic field disturbed", 3.0, 10.0, (-2.0, 2.0),
+    ),
+    "encoder_left_lost": Promise(
+        _ENCODER, "carry on, the other wing stands for both", "failsafe: left wing encoder lost", 2.5, 10.0,
+        (-2.0, 2.0),
+    ),
+    "encoder_right_lost": Promise(
+        _ENCODER, "carry on, the other wing stands for both", "failsafe: right wing encoder lost", 2.5, 10.0,
+        (-2.0, 2.0),
+    ),
+    "imu_frozen": Promise(
+        "10 equal samples in a row, or none that can be for 0.2 s", "stop flapping, tail to its trim",
+        "failsafe: flapping stopped, IMU samples refused", 0.4, 180.0, None, stops=True, flown=5.0,
+    ),
+    "imu_saturated": Promise(
+        "an axis of the accelerometer at the end of its range, 3 samples in a row",
+        "attitude by gyro and compass, altitude by barometer; LAND", "failsafe: landing, accelerometer saturated",
+        0.1, 30.0, None, touchdown=True, flown=45.0,
+    ),
+    "baro_spike": Promise(
+        "gate of the altitude filter", "refuse the sample", "failsafe: barometer refused", 0.2, 10.0, (-2.0, 2.0)
+    ),
+    "battery_low": Promise(
+        "charge counted, or open-circuit voltage: under 20 %", "RETURN", "failsafe: returning, battery low", 8.0,
+        45.0, (-3.0, 27.0),
+    ),
+    "battery_critical": Promise(
+        "the same: under 8 %", "LAND", "failsafe: landing, battery nearly empty", 8.0, 45.0, None, touchdown=True,
+        flown=45.0,
+    ),
+    "tail_jammed": Promise(
+        "mean pitch error over 1.5 s beyond 0.3 rad", "LAND by throttle alone, sinking at 0.8 m/s",
+        "failsafe: landing, tail does not answer", 20.0, 30.0, (-15.0, 10.0),
+    ),
+    "wing_left_jammed": Promise(
+        _JAM, _GLIDE, "failsafe: flapping stopped, wing jammed", 1.5, 30.0, None, touchdown=True, stops=True,
+        flown=45.0,
+    ),
+    "wing_right_jammed": Promise(
+        _JAM, _GLIDE, "failsafe: flapping stopped, wing jammed", 1.5, 30.0, None, touchdown=True, stops=True,
+        flown=45.0,
+    ),
+    "time_backwards": Promise(
+        "a frame not later than the last", "refuse, actuators held; after 20 frames follow the new clock",
+        "sensor clock", 0.2, 10.0, (-2.0, 2.0),
+    ),
+    "sim_silent": Promise(
+        "no sensor frame for 5 s of wall-clock time", "say who did not answer, close the log, exit 2",
+        "sent no sensor frame", 6.0, 0.0, None,
+    ),
+    "link_lost": Promise(
+        "no word from a station heard for 3 s or more, for 5 s; 5 s more on board", "RETURN",
+        "failsafe: returning, ground link lost", 5.5, 45.0, (-3.0, 27.0),
+    ),
+}  # fmt: skip
+
+
+def table() -> list[str]:
+    """The rows of the README."""
+    rows = [f"| `{name}` | {p.detection} | {p.action} | {p.words} |" for name, p in PROMISES.items()]
+    return ["| failure | detected by | action | promise |", "| --- | --- | --- | --- |", *rows]
