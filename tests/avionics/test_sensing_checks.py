@@ -109,9 +109,8 @@ def test_a_lasting_pitch_error_is_a_jammed_tail_a_swinging_one_is_not() -> None:
 @pytest.mark.parametrize("current", [0.0, 3.0])
 def test_the_voltage_alone_tells_a_failing_battery_within_seconds(current: float) -> None:
     empty, full = POWER.open_circuit
-    state = power.watched(POWER, power.Battery(), 0, 0.0, full - POWER.resistance * current, current)
-    low = empty + 0.1 * (full - empty) - POWER.resistance * current
-    for i in range(1, 200):
-        state = power.watched(POWER, state, i * power.BATTERY_US, 0.0, low, current)
+    sag, low, state = POWER.resistance * current, empty + 0.1 * (full - empty), power.Battery()
+    for i in range(5000):
+        state = power.watched(POWER, state, i * power.BATTERY_US, 0.0, (full if i < 4800 else low) - sag, current)
     assert state.by_voltage == pytest.approx(0.1, abs=0.03)
     assert state.remaining > state.by_voltage
