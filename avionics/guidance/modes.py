@@ -394,6 +394,8 @@ FAILURES = (
 )
 """in the order in which they are answered"""
 
+ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
+"""flags of the failures about which something is done"""
 NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_GONE
 
 
@@ -512,6 +514,8 @@ def _announce(before: int, after: int) -> tuple[Notice, ...]:
 
 def _answer(state: State, flags: int) -> Outcome:
     """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
+    if not flags & ~state.answered & ANSWERED:
+        return state, ()
     fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
     if flags & NO_RETURN:
         fresh = [f for f in fresh if f.action != Action.RETURN]
