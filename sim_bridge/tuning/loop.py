@@ -2,11 +2,10 @@
 
 Method: loop shaping within constraints. A candidate is a crossover frequency with the ratios of integral and damping
 to the proportional term; among those that keep gain and phase margin, the limits of sensitivity and resonance (Astrom
-and Murray, Feedback Systems, 2nd edition, sections 10.3 and 12.3), and cross over below a share of the flapping
-frequency, the one with the greatest bandwidth from setpoint to what follows it is taken; of those within
-`AS_GOOD` of it the one with the greatest integral, which rejects slow disturbances best (Astrom, Panagopoulos,
-Hagglund 1998, Automatica 34, 585). The search is a grid, then a finer one about the best; every number of the result
-is computed anew by `margins`.
+and Murray, Feedback Systems, chapters on margins and on loop shaping), and cross over below a share of the flapping
+frequency, the one with the greatest bandwidth from setpoint to what follows it is taken; a greater integral, which
+rejects slow disturbances better (Astrom, Panagopoulos, Hagglund 1998, Automatica 34, 585), counts a little. The
+search is a grid, then finer ones about the best; every number of the result is computed anew by `margins`.
 """
 
 from __future__ import annotations
@@ -28,8 +27,10 @@ INTEGRALS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.0, 1.6, 2.5, 4.0, 6.3, 10.0, 16.0, 25
 """-; crossover frequency times P / I: with 1 the lag there is 45 degrees, below it integral"""
 DAMPINGS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3)
 """-; crossover frequency times D / P"""
-AS_GOOD = 0.95
-"""-; share of the best that is as good"""
+INTEGRAL_SHARE = 0.1
+"""-; a doubled integral is worth so many doublings of the bandwidth"""
+REFINEMENTS = (1.0, 0.5, 0.25)
+"""-; of the steps between candidates, in one search after the other about the best"""
 SLACK = 1.01
 """-; margin kept to the limits of the search, for the frequencies between its points"""
 
@@ -83,7 +84,7 @@ class _Sampled(NamedTuple):
 
 class _Candidate(NamedTuple):
     worth: float
-    """rad/s of bandwidth, or the integral"""
+    """-; the greatest is the best"""
     terms: Terms
     shape: tuple[float, float, float]
     """crossover rad/s, P / I and D / P times it"""
@@ -123,21 +124,24 @@ def search(process: Process, wish: Wish) -> Terms:
     sampled = _sample(process)
     crossovers = wish.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
     integrals, dampings = INTEGRALS if wish.integral else (math.inf,), DAMPINGS if wish.damping else (0.0,)
-    coarse = _best(process, sampled, wish, product(crossovers, integrals, dampings))
-    if coarse is None:
+    best = _best(process, sampled, wish, product(crossovers, integrals, dampings))
+    if best is None:
         raise BadInput(
             f"no gains give this loop {wish.limits.gain_margin_db:g} dB and"
             f" {math.degrees(wish.limits.phase_margin):.0f} degrees below {wish.fastest:.3g} rad/s"
         )
-    crossover, integral, damping = coarse.shape
-    crossovers = np.minimum(crossover * np.geomspace(0.85, 1.18, 9), wish.fastest)
-    dampings = tuple(_about(damping)) if wish.damping else (0.0,)
-    fine = _best(process, sampled, wish, product(crossovers, integral * np.geomspace(0.63, 1.6, 7), dampings))
-    return (fine or coarse).terms
+    for share in REFINEMENTS:
+        best = _best(process, sampled, wish, _about(best, wish, share)) or best
+    return best.terms
 
 
-def _about(damping: float) -> Floats:
-    return np.maximum(damping + np.linspace(-0.15, 0.15, 7), 0.0)
+def _about(best: _Candidate, wish: Wish, share: float) -> Iterable[tuple[float, float, float]]:
+    """Shapes around the best one, nearer with a smaller ``share``, itself among them."""
+    crossover, integral, damping = best.shape
+    steps = share * np.linspace(-1.0, 1.0, 7)
+    crossovers = np.minimum(crossover * 1.16**steps, wish.fastest)
+    dampings = np.maximum(damping + 0.15 * steps, 0.0) if wish.damping else (0.0,)
+    return product(crossovers, integral * 1.6**steps if wish.integral else (math.inf,), dampings)
 
 
 def _best(
@@ -151,12 +155,14 @@ def _best(
         if all(0.0 <= value <= most for value, most in zip(chosen, wish.ranges, strict=False)):
             speed = _speed(sampled, terms, wish)
             if speed > 0.0 and terms.proportional <= wish.steepest and _stable(process, terms):
-                found.append(_Candidate(terms.integral if wish.regulates else speed, terms, shape))
-    if not found:
-        return None
-    most = max(candidate.worth for candidate in found)
-    good = [candidate for candidate in found if candidate.worth >= AS_GOOD * most]
-    return max(good, key=lambda candidate: (candidate.terms.integral, candidate.worth))
+                found.append(_Candidate(_worth(speed, terms, wish), terms, shape))
+    return max(found, key=lambda candidate: candidate.worth, default=None)
+
+
+def _worth(speed: float, terms: Terms, wish: Wish) -> float:
+    if wish.regulates:
+        return terms.integral
+    return speed * terms.integral**INTEGRAL_SHARE if wish.integral else speed
 
 
 def _stable(process: Process, terms: Terms) -> bool:

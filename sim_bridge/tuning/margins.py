@@ -31,8 +31,7 @@ class Limits(NamedTuple):
 
 LIMITS = Limits()
 GUIDANCE = Limits(sensitivity=1.5)
-"""of the outer loops, calmer: they meet gusts, and rates and thrust that saturate (Astrom and Hagglund 1995, PID
-Controllers, section 4.6: 1.4 to 2)"""
+"""of the outer loops, calmer: they meet gusts, and rates and thrust that saturate; chosen: 1.4 to 2 is usual"""
 
 
 class Margins(NamedTuple):
