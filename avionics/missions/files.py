@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from avionics.guidance.mission import FlightPlan, Mission
@@ -55,14 +55,11 @@ def _from_plan(path: Path) -> FlightPlan:
 def _from_list(path: Path) -> Mission:
     lines = waypoint_file.read(path)
     home = waypoint_file.home_of(lines)
-    items: Sequence[WireItem] = [line.item for line in lines]
-    if home is not None:
-        items = items[1:]
-    elif any(item.frame in GLOBES and (item.x or item.y) for item in items):
+    items = [line.item for line in waypoint_file.without_home(lines)]
+    if home is None and any(item.frame in GLOBES and (item.x or item.y) for item in items):
         raise BadInput(f"{path}: its first line must be home (frame 0, command 16): its places are on the globe")
-    jumps_from = 0 if home is None else 1
-    moved = (_from_first(item, jumps_from) for item in items)
-    return _mission(path, ((f"item {number}", item) for number, item in enumerate(moved, jumps_from)), home)
+    first = 0 if home is None else 1
+    return _mission(path, ((f"item {number}", item) for number, item in enumerate(items, first)), home)
 
 
 GLOBES = (
@@ -71,13 +68,6 @@ GLOBES = (
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
 )
-
-
-def _from_first(item: WireItem, first: int) -> WireItem:
-    """A jump counts the items of the list with home as its number 0; our missions have none."""
-    if item.command != mavlink.MAV_CMD_DO_JUMP:
-        return item
-    return item._replace(params=(item.params[0] - first, *item.params[1:]))
 
 
 def _mission(path: Path, items: Iterable[tuple[str, WireItem]], home: Home | None) -> Mission:

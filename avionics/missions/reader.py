@@ -144,7 +144,11 @@ def _items(where: str, table: Any, count: int) -> list[MissionItem]:
         return [_jump(where, table, count)]
     found = numbers(where, table, KEYS[kind], ("kind",))
     fields: dict[str, Any] = {key.removesuffix("_deg"): value for key, value in found.items()}
-    return [MissionItem(kind, **fields)]
+    item = MissionItem(kind, **fields)
+    refusal = check_item(item)
+    if refusal:
+        raise BadInput(f"{where}: {refusal}")
+    return [item]
 
 
 def _jump(where: str, table: Mapping[str, Any], count: int) -> MissionItem:

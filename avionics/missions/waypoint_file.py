@@ -69,3 +69,16 @@ def home_of(lines: Sequence[Line]) -> Home | None:
     if (first.frame, first.command) != (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT):
         return None
     return Home(math.radians(first.x), math.radians(first.y), first.z)
+
+
+def without_home(lines: Sequence[Line]) -> tuple[Line, ...]:
+    """The items behind a home that the list begins with; jumps, which count home as number 0, are moved with them."""
+    if home_of(lines) is None:
+        return tuple(lines)
+    return tuple(line._replace(item=_one_earlier(line.item)) for line in lines[1:])
+
+
+def _one_earlier(item: WireItem) -> WireItem:
+    if item.command != mavlink.MAV_CMD_DO_JUMP:
+        return item
+    return item._replace(params=(item.params[0] - 1.0, *item.params[1:]))

@@ -51,9 +51,9 @@ def read_upload(path: Path, ours: bool) -> Upload:
     if path.suffix == ".plan":
         return _planned(path, ours)
     lines = waypoint_file.read(path)
-    home = ours and len(lines) > 1 and waypoint_file.home_of(lines) is not None
-    notes = (f"the first line of {path.name} is home: it is not sent",) if home else ()
-    return Upload(tuple(item_of(line.item, line.autocontinue) for line in lines[int(home) :]), notes=notes)
+    sent = waypoint_file.without_home(lines) if ours else lines
+    notes = (f"the first line of {path.name} is home: it is not sent",) if len(sent) < len(lines) else ()
+    return Upload(tuple(item_of(line.item, line.autocontinue) for line in sent), notes=notes)
 
 
 def _planned(path: Path, ours: bool) -> Upload:

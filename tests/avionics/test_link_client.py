@@ -16,7 +16,17 @@ from link_vehicle import FakeVehicle
 from pymavlink import mavutil
 
 from avionics import messages as m
-from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
+from avionics.guidance.mission import (
+    NO_FENCE,
+    Channel,
+    Excitation,
+    Fence,
+    ItemKind,
+    MissionItem,
+    RallyPoint,
+    Shape,
+    Zone,
+)
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink as ours
 from avionics.link.ground import GroundLink
@@ -191,23 +201,28 @@ MISSION = (
             Channel.ELEVATOR, Shape.MULTISINE, 0.0625, 8.0, 0.5, 1, 0.375, 3.0, (0.0, 0.125, 0.25), 1
         ),
     ),
+    MissionItem(ItemKind.CIRCLE, 60.0, 20.0, 50.0, radius=-30.0, turns=2.5),
+    MissionItem(ItemKind.CIRCLE, 60.0, 20.0, 50.0, duration=40.0),
+    MissionItem(ItemKind.CIRCLE, 60.0, 20.0, 80.0, radius=25.0),
+    MissionItem(ItemKind.JUMP, jump_to=1, repeats=-1),
+    MissionItem(ItemKind.LOITER, 60.0, 20.0, 50.0, radius=-30.0),
     MissionItem(ItemKind.RETURN),
     MissionItem(ItemKind.LAND, 10.0, 5.0, heading=math.radians(-45.0)),
 )
 
 
-def download(client: Any) -> list[Any]:
-    client.mav.mission_request_list_send(1, 1, 0)
+def download(client: Any, mission_type: int = 0) -> list[Any]:
+    client.mav.mission_request_list_send(1, 1, mission_type)
     items = []
     for sequence in range(expect(client, "MISSION_COUNT").count):
-        client.mav.mission_request_int_send(1, 1, sequence, 0)
+        client.mav.mission_request_int_send(1, 1, sequence, mission_type)
         items.append(expect(client, "MISSION_ITEM_INT", lambda item, wanted=sequence: item.seq == wanted))
-    client.mav.mission_ack_send(1, 1, 0, 0)
+    client.mav.mission_ack_send(1, 1, 0, mission_type)
     return items
 
 
-def upload(client: Any, items: list[Any]) -> Any:
-    client.mav.mission_count_send(1, 1, len(items), 0)
+def upload(client: Any, items: list[Any], mission_type: int = 0) -> Any:
+    client.mav.mission_count_send(1, 1, len(items), mission_type)
     while True:
         message = expect(client, ["MISSION_REQUEST_INT", "MISSION_ACK"])
         if message.get_type() == "MISSION_ACK":
@@ -275,9 +290,60 @@ def test_an_item_that_cannot_be_flown_is_refused_and_the_old_mission_stays(field
         assert vehicle.mission == MISSION
 
 
-def test_fences_are_empty_and_clear_all_clears() -> None:
+FENCE = Fence((
+    Zone(1, ((-200.0, -200.0), (-200.0, 250.0), (300.0, 0.0))),
+    Zone(0, ((50.0, 60.0), (50.0, 90.0), (80.0, 60.0), (90.0, 90.0))),
+    Zone(1, ((0.0, 10.0),), 500.0),
+    Zone(0, ((-90.0, 30.0),), 25.0),
+))  # fmt: skip
+RALLY = (RallyPoint(50.0, -40.0, 35.0), RallyPoint(-60.0, 10.0, 45.0))
+
+
+def test_a_fence_and_rally_points_go_up_and_come_down_the_same() -> None:
     with stock_client() as (client, vehicle):
-        vehicle.mission = MISSION
+        vehicle.mission, vehicle.fence, vehicle.rally = MISSION, FENCE, RALLY
+        fence, rally = (download(client, kind) for kind in (1, 2))
+        assert [item.mission_type for item in (*fence, *rally)] == [1] * 9 + [2] * 2
+        vehicle.fence, vehicle.rally = NO_FENCE, ()
+        for item in (*fence, *rally):
+            item.target_system, item.target_component = 1, 1
+        assert upload(client, fence, 1).type == mavlink.MAV_MISSION_ACCEPTED
+        assert upload(client, rally, 2).type == mavlink.MAV_MISSION_ACCEPTED
+        assert vehicle.mission == MISSION
+        for got, sent in zip(vehicle.fence.zones, FENCE.zones, strict=True):
+            assert (got.keep_in, got.radius) == (sent.keep_in, sent.radius)
+            for place, meant in zip(got.places, sent.places, strict=True):
+                assert place == pytest.approx(meant, abs=0.02)
+        for got, sent in zip(vehicle.rally, RALLY, strict=True):
+            assert got == pytest.approx(sent, abs=0.02)
+        client.mav.mission_clear_all_send(1, 1, mavlink.MAV_MISSION_TYPE_FENCE)
+        assert expect(client, "MISSION_ACK").mission_type == mavlink.MAV_MISSION_TYPE_FENCE
+        assert (vehicle.fence, len(vehicle.rally), vehicle.mission) == (NO_FENCE, 2, MISSION)
+
+
+@pytest.mark.parametrize(
+    ("commands", "words"),
+    [([5001, 5001], "fewer corners"), ([5003], "a circle needs a radius"), ([5000], "FENCE_RETURN_POINT (5000)")],
+)
+def test_a_fence_that_is_none_is_refused(commands: list[int], words: str) -> None:
+    radius = 0.0 if commands == [5003] else 3.0
+    with stock_client() as (client, vehicle):
+        vehicle.fence = FENCE
+        items = [
+            mavlink.MAVLink_mission_item_int_message(
+                1, 1, n, 3, command, 0, 1, radius, 0, 0, 0, 481000000, 116000000, 0.0, 1
+            )
+            for n, command in enumerate(commands)
+        ]
+        ack = upload(client, items, 1)
+        assert (ack.type != mavlink.MAV_MISSION_ACCEPTED, ack.mission_type) == (True, 1)
+        assert words in expect(client, "STATUSTEXT").text
+        assert vehicle.fence == FENCE
+
+
+def test_clear_all_clears_fences_and_rally_points_too() -> None:
+    with stock_client() as (client, vehicle):
+        vehicle.mission, vehicle.rally = MISSION, RALLY
         client.mav.mission_request_list_send(1, 1, mavlink.MAV_MISSION_TYPE_FENCE)
         fence = expect(client, "MISSION_COUNT")
         assert (fence.count, fence.mission_type) == (0, mavlink.MAV_MISSION_TYPE_FENCE)
@@ -286,7 +352,7 @@ def test_fences_are_empty_and_clear_all_clears() -> None:
         client.mav.mission_clear_all_send(1, 1, mavlink.MAV_MISSION_TYPE_ALL)
         ack = expect(client, "MISSION_ACK")
         assert (ack.type, ack.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_TYPE_ALL)
-        assert vehicle.mission == ()
+        assert (vehicle.mission, vehicle.rally) == ((), ())
 
 
 def test_a_reached_item_and_an_event_are_told() -> None:

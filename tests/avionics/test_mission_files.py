@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
-from avionics.missions import check_mission, load_mission, mission_names
+from avionics.missions import check_mission, load_mission, load_plan, mission_names
 from avionics.quantities import BadInput
 
 
@@ -163,3 +163,124 @@ def test_an_input_that_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, it
         load_mission(written(tmp_path, "[[item]]\n" + item))
     assert said in str(refusal.value)
     assert "item 1" in str(refusal.value)
+
+
+# --- circles, surveys, jumps, fences, rally points ---------------------------------------------------------------
+
+AROUND = """
+[[item]]
+kind = "takeoff"
+altitude = 30
+[[item]]
+kind = "survey"
+polygon = [[0, 50], [100, 50], [100, 110], [0, 110]]
+spacing = 20
+heading_deg = 0
+altitude = 35
+overshoot = 15
+[[item]]
+kind = "circle"
+north = 50
+east = 0
+altitude = 50
+turns = 1.5
+radius = -35
+[[item]]
+kind = "jump"
+item = 2
+repeats = 1
+[[item]]
+kind = "loiter"
+north = 0
+east = 0
+altitude = 30
+[fence]
+min_altitude = 8
+max_altitude = 90
+[[fence.zone]]
+north = 0
+east = 0
+radius = 300
+[[fence.zone]]
+keep = "out"
+polygon = [[200, 0], [220, 0], [220, 30]]
+[[rally]]
+north = 80
+east = -40
+altitude = 35
+"""
+
+
+def test_a_survey_becomes_its_waypoints_and_a_jump_finds_its_first(tmp_path: Path) -> None:
+    plan = load_plan(written(tmp_path, AROUND))
+    kinds = [item.kind.name for item in plan.mission]
+    assert kinds == ["TAKEOFF", *["WAYPOINT"] * 6, "CIRCLE", "JUMP", "LOITER"]
+    assert [(round(item.north), round(item.east)) for item in plan.mission[1:5]] == [
+        (-15, 60), (115, 60), (115, 80), (-15, 80),
+    ]  # fmt: skip
+    circle, jump = plan.mission[7], plan.mission[8]
+    assert (circle.turns, circle.radius, circle.duration) == (1.5, -35.0, 0.0)
+    assert (jump.jump_to, jump.repeats) == (1, 1)
+
+
+def test_fence_and_rally_points_of_a_file(tmp_path: Path) -> None:
+    plan = load_plan(written(tmp_path, AROUND))
+    assert (plan.fence.floor, plan.fence.ceiling) == (8.0, 90.0)
+    assert [(zone.keep_in, zone.radius, len(zone.places)) for zone in plan.fence.zones] == [
+        (1, 300.0, 1),
+        (0, 0.0, 3),
+    ]
+    assert plan.rally == ((80.0, -40.0, 35.0),)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            "turns = 1.5",
+            "turns = -1",
+            "item 3: turns = -1 is outside its range; it must be a number from 0 to 1000 -",
+        ),
+        ("turns = 1.5", "turns = 1\nduration = 5", "item 3: CIRCLE: turns and duration exclude each other"),
+        ("radius = -35", "radius = 1", "radius = 1 is smaller than 3 m"),
+        ("radius = -35", "radius = 900", "radius = 900 is outside its range; it must be a number from -500 to 500 m"),
+        ("item = 2", "item = 9", "item 4: item = 9 is outside its range; it must be a number from 1 to 5"),
+        ("repeats = 1", "repeats = 1.5", "item 4: repeats must be a whole number"),
+        ("[100, 50], [100, 110], [0, 110]]", "[100, 50]]", "item 2: polygon must be a list of 3 to 70 corners"),
+        ("[100, 110]", '[100, "x"]', "item 2: polygon must be a list"),
+        ("spacing = 20", "spacing = 0", "item 2: spacing = 0 is outside its range"),
+        ("spacing = 20", "spacing = 1\ngap = 3", "item 2: unknown key gap"),
+        ("[0, 110]]", "[0, 9000]]", "item 2: a survey has 1 to 250 legs, not 448: change its spacing"),
+        ("max_altitude = 90", "max_altitude = 8", "fence, max_altitude must be above min_altitude"),
+        ("max_altitude = 90", "top = 8", "fence: unknown key top"),
+        ("radius = 300", "radius = 3", "fence, zone 1: radius = 3 is outside its range"),
+        ("north = 0\neast = 0\nradius = 300", "north = 900\neast = 0\nradius = 300", "zone 1: home is outside of it"),
+        ('keep = "out"', 'keep = "near"', 'fence, zone 2: keep is "near"; it must be one of in, out'),
+        ("[[200, 0], [220, 0], [220, 30]]", "[[-20, -9], [22, -9], [2, 30]]", "fence, zone 2: home is in it"),
+        (
+            "east = -40\naltitude = 35",
+            "east = -40",
+            "rally 1: altitude is missing; it must be a number from 1 to 1000 m",
+        ),
+    ],
+)
+def test_what_is_wrong_with_it_is_said_in_one_line(tmp_path: Path, before: str, after: str, said: str) -> None:
+    assert before in AROUND
+    path = written(tmp_path, AROUND.replace(before, after))
+    with pytest.raises(BadInput) as refusal:
+        load_plan(path)
+    assert said in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("mission", "said"),
+    [
+        ((MissionItem(ItemKind.JUMP, jump_to=3, repeats=1),), "item 1: JUMP leads to item 4 of 1"),
+        ((MissionItem(ItemKind.JUMP, repeats=-2),), "repeats must be -1"),
+        ((MissionItem(ItemKind.CIRCLE, altitude=40.0, radius=math.inf),), "item 1: CIRCLE: a value is not a number"),
+        ((MissionItem(ItemKind.WAYPOINT, altitude=0.0),), "altitude = 0 is outside 1 to 1000 m"),
+        ((MissionItem(ItemKind.WAYPOINT, north=2e4, altitude=40.0),), "north = 20000 is outside -10000 to 10000 m"),
+    ],
+)
+def test_the_same_holds_over_the_link(mission: tuple[MissionItem, ...], said: str) -> None:
+    assert said in check_mission(mission)
