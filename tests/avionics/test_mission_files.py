@@ -241,7 +241,7 @@ def test_fence_and_rally_points_of_a_file(tmp_path: Path) -> None:
             "turns = -1",
             "item 3: turns = -1 is outside its range; it must be a number from 0 to 1000 -",
         ),
-        ("turns = 1.5", "turns = 1\nduration = 5", "item 3: CIRCLE: turns and duration exclude each other"),
+        ("turns = 1.5", "turns = 1\nduration = 5", "item 3: turns and duration exclude each other"),
         ("radius = -35", "radius = 1", "radius = 1 is smaller than 3 m"),
         ("radius = -35", "radius = 900", "radius = 900 is outside its range; it must be a number from -500 to 500 m"),
         ("item = 2", "item = 9", "item 4: item = 9 is outside its range; it must be a number from 1 to 5"),
