@@ -48,7 +48,7 @@ class Gains(NamedTuple):
     launch_airspeed: Annotated[float, Quantity("m/s", 0.5, 30.0)]
     """m/s; airspeed that goes with it"""
     launch_reach: Annotated[float, Quantity("m", 0.1, 10.0)]
-    """m; way at that speed that no arm has; a third as far again it is a throw also without an airspeed"""
+    """m; way at that speed that no arm has; a fifth as far again it is a throw also without an airspeed"""
     launch_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)]
     """rad; greatest pitch or roll at which a push is a throw"""
     wait_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
@@ -101,11 +101,11 @@ class State(NamedTuple):
     push: float = 0.0
     """m/s; speed along the body gained on the hand or in a throw"""
     push_way: float = 0.0
-    """m; way since that speed last turned forward"""
+    """m; way at that speed since a throw may have begun"""
     force_time: float = 0.0
     """s; for which the force has been a throw's"""
     thrown: int = 0
-    """-; 1 once the force lasted, since the speed last turned forward"""
+    """-; 1 once the force lasted, in this push"""
     above_floor: int = 0
     """-; 1 once the flight was above the fence's floor"""
     killed: int = 0
@@ -293,9 +293,11 @@ def _stages(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     return state, ()
 
 
-PUSH_MEMORY = 2.0
+PUSH_MEMORY = 1.0
 """s; in which the speed gained is forgotten, and with it the accelerometer's offset: a hand comes to rest again"""
-BLIND_REACH = 1.3
+SLOW = 0.5
+"""-; share of `Gains.launch_push` below which a push without force is over; a wrong attitude may feign it"""
+BLIND_REACH = 1.2
 """-; in units of `Gains.launch_reach`: a way that tells a throw also without an airspeed"""
 
 
@@ -312,14 +314,15 @@ def _watch_launch(gains: Gains, state: State, dt: float, seen: Conditions) -> Ou
 
 
 def _pushed(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
-    """Speed along the body from the force, gravity's share taken off; its way begins anew where it turns."""
+    """Speed along the body from the force, gravity's share taken off; its way counts from where a throw may begin."""
     accel = seen.forward_force - STANDARD_GRAVITY * math.sin(seen.pitch)
     push = (state.push + accel * dt) * (1.0 - dt / PUSH_MEMORY)
     force_time = state.force_time + dt if seen.forward_force > gains.launch_force else 0.0
-    if push <= 0.0:
-        return state._replace(push=push, push_way=0.0, force_time=force_time, thrown=0)
+    if force_time == 0.0 and push < SLOW * gains.launch_push:
+        return state._replace(push=push, push_way=0.0, force_time=0.0, thrown=0)
     thrown = int(state.thrown or force_time >= gains.launch_time)
-    return state._replace(push=push, push_way=state.push_way + push * dt, force_time=force_time, thrown=thrown)
+    way = max(state.push_way + push * dt, 0.0) if force_time > 0.0 or state.push_way > 0.0 else 0.0
+    return state._replace(push=push, push_way=way, force_time=force_time, thrown=thrown)
 
 
 def _without_push(state: State) -> State:
@@ -336,8 +339,15 @@ def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) ->
     if lasted < (gains.touchdown_time if landing else gains.crash_time):
         return _follow_navigation(state._replace(still_time=lasted), seen)
     landed = state._replace(stage=int(Stage.LANDED), armed=0, still_time=0.0)
-    text = "touchdown, disarmed" if landing else "on the ground outside an approach, disarmed"
-    return landed, (Notice(Severity.NOTICE if landing else Severity.CRITICAL, text),)
+    return landed, (_on_the_ground(landing, state.mode),)
+
+
+def _on_the_ground(landing: bool, mode: int) -> Notice:
+    if landing:
+        return Notice(Severity.NOTICE, "touchdown, disarmed")
+    if mode in PILOTED:
+        return Notice(Severity.NOTICE, "on the ground, disarmed")
+    return Notice(Severity.CRITICAL, "on the ground outside an approach, disarmed")
 
 
 def _follow_navigation(state: State, seen: Conditions) -> Outcome:

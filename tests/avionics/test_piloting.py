@@ -75,7 +75,7 @@ def test_a_flight_by_transmitter_from_the_hand_to_the_ground() -> None:
     bird.set(ch1=1500, ch3=1000)
     flight.fly(60.0, until=Stage.LANDED)
     assert bird.altitude == 0.0
-    assert flight.events()[-1] == "on the ground outside an approach, disarmed"
+    assert flight.events()[-1] == "on the ground, disarmed"
 
 
 def test_manual_moves_tail_and_wings_by_stick() -> None:
@@ -87,6 +87,29 @@ def test_manual_moves_tail_and_wings_by_stick() -> None:
     half = 240 / 490
     assert command.elevator == pytest.approx(gains.pitch.elevator_trim + half * gains.pitch.elevator_max)
     assert command.rudder == pytest.approx(half * gains.tail.rudder_share + 90 / 490 * gains.tail.yaw_share)
+
+
+def test_manual_is_flown_by_a_pilot_who_sees_the_bird() -> None:
+    flight, bird = launched()
+    flight.fly(2.0)
+    flight.fly(0.1, (Command(0, CommandKind.SET_MODE, "MANUAL"),))
+    altitudes = []
+    for step in range(400):
+        wanted_roll = 0.25 if step < 200 else -0.25
+        roll = 0.8 * (wanted_roll - bird.roll) - 0.1 * bird.roll_rate
+        pitch = 0.8 * (0.15 - bird.pitch) - 0.15 * bird.pitch_rate
+        throttle = 0.65 + 0.04 * (20.0 - bird.altitude) + 0.1 * bird.velocity()[2]
+        bird.set(
+            ch1=round(1500 + 500 * max(-1.0, min(1.0, roll))),
+            ch2=round(1500 + 500 * max(-1.0, min(1.0, pitch))),
+            ch3=round(1000 + 1000 * max(0.0, min(1.0, throttle))),
+        )
+        flight.fly(0.05)
+        altitudes.append(bird.altitude)
+        if step in (190, 390):
+            assert bird.roll == pytest.approx(wanted_roll, abs=0.12)
+    assert flight.autopilot.state.modes.mode == Mode.MANUAL
+    assert abs(altitudes[-1] - 20.0) < 6.0
 
 
 def test_the_mode_switch_takes_over_from_the_mission_and_back() -> None:

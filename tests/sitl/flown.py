@@ -210,13 +210,17 @@ def flown(
     mission: str | Mission = "circuit",
     commands: Sequence[Command] = (),
     alter: Alter = unaltered,
+    script: Sequence[Command] | None = None,
 ) -> Flight:
-    """Fly in one process, as `wingbeat fly` does, with more commands and with sensors that fail."""
+    """Fly in one process, as `wingbeat fly` does, with more commands and with sensors that fail.
+
+    ``script`` stands for its scripted start.
+    """
     log = MemoryLog()
     items = load_mission(mission) if isinstance(mission, str) else mission
     world = SimulatedWorld(load_vehicle(vehicle), scenario, log.publish)
     autopilot = Autopilot(load_flight_vehicle(vehicle), items, log.publish)
-    fly(AlteredWorld(world, alter), autopilot, [*scripted_start(), *commands])
+    fly(AlteredWorld(world, alter), autopilot, [*(scripted_start() if script is None else script), *commands])
     return Flight(log, items)
 
 
