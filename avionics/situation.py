@@ -57,7 +57,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         items=len(s.mission),
         throttle_stick=s.pilot.throttle,
         wanted_stage=s.target.stage,
-        fence_clearance=s.fence_clearance if position_usable(s) else math.inf,
+        fence_clearance=s.fence_clearance if s.fence.zones and position_usable(s) else math.inf,
         fence_floor=s.fence.floor,
         fence_ceiling=s.fence.ceiling,
         pilot_lost=int(s.ways_in.source == PilotSource.NONE),

@@ -75,11 +75,12 @@ def _to_approach(gains: Gains, state: State, item: MissionItem, seen: Situation)
 def in_funnel(gains: Gains, item: MissionItem, seen: Situation) -> bool:
     """Whether the line down to the landing place can be joined from here, without the way to its head.
 
-    The funnel opens backward from the landing place to the head of the line, by `FUNNEL` to each side; inside
-    it the course must be within `JOINING_TURN` of the line's.
+    The funnel opens backward from the landing place to a lookahead before the head of the line, by `FUNNEL` to each
+    side; inside it the course must be within `JOINING_TURN` of the line's.
     """
     to_go, cross = _to_go((item.north, item.east), item.heading, seen)
-    along = 0.0 < to_go <= slope_length(gains, item.heading, seen) and abs(cross) <= FUNNEL * to_go
+    longest = slope_length(gains, item.heading, seen) + gains.lookahead
+    along = 0.0 < to_go <= longest and abs(cross) <= FUNNEL * to_go
     return along and abs(wrap(item.heading - seen.heading)) <= JOINING_TURN
 
 

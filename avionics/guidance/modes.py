@@ -449,7 +449,7 @@ def _position_missed(gains: Gains, state: State, seen: Conditions) -> int:
 def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     if state.link_lost:
         state = state._replace(link_time=state.link_time + dt)
-    state = _watch_pilot(gains, state, dt, seen)._replace(above_floor=_passed_floor(gains, state, seen))
+    state = _watch_floor(gains, _watch_pilot(state, dt, seen), seen)
     now = int(present(gains, state, seen))
     if not (now or state.failsafe):
         return state, ()
@@ -463,21 +463,25 @@ def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outco
     return state, notices + done + circled
 
 
-def _passed_floor(gains: Gains, state: State, seen: Conditions) -> int:
+def _watch_floor(gains: Gains, state: State, seen: Conditions) -> State:
+    """The fence's floor begins to hold when it was passed by the margin, and ends with the flight."""
     floor = max(gains.fence_floor, seen.fence_floor)
     up = state.stage in AIRBORNE and floor > 0.0
-    return int(up and (state.above_floor == 1 or seen.altitude > floor + gains.fence_margin))
+    passed = int(up and (state.above_floor == 1 or seen.altitude > floor + gains.fence_margin))
+    return state if passed == state.above_floor else state._replace(above_floor=passed)
 
 
 def pilot_missed(state: State, seen: Conditions) -> bool:
     """Whether sticks are missing that the flight needs, or needed until they were lost."""
-    flown = state.armed == 1 and state.stage in AIRBORNE
-    return bool(seen.pilot_lost) and flown and (state.mode in PILOTED or state.pilot_time > 0.0)
+    if not seen.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
+        return False
+    return state.mode in PILOTED or state.pilot_time > 0.0
 
 
-def _watch_pilot(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
-    lost = pilot_missed(state, seen)
-    return state._replace(pilot_time=state.pilot_time + dt) if lost else state._replace(pilot_time=0.0)
+def _watch_pilot(state: State, dt: float, seen: Conditions) -> State:
+    if pilot_missed(state, seen):
+        return state._replace(pilot_time=state.pilot_time + dt)
+    return state if state.pilot_time == 0.0 else state._replace(pilot_time=0.0)
 
 
 def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Outcome:
