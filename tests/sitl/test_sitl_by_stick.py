@@ -15,9 +15,9 @@ from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Sticks
 
 ARM_TIME = 4.0
-TURN = (24.0, 32.0)
+TURN = (28.0, 36.0)
 """s; with the stick to the right"""
-DOWN_TIME = 34.0
+DOWN_TIME = 38.0
 """s; when the throttle is closed to land"""
 HEIGHT = 15.0
 """m; that the pilot keeps"""
@@ -36,11 +36,12 @@ def pilot(seen: Observation) -> Sticks:
         return Sticks(pitch=0.5 if low else -0.1, throttle=0.0 if low else _power(-1.0, climb), arm=armed)
     wanted = min(0.5 * (HEIGHT - height), 1.5)
     roll = 0.5 if TURN[0] <= time < TURN[1] else 0.0
-    return Sticks(roll=roll, throttle=_power(wanted, climb), arm=armed)
+    return Sticks(roll=roll, pitch=0.4 * wanted, throttle=_power(wanted, climb), arm=armed)
 
 
 def _power(wanted: float, climb: float) -> float:
-    return min(max(0.3 + 0.25 * (wanted - climb), 0.0), 1.0)
+    """Throttle that a pilot gives for a climb (m/s), and more or less of it when the bird does not follow."""
+    return min(max(0.35 + 0.2 * wanted + 0.3 * (wanted - climb), 0.0), 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def test_the_transmitter_arms_it_and_the_throw_is_seen(flight: Flight) -> None:
 
 def test_height_is_kept_by_throttle_and_a_turn_is_flown_by_stick(flight: Flight) -> None:
     time, truth = flight.truth["time_us"] * 1e-6, flight.truth
-    level = (time > 20.0) & (time < TURN[0])
+    level = (time > TURN[0] - 4.0) & (time < TURN[1])
     assert np.abs(flight.altitude()[level] - HEIGHT).max() < 4.0
     turning = (time > TURN[0] + 2.0) & (time < TURN[1])
     bank = np.degrees(flight.true_attitude()[0][turning])
