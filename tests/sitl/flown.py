@@ -42,6 +42,7 @@ class AlteredWorld:
     def __init__(self, world: SimulatedWorld, alter: Alter) -> None:
         self._world = world
         self._alter = alter
+        self.scenario = world.scenario
 
     @property
     def finished(self) -> bool:
