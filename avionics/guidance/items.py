@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from avionics.guidance.mission import MissionItem
 from avionics.guidance.path import course_to_leg, leg, reached
-from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead
+from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead, turning_distance
 from avionics.limits import wrap
 from avionics.messages import Stage
 
@@ -39,14 +39,18 @@ def hold(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situati
 
 
 def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
-    """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading."""
+    """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading.
+
+    The next leg is turned into before the waypoint, by up to half of this one.
+    """
     if not seen.valid:
         return state, Target(Stage.EN_ROUTE, item.altitude, state.heading), False
     line = leg((state.from_north, state.from_east), (item.north, item.east), here(seen))
     course = course_to_leg(line, lookahead(gains, seen))
     distance = math.hypot(item.north - seen.north, item.east - seen.east)
     target = Target(Stage.EN_ROUTE, item.altitude, course, distance, line.cross)
-    return state._replace(heading=course), target, reached(line, gains.acceptance)
+    early = min(turning_distance(state, seen), 0.5 * line.length)
+    return state._replace(heading=course), target, reached(line, max(gains.acceptance, early))
 
 
 def excite(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from avionics.guidance import approach, circle, homing, items
 from avionics.guidance.mission import Excitation, ItemKind, Mission, MissionItem
+from avionics.guidance.path import leg
 from avionics.guidance.route import Gains, Situation, State, Target
+from avionics.limits import wrap
 from avionics.messages import Mode, Stage
 
 __all__ = ["Gains", "Situation", "State", "Target", "begin_item", "choose_item", "excite", "loiter_at", "step"]
@@ -134,9 +136,20 @@ def _jump(state: State, mission: Mission) -> State:
 
 def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, seen: Situation) -> State:
     """An excitation holds the setpoints of the item before it, so that no error is frozen into its trim."""
-    begun = begin_item(gains, state, state.item, seen)
+    begun = _with_corner(begin_item(gains, state, state.item, seen), mission)
     after_another = state.item > 0 and mission[state.item].kind == ItemKind.EXCITE and state.altitude > 0.0
     return begun._replace(heading=state.heading, altitude=state.altitude) if after_another else begun
+
+
+def _with_corner(state: State, mission: Mission) -> State:
+    """Look ahead to the leg after this one, if there is one."""
+    item, following = mission[state.item], mission[state.item + 1 : state.item + 2]
+    if item.kind != ItemKind.WAYPOINT or not following or following[0].kind != ItemKind.WAYPOINT:
+        return state._replace(corner=0.0)
+    place = (item.north, item.east)
+    onward = leg(place, (following[0].north, following[0].east), place).course
+    course = leg((state.from_north, state.from_east), place, place).course
+    return state._replace(corner=wrap(onward - course), onward=onward)
 
 
 def _extra_excitation(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:

@@ -11,6 +11,12 @@ from avionics.limits import clip
 from avionics.messages import Mode, Stage
 from avionics.quantities import Quantity
 
+TURN_BANK = 0.4
+"""rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+SHARPEST = 2.0
+"""rad; a sharper corner is begun no earlier than this one"""
 FASTEST_DRIFT = 4.0
 """-; greatest factor by which a following wind lengthens the lookahead"""
 
@@ -73,6 +79,10 @@ class State(NamedTuple):
     """m; where the leg begins"""
     via: int = 0
     """-; 1 when the next leg begins at the waypoint just passed, (``from_north``, ``from_east``), not where it is"""
+    corner: float = 0.0
+    """rad; turn at the end of the leg into the next one, 0 where none follows"""
+    onward: float = 0.0
+    """rad; course of the next leg"""
     heading: float = 0.0
     """rad; heading held"""
     altitude: float = 0.0
@@ -180,6 +190,18 @@ def lookahead(gains: Gains, seen: Situation) -> float:
     if seen.airspeed <= 1.0:
         return gains.lookahead
     return gains.lookahead * clip((seen.ground_speed / seen.airspeed) ** 2, 1.0, FASTEST_DRIFT)
+
+
+def turning_distance(state: State, seen: Situation) -> float:
+    """Way (m) before the end of a leg at which the turn into the next one begins: R tan(turn / 2).
+
+    The radius is that of the greater ground speed, before or after the turn: into a following wind it is wide.
+    """
+    if state.corner == 0.0:
+        return 0.0
+    after = seen.airspeed + tailwind(seen, state.onward)
+    radius = max(seen.ground_speed, after) ** 2 / (STANDARD_GRAVITY * math.tan(TURN_BANK))
+    return radius * math.tan(0.5 * min(abs(state.corner), SHARPEST))
 
 
 def tailwind(seen: Situation, course: float) -> float:

@@ -12,7 +12,7 @@ from avionics.guidance import navigation, path
 from avionics.guidance.approach import slope_length
 from avionics.guidance.mission import ItemKind, MissionItem, RallyPoint
 from avionics.guidance.navigation import Situation
-from avionics.guidance.route import lookahead
+from avionics.guidance.route import lookahead, turning_distance
 from avionics.limits import wrap
 from avionics.messages import Mode, Stage
 
@@ -235,3 +235,38 @@ def test_the_line_once_begun_keeps_its_length_when_the_wind_estimate_changes() -
     assert target.distance == pytest.approx(0.6 * GAINS.approach_length)
     _, later = navigation.step(GAINS, state, DT, (), here._replace(wind_north=2.0))
     assert (later.distance, later.altitude) == (target.distance, target.altitude)
+
+
+# --- corners --------------------------------------------------------------------------------------------
+
+CORNER = (MissionItem(ItemKind.WAYPOINT, 200.0, 0.0, 40.0), MissionItem(ItemKind.WAYPOINT, 200.0, 300.0, 40.0))
+
+
+def overshoot(seen: Situation, mission=CORNER) -> float:
+    """How far (m) a corner is overshot, beyond the next leg."""
+    bird = Point(mission, seen).fly(45.0)
+    return max(north for north, _ in bird.track) - 200.0
+
+
+def test_a_corner_is_turned_into_before_it_comes() -> None:
+    assert overshoot(SEEN._replace(heading=0.0)) < 1.5
+
+
+def test_a_turn_into_a_following_wind_begins_earlier() -> None:
+    windy = SEEN._replace(heading=0.0, wind_east=5.0)
+    state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, CORNER, SEEN._replace(heading=0.0))
+    calm, downwind = (turning_distance(state, seen) for seen in (SEEN, windy))
+    assert calm == pytest.approx(SPEED**2 / (9.81 * math.tan(0.4)), rel=0.01)
+    assert downwind == pytest.approx(calm * ((SPEED + 5.0) / SPEED) ** 2)
+
+
+def test_no_more_than_half_a_leg_is_cut_off_and_nothing_before_another_kind_of_item() -> None:
+    short = (MissionItem(ItemKind.WAYPOINT, 30.0, 0.0, 40.0), MissionItem(ItemKind.WAYPOINT, 30.0, 300.0, 40.0))
+    fast = SEEN._replace(heading=0.0, wind_east=8.0, ground_speed=14.0)
+    state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, short, fast._replace(north=14.0))
+    assert state.item == 0
+    state, _ = navigation.step(GAINS, state, DT, short, fast._replace(north=23.5))
+    assert state.item == 1
+    alone = (short[0], MissionItem(ItemKind.RETURN))
+    state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, alone, fast)
+    assert turning_distance(state, fast) == 0.0
