@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading, modes, navigation
+from avionics.guidance.route import FASTEST_DRIFT
+from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
@@ -25,9 +27,14 @@ def position_usable(s: AutopilotState) -> int:
 
 def ground_motion(s: AutopilotState) -> heading.Measured:
     """What the heading loop looks at."""
-    return heading.Measured(
-        s.attitude.yaw, s.position.v_north, s.position.v_east, position_usable(s), bank_of_path(s)
-    )
+    north, east, usable = s.position.v_north, s.position.v_east, position_usable(s)
+    return heading.Measured(s.attitude.yaw, north, east, usable, bank_of_path(s), drift(s) if usable else 1.0)
+
+
+def drift(s: AutopilotState) -> float:
+    """Ground speed in units of the airspeed, from 1 to `FASTEST_DRIFT`."""
+    over_ground = math.hypot(s.position.v_north, s.position.v_east)
+    return clip(over_ground / s.air.airspeed, 1.0, FASTEST_DRIFT) if s.air.airspeed > 1.0 else 1.0
 
 
 def bank_of_path(s: AutopilotState) -> float:

@@ -49,6 +49,8 @@ class Measured(NamedTuple):
     """-; 1 when the ground velocity can be trusted"""
     bank: float = 0.0
     """rad; that the curve of the path flown asks for by itself"""
+    drift: float = 1.0
+    """-; ground speed in units of the airspeed, from 1"""
 
 
 def course(gains: Gains, measured: Measured) -> float:
@@ -60,11 +62,14 @@ def course(gains: Gains, measured: Measured) -> float:
 def step(
     gains: Gains, state: State, time_us: int, dt: float, heading_setpoint: float, measured: Measured
 ) -> tuple[State, HeadingStatus]:
-    """One step; ``dt`` in s, ``heading_setpoint`` in rad. The integral rests while the bank is limited."""
+    """One step; ``dt`` in s, ``heading_setpoint`` in rad. The integral rests while the bank is limited.
+
+    A course turns by g tan(bank) / V over ground: before the wind the same turn needs more bank.
+    """
     heading = course(gains, measured)
     error = wrap(heading_setpoint - heading)
     grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
-    wanted = gains.proportional * error + grown + measured.bank
+    wanted = gains.proportional * measured.drift * error + grown + measured.bank
     saturated = abs(wanted) > gains.roll_max
     integral = state.integral if saturated and wanted * error > 0.0 else grown
     limited = clip(wanted, -gains.roll_max, gains.roll_max)

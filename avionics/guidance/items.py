@@ -49,7 +49,7 @@ def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, seen: Sit
     course = course_to_leg(line, lookahead(gains, seen))
     distance = math.hypot(item.north - seen.north, item.east - seen.east)
     target = Target(Stage.EN_ROUTE, item.altitude, course, distance, line.cross)
-    early = min(turning_distance(state, seen), 0.5 * line.length)
+    early = min(turning_distance(gains, state, seen), 0.5 * line.length)
     return state._replace(heading=course), target, reached(line, max(gains.acceptance, early))
 
 

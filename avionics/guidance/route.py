@@ -17,8 +17,8 @@ STANDARD_GRAVITY = 9.80665
 """m/s^2"""
 SHARPEST = 2.0
 """rad; a sharper corner is begun no earlier than this one"""
-FASTEST_DRIFT = 4.0
-"""-; greatest factor by which a following wind lengthens the lookahead"""
+FASTEST_DRIFT = 2.0
+"""-; greatest ground speed, in units of the airspeed, that a following wind is believed to give"""
 
 
 class Gains(NamedTuple):
@@ -181,27 +181,27 @@ def here(seen: Situation) -> Place:
 
 
 def lookahead(gains: Gains, seen: Situation) -> float:
-    """How far ahead (m) a path is aimed at: longer with the square of a following wind's ground speed.
+    """How far ahead (m) a path is aimed at: longer with the ground speed V of a following wind.
 
-    A course is turned to by banking, at a rate that falls with the ground speed V; with a heading loop of gain P
-    the cross-track error is a second-order mode of frequency sqrt(g P / L) and damping sqrt(g P L) / (2 V). So the
-    damping of still air is kept when L grows as V squared.
+    The heading loop turns the course at a rate k that it keeps in any wind (`heading.step`); the cross-track error is
+    then a second-order mode of frequency sqrt(k V / L) and damping sqrt(k L / V) / 2, both kept when L grows as V.
     """
     if seen.airspeed <= 1.0:
         return gains.lookahead
-    return gains.lookahead * clip((seen.ground_speed / seen.airspeed) ** 2, 1.0, FASTEST_DRIFT)
+    return gains.lookahead * clip(seen.ground_speed / seen.airspeed, 1.0, FASTEST_DRIFT)
 
 
-def turning_distance(state: State, seen: Situation) -> float:
+def turning_distance(gains: Gains, state: State, seen: Situation) -> float:
     """Way (m) before the end of a leg at which the turn into the next one begins: R tan(turn / 2).
 
     The radius is that of the greater ground speed, before or after the turn: into a following wind it is wide.
+    It is bounded by the radius of the vehicle's circles, for gusts that the airspeed tells.
     """
     if state.corner == 0.0:
         return 0.0
     after = seen.airspeed + tailwind(seen, state.onward)
     radius = max(seen.ground_speed, after) ** 2 / (STANDARD_GRAVITY * math.tan(TURN_BANK))
-    return radius * math.tan(0.5 * min(abs(state.corner), SHARPEST))
+    return min(radius * math.tan(0.5 * min(abs(state.corner), SHARPEST)), gains.loiter_radius)
 
 
 def tailwind(seen: Situation, course: float) -> float:

@@ -212,11 +212,11 @@ def test_the_circle_at_home_is_left_against_the_wind_to_land() -> None:
 # --- in the wind ----------------------------------------------------------------------------------------
 
 
-def test_the_lookahead_grows_with_the_square_of_a_following_winds_ground_speed() -> None:
+def test_the_lookahead_grows_with_a_following_winds_ground_speed() -> None:
     assert lookahead(GAINS, SEEN) == GAINS.lookahead
     assert lookahead(GAINS, SEEN._replace(ground_speed=0.5 * SPEED)) == GAINS.lookahead
-    assert lookahead(GAINS, SEEN._replace(ground_speed=1.4 * SPEED)) == pytest.approx(1.96 * GAINS.lookahead)
-    assert lookahead(GAINS, SEEN._replace(ground_speed=9.0 * SPEED)) == 4.0 * GAINS.lookahead
+    assert lookahead(GAINS, SEEN._replace(ground_speed=1.4 * SPEED)) == pytest.approx(1.4 * GAINS.lookahead)
+    assert lookahead(GAINS, SEEN._replace(ground_speed=9.0 * SPEED)) == 2.0 * GAINS.lookahead
     assert lookahead(GAINS, SEEN._replace(airspeed=0.0)) == GAINS.lookahead
 
 
@@ -253,11 +253,13 @@ def test_a_corner_is_turned_into_before_it_comes() -> None:
 
 
 def test_a_turn_into_a_following_wind_begins_earlier() -> None:
-    windy = SEEN._replace(heading=0.0, wind_east=5.0)
+    windy = SEEN._replace(heading=0.0, wind_east=2.0)
     state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, CORNER, SEEN._replace(heading=0.0))
-    calm, downwind = (turning_distance(state, seen) for seen in (SEEN, windy))
+    calm, downwind = (turning_distance(GAINS, state, seen) for seen in (SEEN, windy))
     assert calm == pytest.approx(SPEED**2 / (9.81 * math.tan(0.4)), rel=0.01)
-    assert downwind == pytest.approx(calm * ((SPEED + 5.0) / SPEED) ** 2)
+    assert downwind == pytest.approx(calm * ((SPEED + 2.0) / SPEED) ** 2)
+    gust = SEEN._replace(airspeed=14.0, wind_east=3.0)
+    assert turning_distance(GAINS, state, gust) == GAINS.loiter_radius
 
 
 def test_no_more_than_half_a_leg_is_cut_off_and_nothing_before_another_kind_of_item() -> None:
@@ -269,4 +271,4 @@ def test_no_more_than_half_a_leg_is_cut_off_and_nothing_before_another_kind_of_i
     assert state.item == 1
     alone = (short[0], MissionItem(ItemKind.RETURN))
     state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, alone, fast)
-    assert turning_distance(state, fast) == 0.0
+    assert turning_distance(GAINS, state, fast) == 0.0

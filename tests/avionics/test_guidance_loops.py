@@ -224,3 +224,20 @@ def test_an_excitation_that_is_no_longer_asked_for_stops() -> None:
     state, _ = excite(DOUBLET, 1.5)
     state, status = excitation.step(EXCITE, state, 0, 0.01, False, FLOWN)
     assert (status.active, state.finished, status.aborted) == (0, 1, 0)
+
+
+def test_before_the_wind_the_same_turn_of_the_course_takes_more_bank() -> None:
+    banks = []
+    for measured in (moving(0.0), moving(0.0, 10.5)._replace(drift=1.4)):
+        state = heading.State()
+        for _ in range(200):
+            state, status = heading.step(HEADING, state, 0, 0.02, 0.2, measured)
+        banks.append(status.roll_setpoint - state.integral)
+    assert banks[1] == pytest.approx(1.4 * banks[0])
+
+
+def test_the_bank_of_a_circle_is_flown_without_an_error() -> None:
+    state = heading.State()
+    for _ in range(200):
+        state, status = heading.step(HEADING, state, 0, 0.02, 0.0, moving(0.0)._replace(bank=-0.2))
+    assert (status.heading_error, status.roll_setpoint) == (0.0, pytest.approx(-0.2))
