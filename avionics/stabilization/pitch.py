@@ -5,6 +5,7 @@ Proportional, integral, and damping on the pitch rate, both measurements freed o
 
 from __future__ import annotations
 
+from math import cos
 from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, fade_out, low_pass
@@ -68,6 +69,8 @@ class Measured(NamedTuple):
     """rad/s"""
     wing_frequency: float
     """Hz; 0 when not flapping"""
+    roll: float = 0.0
+    """rad; of what is asked of the pitch the tail can do the cosine's share, and nothing beyond a right angle"""
 
 
 def initial(gains: Gains) -> State:
@@ -80,7 +83,7 @@ def step(
 ) -> tuple[State, PitchStatus]:
     """One step; ``dt`` in s, ``setpoint`` in rad. The integral rests while it would push further into a limit."""
     state = _observe(gains, state, dt, measured)
-    error = setpoint - state.pitch
+    error = (setpoint - state.pitch) * max(0.0, cos(measured.roll))
     proportional, damping = gains.proportional * error, -gains.damping * state.rate
     grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
     wanted = gains.elevator_trim + proportional + grown + damping

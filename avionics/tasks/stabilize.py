@@ -26,7 +26,7 @@ def loops_closed(s: AutopilotState) -> bool:
 def pitch(s: AutopilotState, publish: Publish) -> None:
     """Pitch setpoint -> elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
-    measured = pitch_loop.Measured(s.attitude.pitch, s.attitude.pitch_rate, s.wing.frequency)
+    measured = pitch_loop.Measured(s.attitude.pitch, s.attitude.pitch_rate, s.wing.frequency, s.attitude.roll)
     setpoint = s.vertical.pitch_setpoint
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
