@@ -6,6 +6,7 @@ feed-forward, so that the integral only carries what they miss.
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass, slew
@@ -154,11 +155,14 @@ class Asked(NamedTuple):
     """-; 0 to 1"""
     pitch_setpoint: float
     """rad; nose up is positive"""
+    pitch_rate: float = inf
+    """rad/s; how fast the pitch setpoint may change, at most the loop's own"""
 
 
 def follow(gains: Gains, state: State, time_us: int, dt: float, asked: Asked) -> tuple[State, AltitudeStatus]:
     """Pass on what was asked, so that the loops take over from there without a jump."""
     throttle = slew(state.throttle, clip(asked.throttle, 0.0, 1.0), gains.throttle_rate, dt)
-    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, gains.pitch_rate, dt)
+    rate = min(gains.pitch_rate, asked.pitch_rate)
+    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, rate, dt)
     followed = State(0.0, 0.0, throttle, pitch_setpoint, gains.throttle_trim)
     return followed, AltitudeStatus(time_us, 0.0, 0.0, 0.0, 0.0, throttle, pitch_setpoint, 0)

@@ -114,6 +114,8 @@ class State(NamedTuple):
     """s; since the pilot's sticks were lost in a mode that is flown by them"""
     still_time: float = 0.0
     """s; for which the touchdown condition has held"""
+    still_altitude: float = 0.0
+    """m; where that began"""
     link_lost: int = 0
     """-; 1 while the ground link is lost"""
     link_time: float = 0.0
@@ -173,6 +175,8 @@ class Conditions(NamedTuple):
     """-; 1 while there are no sticks that are not stale"""
     kill_switch: int = 0
     """-; 1 while a kill switch is on"""
+    above_flare: int = 0
+    """-; 1 above the altitude at which a landing flares"""
     sensed: int = 0
     """-; flags of `Failsafe` that the sensing tells"""
     turn_rate: float = 0.0
@@ -329,12 +333,21 @@ def _without_push(state: State) -> State:
     return state._replace(push=0.0, push_way=0.0, force_time=0.0, thrown=0)
 
 
+STILL_TRAVEL = 0.4
+"""m; up or down within the time of standing still: twice what the altitude's noise makes of it"""
+
+
 def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     landing = state.stage in LANDING
     slow = seen.airspeed < gains.touchdown_airspeed
     if (landing or seen.sensed & PITOT_BLOCKED) and seen.fix_age <= gains.gps_loss_delay:
         slow = slow or seen.ground_speed < gains.touchdown_airspeed
-    still = slow and abs(seen.climb_rate) < gains.touchdown_climb
+    # Against the wind a float above the ground is slow over it too.
+    still = slow and abs(seen.climb_rate) < gains.touchdown_climb and not (landing and seen.above_flare)
+    # A float sinks slowly, but it sinks.
+    still = still and (state.still_time == 0.0 or abs(seen.altitude - state.still_altitude) < STILL_TRAVEL)
+    if state.still_time == 0.0:
+        state = state._replace(still_altitude=seen.altitude)
     lasted = state.still_time + dt if still else 0.0
     if lasted < (gains.touchdown_time if landing else gains.crash_time):
         return _follow_navigation(state._replace(still_time=lasted), seen)

@@ -54,6 +54,8 @@ class Gains(NamedTuple):
     """-; flapping in the flare"""
     flare_pitch: Annotated[float, Quantity("rad", -0.5, 1.2)]
     """rad; pitch in the flare"""
+    flare_rate: Annotated[float, Quantity("rad/s", 0.01, 10.0)]
+    """rad/s; how fast the nose comes up for it: faster, and it climbs away"""
     stick_climb: Annotated[float, Quantity("m/s", 0.0, 10.0)]
     """m/s; change of the held altitude at full pitch stick (altitude hold)"""
     stick_dead_band: Annotated[float, Quantity("-", 0.0, 0.5)]

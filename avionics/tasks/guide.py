@@ -121,11 +121,18 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
     if stage == Stage.WAIT_LAUNCH:
         return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
     if s.modes.cut:
-        pitch = s.gains.navigation.flare_pitch if stage == Stage.FLARE else s.gains.modes.glide_pitch
-        return altitude_loop.Asked(0.0, pitch)
+        if stage == Stage.FLARE:
+            return flared(s)._replace(throttle=0.0)
+        return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
     if stage == Stage.FLARE and not s.tail_check.jammed:
-        return altitude_loop.Asked(s.gains.navigation.flare_throttle, s.gains.navigation.flare_pitch)
+        return flared(s)
     return None
+
+
+def flared(s: AutopilotState) -> altitude_loop.Asked:
+    """What the flare asks for."""
+    gains = s.gains.navigation
+    return altitude_loop.Asked(gains.flare_throttle, gains.flare_pitch, gains.flare_rate)
 
 
 def lateral(s: AutopilotState, publish: Publish) -> None:

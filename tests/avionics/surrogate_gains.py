@@ -46,6 +46,7 @@ _PINNED = {
         "flare_altitude": 1.2,
         "flare_throttle": 0.25,
         "flare_pitch": 0.3,
+        "flare_rate": 0.4,
         "stick_climb": 1.0,
         "stick_dead_band": 0.1,
     },
