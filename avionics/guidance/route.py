@@ -15,7 +15,7 @@ TURN_BANK = 0.4
 """rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
-SHARPEST = 2.0
+SHARPEST = 0.5 * math.pi
 """rad; a sharper corner is begun no earlier than this one"""
 FASTEST_DRIFT = 2.0
 """-; greatest ground speed, in units of the airspeed, that a following wind is believed to give"""
