@@ -1,7 +1,7 @@
-"""Whether the tail answers: a jammed tail leaves a pitch error for longer than any gust.
+"""Whether the tail answers: a vehicle without its tail swings through its pitch for longer than any gust lasts.
 
-A working loop takes every lasting error out, and gusts change their sign within a second; so the mean error over a
-time longer than that tells. Nothing is asked of the model of the vehicle.
+Jammed near its trim a tail leaves a slow swing that grows, so the mean of the error is small and that of its size is
+not. Nothing is asked of the model of the vehicle.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class Gains(NamedTuple):
     """When the tail is jammed."""
 
     error: Annotated[float, Quantity("rad", 0.01, 3.2)]
-    """rad; mean pitch error that a working tail does not leave"""
+    """rad; mean size of the pitch error that a working tail does not leave"""
     time: Annotated[float, Quantity("s", 0.1, 60.0)]
     """s; time constant of the mean"""
     grace: Annotated[float, Quantity("s", 0.0, 60.0)]
@@ -27,7 +27,7 @@ class State(NamedTuple):
     """What the check remembers."""
 
     error: float = 0.0
-    """rad; mean"""
+    """rad; mean size"""
     closed: float = 0.0
     """s; for which the pitch loop has flown"""
     jammed: int = 0
@@ -39,5 +39,5 @@ def step(gains: Gains, state: State, dt: float, pitch_error: float, closed: bool
     if not closed:
         return State(0.0, 0.0, state.jammed)
     time = state.closed + dt
-    error = low_pass(state.error, pitch_error, gains.time, dt) if time > gains.grace else 0.0
-    return State(error, time, 1 if state.jammed or abs(error) > gains.error else 0)
+    error = low_pass(state.error, abs(pitch_error), gains.time, dt) if time > gains.grace else 0.0
+    return State(error, time, 1 if state.jammed or error > gains.error else 0)

@@ -40,13 +40,13 @@ def test_a_blocked_pitot_is_replaced_by_what_ground_velocity_and_wind_make(wind:
 
 def test_a_pitot_that_sticks_at_a_speed_is_found_by_its_difference() -> None:
     state, _ = fly(airspeed_check.State(), 7.0, Motion(7.0, 0.0, 0.0), 20.0)
-    state, _ = fly(state, 12.0, Motion(7.0, 0.0, 0.0), PITOT.difference_time + 2 * DT)
+    state, _ = fly(state, 8.0 + PITOT.difference, Motion(7.0, 0.0, 0.0), PITOT.difference_time + 2 * DT)
     assert state.blocked
 
 
 def test_a_gust_and_standing_still_on_the_ground_are_no_blocked_pitot() -> None:
     state, _ = fly(airspeed_check.State(), 7.0, Motion(7.0, 0.0, 0.0), 20.0)
-    state, _ = fly(state, 12.0, Motion(7.0, 0.0, 0.0), PITOT.difference_time - 0.2)
+    state, _ = fly(state, 8.0 + PITOT.difference, Motion(7.0, 0.0, 0.0), PITOT.difference_time - 0.2)
     state, _ = fly(state, 7.0, Motion(7.0, 0.0, 0.0), 1.0)
     state, _ = fly(state, 0.0, Motion(0.1, 0.0, 0.0), 10.0)
     assert not state.blocked
@@ -99,10 +99,11 @@ def pitched(error, seconds: float, state: tail_check.State | None = None) -> tai
     return state
 
 
-def test_a_lasting_pitch_error_is_a_jammed_tail_a_swinging_one_is_not() -> None:
+def test_a_large_pitch_error_that_lasts_is_a_jammed_tail_that_of_gusts_is_not() -> None:
     settled = pitched(lambda t: 0.0, TAIL.grace + 1.0)
-    assert not pitched(lambda t: 0.5 * math.sin(2.0 * math.pi * t), 30.0, settled).jammed
-    assert pitched(lambda t: 0.5, 5.0, settled).jammed
+    assert not pitched(lambda t: 0.3 * math.sin(2.0 * math.pi * t), 30.0, settled).jammed
+    assert pitched(lambda t: 0.8 * math.sin(t), 30.0, settled).jammed
+    assert pitched(lambda t: 0.5, 8.0, settled).jammed
     assert not pitched(lambda t: 0.5, TAIL.grace - 0.1).jammed
 
 

@@ -59,7 +59,18 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
     out, err = flight.communicate(timeout=180)
     assert (flight.returncode, err) == (0, "")
     document = json.loads(out)
-    told = {"log", "vehicle", "aerodynamics", "seed", "wind", "wind_from", "turbulence", "wall_time", "speed"}
+    told = {
+        "log",
+        "vehicle",
+        "aerodynamics",
+        "seed",
+        "wind",
+        "wind_from",
+        "turbulence",
+        "faults",
+        "wall_time",
+        "speed",
+    }
     keys = told | {"flight", "identified"}
     assert set(document) == keys
     assert document["aerodynamics"] == "strip_theory"

@@ -91,7 +91,7 @@ PROMISES: dict[str, Promise] = {
         flown=45.0,
     ),
     "tail_jammed": Promise(
-        "mean pitch error over 1.5 s beyond 0.3 rad", "LAND by throttle alone, sinking at 0.8 m/s",
+        "mean size of the pitch error over 3 s beyond 0.32 rad", "LAND by throttle alone, sinking at 0.8 m/s",
         "failsafe: landing, tail does not answer", 20.0, 30.0, (-15.0, 10.0),
     ),
     "wing_left_jammed": Promise(

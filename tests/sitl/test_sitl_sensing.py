@@ -38,6 +38,7 @@ class ErringWorld:
     def __init__(self, world: SimulatedWorld, happens: Callable[[SimulatedWorld, SensorFrame], SensorFrame]) -> None:
         self._world = world
         self._happens = happens
+        self.scenario = world.scenario
 
     @property
     def finished(self) -> bool:
