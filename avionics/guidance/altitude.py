@@ -14,6 +14,10 @@ from avionics.messages import AltitudeStatus
 from avionics.quantities import Quantity
 
 
+CALM_SHARE = 0.5
+"""-; of the gains on altitude and climb while a trim is sought"""
+
+
 class Gains(NamedTuple):
     """What the altitude and climb loops are tuned with."""
 
@@ -145,6 +149,21 @@ def hold(state: State, time_us: int, altitude_setpoint: float, measured: Measure
         held.throttle,
         state.pitch_setpoint,
         0,
+    )
+
+
+def calm(gains: Gains) -> Gains:
+    """Gains with which the loops come to a trim worth freezing: the pitch at its trim, the throttle by half.
+
+    Quick gains swing throttle and pitch after each release, and freezing the swing's means makes the next one larger.
+    """
+    return gains._replace(
+        proportional=CALM_SHARE * gains.proportional,
+        throttle_climb=CALM_SHARE * gains.throttle_climb,
+        throttle_error=CALM_SHARE * gains.throttle_error,
+        throttle_integral=CALM_SHARE * gains.throttle_integral,
+        pitch_climb=0.0,
+        pitch_error=0.0,
     )
 
 

@@ -168,6 +168,11 @@ def running(state: State) -> int:
     return int(state.phase >= Phase.SETTLE)
 
 
+def recovering(state: State) -> bool:
+    """Whether the loops seek the trim that the manoeuvre to come will freeze."""
+    return state.phase == Phase.RECOVER and state.asked is not None and not state.asked.loops
+
+
 def frozen(state: State) -> int:
     """1 while the altitude and pitch loops are to hold their trim."""
     return int(state.phase >= Phase.SETTLE and state.asked is not None and not state.asked.loops)

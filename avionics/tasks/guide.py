@@ -94,6 +94,9 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     elif s.tail_check.jammed:
         sinking = by_throttle_alone(gains)
         s.altitude_loop, s.vertical = altitude_loop.step(sinking, state, time_us, dt, -UNDERGROUND, measured)
+    elif excitation_input.recovering(s.excitation):
+        gains = altitude_loop.calm(gains)
+        s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
     else:
         s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
     publish(topics.ALTITUDE_LOOP, s.vertical)
