@@ -13,7 +13,6 @@ from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
 from avionics.quantities import Quantity
 
-
 CALM_SHARE = 0.5
 """-; of the gains on altitude and climb while a trim is sought"""
 

@@ -250,7 +250,7 @@ def watched(gains: Gains, battery: Battery, time_us: int, charge: float, voltage
     remaining = clip(remaining - (charge - charge_before) / gains.capacity, 0.0, 1.0)
     told = share_of(gains.open_circuit, open_circuit)
     remaining += (told - remaining) * min(1.0, dt / span)
-    # By the bench's resistance: a battery that gives way meanwhile makes the slope of voltage over current a wrong one.
+    # By the bench's resistance: a battery that gives way makes the slope of voltage over current a wrong one.
     at_once = share_of(gains.open_circuit, voltage + gains.resistance * current)
     by_voltage = low_pass(by_voltage, at_once, VOLTAGE_SHARE_TIME, dt)
     return Battery(

@@ -68,6 +68,7 @@ def test_what_was_written_is_tuned_no_more(capsys: Capture, tmp_path: Path) -> N
     assert all(loop["before"]["gains"] == loop["after"]["gains"] for loop in inner)
 
 
+@pytest.mark.validate
 def test_tuning_flies_before_and_after_and_tells_programs(capsys: Capture, tmp_path: Path) -> None:
     bird = badly_tuned("arizona_100cm", tmp_path / "sharp")
     assert main(["tune", ARIZONA, "--vehicle", bird, "--json"]) == 0

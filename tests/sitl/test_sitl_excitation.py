@@ -33,6 +33,7 @@ MISSION = (
 )
 
 
+@pytest.mark.validate
 def test_a_sweep_and_a_multisine_give_the_true_short_period() -> None:
     log = MemoryLog()
     flight_vehicle = load_flight_vehicle(VEHICLE)
