@@ -23,7 +23,7 @@ fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -q -n 2 -m "not bench and not validate"
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not bench and not validate"
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -55,6 +55,7 @@ def test_a_design_is_told_to_people_on_a_hundred_columns(capsys: Capture, tmp_pa
     assert load_world(str(out / "world.toml")).name == "robo_raven_ii_d"
 
 
+@pytest.mark.validate
 def test_what_was_written_is_tuned_no_more(capsys: Capture, tmp_path: Path) -> None:
     """The folder is a vehicle; its own gains are the design's."""
     out = tmp_path / "my_bird"
@@ -117,6 +118,7 @@ def test_an_existing_vehicle_is_never_overwritten(taken: str, capsys: Capture, t
     assert (tmp_path / taken).read_text() == "mine"
 
 
+@pytest.mark.validate
 def test_a_linear_model_is_written_for_tune_and_not_over_another(capsys: Capture, tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     assert main(["linearize", "arizona_100cm", "--out", str(path)]) == 0

@@ -194,6 +194,7 @@ def test_existing_files_are_never_touched(tmp_path: Path) -> None:
         places(tmp_path / "plain")
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("name", VEHICLES)
 def test_the_kept_models_are_those_of_the_vehicles(name: str) -> None:
     """And what four states explain of the averaged answers, the signs, and the dutch roll by the stroke map."""

@@ -104,6 +104,7 @@ def _rms(error: Any) -> Any:
     return np.sqrt(np.mean(error**2, axis=0)) if len(error) > 1000 else np.full(2, np.nan)
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
 def test_roll_and_pitch_straight_and_in_turns(vehicle: str) -> None:
     """GIVEN sensor noise in still air THEN within 0.5 degrees straight and 1.0 in turns of 25 degrees, RMS."""

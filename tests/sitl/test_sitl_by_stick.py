@@ -49,6 +49,7 @@ def flight() -> Flight:
     return flown(RAVEN, Scenario(seed=1, duration=80.0, pilot=pilot), script=())
 
 
+@pytest.mark.validate
 def test_the_transmitter_arms_it_and_the_throw_is_seen(flight: Flight) -> None:
     assert flight.event_time("mode STABILIZED") < 1.0
     assert flight.event_time("armed") == pytest.approx(ARM_TIME, abs=0.1)
@@ -57,6 +58,7 @@ def test_the_transmitter_arms_it_and_the_throw_is_seen(flight: Flight) -> None:
     assert {status.mode for status in flight.of(topics.NAVIGATION)[20:]} == {Mode.STABILIZED}
 
 
+@pytest.mark.validate
 def test_height_is_kept_by_throttle_and_a_turn_is_flown_by_stick(flight: Flight) -> None:
     time, truth = flight.truth["time_us"] * 1e-6, flight.truth
     level = (time > TURN[0] - 4.0) & (time < TURN[1])
@@ -71,6 +73,7 @@ def test_height_is_kept_by_throttle_and_a_turn_is_flown_by_stick(flight: Flight)
     assert turned > 1.0
 
 
+@pytest.mark.validate
 def test_it_is_landed_by_stick(flight: Flight) -> None:
     touchdown = flight.touchdown()
     assert 0.0 <= touchdown.sink < 2.0
