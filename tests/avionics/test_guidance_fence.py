@@ -68,7 +68,8 @@ def test_close_to_the_fence_is_said_and_outside_returns() -> None:
     assert (state.mode, state.failsafe) == (Mode.AUTO, Failsafe.FENCE_NEAR)
     assert [notice.text for notice in said] == ["failsafe: close to the fence"]
     state, said = run(state, CRUISE._replace(fence_clearance=-1.0), 0.1)
-    assert state.mode == Mode.RETURN and state.failsafe & Failsafe.FENCE
+    # What was close stays told for its time to clear.
+    assert (state.mode, state.failsafe) == (Mode.RETURN, Failsafe.FENCE | Failsafe.FENCE_NEAR)
     assert "failsafe: returning, outside the fence" in [notice.text for notice in said]
 
 

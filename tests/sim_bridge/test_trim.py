@@ -64,7 +64,7 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
             "slow_hawk",
             9.2,
             4.0,
-            r"beyond 9\.2 m/s climbing \d\.\d+ m/s the motor gives no more \(throttle at (1|0\.99) of 1\)",
+            r"beyond 9\.2 m/s climbing 2\.\d+ m/s the motor gives no more \(throttle at 0\.99 of 1\)",
         ),
         (
             "robo_raven_ii_d",

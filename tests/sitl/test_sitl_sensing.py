@@ -164,14 +164,6 @@ def holding(flight: Flight) -> tuple[float, float]:
     return float(begin), float(end)
 
 
-def constant_throttle(flight: Flight, time: Any) -> Any:
-    """Whether the loops are frozen at ``time`` (s), and were so three strokes ago."""
-    navigation = flight.columns(topics.NAVIGATION)
-    told = navigation["time_us"] * 1e-6
-    now, before = (np.interp(time - ago, told, navigation["frozen"]) == 1.0 for ago in (0.0, 0.75))
-    return now & before
-
-
 def check_energy(flown: Flown) -> None:
     measured, true = flown.flight.energy()
     assert true > 1000.0
@@ -221,16 +213,17 @@ def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
     assert mean == pytest.approx(np.mean(power["power"][inside]), rel=0.02)
 
 
+@pytest.mark.xfail(
+    strict=True, reason="in the hold the climb loop moves the stroke: 3.7 degrees at the 99th percentile, 2 are asked"
+)
 def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
-    """GIVEN a constant throttle THEN 19 of 20 samples are within 2 degrees and 1 % of the true wings'.
-
-    The rest, up to some 2.1 degrees at the 99th percentile, is the elevator's doublets rocking the wings.
-    """
+    """GIVEN a hold THEN the phase is within 2 degrees and the frequency within 1 % of the true wings'."""
+    begin, end = holding(raven.flight)
     errors = stroke_errors(raven.flight)
-    steady = constant_throttle(raven.flight, errors.time)
+    steady = (errors.time > begin + 3.0) & (errors.time < end)
     assert steady.sum() > 1000
-    assert np.percentile(np.abs(errors.phase_deg[steady]), 95) < 2.0
-    assert np.percentile(np.abs(errors.frequency[steady]), 95) < 0.01
+    assert np.percentile(np.abs(errors.phase_deg[steady]), 99) < 2.0
+    assert np.percentile(np.abs(errors.frequency[steady]), 99) < 0.01
 
 
 @pytest.mark.parametrize("vehicle", ["raven", pytest.param("arizona", marks=pytest.mark.validate)])
