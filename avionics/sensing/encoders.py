@@ -127,7 +127,7 @@ def step(
         commanded: Hz; flapping that is asked of the wings, 0 for none.
         parity: above 0 where both counters rise with the wings up or both fall, below 0 where one does.
     """
-    time_us, left, right, left_latched, right_latched, left_pulses, right_pulses = sample
+    time_us, left, right, _, _, left_pulses, right_pulses = sample
     (last_us, left_last, right_last, left_slip, right_slip, left_anchor, right_anchor, left_still, right_still,
      opposed, moving_us, left_side, right_side) = state  # fmt: skip
     if time_us <= last_us or last_us < 0:
@@ -155,21 +155,14 @@ def step(
     if opposed or moved_left * moved_right * parity < 0.0:
         opposed = _opposed(opposed, moved_left, moved_right if parity > 0.0 else -moved_right)
 
-    if left_pulses != left_side.pulses:
-        told = left_latched - gains.index_left
-        left_side, left_slip = _index_passed(gains, left_side, left_slip, left_pulses, told, opposed)
-    if right_pulses != right_side.pulses:
-        told = right_latched - gains.index_right
-        right_side, right_slip = _index_passed(gains, right_side, right_slip, right_pulses, told, opposed)
-    if left_slip != left_side.target:
-        left_slip = slew(left_slip, left_side.target, gains.rezero_rate, dt)
-    if right_slip != right_side.target:
-        right_slip = slew(right_slip, right_side.target, gains.rezero_rate, dt)
-
     state = new(State, (
         time_us, left, right, left_slip, right_slip, left_anchor, right_anchor, left_still, right_still,
         opposed, moving_us, left_side, right_side,
     ))  # fmt: skip
+    passed = left_pulses != left_side.pulses or right_pulses != right_side.pulses
+    if passed or left_slip != left_side.target or right_slip != right_side.target:
+        state = _indexed(gains, state, sample, dt)
+        left_side, right_side = state.left_side, state.right_side
     limit = gains.still_travel
     if left_still > limit or right_still > limit or opposed > limit or left_side.fault or right_side.fault:
         state = _judge(gains, state, abs(moved_left), abs(moved_right))
@@ -206,6 +199,29 @@ def _opposed(opposed: int, moved_left: int, moved_right: int) -> int:
     """Travel of the wings against each other: what is common to both, added when against and taken off when with."""
     common = min(abs(moved_left), abs(moved_right))
     return opposed + common if moved_left * moved_right < 0 else max(0, opposed - common)
+
+
+def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> State:
+    """The state after ``dt`` s with what the indices of ``sample`` tell, the slips on their way to it."""
+    _, _, _, left_latched, right_latched, left_pulses, right_pulses = sample
+    left_side, left_slip, right_side, right_slip = (
+        state.left_side,
+        state.left_slip,
+        state.right_side,
+        state.right_slip,
+    )
+    if left_pulses != left_side.pulses:
+        told = left_latched - gains.index_left
+        left_side, left_slip = _index_passed(gains, left_side, left_slip, left_pulses, told, state.opposed)
+    if right_pulses != right_side.pulses:
+        told = right_latched - gains.index_right
+        right_side, right_slip = _index_passed(gains, right_side, right_slip, right_pulses, told, state.opposed)
+    return state._replace(
+        left_slip=slew(left_slip, left_side.target, gains.rezero_rate, dt),
+        right_slip=slew(right_slip, right_side.target, gains.rezero_rate, dt),
+        left_side=left_side,
+        right_side=right_side,
+    )
 
 
 def _index_passed(
