@@ -723,6 +723,7 @@ class Failsafe(IntFlag):
     BARO_REFUSED = 16384
     TAIL_JAMMED = 32768
     WING_JAMMED = 65536
+    RECEIVER_LOST = 131072
 
 
 class Health(NamedTuple):

@@ -92,6 +92,8 @@ def sensed(s: AutopilotState) -> int:
         flags |= Failsafe.TAIL_JAMMED
     if ahrs is not None and ahrs.correction.refused[2] > FIELD_PATIENCE:
         flags |= Failsafe.MAG_DISTURBED
+    if pilot.receiver_lost(s.gains.receiver, s.ways_in, s.clock.time_us):
+        flags |= Failsafe.RECEIVER_LOST
     return flags
 
 

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.missions.reader import find
 from avionics.quantities import BadInput
-from sim_bridge.sensors.frame import RawFrame, RawPressures
+from sim_bridge.sensors.frame import RawFrame, RawPressures, RawReceiver
+from sim_bridge.sensors.receiver import ReceiverSpec
+from sim_bridge.sensors.suite import TICK_RATE
 
 if TYPE_CHECKING:
     from sim_bridge.plant import Plant
@@ -28,6 +30,8 @@ DISTURBANCE = (0.35, -0.25, 0.3)
 """gauss; added to the magnetic field in body axes: as strong as the earth's own"""
 FULL_SCALE = 156.87
 """m/s^2; 4095 counts of 3.9 mg: the end of the ADXL345's range"""
+RECEIVER_PATIENCE = round(ReceiverSpec().patience * TICK_RATE)
+"""ticks; without a signal before the receiver itself says so"""
 CLOCK_STEP_US = 3_000_000
 """us; by which the sensors' clock jumps back"""
 LOW_SHARE, CRITICAL_SHARE = 0.15, 0.04
@@ -50,6 +54,8 @@ class Before(NamedTuple):
     """the first sample since boot: no airspeed"""
     frame: RawFrame
     """the last frame before the fault"""
+    receiver: RawReceiver | None = None
+    """the last frame of the radio-control receiver"""
 
 
 Sense = Callable[[RawFrame, Before, int], RawFrame]
@@ -124,6 +130,15 @@ def _saturated_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
 
 
+def _unheard(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The transmitter is off: no frame at first, then the last one again and again, marked as lost."""
+    if frame.receiver is None:
+        return frame
+    if ticks < RECEIVER_PATIENCE or before.receiver is None:
+        return frame._replace(receiver=None)
+    return frame._replace(receiver=before.receiver._replace(time_us=frame.time_us, lost=1, rssi=0))
+
+
 def _baro_spikes(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     """Every tenth pressure sample is that of 50 m higher, the one at the beginning first."""
     if frame.pressures is None or ticks // 4 % SPIKE_SAMPLES:
@@ -157,6 +172,7 @@ FAULTS: dict[str, Kind] = {
     "encoder_right_lost": Kind("the right wing's encoder stands still", Place.SENSORS, _right_encoder_dead),
     "imu_frozen": Kind("the IMU repeats its last sample", Place.SENSORS, _frozen_imu),
     "imu_saturated": Kind("the accelerometer stands at the end of its range", Place.SENSORS, _saturated_imu),
+    "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _unheard),
     "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
     "time_backwards": Kind("the sensors' clock jumps back by 3 s", Place.SENSORS, _earlier),
     "battery_low": Kind(f"{100 * LOW_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(LOW_SHARE)),
@@ -274,6 +290,7 @@ class FaultInjector:
         self._before: dict[Fault, Before] = {}
         self._boot: RawPressures | None = None
         self._last: RawFrame | None = None
+        self._heard: RawReceiver | None = None
 
     def inject(self, fault: Fault) -> None:
         """Let one more fault of the world happen.
@@ -302,7 +319,7 @@ class FaultInjector:
             raise SimulationSilent(f"no sensor frame from {fault.at:g} s on: fault {fault.name}")
         self._active[fault] = tick
         if self._last is not None:
-            self._before[fault] = Before(self._boot, self._last)
+            self._before[fault] = Before(self._boot, self._last, self._heard)
         if kind.begin is not None:
             kind.begin(plant)
         return f"fault {fault.name}: {kind.text}"
@@ -324,5 +341,5 @@ class FaultInjector:
             sense = FAULTS[fault.name].sense
             if sense is not None:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
-        self._last = healthy
+        self._last, self._heard = healthy, healthy.receiver or self._heard
         return frame

@@ -25,6 +25,7 @@ PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 
 
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
+RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
 
 
 class Notice(NamedTuple):
@@ -407,6 +408,7 @@ FAILURES = (
     Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
     Failure(Failsafe.FENCE, "outside the fence", Action.RETURN, clear=2.0),
     Failure(Failsafe.PILOT_LOST, "pilot's sticks lost", Action.CARRY_ON),
+    Failure(Failsafe.RECEIVER_LOST, "receiver lost", Action.CARRY_ON, clear=1.0),
     Failure(Failsafe.FENCE_NEAR, "close to the fence", Action.CARRY_ON, clear=2.0),
     Failure(Failsafe.GPS_LOST, "GPS position lost", Action.CARRY_ON),
     Failure(Failsafe.PITOT_BLOCKED, "airspeed not believed", Action.CARRY_ON),
@@ -488,7 +490,8 @@ def pilot_missed(state: State, seen: Conditions) -> bool:
     """Whether sticks are missing that the flight needs, or needed until they were lost."""
     if not seen.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
         return False
-    return state.mode in PILOTED or state.pilot_time > 0.0
+    by_receiver = state.mode == Mode.ALTITUDE_HOLD and seen.sensed & RECEIVER_LOST != 0
+    return state.mode in PILOTED or by_receiver or state.pilot_time > 0.0
 
 
 def _watch_pilot(state: State, dt: float, seen: Conditions) -> State:
@@ -505,6 +508,9 @@ def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Out
     if state.mode in PILOTED:
         mode = Mode.LOITER if placed else Mode.ALTITUDE_HOLD
         return _enter(state, mode, Severity.CRITICAL, f"failsafe: {mode.name}, pilot's sticks lost")
+    if state.mode == Mode.ALTITUDE_HOLD and placed and seen.sensed & RECEIVER_LOST & ~state.answered:
+        state = state._replace(answered=state.answered | RECEIVER_LOST)
+        return _enter(state, Mode.LOITER, Severity.CRITICAL, "failsafe: LOITER, pilot's sticks lost")
     if state.mode == Mode.LOITER and placed and state.pilot_time >= gains.link_loss_delay:
         state = state._replace(answered=state.answered | Failsafe.PILOT_LOST)
         return _enter(state, Mode.RETURN, Severity.CRITICAL, "failsafe: returning, pilot's sticks lost")

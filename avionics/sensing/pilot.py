@@ -83,7 +83,7 @@ def _idle(gains: Gains) -> float:
 
 def choose(gains: Gains, state: State, time_us: int) -> PilotSource:
     """The first source that is not stale."""
-    if state.radio.time_us >= 0 and time_us - state.radio.time_us <= gains.frame_time * 1e6:
+    if state.radio.time_us >= 0 and not receiver_lost(gains, state, time_us):
         return PilotSource.RECEIVER
     limit = gains.stick_time * 1e6
     if state.override.time_us >= 0 and time_us - state.override.time_us <= limit and any(state.channels[:4]):
@@ -91,6 +91,11 @@ def choose(gains: Gains, state: State, time_us: int) -> PilotSource:
     if state.manual_us >= 0 and time_us - state.manual_us <= limit:
         return PilotSource.MANUAL_CONTROL
     return PilotSource.NONE
+
+
+def receiver_lost(gains: Gains, state: State, time_us: int) -> bool:
+    """Whether the receiver was heard once and is not any more."""
+    return 0 <= state.radio.time_us < time_us - gains.frame_time * 1e6
 
 
 def sticks(state: State) -> Sticks:

@@ -32,7 +32,7 @@ from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import RawFrame
 from sim_bridge.sensors.power_sensor import mean_square
-from sim_bridge.sensors.receiver import Pilot
+from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import TICK_RATE, SensorSuite, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
@@ -78,7 +78,7 @@ class Scenario(NamedTuple):
     sensor_corner: float = 0.0
     """-; above 0 every fixed error of the sensors is that many standard deviations, either way"""
     pilot: Pilot | None = None
-    """who has a transmitter in his hands; None for nobody"""
+    """who has a transmitter in his hands; None for nobody, or for somebody standing by where it is to be lost"""
     faults: tuple[Fault, ...] = ()
     """what fails, see `sim_bridge.faults`"""
 
@@ -109,6 +109,8 @@ class SimulatedWorld:
         throw = scenario.throw
         self.plant.y[3:7] = quaternion_from_euler(throw.bank, launch.pitch + throw.pitch, scenario.wind_from)
         corner, pilot = scenario.sensor_corner, scenario.pilot
+        if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
+            pilot = standing_by
         self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, corner, pilot)
         self._edge = vehicle.sections["power_sensor"].edge
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)

@@ -39,6 +39,11 @@ Pilot = Callable[[Observation], Sticks | None]
 """what a pilot does who sees the bird; None while the transmitter is off"""
 
 
+def standing_by(seen: Observation) -> Sticks:
+    """A pilot who leaves the flight to the autopilot: sticks centred, throttle closed, every switch low."""
+    return Sticks()
+
+
 class ReceiverSpec(NamedTuple):
     """A 2.4 GHz sports receiver with a serial output; every value chosen, of no particular product."""
 

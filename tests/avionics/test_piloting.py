@@ -276,6 +276,49 @@ def test_without_a_position_lost_sticks_hold_the_altitude_level() -> None:
     assert abs(bird.roll) < 0.1
 
 
+def test_in_altitude_hold_a_lost_receiver_circles_and_comes_home_unless_it_is_chosen_again() -> None:
+    flight, bird = launched()
+    flight.fly(4.0)
+    hold = Command(0, CommandKind.SET_MODE, "ALTITUDE_HOLD")
+    flight.fly(1.0, (hold,))
+    bird.on = False
+    flight.fly(RAVEN.gains.receiver.frame_time + 0.1)
+    assert flight.autopilot.state.modes.mode == Mode.LOITER
+    flight.fly(1.0, (hold,))
+    assert flight.autopilot.state.modes.mode == Mode.ALTITUDE_HOLD
+    flight.fly(0.1, (Command(0, CommandKind.SET_MODE, "LOITER"),))
+    flight.fly(RAVEN.gains.modes.link_loss_delay)
+    assert flight.autopilot.state.modes.mode == Mode.RETURN
+
+
+def test_a_mission_goes_on_without_the_receiver_and_says_so() -> None:
+    flight, bird = launched(mode_pulse=2000)
+    flight.fly(4.0)
+    bird.on = False
+    flight.fly(10.0)
+    modes = flight.autopilot.state.modes
+    assert (modes.mode, modes.failsafe) == (Mode.AUTO, Failsafe.RECEIVER_LOST)
+    assert flight.events().count("failsafe: receiver lost") == 1
+    bird.on = True
+    flight.fly(2.0)
+    assert flight.autopilot.state.modes.failsafe == 0
+    assert flight.events()[-1] == "failsafe over: receiver lost"
+
+
+def test_a_receiver_that_was_never_heard_is_not_lost_and_one_that_was_hinders_arming() -> None:
+    flight, bird = radio_flight()
+    bird.on = False
+    flight.fly(3.0)
+    assert flight.autopilot.state.modes.failsafe == 0
+    bird.on = True
+    flight.fly(0.1)
+    bird.on = False
+    flight.fly(1.0)
+    flight.fly(0.1, (ARM,))
+    assert flight.autopilot.state.modes.armed == 0
+    assert flight.events()[-1] == "arming refused: receiver lost"
+
+
 def test_a_mission_does_not_miss_the_sticks() -> None:
     flight = Flight().launch().fly(6.0)
     assert flight.autopilot.state.modes.mode == Mode.AUTO

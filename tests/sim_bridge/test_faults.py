@@ -7,7 +7,7 @@ import pytest
 from avionics.quantities import BadInput
 from sim_bridge import faults
 from sim_bridge.faults import Fault, FaultInjector, SimulationSilent, mission_faults, parse_fault
-from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures
+from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures, RawReceiver
 
 
 def frame(tick: int) -> RawFrame:
@@ -15,7 +15,8 @@ def frame(tick: int) -> RawFrame:
     time_us = 5_000 * (tick + 1)
     imu = RawImu(time_us, *(tick + 0.1 * i for i in range(9)))
     pressures = RawPressures(time_us, 10_000_000 + tick, 8192 + tick, 29_000) if tick % 4 == 0 else None
-    return RawFrame(time_us, imu, RawEncoder(time_us, tick, -tick), pressures, None, None, None)
+    receiver = RawReceiver(time_us, (1500, 1000 + tick), 0, 200) if tick % 4 == 0 else None
+    return RawFrame(time_us, imu, RawEncoder(time_us, tick, -tick), pressures, receiver=receiver)
 
 
 def sensed(*some: Fault, ticks: int = 40) -> list[RawFrame]:
@@ -103,6 +104,19 @@ def test_a_saturated_accelerometer_leaves_rates_and_field() -> None:
     late = sensed(Fault("imu_saturated", 0.1))[30]
     assert all(math.isclose(abs(value), faults.FULL_SCALE) for value in late.imu[1:4])
     assert late.imu[4:] == frame(30).imu[4:]
+
+
+def test_a_transmitter_that_is_off_is_silence_and_then_its_last_frame_marked_as_lost() -> None:
+    read = sensed(Fault("receiver_lost", 0.1), ticks=120)
+    begin, told = 19, 19 + faults.RECEIVER_PATIENCE
+    assert [one.receiver for one in read[:begin]] == [frame(tick).receiver for tick in range(begin)]
+    assert {one.receiver for one in read[begin:told]} == {None}
+    late = [one.receiver for one in read[told:] if one.receiver]
+    held = frame(16).receiver
+    assert held is not None
+    assert len(late) == 10
+    assert all((one.lost, one.rssi, one.pulses) == (1, 0, held.pulses) for one in late)
+    assert len({one.time_us for one in late}) == len(late)
 
 
 def test_a_silent_world_says_so() -> None:

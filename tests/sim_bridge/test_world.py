@@ -11,6 +11,7 @@ from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.quantities import BadInput
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.faults import Fault
 from sim_bridge.flight.world import (
     LAUNCH_PATIENCE,
     LAUNCH_TIME,
@@ -219,3 +220,10 @@ def test_before_the_first_command_nothing_moves() -> None:
     world = SimulatedWorld(vehicle("arizona_100cm"), Scenario())
     flown(world, lambda _: NEUTRAL, 20)
     assert world.truth().down == -world.vehicle.launch.height
+
+
+@pytest.mark.parametrize(("faults", "heard"), [((), 0), ((Fault("receiver_lost", 0.09),), 5)])
+def test_somebody_stands_by_with_a_transmitter_that_is_to_be_lost(faults: tuple[Fault, ...], heard: int) -> None:
+    world = SimulatedWorld(vehicle(NAMES[0]), Scenario(faults=faults))
+    frames = flown(world, glide, 40)
+    assert sum(frame.receiver is not None for frame in frames) == heard

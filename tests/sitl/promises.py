@@ -106,6 +106,11 @@ PROMISES: dict[str, Promise] = {
         "a frame not later than the last", "refuse, actuators held; after 20 frames follow the new clock",
         "sensor clock", 0.2, 10.0, (-2.0, 2.0),
     ),
+    "receiver_lost": Promise(
+        "its own flag, a stick's pulse out of range, no frame for 0.5 s",
+        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN", "failsafe: receiver lost",
+        0.7, 10.0, (-2.0, 2.0),
+    ),
     "sim_silent": Promise(
         "no sensor frame for 5 s of wall-clock time", "say who did not answer, close the log, exit 2",
         "sent no sensor frame", 6.0, 0.0, None,

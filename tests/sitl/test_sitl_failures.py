@@ -20,6 +20,8 @@ from avionics.messages import Command, CommandKind, Mode, SensorFrame, Stage
 from sim_bridge import topics as truth_topics
 from sim_bridge.faults import FAULTS, Place, parse_fault
 from sim_bridge.flight.world import Scenario
+from sim_bridge.observation import Observation
+from sim_bridge.sensors.receiver import Sticks
 
 STRAIGHT = (
     MissionItem(ItemKind.TAKEOFF, altitude=15.0),
@@ -140,10 +142,15 @@ def test_after_a_minute_without_gps_it_has_landed(vehicle: str) -> None:
     assert flight.of(topics.NAVIGATION)[-1].armed == 0
 
 
+def safety_pilot(seen: Observation) -> Sticks:
+    """Has opened the throttle by the time that somebody may want him to take over."""
+    return Sticks(throttle=0.0 if seen.time_us < 20_000_000 else 0.5)
+
+
 @functools.cache
 def underway(vehicle: str) -> Underway:
     """The flight up to the failure, which all share."""
-    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 50.0), STRAIGHT)
+    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 50.0, pilot=safety_pilot), STRAIGHT)
     flight.until(FAILS_AT - 0.1)
     return flight
 
@@ -227,6 +234,21 @@ def test_what_is_promised_holds_with_a_crank_too(name: str) -> None:
         check_stopped(flight, since)
     else:
         check_flown(flight, promise)
+
+
+def test_a_receiver_lost_in_a_flight_by_stick_brings_it_home() -> None:
+    taken_over = Command(round(FAILS_AT * 1e6), CommandKind.SET_MODE, name="STABILIZED", source="test")
+    branch = underway(RAVEN).branch(parse_fault(f"receiver_lost@{FAILS_AT + 1.0}"), [taken_over])
+    branch.until(FAILS_AT + 9.0)
+    flight = branch.flight()
+    check_flown(flight, PROMISES["link_lost"])
+    assert flight.event_time("failsafe: receiver lost") == pytest.approx(FAILS_AT + 1.5, abs=0.2)
+    assert flight.event_time("failsafe: LOITER, pilot's sticks lost") == pytest.approx(FAILS_AT + 1.5, abs=0.2)
+    returning = flight.event_time("failsafe: returning, pilot's sticks lost")
+    assert returning == pytest.approx(FAILS_AT + 6.5, abs=0.3)
+    before = flight.columns(topics.PILOT)
+    assert before["throttle"][-1] == pytest.approx(0.5, abs=0.05)
+    assert before["time_us"][-1] <= (FAILS_AT + 1.0) * 1e6
 
 
 def test_a_copied_flight_is_the_flight() -> None:
