@@ -11,8 +11,6 @@ from avionics.messages import Failsafe, PilotSource
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
 
-FIELD_PATIENCE = 1.0
-"""s; of refused magnetic fields that is no passing disturbance"""
 TRAVEL_MARGIN = 0.2
 """rad; beyond a wing's travel, for a slack linkage"""
 FORCE_MARGIN = 3.0
@@ -77,7 +75,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
 
 def sensed(s: AutopilotState) -> int:
     """Flags of the failures that the sensing tells now."""
-    wings, ahrs = s.wing_check, s.ahrs
+    wings = s.wing_check
     flags = 0
     if wings.jammed or wings.lost:
         flags |= (Failsafe.WING_JAMMED if wings.jammed else 0) | (Failsafe.ENCODER_LEFT if wings.lost & 1 else 0)
@@ -90,7 +88,7 @@ def sensed(s: AutopilotState) -> int:
         flags |= Failsafe.BARO_REFUSED
     if s.tail_check.jammed:
         flags |= Failsafe.TAIL_JAMMED
-    if ahrs is not None and ahrs.correction.refused[2] > FIELD_PATIENCE:
+    if s.attitude.magnetometer_disturbed:
         flags |= Failsafe.MAG_DISTURBED
     if pilot.receiver_lost(s.gains.receiver, s.ways_in, s.clock.time_us):
         flags |= Failsafe.RECEIVER_LOST

@@ -30,6 +30,8 @@ DISTURBANCE = (0.35, -0.25, 0.3)
 """gauss; added to the magnetic field in body axes: as strong as the earth's own"""
 FULL_SCALE = 156.87
 """m/s^2; 4095 counts of 3.9 mg: the end of the ADXL345's range"""
+FULL_RATE = math.radians(2000.0)
+"""rad/s; the end of the ITG-3200's range"""
 RECEIVER_PATIENCE = round(ReceiverSpec().patience * TICK_RATE)
 """ticks; without a signal before the receiver itself says so"""
 CLOCK_STEP_US = 3_000_000
@@ -130,6 +132,12 @@ def _saturated_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
 
 
+def _saturated_gyro(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The gyro stands at the end of its range on every axis; force and field are still read."""
+    x, y, z = (math.copysign(FULL_RATE, value) for value in before.frame.imu[4:7])
+    return frame._replace(imu=frame.imu._replace(gyro_x=x, gyro_y=y, gyro_z=z))
+
+
 def _unheard(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     """The transmitter is off: no frame at first, then the last one again and again, marked as lost."""
     if frame.receiver is None:
@@ -172,6 +180,7 @@ FAULTS: dict[str, Kind] = {
     "encoder_right_lost": Kind("the right wing's encoder stands still", Place.SENSORS, _right_encoder_dead),
     "imu_frozen": Kind("the IMU repeats its last sample", Place.SENSORS, _frozen_imu),
     "imu_saturated": Kind("the accelerometer stands at the end of its range", Place.SENSORS, _saturated_imu),
+    "gyro_saturated": Kind("the gyro stands at the end of its range", Place.SENSORS, _saturated_gyro),
     "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _unheard),
     "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
     "time_backwards": Kind("the sensors' clock jumps back by 3 s", Place.SENSORS, _earlier),

@@ -15,12 +15,12 @@ from avionics.quantities import Quantity
 
 
 class Gains(NamedTuple):
-    """Ranges of the sensors, a little beyond what they can say."""
+    """Ranges of the sensors, a little beyond what they can say; a gyro at the end of its range says nothing."""
 
     accel_max: Annotated[float, Quantity("m/s^2", 10.0, 2000.0)]
     """m/s^2; per axis"""
     gyro_max: Annotated[float, Quantity("rad/s", 1.0, 100.0)]
-    """rad/s; per axis"""
+    """rad/s; per axis, from which it is at the end of its range: such a sample is refused"""
     mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)]
     """gauss; per axis"""
     counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)]

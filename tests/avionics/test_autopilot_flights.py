@@ -319,7 +319,7 @@ def test_time_that_goes_backwards_is_refused_once_said_and_the_last_actuators_ke
     assert sum("sensor time" in text for text in flight.events()) == 1
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e6, math.radians(2000.0), -math.radians(2000.0)])
 def test_an_impossible_imu_sample_is_refused_and_the_last_good_one_kept(value: float) -> None:
     flight = Flight().fly(1.0)
     good = flight.autopilot.state
@@ -334,13 +334,14 @@ def test_an_impossible_imu_sample_is_refused_and_the_last_good_one_kept(value: f
     assert sum("IMU sample refused" in text for text in flight.events()) == 1
 
 
-def test_an_imu_that_stays_bad_is_a_fault_and_hinders_arming() -> None:
+@pytest.mark.parametrize("bad", [{"accel_x": math.nan}, {"gyro_z": math.radians(2000.0)}], ids=["no number", "full"])
+def test_an_imu_that_stays_bad_is_a_fault_and_hinders_arming(bad: dict[str, float]) -> None:
     flight = Flight().fly(3.0)
     for i in range(200):
         flight.bird.advance(flight.autopilot.state.actuators)
         frame = flight.bird.frame()
-        bad = frame._replace(imu=frame.imu._replace(accel_x=math.nan))
-        flight.autopilot.step(bad, (ARM,) if i == 150 else ())
+        frame = frame._replace(imu=frame.imu._replace(**bad))
+        flight.autopilot.step(frame, (ARM,) if i == 150 else ())
     assert flight.autopilot.state.modes.failsafe & Failsafe.IMU_FAULT
     assert any("arming refused" in text and "IMU" in text for text in flight.events())
     flight.fly(1.0)

@@ -5,8 +5,11 @@ import math
 import pytest
 from surrogate_gains import VEHICLE
 
+from avionics.messages import Failsafe
 from avionics.sensing import airspeed_check, power, tail_check, wing_check
 from avionics.sensing.airspeed_check import Motion
+from avionics.situation import sensed
+from avionics.state import initial_state
 
 DT = 0.02
 PITOT = VEHICLE.gains.airspeed_check
@@ -59,6 +62,13 @@ def test_without_fixes_a_blocked_pitot_gives_the_cruise() -> None:
     state = airspeed_check.State(blocked=1)
     assert airspeed_check.step(PITOT, state, DT, 0.0, None, airborne=True)[1] == PITOT.cruise
     assert airspeed_check.step(PITOT, airspeed_check.State(), DT, 5.0, None, airborne=True)[1] == 5.0
+
+
+@pytest.mark.parametrize("disturbed", [0, 1])
+def test_the_attitude_alone_tells_a_disturbed_field(disturbed: int) -> None:
+    state = initial_state(VEHICLE.gains, ())
+    state.attitude = state.attitude._replace(magnetometer_disturbed=disturbed)
+    assert sensed(state) == disturbed * Failsafe.MAG_DISTURBED
 
 
 BEATING = wing_check.Seen(4.0, -4.0, 2.4, 0.02, 1)

@@ -106,6 +106,12 @@ def test_a_saturated_accelerometer_leaves_rates_and_field() -> None:
     assert late.imu[4:] == frame(30).imu[4:]
 
 
+def test_a_saturated_gyro_leaves_force_and_field() -> None:
+    late = sensed(Fault("gyro_saturated", 0.1))[30]
+    assert all(math.isclose(abs(value), math.radians(2000.0)) for value in late.imu[4:7])
+    assert (late.imu[1:4], late.imu[7:]) == (frame(30).imu[1:4], frame(30).imu[7:])
+
+
 def test_a_transmitter_that_is_off_is_silence_and_then_its_last_frame_marked_as_lost() -> None:
     read = sensed(Fault("receiver_lost", 0.1), ticks=120)
     begin, told = 19, 19 + faults.RECEIVER_PATIENCE

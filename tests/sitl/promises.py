@@ -79,6 +79,10 @@ PROMISES: dict[str, Promise] = {
         "attitude by gyro and compass, altitude by barometer; LAND", "failsafe: landing, accelerometer saturated",
         0.1, 30.0, None, touchdown=True, flown=45.0,
     ),
+    "gyro_saturated": Promise(
+        "an axis of the gyro at the end of its range for 0.2 s", "stop flapping, tail to its trim",
+        "failsafe: flapping stopped, IMU samples refused", 0.4, 180.0, None, stops=True, flown=5.0,
+    ),
     "baro_spike": Promise(
         "gate of the altitude filter", "refuse the sample", "failsafe: barometer refused", 0.2, 10.0, (-2.0, 2.0)
     ),
