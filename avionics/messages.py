@@ -739,6 +739,30 @@ class Health(NamedTuple):
     """-; since boot"""
 
 
+class Breach(IntEnum):
+    """What of a fence was passed."""
+
+    NONE = 0
+    FLOOR = 1
+    CEILING = 2
+    BORDER = 3
+
+
+class FenceState(NamedTuple):
+    """Whether the flight is outside of the vehicle's or the plan's fence, and how it last came to be."""
+
+    time_us: Time
+    """us; since boot"""
+    outside: Number
+    """-; 1 while it is"""
+    breaches: Number
+    """-; since boot"""
+    kind: Annotated[Breach, Wire("fixed32")]
+    """-; of the last one"""
+    since: float
+    """s; since boot, when the last one began"""
+
+
 class TaskTiming(NamedTuple):
     """Run times of one processor over the last second, as the board measured them."""
 

@@ -91,6 +91,8 @@ class AutopilotState:
     """may be changed in flight by SET_RALLY"""
     fence_clearance: float = math.inf
     """m; inside of the fence at the last step of the navigation, negative outside"""
+    fence_state: m.FenceState = zero(m.FenceState)
+    """whether it is outside, and the last breach"""
     frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
     """the last frame, without what was refused; its IMU sample is the last good one"""
     fix: m.GpsFix | None = None

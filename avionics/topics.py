@@ -65,6 +65,7 @@ CALIBRATION = Topic("/system/calibration", m.CalibrationStatus, 66, 0.0)
 """at every change and twice a second while one runs"""
 SNAPSHOTS = Topic("/system/snapshots", m.Text, 64, 0.1)
 """the whole State of the autopilot every ten seconds"""
+FENCE = Topic("/system/fence", m.FenceState, 67, 1.0, 1.0)
 LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False)
 """what the ground links did, on the wall clock"""
 
@@ -72,5 +73,5 @@ TOPICS: tuple[Topic, ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
-    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION,
+    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE,
 )  # fmt: skip

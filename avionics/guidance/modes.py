@@ -10,7 +10,7 @@ import math
 from enum import IntEnum
 from typing import Annotated, NamedTuple
 
-from avionics.messages import Failsafe, Mode, Severity, Stage
+from avionics.messages import Breach, Failsafe, Mode, Severity, Stage
 from avionics.quantities import Quantity
 
 STANDARD_GRAVITY = 9.80665
@@ -440,12 +440,22 @@ def present(gains: Gains, state: State, seen: Conditions) -> int:
 
 def fence_room(gains: Gains, state: State, seen: Conditions) -> float:
     """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
-    if state.stage not in AIRBORNE:
-        return math.inf
-    ceiling = min(gains.fence_altitude, seen.fence_ceiling or math.inf)
-    room = min(gains.fence_radius - seen.home_distance, seen.fence_clearance, ceiling - seen.altitude)
-    below = seen.altitude - max(gains.fence_floor, seen.fence_floor)
-    return min(room, below) if state.above_floor and state.stage not in LANDING else room
+    return min(_fence_rooms(gains, state, seen)) if state.stage in AIRBORNE else math.inf
+
+
+def breach(gains: Gains, state: State, seen: Conditions) -> Breach:
+    """What of the fence is passed furthest."""
+    rooms = dict(zip((Breach.FLOOR, Breach.CEILING, Breach.BORDER), _fence_rooms(gains, state, seen), strict=True))
+    return min(rooms, key=rooms.__getitem__) if fence_room(gains, state, seen) < 0.0 else Breach.NONE
+
+
+def _fence_rooms(gains: Gains, state: State, seen: Conditions) -> tuple[float, float, float]:
+    """m; above the floor, below the ceiling, inside of the border."""
+    ceiling = min(gains.fence_altitude, seen.fence_ceiling or math.inf) - seen.altitude
+    border = min(gains.fence_radius - seen.home_distance, seen.fence_clearance)
+    if not state.above_floor or state.stage in LANDING:
+        return math.inf, ceiling, border
+    return seen.altitude - max(gains.fence_floor, seen.fence_floor), ceiling, border
 
 
 def _battery(gains: Gains, seen: Conditions) -> int:

@@ -16,6 +16,8 @@ from avionics.link.dialect import mavlink
 from avionics.link.vehicle import VehicleView
 
 _UNKNOWN_U16 = 0xFFFF
+CHANNELS_SENT = 18
+"""of RC_CHANNELS"""
 _COULOMB_PER_MAH = 3.6
 _JOULE_PER_HJ = 100.0
 
@@ -184,8 +186,24 @@ _PITOT = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 _GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
 _BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 _IMU = _GYRO | _ACCELEROMETER | _MAGNETOMETER
-_SENSORS = ((t.IMU, _IMU), (t.PRESSURES, _BAROMETER | _PITOT), (t.GPS, _GPS), (t.ADC, _BATTERY))
-_FAULTS = ((m.Failsafe.IMU_FAULT, _IMU), (m.Failsafe.GPS_LOST, _GPS), (m.Failsafe.BATTERY_LOW, _BATTERY))
+_RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+_SENSORS = (
+    (t.IMU, _IMU),
+    (t.PRESSURES, _BAROMETER | _PITOT),
+    (t.GPS, _GPS),
+    (t.ADC, _BATTERY),
+    (t.RECEIVER, _RECEIVER),
+)
+_FAULTS = (
+    (m.Failsafe.IMU_FAULT, _IMU),
+    (m.Failsafe.ACCEL_SATURATED, _ACCELEROMETER),
+    (m.Failsafe.MAG_DISTURBED, _MAGNETOMETER),
+    (m.Failsafe.BARO_REFUSED, _BAROMETER),
+    (m.Failsafe.PITOT_BLOCKED, _PITOT),
+    (m.Failsafe.GPS_LOST, _GPS),
+    (m.Failsafe.BATTERY_LOW, _BATTERY),
+    (m.Failsafe.RECEIVER_LOST, _RECEIVER),
+)
 
 
 def sys_status(vehicle: VehicleView) -> Any:
@@ -280,6 +298,44 @@ def servo_output(vehicle: VehicleView) -> Any:
     pulses = [_pulse(angle / FULL_DEFLECTION) for angle in angles]
     throttle = clamped(1000.0 + 1000.0 * now.throttle, 1000, 2000)
     return mavlink.MAVLink_servo_output_raw_message(now.time_us & 0xFFFFFFFF, 0, *pulses, throttle, 0, 0, 0)
+
+
+def rc_channels(vehicle: VehicleView) -> Any:
+    """RC_CHANNELS: the receiver's pulses in us, those it has not got as unused; strength 0 while it is lost.
+
+    Channels that a ground station overrides are its own; they are not in here.
+    """
+    now = vehicle.latest(t.RECEIVER)
+    if now is None:
+        return None
+    pulses = [min(max(pulse, 0), _UNKNOWN_U16 - 1) for pulse in now.pulses]
+    unused = [_UNKNOWN_U16] * (CHANNELS_SENT - len(pulses))
+    health = vehicle.latest(t.HEALTH)
+    lost = now.lost or (health is not None and health.failsafe & m.Failsafe.RECEIVER_LOST)
+    strength = 0 if lost else clamped(now.rssi, 0, 254)
+    return mavlink.MAVLink_rc_channels_message(boot_ms(now.time_us), len(pulses), *pulses, *unused, strength)
+
+
+_BREACHES = {
+    m.Breach.NONE: mavlink.FENCE_BREACH_NONE,
+    m.Breach.FLOOR: mavlink.FENCE_BREACH_MINALT,
+    m.Breach.CEILING: mavlink.FENCE_BREACH_MAXALT,
+    m.Breach.BORDER: mavlink.FENCE_BREACH_BOUNDARY,
+}
+
+
+def fence_status(vehicle: VehicleView) -> Any:
+    """FENCE_STATUS: ms since boot; nothing limits the speed at the fence."""
+    now = vehicle.latest(t.FENCE)
+    if now is None:
+        return None
+    return mavlink.MAVLink_fence_status_message(
+        now.outside,
+        min(now.breaches, _UNKNOWN_U16),
+        _BREACHES[now.kind],
+        round(now.since * 1e3) & 0xFFFFFFFF,
+        mavlink.FENCE_MITIGATE_NONE,
+    )
 
 
 def navigation_output(vehicle: VehicleView) -> Any:
@@ -424,6 +480,8 @@ STREAMS = (
     _entry("HOME_POSITION", home_position, 0.5),
     _entry("WIND_COV", wind, 1.0, _MORE),
     _entry("SERVO_OUTPUT_RAW", servo_output, 5.0, _SERVOS),
+    _entry("RC_CHANNELS", rc_channels, 2.0, _SERVOS),
+    _entry("FENCE_STATUS", fence_status, 1.0, _STATUS),
     _entry("NAMED_VALUE_FLOAT", mirrors, 5.0, _RAW),
     _entry("WINGBEAT_WING_STATE", wing_state, 10.0, _RAW),
     _entry("WINGBEAT_POWER", power_state, 2.0, _RAW),

@@ -12,6 +12,7 @@ from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
 from avionics.inputs import say, tell
 from avionics.messages import (
+    Failsafe,
     Mode,
     NavigationStatus,
     Severity,
@@ -25,14 +26,25 @@ JAMMED_SINK = 0.8
 """m/s; of a landing without an elevator: there is no flare"""
 JAMMED_SHARE = 0.2
 """-; of the throttle's gains without an elevator"""
+OUTSIDE = int(Failsafe.FENCE)
 UNDERGROUND = 100.0
 """m; below home: down, wherever it is"""
 
 
 def modes(s: AutopilotState, publish: Publish) -> None:
     """Stages and failsafes."""
+    before = s.modes.failsafe
     s.modes, notices = flight_modes.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
+    if s.modes.failsafe & ~before & OUTSIDE:
+        note_breach(s)
     tell(s, publish, notices)
+
+
+def note_breach(s: AutopilotState) -> None:
+    """The fence has just been passed."""
+    kind = flight_modes.breach(s.gains.modes, s.modes, conditions(s))
+    last = s.fence_state
+    s.fence_state = last._replace(breaches=last.breaches + 1, kind=kind, since=s.clock.time_us * 1e-6)
 
 
 def navigation(s: AutopilotState, publish: Publish) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from avionics import snapshot, topics
 from avionics.messages import (
+    Failsafe,
     Health,
     Text,
 )
@@ -21,8 +22,10 @@ def report_excitation(s: AutopilotState, publish: Publish) -> None:
 
 
 def report_health(s: AutopilotState, publish: Publish) -> None:
-    """Failures, and counts of what was refused."""
+    """Failures, counts of what was refused, and the fence."""
     publish(topics.HEALTH, Health(s.clock.time_us, s.modes.failsafe, s.plausibility.rejected, s.clock.ticks + 1))
+    outside = int(s.modes.failsafe & Failsafe.FENCE != 0)
+    publish(topics.FENCE, s.fence_state._replace(time_us=s.clock.time_us, outside=outside))
 
 
 def report_snapshot(s: AutopilotState, publish: Publish) -> None:

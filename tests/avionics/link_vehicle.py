@@ -91,5 +91,7 @@ def _messages(time_us: int) -> dict[t.Topic, Any]:
         t.EXCITATION: _filled(m.ExcitationStatus, time_us, active=1, manoeuvre=2, elevator=0.1),
         t.ACTUATORS: m.ActuatorCommand(time_us, 0.5, 0.5, 0.0, 0.1, -0.1, 1),
         t.IMU: _filled(m.ImuSample, time_us, accel_z=-9.81),
+        t.RECEIVER: m.ReceiverSample(time_us, (1500, 1400, 1000, 1500, 1000, 2000, 1000, 1500), 0, 200),
+        t.FENCE: m.FenceState(time_us, 1, 2, m.Breach.CEILING, 11.5),
         t.HEALTH: _filled(m.Health, time_us, ticks=100),
     }  # fmt: skip

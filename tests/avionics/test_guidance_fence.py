@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from surrogate_gains import VEHICLE
 from test_guidance_modes import CRUISE, FLYING, run
 
-from avionics.guidance import fence
+from avionics.guidance import fence, modes
 from avionics.guidance.mission import Fence, Zone
-from avionics.messages import Failsafe, Mode, Stage
+from avionics.messages import Breach, Failsafe, Mode, Stage
 
 GAINS = VEHICLE.gains.modes
 SQUARE = Zone(1, ((-100.0, -100.0), (-100.0, 100.0), (100.0, 100.0), (100.0, -100.0)))
@@ -92,6 +92,21 @@ def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
     assert (fallen.mode, fallen.failsafe) == (Mode.RETURN, Failsafe.FENCE)
     landing, _ = run(state._replace(stage=Stage.APPROACH), LOW._replace(wanted_stage=Stage.APPROACH), 1.0)
     assert (landing.mode, landing.failsafe) == (Mode.AUTO, 0)
+
+
+@pytest.mark.parametrize(
+    ("seen", "kind"),
+    [
+        (CRUISE, Breach.NONE),
+        (CRUISE._replace(fence_clearance=-1.0), Breach.BORDER),
+        (CRUISE._replace(home_distance=GAINS.fence_radius + 5.0, fence_clearance=-1.0), Breach.BORDER),
+        (CRUISE._replace(altitude=61.0, fence_ceiling=60.0, fence_clearance=-0.5), Breach.CEILING),
+        (LOW, Breach.FLOOR),
+    ],
+)
+def test_what_is_passed_furthest_is_told(seen: modes.Conditions, kind: Breach) -> None:
+    assert modes.breach(GAINS, FLYING._replace(above_floor=1), seen) == kind
+    assert modes.breach(GAINS, FLYING._replace(stage=Stage.ON_GROUND), seen) == Breach.NONE
 
 
 def test_on_the_ground_there_is_no_fence() -> None:

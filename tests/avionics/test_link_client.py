@@ -16,6 +16,7 @@ from link_vehicle import FakeVehicle
 from pymavlink import mavutil
 
 from avionics import messages as m
+from avionics import topics as t
 from avionics.guidance.mission import (
     NO_FENCE,
     Channel,
@@ -27,6 +28,7 @@ from avionics.guidance.mission import (
     Shape,
     Zone,
 )
+from avionics.link import telemetry
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink as ours
 from avionics.link.ground import GroundLink
@@ -60,6 +62,11 @@ def test_the_telemetry_arrives_in_the_standards_units() -> None:
         status = expect(client, "SYS_STATUS")
         assert status.voltage_battery == 7400
         assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_GEOFENCE
+        fence = expect(client, "FENCE_STATUS")
+        assert (fence.breach_status, fence.breach_count, fence.breach_time) == (1, 2, 11_500)
+        assert fence.breach_type == mavlink.FENCE_BREACH_MAXALT
+        channels = expect(client, "RC_CHANNELS")
+        assert (channels.chancount, channels.chan2_raw, channels.chan9_raw, channels.rssi) == (8, 1400, 65535, 200)
         assert expect(client, "GPS_RAW_INT").h_acc == 2500
         assert expect(client, "EXTENDED_SYS_STATE").landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
         assert expect(client, "HOME_POSITION").altitude == 520_000
@@ -67,6 +74,27 @@ def test_the_telemetry_arrives_in_the_standards_units() -> None:
         mirror = expect(client, "NAMED_VALUE_FLOAT", lambda each: each.name == "flap_freq")
         assert mirror.value == pytest.approx(4.2)
         assert abs(expect(client, "SYSTEM_TIME").time_unix_usec / 1e6 - time.time()) < 60.0
+
+
+@pytest.mark.parametrize(
+    ("flag", "sensor"),
+    [
+        (m.Failsafe.RECEIVER_LOST, "SENSOR_RC_RECEIVER"),
+        (m.Failsafe.PITOT_BLOCKED, "SENSOR_DIFFERENTIAL_PRESSURE"),
+        (m.Failsafe.BARO_REFUSED, "SENSOR_ABSOLUTE_PRESSURE"),
+        (m.Failsafe.MAG_DISTURBED, "SENSOR_3D_MAG"),
+        (m.Failsafe.FENCE, "GEOFENCE"),
+    ],
+)
+def test_a_failure_speaks_against_its_sensor_alone(flag: m.Failsafe, sensor: str) -> None:
+    vehicle = FakeVehicle()
+    vehicle.topics[t.PRESSURES.name] = m.PressureSample(1, 0, 0, 0)
+    well = telemetry.sys_status(vehicle).onboard_control_sensors_health
+    vehicle.topics[t.HEALTH.name] = vehicle.latest(t.HEALTH)._replace(failsafe=int(flag))
+    assert well & ~telemetry.sys_status(vehicle).onboard_control_sensors_health == getattr(
+        mavlink, f"MAV_SYS_STATUS_{sensor}"
+    )
+    assert telemetry.rc_channels(vehicle).rssi == (0 if flag is m.Failsafe.RECEIVER_LOST else 200)
 
 
 def test_parameters_are_listed_read_and_set() -> None:

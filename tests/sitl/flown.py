@@ -186,11 +186,13 @@ class Underway:
             self._script = [command for command in self._script if command not in due]
             self._command = quantised_command(self._autopilot.step(frame, due))
 
-    def branch(self, fault: Fault, commands: Sequence[Command] = ()) -> Underway:
-        """The same flight, on which something will fail, with more commands."""
+    def branch(self, fault: Fault | None, commands: Sequence[Command] = ()) -> Underway:
+        """The same flight, on which something may fail, with more commands."""
         twin = copy.deepcopy(self)
-        twin.world.faults.inject(fault)
-        twin._script += (*fault_commands([fault]), *commands)
+        if fault is not None:
+            twin.world.faults.inject(fault)
+            twin._script += fault_commands([fault])
+        twin._script += commands
         return twin
 
     def flight(self) -> Flight:

@@ -15,8 +15,8 @@ from promises import PROMISES, Promise, table
 
 import avionics
 from avionics import topics
-from avionics.guidance.mission import ItemKind, MissionItem
-from avionics.messages import Command, CommandKind, Mode, SensorFrame, Stage
+from avionics.guidance.mission import Fence, ItemKind, MissionItem, Zone
+from avionics.messages import Breach, Command, CommandKind, Mode, SensorFrame, Stage
 from sim_bridge import topics as truth_topics
 from sim_bridge.faults import FAULTS, Place, parse_fault
 from sim_bridge.flight.world import Scenario
@@ -249,6 +249,23 @@ def test_a_receiver_lost_in_a_flight_by_stick_brings_it_home() -> None:
     before = flight.columns(topics.PILOT)
     assert before["throttle"][-1] == pytest.approx(0.5, abs=0.05)
     assert before["time_us"][-1] <= (FAILS_AT + 1.0) * 1e6
+
+
+def test_outside_the_fence_it_turns_home() -> None:
+    home = Zone(keep_in=1, places=((0.0, 0.0),), radius=130.0)
+    fenced = Command(round(FAILS_AT * 1e6), CommandKind.SET_FENCE, payload=Fence((home,)), source="test")
+    branch = underway(RAVEN).branch(None, [fenced])
+    branch.until(FAILS_AT + 14.0)
+    flight = branch.flight()
+    check_upright(flight)
+    said = flight.event_time("failsafe: returning, outside the fence")
+    truth = flight.truth
+    distance, time = np.hypot(truth["north"], truth["east"]), truth["time_us"] * 1e-6
+    assert np.interp(said, time, distance) == pytest.approx(130.0, abs=5.0)
+    assert distance.max() < 150.0
+    assert distance[-1] < 125.0
+    told = flight.of(topics.FENCE)[-1]
+    assert (told.breaches, told.kind, told.since) == (1, Breach.BORDER, pytest.approx(said, abs=0.05))
 
 
 def test_a_copied_flight_is_the_flight() -> None:
