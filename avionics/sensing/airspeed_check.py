@@ -1,7 +1,7 @@
 """Whether the pitot can be believed, and the airspeed to fly by when it cannot.
 
-The GPS tells the velocity over ground, and while the pitot is good the two tell the wind. A pitot that says
-standstill in motion, or departs from the airspeed that the ground velocity and the remembered wind make, is blocked;
+The GPS tells the velocity over ground, and while the pitot is good the two tell the wind. A pitot that departs for
+long from the airspeed that the ground velocity and the remembered wind make, or says standstill instead, is blocked;
 that airspeed then takes its place, without fixes that of the cruise.
 """
 
@@ -13,12 +13,15 @@ from typing import Annotated, NamedTuple
 from avionics.limits import low_pass
 from avionics.quantities import Quantity
 
+AGREEMENT = 0.5
+"""-; share of `Gains.difference` within which a blocked pitot agrees: what comes and goes is not believed"""
+
 
 class Gains(NamedTuple):
     """When the pitot is blocked, and when it is well again."""
 
     standstill: Annotated[float, Quantity("m/s", 0.1, 20.0)]
-    """m/s; less airspeed than this, in motion over ground, is that of a blocked pitot"""
+    """m/s; less airspeed than this, where twice as much is expected, is that of a blocked pitot"""
     standstill_time: Annotated[float, Quantity("s", 0.05, 20.0)]
     """s; for which it must last"""
     difference: Annotated[float, Quantity("m/s", 0.5, 50.0)]
@@ -84,16 +87,24 @@ def step(
         return state, gains.cruise if state.blocked else airspeed
     known = state.span >= gains.difference_time
     expected = hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east) if known else gains.cruise
-    moving = hypot(motion.v_north, motion.v_east) > gains.standstill
-    still = moving and airspeed < gains.standstill
-    apart = known and moving and abs(airspeed - expected) > gains.difference
+    still = airspeed < gains.standstill
+    away = abs(airspeed - expected)
     if state.blocked:
-        state = _recovering(gains, state, dt, agrees=not still and abs(airspeed - expected) <= gains.difference)
+        state = _recovering(gains, state, dt, agrees=not still and away <= AGREEMENT * gains.difference)
     else:
+        still = still and _moving(gains, known, expected, motion)
+        apart = known and away > gains.difference
         state = _watched(gains, state, dt, still, apart)
         if not (still or apart):
             state = _learned(gains, state, dt, airspeed, motion)
     return state, expected if state.blocked else airspeed
+
+
+def _moving(gains: Gains, known: bool, expected: float, motion: Motion) -> bool:
+    """Whether it flies: what is blown along the ground moves over it alone, what hovers in a headwind does not."""
+    if known:
+        return expected > 2.0 * gains.standstill
+    return hypot(motion.v_north, motion.v_east) > gains.standstill
 
 
 def _watched(gains: Gains, state: State, dt: float, still: bool, apart: bool) -> State:

@@ -1,6 +1,7 @@
 """The checks of pitot, wings, tail and battery on scripted signals."""
 
 import math
+from random import Random
 
 import pytest
 from surrogate_gains import VEHICLE
@@ -56,6 +57,51 @@ def test_a_gust_and_standing_still_on_the_ground_are_no_blocked_pitot() -> None:
     for _ in range(200):
         state, _ = airspeed_check.step(PITOT, state, DT, 0.0, Motion(7.0, 0.0, 0.0), airborne=False)
     assert not state.blocked
+
+
+def learned(wind: float) -> airspeed_check.State:
+    """20 s northward at 7 m/s through the air against ``wind`` m/s (negative: before it)."""
+    return fly(airspeed_check.State(), 7.0, Motion(7.0 - wind, 0.0, 0.0), 20.0)[0]
+
+
+@pytest.mark.parametrize("wind", [0.0, 6.0, 8.0, -5.0])
+def test_a_blocked_pitot_is_found_and_stays_found_in_any_wind(wind: float) -> None:
+    motion = Motion(7.0 - wind, 0.0, 0.0)
+    state, used = fly(learned(wind), 0.0, motion, PITOT.standstill_time + 2 * DT)
+    assert state.blocked
+    assert used == pytest.approx(7.0, abs=0.05)
+    for _ in range(20):
+        state, _ = fly(state, 0.0, motion, 1.0)
+        assert state.blocked
+
+
+def test_what_the_wind_blows_along_the_ground_has_a_good_pitot() -> None:
+    state, _ = fly(learned(-5.0), 0.5, Motion(5.0, 0.0, 0.0), 10.0)
+    assert not state.blocked
+
+
+def test_agreement_that_comes_and_goes_is_not_believed() -> None:
+    motion = Motion(7.0, 0.0, 0.0)
+    state, _ = fly(learned(0.0), 0.0, motion, 1.0)
+    for _ in range(10):
+        state, _ = fly(state, 7.0 + 0.6 * PITOT.difference, motion, 0.5)
+        state, _ = fly(state, 7.0, motion, PITOT.recovery_time - 0.5)
+        assert state.blocked
+    state, used = fly(state, 7.0 + 0.4 * PITOT.difference, motion, PITOT.recovery_time + 2 * DT)
+    assert (state.blocked, used) == (0, 7.0 + 0.4 * PITOT.difference)
+
+
+def test_moderate_gusts_are_no_blocked_pitot_and_one_that_is_blocked_in_them_is_found() -> None:
+    """Airspeed off the expected one as measured in 4 m/s with moderate Dryden gusts: 1.8 m/s RMS, slow and quick."""
+    random, gust, state, motion = Random(4), 0.0, learned(4.0), Motion(3.0, 0.0, 0.0)
+    time, length = 0.0, 3.0
+    while time < 600.0:
+        gust += -gust * DT / length + 1.8 * math.sqrt(2.0 * DT / length) * random.gauss(0.0, 1.0)
+        state, _ = airspeed_check.step(PITOT, state, DT, max(7.0 + gust, 0.0), motion, airborne=True)
+        time += DT
+        assert not state.blocked
+    state, _ = fly(state, 0.0, motion, PITOT.standstill_time + 2 * DT)
+    assert state.blocked
 
 
 def test_without_fixes_a_blocked_pitot_gives_the_cruise() -> None:
