@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from surrogate_gains import VEHICLE as RAVEN
 from test_autopilot_flights import Flight
 
 from avionics import snapshot, topics
-from avionics.guidance import excitation, multisine
+from avionics.guidance import altitude, excitation, multisine
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
-from avionics.messages import Stage
+from avionics.messages import Mode, Stage
+from avionics.state import AutopilotState, initial_state
+from avionics.tasks import guide
 
 GAINS = excitation.Gains(
     recovery=0.5,
@@ -180,6 +183,44 @@ def test_the_loops_are_frozen_or_fly_on_as_asked(asked: Excitation, frozen: int,
     assert (excitation.frozen(state), excitation.roll_frozen(state)) == (frozen, roll_frozen)
     done = excitation.stop(state)
     assert (excitation.frozen(done), excitation.roll_frozen(done), done.lines) == (0, 0, ())
+
+
+@pytest.mark.parametrize(("loops", "calm"), [(0, True), (1, False)])
+def test_a_trim_is_sought_before_each_frozen_input_and_never_otherwise(loops: int, calm: bool) -> None:
+    asked = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.2, 0.5, repeats=2, loops=loops)
+    state, sought = excitation.start(excitation.State(), asked), []
+    assert not excitation.recovering(excitation.State())
+    for _ in range(round(2 * (GAINS.recovery + 0.5 + 0.4 + 0.5) / DT)):
+        sought.append((excitation.recovering(state), state.manoeuvre, state.phase))
+        assert not (excitation.recovering(state) and excitation.frozen(state))
+        state, _ = excitation.step(GAINS, state, 0, DT, True, FLOWN)
+    recover = [(number, phase) for yes, number, phase in sought if yes]
+    assert {phase for _, phase in recover} <= {excitation.Phase.RECOVER}
+    times = [sum(number == each for number, _ in recover) * DT for each in (0, 1)]
+    assert times == pytest.approx([GAINS.recovery * calm] * 2, abs=2 * DT)
+    assert not excitation.recovering(excitation.stop(state))
+
+
+def vertical(asked: Excitation) -> tuple[AutopilotState, altitude.State]:
+    """The memory after a step of the climb loop, too low and sinking while ``asked`` begins; its state before."""
+    s = initial_state(RAVEN.gains, ())
+    s.modes = s.modes._replace(armed=1, mode=int(Mode.AUTO), stage=int(Stage.EN_ROUTE))
+    s.altitude_loop = before = altitude.initial(RAVEN.gains.altitude, RAVEN.gains.altitude.throttle_trim)
+    s.excitation = excitation.start(s.excitation, asked)
+    s.clock = s.clock._replace(dt_50=0.02)
+    s.target = s.target._replace(altitude=2.0)
+    guide.vertical(s, lambda topic, message: None)
+    return s, before
+
+
+def test_the_climb_loop_is_calm_while_a_trim_is_sought() -> None:
+    gains, measured = RAVEN.gains.altitude, altitude.Measured(0.0, 0.0, 0.0)
+    for asked, flown_by in ((SWEEP, altitude.calm(gains)), (SWEEP._replace(loops=1), gains)):
+        s, before = vertical(asked)
+        assert s.altitude_loop == altitude.step(flown_by, before, 0, 0.02, 2.0, measured)[0]
+    assert altitude.step(gains, before, 0, 0.02, 2.0, measured) != altitude.step(
+        altitude.calm(gains), before, 0, 0.02, 2.0, measured
+    )
 
 
 @pytest.mark.parametrize("asked", [SWEEP, SWEEP._replace(loops=1), THREE])

@@ -114,6 +114,41 @@ def test_slow_flight_lowers_the_nose() -> None:
     assert slow.pitch_setpoint == pytest.approx(ALTITUDE.pitch_trim - 0.2)
 
 
+def test_calm_gains_leave_the_pitch_at_its_trim_and_move_the_throttle_half_as_far() -> None:
+    gusty = ALTITUDE._replace(pitch_error=0.08)
+    calm = altitude.calm(gusty)
+    settled = altitude.initial(ALTITUDE, ALTITUDE.throttle_trim)
+    for measured in (level(39.0), level(41.0), level(40.0, climb=-0.5), level(40.0, climb=0.5)):
+        states = [settled, settled]
+        for _ in range(25):
+            states = [
+                altitude.step(gains, state, 0, DT, 40.0, measured)[0]
+                for gains, state in zip((gusty, calm), states, strict=True)
+            ]
+        quick, slow = states
+        assert slow.pitch_setpoint == ALTITUDE.pitch_trim
+        assert quick.pitch_setpoint != ALTITUDE.pitch_trim
+        moved, less = (state.throttle - ALTITUDE.throttle_trim for state in (quick, slow))
+        assert 0.0 < less / moved <= altitude.CALM_SHARE
+    at_trim, status = altitude.step(calm, settled, 0, DT, 40.0, level())
+    assert (at_trim.throttle, status.pitch_setpoint) == (ALTITUDE.throttle_trim, ALTITUDE.pitch_trim)
+
+
+def test_calm_gains_keep_every_limit_and_hold_an_altitude() -> None:
+    """A bird whose climb follows the throttle within half a second comes to its altitude and stays."""
+    calm = altitude.calm(ALTITUDE)
+    assert {name for name in calm._fields if getattr(calm, name) != getattr(ALTITUDE, name)} <= {
+        "proportional", "throttle_climb", "throttle_error", "throttle_integral", "pitch_climb", "pitch_error",
+    }  # fmt: skip
+    state, height, climb = altitude.initial(ALTITUDE, ALTITUDE.throttle_trim), 38.0, 0.0
+    for _ in range(round(60.0 / DT)):
+        state, _ = altitude.step(calm, state, 0, DT, 40.0, level(height, climb))
+        climb += (5.0 * (state.throttle - ALTITUDE.throttle_trim - 0.02) - climb) * DT / 0.5
+        height += climb * DT
+    assert height == pytest.approx(40.0, abs=0.1)
+    assert climb == pytest.approx(0.0, abs=0.02)
+
+
 def test_frozen_altitude_loop_holds_the_mean_throttle_and_goes_on_without_a_jump() -> None:
     state, _ = fly(41.0, level(), 10.0)
     held, status = altitude.hold(state, 0, 41.0, level(45.0, 2.0))
