@@ -19,6 +19,8 @@ WORLD = "wingbeat.world"
 """Name of the metadata record in which the world notes what a flight chose beside that file."""
 AERODYNAMICS = "aerodynamics"
 """Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
+STICKS = "sticks.csv"
+"""Name of the attachment in which the world leaves how a scripted pilot moved his transmitter."""
 FLIGHT_VEHICLE = "avionics_vehicle.toml"
 """Name of the attachment in which the flight computer leaves its vehicle file."""
 Loaded = TypeVar("Loaded")

@@ -44,6 +44,7 @@ from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.faults import Fault, divided, mission_faults
 from sim_bridge.plant import Plant, physics_compiled
+from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.vehicles import vehicle_names
 
 EXAMPLES = (
@@ -53,6 +54,7 @@ EXAMPLES = (
     "wingbeat fly --mission field.plan      # QGroundControl's; also .waypoints and our own .toml",
     "wingbeat fly --vehicle my_bird/        # a folder with world.toml and avionics.toml",
     "wingbeat fly --fault pitot_blocked@30 --fault gps_lost@40-50",
+    "wingbeat fly --sticks by_hand.csv      # armed and flown by a scripted transmitter",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
 )
 JSON_KEYS = {
@@ -62,6 +64,7 @@ JSON_KEYS = {
     "seed": "of sensor noise and gusts",
     "wind": "m/s; steady",
     "wind_from": "rad; where it comes from, clockwise from north",
+    "sticks": "table by which a transmitter was moved; null: armed and switched to AUTO by a script",
     "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
     "turbulence": "none, light, moderate or severe",
     "wall_time": "s; how long the flight took, starting included, reporting not",
@@ -105,6 +108,7 @@ def build_parser() -> options.Parser:
     options.add_mission(parser)
     options.add_world(parser, DURATION)
     options.add_faults(parser)
+    options.add_sticks(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
     options.add_parameters(parser, options.NO_PARAMETERS)
@@ -153,6 +157,8 @@ def check(chosen: argparse.Namespace) -> Plan:
     steady_wind(chosen.wind, chosen.wind_from)
     dryden.turbulence(chosen.turbulence, 1.0, chosen.seed)
     notes = load_flight_plan(chosen.mission).notes
+    if chosen.sticks is not None:
+        load_script(chosen.sticks)
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)
@@ -216,11 +222,13 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--turbulence", chosen.turbulence]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
+    world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *in_world])
     links = [word for url in chosen.gcs for word in ("--gcs", url)]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
-    flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--start", "--log", str(plan.parts[1])]
+    flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
+    flight += ["--start"] if chosen.sticks is None else []
     flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
     children.start(
         "the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links, *in_flight]
@@ -321,6 +329,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
                 "seed": chosen.seed,
                 "wind": chosen.wind,
                 "wind_from": chosen.wind_from,
+                "sticks": chosen.sticks,
                 "faults": options.fault_words(plan.faults)[1::2],
                 "turbulence": chosen.turbulence,
                 "wall_time": wall_time,

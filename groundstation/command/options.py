@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from avionics.quantities import BadInput
 from sim_bridge.faults import FAULTS, Fault, parse_fault
+from sim_bridge.sensors.receiver import Sticks
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
@@ -130,6 +131,16 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
         type=fault,
         metavar="NAME@T[-T2]",
         help=f"what fails, from T to T2 seconds since boot; may be repeated. NAME: {', '.join(FAULTS)}",
+    )
+
+
+def add_sticks(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--sticks``."""
+    columns = ", ".join(Sticks._fields)
+    parser.add_argument(
+        "--sticks",
+        metavar="FILE",
+        help=f"a transmitter moved by a table of comma-separated values: time (s since boot) and any of {columns}",
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
 from groundstation.command import options
-from logs.attached import AERODYNAMICS, WORLD, WORLD_VEHICLE
+from logs.attached import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
@@ -22,6 +22,7 @@ from sim_bridge.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
+from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 EXAMPLES = (
@@ -44,6 +45,7 @@ def build_parser() -> options.Parser:
     parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=f"tcp:HOST:PORT ({DEFAULT_URL})")
     options.add_world(parser, DURATION)
     options.add_faults(parser)
+    options.add_sticks(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
@@ -53,15 +55,17 @@ def run(arguments: Sequence[str]) -> int:
     """Serve one flight.
 
     Raises:
-        BadInput: unknown vehicle, aerodynamic model or fault, port in use, existing log, a flight computer that does
-            not come or answer.
+        BadInput: unknown vehicle, aerodynamic model or fault, bad table of sticks, port in use, existing log, a
+            flight computer that does not come or answer.
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
     faults, of_flight = divided(chosen.fault)
     if of_flight:
         raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
+    sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
+    scenario = scenario if sticks is None else scenario._replace(pilot=sticks.pilot())
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
@@ -75,6 +79,8 @@ def run(arguments: Sequence[str]) -> int:
             print(COMPILING, file=sys.stderr, flush=True)
             Plant(vehicle).compile()
         note_scenario(recorder, vehicle, scenario)
+        if sticks is not None:
+            recorder.attach(STICKS, "text/csv", sticks.text.encode())
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
         world = SimulatedWorld(vehicle, scenario, seen.record)
         _serve(server, world)

@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from avionics.messages import Mode
 from groundstation.command.children import Children
+from groundstation.command.main import main
 from logs.attached import simulated_vehicle
 from logs.reader import open_log
 from logs.scene import SCENE, TRANSFORMS
@@ -114,6 +116,38 @@ def payloads(path: Path) -> dict[str, str]:
         for _, channel, message in make_reader(file).iter_messages(topics=kept):
             digests.setdefault(channel.topic, hashlib.sha256()).update(message.data)
     return {name: digest.hexdigest() for name, digest in digests.items()}
+
+
+STICKS = "time,arm,throttle,roll,mode\n4,1,0,0,0\n8.2,1,1,0,0\n14,1,0.6,0.3,0\n18,1,0.6,0,2\n"
+
+
+@pytest.mark.validate
+def test_a_transmitter_moved_by_a_table_arms_flies_hands_over_and_is_lost(tmp_path: Path) -> None:
+    (tmp_path / "sticks.csv").write_text(STICKS)
+    flight = fly(tmp_path, "--sticks", "sticks.csv", "--fault", "receiver_lost@22", "--duration", "25", "--json")
+    out, err = flight.communicate(timeout=180)
+    assert (flight.returncode, err) == (0, "")
+    assert json.loads(out)["sticks"] == "sticks.csv"
+    with open_log(tmp_path / "flight.mcap") as log:
+        said = {event.text: event.time_us * 1e-6 for event in log.events()}
+        truth, mode = log.columns("/truth/state"), log.columns("/guidance/navigation")["mode"]
+        assert log.attachment("sticks.csv").decode() == STICKS
+    assert said["armed"] == pytest.approx(4.0, abs=0.1)
+    assert said["mode AUTO"] == pytest.approx(18.0, abs=0.1)
+    assert said["failsafe: receiver lost"] == pytest.approx(22.5, abs=0.2)
+    assert mode[-1] == Mode.AUTO
+    assert truth["down"][0] - truth["down"][-1] > 5.0
+    assert not [text for text in said if "arming refused" in text]
+
+
+def test_a_table_of_sticks_that_cannot_be_flown_starts_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "sticks.csv").write_text("time,flaps\n1,0\n")
+    words = ["fly", "--sticks", str(tmp_path / "sticks.csv"), "--log", str(tmp_path / "flight.mcap")]
+    assert main(words) == 2
+    assert "columns are time and any of roll" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["sticks.csv"]
 
 
 def test_the_same_seed_gives_the_same_bytes_whoever_watches(tmp_path: Path) -> None:

@@ -1,0 +1,101 @@
+"""A transmitter that is moved by a table of times: the sticks and switches of a scripted pilot.
+
+A text file of comma-separated values: the first line names the columns, ``time`` (s since boot, rising) and any of
+the fields of `Sticks`; sticks and switches stay where a line put them until the next one. Lines that begin with # are
+for people.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from bisect import bisect_right
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from sim_bridge.observation import Observation
+from sim_bridge.sensors.receiver import Pilot, Sticks
+
+SWITCHES = {"mode": 2, "arm": 1, "kill": 1}
+"""-; highest position of each"""
+CENTRED = ("roll", "pitch", "yaw")
+"""from -1 to 1; the throttle from 0"""
+
+
+class Script(NamedTuple):
+    """Where sticks and switches are from each time on."""
+
+    times: tuple[float, ...]
+    """s; since boot, rising"""
+    sticks: tuple[Sticks, ...]
+    """from that time on"""
+    text: str
+    """the table as it was read"""
+
+    def pilot(self) -> Pilot:
+        """Who moves the transmitter so; before the first time everything is neutral."""
+
+        def moved(seen: Observation) -> Sticks:
+            place = bisect_right(self.times, seen.time_us * 1e-6)
+            return self.sticks[place - 1] if place else Sticks()
+
+        return moved
+
+
+def load_script(path: str | Path) -> Script:
+    """The table in a file.
+
+    Raises:
+        BadInput: it cannot be read, or a line says what no transmitter does; one line that names both.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read {path}: {error}") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()[:1] not in ("", "#")]
+    rows = list(csv.reader(line for _, line in lines))
+    if len(rows) < 2:
+        raise BadInput(f"{path} must have a line that names the columns and one for each time")
+    names = _names(path, rows[0])
+    moved = [_row(f"{path} line {number}", names, row) for (number, _), row in zip(lines[1:], rows[1:], strict=True)]
+    times = tuple(time for time, _ in moved)
+    if any(later <= earlier for earlier, later in pairwise(times)):
+        raise BadInput(f"{path}: the times must rise from line to line")
+    return Script(times, tuple(sticks for _, sticks in moved), text)
+
+
+def _names(path: str | Path, row: list[str]) -> list[str]:
+    names = [name.strip() for name in row]
+    known = ("time", *Sticks._fields)
+    if "time" not in names or not set(names) <= set(known) or len(set(names)) < len(names):
+        raise BadInput(f"{path}: columns are time and any of {', '.join(Sticks._fields)}; not {', '.join(names)}")
+    return names
+
+
+def _row(where: str, names: list[str], row: list[str]) -> tuple[float, Sticks]:
+    if len(row) != len(names):
+        raise BadInput(f"{where} has {len(row)} values for {len(names)} columns")
+    values = {name: _number(where, name, text) for name, text in zip(names, row, strict=True)}
+    time = values.pop("time")
+    positions: dict[str, Any] = {name: _position(where, name, value) for name, value in values.items()}
+    return time, Sticks(**positions)
+
+
+def _number(where: str, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadInput(f"{where}: {name} must be a number, not {text.strip() or 'nothing'}")
+    return value
+
+
+def _position(where: str, name: str, value: float) -> float:
+    low, high, whole = -1 if name in CENTRED else 0, SWITCHES.get(name, 1), name in SWITCHES
+    if not low <= value <= high or (whole and value != int(value)):
+        kind = "a whole number from" if whole else "from"
+        raise BadInput(f"{where}: {name} must be {kind} {low} to {high}, not {value:g}")
+    return int(value) if whole else value

@@ -1,0 +1,80 @@
+"""A transmitter moved by a table: what it says when, and which tables are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from sensors_bench import cruise
+
+from avionics.quantities import BadInput
+from sim_bridge.sensors.receiver import Sticks
+from sim_bridge.sensors.transmitter import Script, load_script
+
+TABLE = """# take off, hand over to the autopilot
+time, arm, throttle, roll, mode
+4, 1, 0, 0, 0
+
+8.2, 1, 0.7, -0.5, 0
+# whoever reads this
+20, 1, 0.5, 0, 2
+"""
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "sticks.csv"
+    path.write_text(text)
+    return path
+
+
+def moved(script: Script, seconds: float) -> Sticks | None:
+    return script.pilot()(cruise(0)._replace(time_us=round(seconds * 1e6)))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "sticks"),
+    [
+        (0.0, Sticks()),
+        (3.99, Sticks()),
+        (4.0, Sticks(arm=1)),
+        (8.19, Sticks(arm=1)),
+        (8.2, Sticks(arm=1, throttle=0.7, roll=-0.5)),
+        (19.9, Sticks(arm=1, throttle=0.7, roll=-0.5)),
+        (500.0, Sticks(arm=1, throttle=0.5, mode=2)),
+    ],
+)
+def test_what_a_line_says_holds_until_the_next(tmp_path: Path, seconds: float, sticks: Sticks) -> None:
+    script = load_script(written(tmp_path, TABLE))
+    assert moved(script, seconds) == sticks
+    assert script.text == TABLE
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "names the columns"),
+        ("time,roll\n", "one for each time"),
+        ("roll,pitch\n0,0\n", "columns are time and any of roll, pitch"),
+        ("time,flaps\n0,0\n", "not time, flaps"),
+        ("time,roll,roll\n0,0,0\n", "columns are"),
+        ("time,roll\n0,0\n\n0,1\n", "must rise"),
+        ("time,roll\n0,0\n# then\n1,0,0\n", "line 4 has 3 values for 2 columns"),
+        ("time,roll\n0,1.5\n", "line 2: roll must be from -1 to 1, not 1.5"),
+        ("time,throttle\n0,-0.5\n", "throttle must be from 0 to 1"),
+        ("time,mode\n0,1.5\n", "mode must be a whole number from 0 to 2"),
+        ("time,arm\n0,2\n", "arm must be a whole number from 0 to 1"),
+        ("time,roll\nsoon,0\n", "time must be a number, not soon"),
+        ("time,roll\n1,\n", "roll must be a number, not nothing"),
+        ("time,roll\n1,nan\n", "roll must be a number"),
+    ],
+)
+def test_a_table_that_nobody_can_fly_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+    with pytest.raises(BadInput, match=reason) as refusal:
+        load_script(written(tmp_path, text))
+    assert "\n" not in str(refusal.value)
+    assert "sticks.csv" in str(refusal.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="cannot read"):
+        load_script(tmp_path / "nowhere.csv")
