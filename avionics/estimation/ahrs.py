@@ -35,6 +35,7 @@ from avionics.estimation.direction_cosines import (
 )
 from avionics.messages import Attitude, GpsFix, ImuSample
 from avionics.quantities import Quantity
+from avionics.records import new
 
 GRAVITY = 9.80665
 """m/s^2; standard gravity"""
@@ -339,7 +340,7 @@ def step(
         r, correction, aid = _fixed(gains, r, correction, block, aid, fix)
     elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
-    state = AhrsState(imu.time_us, r, rates, force, block, correction, aid)
+    state = new(AhrsState, (imu.time_us, r, rates, force, block, correction, aid))
     return state, attitude(state)
 
 
@@ -389,7 +390,7 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
     fx, fy, fz = x * dt, y * dt, z * dt
     time = span + 0.5 * dt
     p, q, r = rates
-    return Block(
+    return new(Block, (
         span + dt,
         (impulse[0] + fx, impulse[1] + fy, impulse[2] + fz),
         (moment[0] + fx * time, moment[1] + fy * time, moment[2] + fz * time),
@@ -398,7 +399,7 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
         (turn[0] + p * dt, turn[1] + q * dt, turn[2] + r * dt),
         rate_square + (p * p + q * q + r * r) * dt,
         force_square + (x * x + y * y + z * z) * dt,
-    )
+    ))  # fmt: skip
 
 
 def _fixed(
@@ -608,12 +609,12 @@ def _wrapped(angle: float) -> float:
 
 def attitude(state: AhrsState) -> Attitude:
     """The message of a state."""
-    r, rates, correction = state.r, state.rates, state.correction
+    time_us, r, (rate_x, rate_y, rate_z), force, _, correction, _ = state
     roll, pitch, yaw = euler(r)
     w, x, y, z = quaternion(r)
     bx, by, bz = correction.bias
-    return Attitude(
-        state.time_us, roll, pitch, yaw, rates[0] - bx, rates[1] - by, rates[2] - bz, w, x, y, z, bx, by, bz,
-        state.force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
+    return new(Attitude, (
+        time_us, roll, pitch, yaw, rate_x - bx, rate_y - by, rate_z - bz, w, x, y, z, bx, by, bz,
+        force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
         correction.tilt_sigma, correction.heading_sigma, correction.disturbed, correction.aided,
-    )  # fmt: skip
+    ))  # fmt: skip

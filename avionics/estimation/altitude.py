@@ -117,10 +117,13 @@ def _input(dt: float) -> Array:
 
 def _noise(gains: Gains, dt: float) -> Array:
     """Covariance of one step: an acceleration constant over it, and the walk of its bias."""
-    gain = _input(dt)
-    q = np.outer(gain, gain) * gains.accel_noise**2
-    q[2, 2] = gains.bias_walk**2 * dt
-    return q
+    way, variance = 0.5 * dt * dt, gains.accel_noise**2
+    tied = way * dt * variance
+    return np.array([
+        [way * way * variance, tied, 0.0],
+        [tied, dt * dt * variance, 0.0],
+        [0.0, 0.0, gains.bias_walk**2 * dt],
+    ])  # fmt: skip
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:

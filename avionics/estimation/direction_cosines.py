@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import asin, atan2, cos, sin, sqrt
+from math import asin, atan2, copysign, cos, sin, sqrt
 
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
@@ -41,7 +41,8 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 def rotate(r: Matrix, v: Vector) -> Vector:
     """``r v``: with r_ned_from_frd, a body vector in earth axes."""
     x, y, z = v
-    return (r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z)
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
+    return (r0 * x + r1 * y + r2 * z, r3 * x + r4 * y + r5 * z, r6 * x + r7 * y + r8 * z)
 
 
 def rotate_back(r: Matrix, v: Vector) -> Vector:
@@ -77,7 +78,8 @@ def orthonormalised(r: Matrix) -> Matrix:
 
 def euler(r: Matrix) -> Vector:
     """Roll, pitch and yaw in rad of r_ned_from_frd (rotations about z, y, x in this order)."""
-    return (atan2(r[7], r[8]), asin(-max(-1.0, min(1.0, r[6]))), atan2(r[3], r[0]))
+    r0, _, _, r3, _, _, r6, r7, r8 = r
+    return (atan2(r7, r8), asin(-r6 if -1.0 <= r6 <= 1.0 else -copysign(1.0, r6)), atan2(r3, r0))
 
 
 def quaternion(r: Matrix) -> Quaternion:

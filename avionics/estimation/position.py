@@ -27,6 +27,7 @@ LONGEST_STEP = 0.5
 STEEPEST_COSINE = 0.3
 """-; of the path's angle to the horizon, whatever the climb rate"""
 NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
+UNITY: Array = np.eye(4)
 THREE_DIMENSIONAL = 3
 """-; fix type that sets home"""
 TWO_DIMENSIONAL = 2
@@ -112,7 +113,9 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         x, p = np.array(state.x), np.array(state.p)
         x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, dt), u=np.array(v_air), B=_input(dt))
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        state = _stored(state._replace(time_us=now.time_us, past=past), x, p)
+        _, _, _, home, valid, refused_since_us, fix_us, slow_variance, _ = state
+        kept = (home, valid, refused_since_us, fix_us, slow_variance, past)
+        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *kept)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
     return state, _message(state, v_air)
@@ -131,7 +134,7 @@ def _air_velocity(now: Motion) -> tuple[float, float]:
 
 
 def _transition(dt: float) -> Array:
-    f = np.eye(4)
+    f = UNITY.copy()
     f[0, 2] = f[1, 3] = dt
     return f
 
@@ -144,13 +147,19 @@ def _input(dt: float) -> Array:
 
 def _noise(gains: Gains, dt: float) -> Array:
     place, wind = gains.air_velocity_noise**2 * dt, gains.wind_walk**2 * dt
-    return np.diag([place, place, wind, wind])
+    return _diagonal((place, place, wind, wind))
 
 
-def _stored(state: State, x: Array, p: Array) -> State:
-    rows = (0.5 * (p + p.T)).tolist()
-    covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]), tuple(rows[3]))
-    return state._replace(x=tuple(x.tolist()), p=covariance)
+def _diagonal(values: Vector4) -> Array:
+    q = np.zeros((4, 4))
+    q[0, 0], q[1, 1], q[2, 2], q[3, 3] = values
+    return q
+
+
+def _covariance(p: Array) -> Matrix4:
+    """The symmetric part."""
+    one, two, three, four = (0.5 * (p + p.T)).tolist()
+    return tuple(one), tuple(two), tuple(three), tuple(four)
 
 
 def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
@@ -166,14 +175,14 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
     state = state._replace(fix_us=fix.time_us, slow_variance=slow)
     v_air = state.past[0] if state.past else (fix.v_north, fix.v_east)
     north, east = to_local(state.home, fix.latitude, fix.longitude)
-    measured = np.array([
+    measured = (
         north + fix.v_north * gains.gps_delay,
         east + fix.v_east * gains.gps_delay,
         fix.v_north - v_air[0],
         fix.v_east - v_air[1],
-    ])  # fmt: skip
+    )
     velocity = gains.gps_velocity_noise**2
-    return _updated(gains, state, fix.time_us, measured, np.array([noise, noise, velocity, velocity]))
+    return _updated(gains, state, fix.time_us, measured, (noise, noise, velocity, velocity))
 
 
 def _at_home(state: State, fix: GpsFix, variance: float) -> State:
@@ -190,21 +199,26 @@ def _without_ties(p: Matrix4) -> Matrix4:
     return p[0], p[1], (0.0, 0.0, p[2][2], p[2][3]), (0.0, 0.0, p[3][2], p[3][3])
 
 
-def _updated(gains: Gains, state: State, time_us: int, measured: Array, noise: Array) -> State:
+def _updated(gains: Gains, state: State, time_us: int, measured: Vector4, noise: Vector4) -> State:
     """The update behind the gate; refused for long enough, the measurement is believed and the state doubted."""
     x, p = np.array(state.x), np.array(state.p)
-    squares = (measured - x) ** 2
-    if np.all(squares <= gains.gate**2 * (np.diag(p) + noise)):
-        state = state._replace(refused_since_us=-1)
-    elif state.refused_since_us < 0:
-        return state._replace(refused_since_us=time_us)
-    elif (time_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
-        return state
-    else:
-        p = p + np.diag(squares)
-        state = state._replace(refused_since_us=-1)
-    x, p = update(x, p, measured, np.diag(noise), H=np.eye(4))[:2]
-    return _stored(state, x, p)
+    if not _within(gains.gate, state, measured, noise):
+        if state.refused_since_us < 0:
+            return state._replace(refused_since_us=time_us)
+        if (time_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
+            return state
+        p = p + np.diag((np.array(measured) - x) ** 2)
+    x, p = update(x, p, np.array(measured), _diagonal(noise), H=UNITY)[:2]
+    return state._replace(x=tuple(x.tolist()), p=_covariance(p), refused_since_us=-1)
+
+
+def _within(gate: float, state: State, measured: Vector4, noise: Vector4) -> bool:
+    """Whether each component is within ``gate`` standard deviations of what is expected."""
+    for i, expected in enumerate(state.x):
+        off = measured[i] - expected
+        if not off * off <= gate**2 * (state.p[i][i] + noise[i]):
+            return False
+    return True
 
 
 def _message(state: State, v_air: tuple[float, float]) -> Position:

@@ -120,13 +120,15 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
     """The covariance carried to ``time_us`` (us), where the specific force has the integral ``impulse`` (m/s)."""
     p = np.array(state.covariance).reshape(STATES, STATES)
     dt = (time_us - state.time_us) * 1e-6
-    x, y, z = (new - old for new, old in zip(impulse, state.impulse, strict=True))
+    (x, y, z), (x0, y0, z0) = impulse, state.impulse
     f = UNITY.copy()
-    f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z, -y, -z, x
+    f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z - z0, -(y - y0), -(z - z0), x - x0
     f[ROTATION, BIAS] = np.array(r).reshape(3, 3) * -dt
     p = f @ p @ f.T
     attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
-    p.flat[:: STATES + 1] += (0.0, 0.0, attitude, attitude, attitude, bias, bias, bias)
+    diagonal = p.reshape(-1)[:: STATES + 1]
+    diagonal[ROTATION] += attitude
+    diagonal[BIAS] += bias
     return np.asarray(p)
 
 
@@ -134,7 +136,8 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
     """The state with the covariance ``p`` of ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
     tilt, heading = sqrt(0.5 * (flat[18] + flat[27])), sqrt(flat[36])
-    return state._replace(covariance=flat, time_us=time_us, impulse=impulse, tilt_sigma=tilt, heading_sigma=heading)
+    _, _, _, past, offset, accepted_us, agreed, _, _ = state
+    return State(flat, time_us, impulse, past, offset, accepted_us, agreed, tilt, heading)
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
@@ -206,7 +209,7 @@ def _joseph(p: Array, measured: slice, k: Array, sigmas: Array) -> Array:
 def _updated(p: Array, index: int, innovation: float, variance: float) -> Array:
     """Errors from a measurement of one of them; the covariance is updated in place."""
     k = p[:, index] / (p[index, index] + variance)
-    p -= np.outer(k, p[index])
+    p -= k[:, np.newaxis] * p[index]
     return np.asarray(k * innovation)
 
 

@@ -17,7 +17,8 @@ from typing import Annotated, NamedTuple
 
 from avionics.messages import WingState
 from avionics.quantities import Quantity
-from avionics.sensing.encoders import Counts, new
+from avionics.records import new
+from avionics.sensing.encoders import Counts
 
 TWO_PI = 2.0 * pi
 PATIENCE = 1.5
