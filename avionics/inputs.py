@@ -78,6 +78,8 @@ PAYLOADS: dict[CommandKind, Any] = {
 
 def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> None:
     """Log and apply everything that came since the last tick."""
+    if not inputs:
+        return
     time_us = max(s.clock.time_us, 0)
     for entry in inputs:
         if isinstance(entry, PilotInput):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 
 TWO_PI = 2.0 * math.pi
@@ -18,7 +19,10 @@ def clip(value: float, low: float, high: float) -> float:
 def slew(previous: float, wanted: float, rate: float, dt: float) -> float:
     """Move from ``previous`` toward ``wanted`` by at most ``rate`` per second over ``dt`` s."""
     step = rate * dt
-    return clip(wanted, previous - step, previous + step)
+    low, high = previous - step, previous + step
+    if wanted > high:
+        return high
+    return wanted if wanted > low else low
 
 
 def wrap(angle: float) -> float:
@@ -41,9 +45,9 @@ def fade_out(value: float, time_constant: float, dt: float) -> float:
 
 def between_points(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
     """Linear interpolation of (``xs`` rising, ``ys``), held at both ends."""
-    if x <= xs[0]:
+    i = bisect_left(xs, x)
+    if i == 0:
         return ys[0]
-    for i in range(1, len(xs)):
-        if x <= xs[i]:
-            return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1])
-    return ys[-1]
+    if i == len(xs):
+        return ys[-1]
+    return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1])

@@ -11,6 +11,7 @@ from avionics.messages import Failsafe, PilotSource
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
 
+NO_PILOT = PilotSource.NONE
 TRAVEL_MARGIN = 0.2
 """rad; beyond a wing's travel, for a slack linkage"""
 FORCE_MARGIN = 3.0
@@ -66,7 +67,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         fence_clearance=s.fence_clearance if s.fence.zones and position_usable(s) else math.inf,
         fence_floor=s.fence.floor,
         fence_ceiling=s.fence.ceiling,
-        pilot_lost=int(s.ways_in.source == PilotSource.NONE),
+        pilot_lost=int(s.ways_in.source == NO_PILOT),
         kill_switch=int(pilot.kill_switch(s.ways_in)),
         sensed=sensed(s),
         turn_rate=max(abs(s.attitude.roll_rate), abs(s.attitude.pitch_rate), abs(s.attitude.yaw_rate)),

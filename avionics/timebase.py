@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from avionics.records import new
+
 BASE_RATE = 200
 """Hz; of the IMU, one tick per sample"""
 LONGEST_STEP = 0.1
@@ -47,9 +49,11 @@ def advance(clock: Clock, time_us: int) -> Clock:
             dt_50, last_50 = step_of(last_50, time_us), time_us
         if ticks % 10 == 0:
             dt_20, last_20 = step_of(last_20, time_us), time_us
-    return Clock(ticks, time_us, step_of(last_us, time_us), last_100, last_50, last_20, dt_100, dt_50, dt_20)
+    dt = step_of(last_us, time_us)
+    return new(Clock, (ticks, time_us, dt, last_100, last_50, last_20, dt_100, dt_50, dt_20))
 
 
 def step_of(last_us: int, time_us: int) -> float:
     """Seconds between two sensor times, at most `LONGEST_STEP`."""
-    return min((time_us - last_us) * 1e-6, LONGEST_STEP)
+    step = (time_us - last_us) * 1e-6
+    return step if step < LONGEST_STEP else LONGEST_STEP

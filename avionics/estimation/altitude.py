@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from avionics.messages import AirData, Altitude
 from avionics.quantities import Quantity
+from avionics.records import new
 
 LONGEST_STEP = 0.5
 """s; between updates"""
@@ -64,7 +65,7 @@ class State(NamedTuple):
 def accumulate(state: State, accel_down: float) -> State:
     """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS."""
     time_us, x, p, total, count, refused, innovation, climbs = state
-    return State(time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs)
+    return new(State, (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs))
 
 
 def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:

@@ -63,6 +63,10 @@ class Phase(IntEnum):
     AFTER = 4
 
 
+IDLE, SETTLE = Phase.IDLE, Phase.SETTLE
+"""looked up once: a member of an enum costs as much as a call"""
+
+
 class State(NamedTuple):
     """What the excitation remembers."""
 
@@ -165,17 +169,17 @@ def harmonics(excitation: Excitation) -> tuple[int, int]:
 
 def running(state: State) -> int:
     """1 while a manoeuvre runs, its settling time included."""
-    return int(state.phase >= Phase.SETTLE)
+    return int(state.phase >= SETTLE)
 
 
 def recovering(state: State) -> bool:
     """Whether the loops seek the trim that the manoeuvre to come will freeze."""
-    return state.phase == Phase.RECOVER and state.asked is not None and not state.asked.loops
+    return state.asked is not None and state.phase == Phase.RECOVER and not state.asked.loops
 
 
 def frozen(state: State) -> int:
     """1 while the altitude and pitch loops are to hold their trim."""
-    return int(state.phase >= Phase.SETTLE and state.asked is not None and not state.asked.loops)
+    return int(state.asked is not None and state.phase >= SETTLE and not state.asked.loops)
 
 
 def roll_frozen(state: State) -> int:
@@ -197,7 +201,7 @@ def start(state: State, excitation: Excitation) -> State:
 
 def stop(state: State) -> State:
     """End whatever runs, counted as finished; the loops fly again at once."""
-    return state if state.phase == Phase.IDLE else _finish(state, aborted=0)
+    return state if state.phase == IDLE else _finish(state, aborted=0)
 
 
 def _finish(state: State, aborted: int) -> State:

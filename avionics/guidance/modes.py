@@ -26,6 +26,8 @@ PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
 RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
+WAIT_LAUNCH, EN_ROUTE = Stage.WAIT_LAUNCH, Stage.EN_ROUTE
+"""looked up once: a member of an enum costs as much as a call"""
 
 
 class Notice(NamedTuple):
@@ -291,7 +293,7 @@ def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
 
 
 def _stages(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
-    if state.stage == Stage.WAIT_LAUNCH:
+    if state.stage == WAIT_LAUNCH:
         return _watch_launch(gains, state, dt, seen)
     if state.stage in AIRBORNE:
         return _watch_touchdown(gains, state, dt, seen)
@@ -347,11 +349,11 @@ def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) ->
     still = slow and abs(seen.climb_rate) < gains.touchdown_climb and not (landing and seen.above_flare)
     # A float sinks slowly, but it sinks.
     still = still and (state.still_time == 0.0 or abs(seen.altitude - state.still_altitude) < STILL_TRAVEL)
-    if state.still_time == 0.0:
-        state = state._replace(still_altitude=seen.altitude)
+    since = seen.altitude if state.still_time == 0.0 else state.still_altitude
     lasted = state.still_time + dt if still else 0.0
+    state = state._replace(still_time=lasted, still_altitude=since)
     if lasted < (gains.touchdown_time if landing else gains.crash_time):
-        return _follow_navigation(state._replace(still_time=lasted), seen)
+        return _follow_navigation(state, seen)
     landed = state._replace(stage=int(Stage.LANDED), armed=0, still_time=0.0)
     return landed, (_on_the_ground(landing, state.mode),)
 
@@ -366,10 +368,10 @@ def _on_the_ground(landing: bool, mode: int) -> Notice:
 
 def _follow_navigation(state: State, seen: Conditions) -> Outcome:
     """In a guided mode the airborne stage is the navigation's, else it is EN_ROUTE."""
-    wanted = Stage(seen.wanted_stage) if state.mode in GUIDED else Stage.EN_ROUTE
+    wanted = seen.wanted_stage if state.mode in GUIDED else EN_ROUTE
     if wanted == state.stage or wanted not in AIRBORNE:
         return state, ()
-    return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {wanted.name}"),)
+    return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {Stage(wanted).name}"),)
 
 
 class Action(IntEnum):

@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import TWO_PI, between_points, clip, slew
 from avionics.messages import FlapCommand
 from avionics.quantities import BadInput, Quantity
+from avionics.records import new
 
 DRIVES = ("servo", "motor")
 
@@ -101,13 +102,10 @@ def step(
     full = between_points(throttle, gains.throttle_points, gains.amplitude_points) if flapping else state.amplitude
     amplitude = full * envelope
     swing = amplitude * math.sin(phase)
-    stroke = Stroke(
-        clip(mean + swing * (1.0 + asymmetry), gains.travel_min, gains.travel_max),
-        clip(mean + swing * (1.0 - asymmetry), gains.travel_min, gains.travel_max),
-        0.0,
-    )
-    flap = FlapCommand(time_us, frequency, amplitude, mean, phase, asymmetry)
-    return State(phase, frequency, envelope, full), flap, stroke
+    left = clip(mean + swing * (1.0 + asymmetry), gains.travel_min, gains.travel_max)
+    right = clip(mean + swing * (1.0 - asymmetry), gains.travel_min, gains.travel_max)
+    flap = new(FlapCommand, (time_us, frequency, amplitude, mean, phase, asymmetry))
+    return new(State, (phase, frequency, envelope, full)), flap, new(Stroke, (left, right, 0.0))
 
 
 def _frequency(gains: Gains, state: State, dt: float, wanted: float, envelope: float) -> float:

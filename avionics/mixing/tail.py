@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, slew
 from avionics.quantities import Quantity
+from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -75,11 +76,8 @@ def step(gains: Gains, state: State, dt: float, asked: Asked) -> tuple[State, Ta
     wanted_rudder = clip(rudder_alone + asked.added_rudder, -gains.rudder_max, gains.rudder_max)
     elevator = slew(state.elevator, wanted_elevator, gains.servo_rate, dt)
     rudder = slew(state.rudder, wanted_rudder, gains.servo_rate, dt)
-    tail = Tail(
-        elevator,
-        rudder,
-        gains.asymmetry_share * asked.roll_command,
-        elevator - asked.elevator if asked.exciting else 0.0,
-        rudder - rudder_alone if asked.added_rudder else 0.0,
-    )
-    return State(elevator, rudder), tail
+    applied_elevator = elevator - asked.elevator if asked.exciting else 0.0
+    applied_rudder = rudder - rudder_alone if asked.added_rudder else 0.0
+    asymmetry = gains.asymmetry_share * asked.roll_command
+    tail = new(Tail, (elevator, rudder, asymmetry, applied_elevator, applied_rudder))
+    return new(State, (elevator, rudder)), tail

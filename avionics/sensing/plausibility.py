@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 from avionics.quantities import Quantity
+from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -142,14 +143,14 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
     Returns the new state, the frame with refused samples taken out (a refused IMU sample stays in it, bit 0 of
     `State.bad` tells), and the names of the sensors that have just gone bad.
     """
-    imu = frame.imu
+    imu, full = frame.imu, gains.accel_full
     inertial = imu[1:7]
     repeated = state.repeated + 1 if inertial == state.inertial else 0
     bad = 0 if repeated < gains.imu_repeats and imu_plausible(gains, imu) else 1
-    full = gains.accel_full
-    within = -full < imu[1] < full and -full < imu[2] < full and -full < imu[3] < full
+    x, y, z, _, _, _ = inertial
+    within = -full < x < full and -full < y < full and -full < z < full
     saturated = 0 if within or bad else state.saturated + 1
-    encoder, pressures, adc, torque, gps = frame.encoder, frame.pressures, frame.adc, frame.torque, frame.gps
+    _, _, encoder, pressures, adc, torque, gps, _ = frame
     if encoder is not None:
         bad |= 0 if encoder_plausible(gains, state, encoder) else 2
     if pressures is not None:
@@ -196,7 +197,7 @@ def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State
     encoder, gps = frame.encoder, frame.gps
     sampled = 1 | (2 if encoder else 0) | (4 if frame.pressures else 0)
     sampled |= (8 if frame.adc else 0) | (16 if frame.torque else 0) | (32 if gps else 0)
-    return State(
+    return new(State, (
         state.rejected,
         (state.bad & ~sampled) | bad,
         state.imu_time_us if bad & 1 else frame.time_us,
@@ -205,7 +206,7 @@ def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State
         frame.time_us if gps and not bad & 32 and gps.fix_type >= 2 else state.gps_time_us,
         0,
         *health,
-    )
+    ))  # fmt: skip
 
 
 def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:

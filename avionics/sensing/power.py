@@ -20,6 +20,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, low_pass
 from avionics.messages import AdcBurst, PowerState
 from avionics.quantities import Quantity
+from avionics.records import new
 
 LONGEST_GAP = 1.0
 """s; between bursts, over which the last power is held when it is integrated"""
@@ -202,14 +203,14 @@ def step(
     if battery.time_us < 0 or time_us - battery.time_us >= BATTERY_US:
         battery = watched(gains, battery, time_us, charge, voltage, current)
         clipped += beyond_range(gains, burst)
-    state = State(
+    state = new(State, (
         max(last_us, time_us), charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero,
         zero_span, battery, clipped,
-    )  # fmt: skip
-    return state, PowerState(
+    ))  # fmt: skip
+    return state, new(PowerState, (
         time_us, voltage, current, power, charge, energy, energy_per_stroke, battery.remaining,
         battery.open_circuit, battery.resistance or gains.resistance, zero, clipped,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def learned_zero(gains: Gains, zero: float, span: float, current: float, dt: float) -> tuple[float, float]:

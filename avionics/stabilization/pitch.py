@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, fade_out, low_pass
 from avionics.messages import PitchStatus
 from avionics.quantities import Quantity
+from avionics.records import new
 from avionics.stabilization import stroke_filter
 
 
@@ -96,7 +97,8 @@ def step(
     )
     mean = low_pass(state.elevator_mean, elevator, gains.trim_time, dt)
     status = PitchStatus(time_us, setpoint, error, proportional, grown, damping, elevator, int(saturated))
-    return state._replace(integral=grown, elevator_mean=mean, bridge=bridge), status
+    _, _, rate, pitch, pitch_notch, rate_notch, _ = state
+    return new(State, (grown, mean, rate, pitch, pitch_notch, rate_notch, bridge)), status
 
 
 def hold(
@@ -125,9 +127,10 @@ def follow(
 
 
 def _observe(gains: Gains, state: State, dt: float, measured: Measured) -> State:
-    frequency, width = measured.wing_frequency, gains.notch_width
-    pitch_notch, pitch = stroke_filter.step(state.pitch_notch, measured.pitch, frequency, width, dt)
-    rate_notch, rate = stroke_filter.step(state.rate_notch, measured.pitch_rate, frequency, width, dt)
+    notch = stroke_filter.notch(measured.wing_frequency, gains.notch_width, dt)
+    integral, elevator_mean, last_rate, _, pitch_notch, rate_notch, bridge = state
+    pitch_notch, pitch = stroke_filter.step(pitch_notch, measured.pitch, notch)
+    rate_notch, rate = stroke_filter.step(rate_notch, measured.pitch_rate, notch)
     if gains.rate_lag > 0.0:
-        rate = low_pass(state.rate, rate, gains.rate_lag, dt)
-    return State(state.integral, state.elevator_mean, rate, pitch, pitch_notch, rate_notch, state.bridge)
+        rate = low_pass(last_rate, rate, gains.rate_lag, dt)
+    return new(State, (integral, elevator_mean, rate, pitch, pitch_notch, rate_notch, bridge))

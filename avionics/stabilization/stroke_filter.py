@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from avionics.records import new
+
 
 class State(NamedTuple):
     """Transposed direct form II memory of the notch."""
@@ -21,23 +23,32 @@ class State(NamedTuple):
     """-; 1 once the memory holds a signal"""
 
 
-def step(state: State, signal: float, frequency: float, width: float, dt: float) -> tuple[State, float]:
-    """Filter ``signal`` by a notch at ``frequency`` Hz with damping ratio ``width``, sampled every ``dt`` s.
+Notch = tuple[float, float, float]
+"""coefficients b0 = b2, b1 = a1 and a2 over a0"""
 
-    A frequency or a width of 0 passes the signal on. Bilinear transform of
-    (s^2 + w^2) / (s^2 + 2 width w s + w^2), its centre pre-warped to be exact.
+
+def notch(frequency: float, width: float, dt: float) -> Notch | None:
+    """The notch at ``frequency`` Hz with damping ratio ``width``, sampled every ``dt`` s.
+
+    A frequency or a width of 0 gives none. Bilinear transform of (s^2 + w^2) / (s^2 + 2 width w s + w^2), its centre
+    pre-warped to be exact.
     """
     if frequency * dt < 1e-4 or frequency * dt > 0.45 or width <= 0.0:
-        return State(), signal
+        return None
     k = math.tan(math.pi * frequency * dt)
     kk = k * k
     norm = 1.0 / (1.0 + 2.0 * width * k + kk)
-    b0 = (1.0 + kk) * norm
-    b1 = 2.0 * (kk - 1.0) * norm
-    a2 = (1.0 - 2.0 * width * k + kk) * norm
+    return (1.0 + kk) * norm, 2.0 * (kk - 1.0) * norm, (1.0 - 2.0 * width * k + kk) * norm
+
+
+def step(state: State, signal: float, coefficients: Notch | None) -> tuple[State, float]:
+    """Filter ``signal`` by what `notch` gives; None passes it on."""
+    if coefficients is None:
+        return State(), signal
+    b0, b1, a2 = coefficients
     if not state.running:
         # The memory of a signal that has always had this value: no jump when the wings start.
         state = State(signal * (1.0 - b0), signal * (b0 - a2), 1)
     filtered = b0 * signal + state.first
     first = b1 * (signal - filtered) + state.second
-    return State(first, b0 * signal - a2 * filtered, 1), filtered
+    return new(State, (first, b0 * signal - a2 * filtered, 1)), filtered

@@ -18,10 +18,15 @@ from avionics.messages import (
     Severity,
     Stage,
 )
+from avionics.records import new
 from avionics.situation import conditions, ground_motion, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
+EN_ROUTE, WAIT_LAUNCH, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.FLARE
+MANUAL, STABILIZED = Mode.MANUAL, Mode.STABILIZED
+EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
+"""modes in which an excitation may be flown"""
 JAMMED_SINK = 0.8
 """m/s; of a landing without an elevator: there is no flare"""
 JAMMED_SHARE = 0.2
@@ -49,7 +54,7 @@ def note_breach(s: AutopilotState) -> None:
 
 def navigation(s: AutopilotState, publish: Publish) -> None:
     """Mission items and modes -> altitude and heading to fly."""
-    if s.modes.stage == Stage.WAIT_LAUNCH or s.modes.stage in AIRBORNE:
+    if s.modes.stage == WAIT_LAUNCH or s.modes.stage in AIRBORNE:
         item = s.navigation.item
         s.navigation, s.target = navigator.step(
             s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
@@ -80,12 +85,12 @@ def navigation_status(s: AutopilotState) -> NavigationStatus:
 def excitation(s: AutopilotState, publish: Publish) -> None:
     """Identification inputs, as the navigation asks for them."""
     asked = s.target.excitation
-    if s.modes.stage != Stage.EN_ROUTE or s.modes.mode not in (Mode.AUTO, Mode.ALTITUDE_HOLD):
+    if asked is not None and (s.modes.stage != EN_ROUTE or s.modes.mode not in EXCITED):
         asked = None
-    waiting = s.excitation.phase == excitation_input.Phase.IDLE and s.excitation.finished == s.navigation.excitations
-    if asked is not None and waiting:
+    idle = s.excitation.phase == excitation_input.IDLE
+    if asked is not None and idle and s.excitation.finished == s.navigation.excitations:
         s.excitation = excitation_input.start(s.excitation, asked)
-    flown = excitation_input.Flown(s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
+    flown = new(excitation_input.Flown, (s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude))
     aborted = s.excitation.aborted
     s.excitation, s.excited = excitation_input.step(
         s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
@@ -129,17 +134,17 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
     mode, stage = s.modes.mode, s.modes.stage
     if not s.modes.armed:
         return altitude_loop.Asked(0.0, trim)
-    if mode == Mode.MANUAL:
+    if mode == MANUAL:
         return altitude_loop.Asked(s.pilot.throttle, trim)
-    if mode == Mode.STABILIZED:
+    if mode == STABILIZED:
         return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
-    if stage == Stage.WAIT_LAUNCH:
+    if stage == WAIT_LAUNCH:
         return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
     if s.modes.cut:
-        if stage == Stage.FLARE:
+        if stage == FLARE:
             return flared(s)._replace(throttle=0.0)
         return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
-    if stage == Stage.FLARE and not s.tail_check.jammed:
+    if stage == FLARE and not s.tail_check.jammed:
         return flared(s)
     return None
 
@@ -164,7 +169,7 @@ def lateral(s: AutopilotState, publish: Publish) -> None:
 
 def asked_roll(s: AutopilotState) -> float | None:
     """Roll setpoint (rad) that bypasses the heading loop; None when the loop flies."""
-    if s.modes.stage not in AIRBORNE or s.modes.stage == Stage.FLARE or s.modes.mode == Mode.MANUAL:
+    if s.modes.stage not in AIRBORNE or s.modes.stage == FLARE or s.modes.mode == MANUAL:
         return 0.0
     if s.modes.mode in GUIDED or s.target.excitation is not None:
         return None

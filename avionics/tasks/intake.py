@@ -20,20 +20,20 @@ from avionics.topics import Publish
 TICK = 1.0 / BASE_RATE
 """s"""
 RECORDED = (
-    ("encoder", topics.ENCODER),
-    ("pressures", topics.PRESSURES),
-    ("adc", topics.ADC),
-    ("torque", topics.TORQUE_RAW),
-    ("gps", topics.GPS),
-    ("receiver", topics.RECEIVER),
+    topics.IMU,
+    topics.ENCODER,
+    topics.PRESSURES,
+    topics.ADC,
+    topics.TORQUE_RAW,
+    topics.GPS,
+    topics.RECEIVER,
 )
+"""topics of a frame's samples, in the order of its fields"""
 
 
 def record_frame(publish: Publish, frame: SensorFrame) -> None:
     """The sensors as they came, refused samples too: a replay needs what the flight was given."""
-    publish(topics.IMU, frame.imu)
-    for name, topic in RECORDED:
-        sample = getattr(frame, name)
+    for topic, sample in zip(RECORDED, frame[1:], strict=True):
         if sample is not None:
             publish(topic, sample)
 

@@ -10,10 +10,12 @@ from avionics.messages import (
     Mode,
 )
 from avionics.mixing import flapping, tail
+from avionics.records import new
 from avionics.sensing import wing_check
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
+MANUAL = Mode.MANUAL
 BESIDE_RATE = 3.0
 """rad/s; of the wing that joins a jammed one"""
 
@@ -24,10 +26,10 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         stop(s, publish)
         return
     clock, added = s.clock, s.excited
-    yaw_stick = s.pilot.yaw if s.modes.mode == Mode.MANUAL and s.modes.armed else 0.0
-    asked = tail.Asked(
+    yaw_stick = s.pilot.yaw if s.modes.mode == MANUAL and s.modes.armed else 0.0
+    asked = new(tail.Asked, (
         s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
-    )
+    ))  # fmt: skip
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
     powered = s.modes.armed and not s.modes.cut
     throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if powered else 0.0
@@ -38,14 +40,9 @@ def mix(s: AutopilotState, publish: Publish) -> None:
     )
     if s.modes.cut and s.wing_check.jammed in (wing_check.LEFT, wing_check.RIGHT):
         stroke = beside_jammed(s, stroke)
-    s.actuators = ActuatorCommand(
-        clock.time_us,
-        stroke.left,
-        stroke.right,
-        stroke.throttle,
-        moved.elevator,
-        moved.rudder,
-        s.modes.armed,
+    left, right, motor = stroke
+    s.actuators = new(
+        ActuatorCommand, (clock.time_us, left, right, motor, moved.elevator, moved.rudder, s.modes.armed)
     )
     publish(topics.FLAP, flap)
     publish(topics.ACTUATORS, s.actuators)

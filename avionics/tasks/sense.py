@@ -6,17 +6,20 @@ from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, say
 from avionics.messages import Mode, Severity, Stage
+from avionics.records import new
 from avionics.sensing import air_data, airspeed_check, drive_torque, encoders, tail_check, wing_angle, wing_check
 from avionics.sensing import power as power_meter
 from avionics.sensing.plausibility import gps_age
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
+ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
+
 
 def power(s: AutopilotState, publish: Publish) -> None:
     """Power of the drives, at each burst of the ADC; the current's zero is learned while disarmed."""
     if s.frame.adc is not None:
-        resting = not s.modes.armed and s.modes.stage == Stage.ON_GROUND
+        resting = not s.modes.armed and s.modes.stage == ON_GROUND
         clipped = s.power.clipped
         beat = power_meter.Beat(s.wing.strokes, s.wing.frequency)
         s.power, s.power_state = power_meter.step(s.gains.power, s.power, s.frame.adc, beat, resting)
@@ -36,7 +39,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
         s.encoders, counts = encoders.silence(s.encoders, s.clock.time_us)
     else:
         return
-    commanded = wing_angle.Commanded(asked.frequency, asked.phase)
+    commanded = new(wing_angle.Commanded, (asked.frequency, asked.phase))
     s.wing_angle, s.wing = wing_angle.step(gains, s.wing_angle, counts, commanded)
     publish(topics.WING, s.wing)
     if s.wing[-3:] != before[-3:]:
@@ -47,7 +50,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
 def air(s: AutopilotState, publish: Publish) -> None:
     """Airspeed and pressure altitude, at each pressure sample; the pitot's zero is learned while disarmed."""
     if s.frame.pressures is not None:
-        on_ground = not s.modes.armed and s.modes.stage == Stage.ON_GROUND
+        on_ground = not s.modes.armed and s.modes.stage == ON_GROUND
         s.air_data, measured = air_data.step(s.gains.air_data, s.air_data, s.frame.pressures, on_ground)
         fresh = s.fix is not None and gps_age(s.plausibility, s.clock.time_us) < s.gains.modes.gps_loss_delay
         motion = airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw) if s.fix and fresh else None
@@ -93,7 +96,7 @@ def wings(s: AutopilotState, publish: Publish) -> None:
 
 def tail(s: AutopilotState, publish: Publish) -> None:
     """Whether the tail answers."""
-    closed = s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL and not s.modes.cut
+    closed = s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not s.modes.cut
     s.tail_check = tail_check.step(
         s.gains.tail_check, s.tail_check, s.clock.dt_50, s.elevator.pitch_error, closed and not s.excited.active
     )

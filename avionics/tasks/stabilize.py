@@ -14,13 +14,13 @@ from avionics.stabilization import roll as roll_loop
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
-IMU_FAULT = int(Failsafe.IMU_FAULT)
+IMU_FAULT, MANUAL = int(Failsafe.IMU_FAULT), Mode.MANUAL
 
 
 def loops_closed(s: AutopilotState) -> bool:
     """Whether the attitude loops fly: not on the ground or on the hand, not in MANUAL, and not without an IMU."""
     blind = s.modes.failsafe & IMU_FAULT
-    return s.modes.stage in AIRBORNE and s.modes.mode != Mode.MANUAL and not blind
+    return s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not blind
 
 
 def pitch(s: AutopilotState, publish: Publish) -> None:
@@ -29,7 +29,7 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
     measured = pitch_loop.Measured(s.attitude.pitch, s.attitude.pitch_rate, s.wing.frequency, s.attitude.roll)
     setpoint = s.vertical.pitch_setpoint
     if not loops_closed(s):
-        stick = s.pilot.pitch if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
+        stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
         elevator = gains.elevator_trim + gains.elevator_max * stick
         s.pitch_loop, s.elevator = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
     elif excitation_input.frozen(s.excitation):
@@ -43,11 +43,11 @@ def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
     gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.lateral.roll_setpoint
     measured = (s.attitude.roll, s.attitude.roll_rate)
-    if loops_closed(s) and excitation_input.roll_frozen(s.excitation):
-        s.roll_loop, s.roll_command = roll_loop.hold(gains, state, time_us, setpoint, measured)
-    elif loops_closed(s):
-        s.roll_loop, s.roll_command = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
-    else:
-        stick = s.pilot.roll if s.modes.armed and s.modes.mode == Mode.MANUAL else 0.0
+    if not loops_closed(s):
+        stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
         s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)
+    elif excitation_input.roll_frozen(s.excitation):
+        s.roll_loop, s.roll_command = roll_loop.hold(gains, state, time_us, setpoint, measured)
+    else:
+        s.roll_loop, s.roll_command = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
     publish(topics.ROLL_LOOP, s.roll_command)

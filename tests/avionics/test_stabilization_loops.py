@@ -80,8 +80,9 @@ def test_frozen_pitch_holds_the_mean_elevator_whatever_happens() -> None:
 
 def notch_gain(signal_hz: float, notch_hz: float, width: float = 0.4) -> float:
     state, peak = stroke_filter.State(), 0.0
+    notch = stroke_filter.notch(notch_hz, width, DT)
     for i in range(1500):
-        state, y = stroke_filter.step(state, math.sin(2 * math.pi * signal_hz * i * DT), notch_hz, width, DT)
+        state, y = stroke_filter.step(state, math.sin(2 * math.pi * signal_hz * i * DT), notch)
         peak = max(peak, abs(y)) if i > 1000 else 0.0
     return peak
 
@@ -93,17 +94,16 @@ def test_notch_takes_out_the_wing_frequency_and_leaves_slow_motion() -> None:
 
 
 def test_notch_starts_without_a_jump() -> None:
-    state, first = stroke_filter.step(stroke_filter.State(), 0.4, 4.0, 0.4, DT)
-    _, second = stroke_filter.step(state, 0.4, 4.0, 0.4, DT)
+    notch = stroke_filter.notch(4.0, 0.4, DT)
+    state, first = stroke_filter.step(stroke_filter.State(), 0.4, notch)
+    _, second = stroke_filter.step(state, 0.4, notch)
     assert (first, second) == (pytest.approx(0.4), pytest.approx(0.4))
 
 
 @pytest.mark.parametrize("frequency", [0.0, 60.0])
 def test_notch_passes_when_it_cannot_be_placed(frequency: float) -> None:
-    assert stroke_filter.step(stroke_filter.State(0.3, 0.2, 1), 0.7, frequency, 0.4, DT) == (
-        stroke_filter.State(),
-        0.7,
-    )
+    notch = stroke_filter.notch(frequency, 0.4, DT)
+    assert stroke_filter.step(stroke_filter.State(0.3, 0.2, 1), 0.7, notch) == (stroke_filter.State(), 0.7)
 
 
 def test_elevator_is_not_shaken_by_the_flapping() -> None:

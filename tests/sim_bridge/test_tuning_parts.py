@@ -62,7 +62,9 @@ def test_the_notch_is_the_filter_that_flies() -> None:
         state, out = stroke_filter.State(), []
         times = np.arange(6000) * dt
         for time in times:
-            state, value = stroke_filter.step(state, math.sin(omega * time), frequency, width, dt)
+            state, value = stroke_filter.step(
+                state, math.sin(omega * time), stroke_filter.notch(frequency, width, dt)
+            )
             out.append(value)
         late = times > 30.0
         basis = np.column_stack((np.sin(omega * times), np.cos(omega * times)))[late]
