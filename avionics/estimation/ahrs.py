@@ -443,11 +443,9 @@ def _corrected(
         p = velocity_aiding.rested(p, gain, gains.rest_noise)
     aid = velocity_aiding.kept(aid, p, flight.time_us, impulse)
     tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
-    corrected = _remembered(gains, last, view, turn)._replace(
-        bias=_limited(bias, gains.bias_limit), impulse=impulse,
-        tilt_sigma=tilt_sigma, heading_sigma=heading_sigma, aided=int(flight.aided),
-        disturbed=int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time),
-    )  # fmt: skip
+    disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
+    sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
+    corrected = _remembered(gains, last.doubt, view, turn, (_limited(bias, gains.bias_limit), impulse, sure))
     return orthonormalised(multiply(turn, r)), corrected, aid
 
 
@@ -502,16 +500,24 @@ def _by_view(
     return turn, bias, velocity_aiding.relaxed(p, r, shares, rates, (doubt, doubt, gains.field_noise))
 
 
-def _remembered(gains: AhrsGains, last: Correction, view: View, turn: Matrix) -> Correction:
-    """What the next block needs of this one, in axes after its correction; bias and impulse are the caller's."""
-    size = hypot(view.north, view.east)
-    doubt = last.doubt + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
+def _remembered(
+    gains: AhrsGains,
+    doubt: float,
+    view: View,
+    turn: Matrix,
+    known: tuple[Vector, Vector, tuple[float, float, int, int]],
+) -> Correction:
+    """What the next block needs of this one, in axes after its correction; ``doubt`` is the last one's.
+
+    ``known`` are bias, impulse, and what `Correction` ends with: the sigmas, whether disturbed, whether aided.
+    """
+    size, (bias, impulse, sure) = hypot(view.north, view.east), known
+    doubt = doubt + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # A block seen through a grossly wrong matrix cannot be joined to the next one.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
-    return last._replace(
-        joined=joined, force=rotate(turn, view.rising), velocity=rotate(turn, view.velocity), age=view.age,
-        doubt=doubt, field=view.reference, refused=view.refused, tilt_error=size, heading_error=view.heading_error,
-        window=view.length,
+    return Correction(
+        bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, doubt, impulse,
+        view.reference, view.refused, size, view.heading_error, view.length, *sure,
     )  # fmt: skip
 
 

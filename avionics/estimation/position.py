@@ -172,7 +172,8 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
         if fix.fix_type < THREE_DIMENSIONAL:
             return state
         state = _at_home(state, fix, noise)
-    state = state._replace(fix_us=fix.time_us, slow_variance=slow)
+    _, x, p, home, valid, refused_since_us, _, _, past = state
+    state = State(state.time_us, x, p, home, valid, refused_since_us, fix.time_us, slow, past)
     v_air = state.past[0] if state.past else (fix.v_north, fix.v_east)
     north, east = to_local(state.home, fix.latitude, fix.longitude)
     measured = (
@@ -209,7 +210,8 @@ def _updated(gains: Gains, state: State, time_us: int, measured: Vector4, noise:
             return state
         p = p + np.diag((np.array(measured) - x) ** 2)
     x, p = update(x, p, np.array(measured), _diagonal(noise), H=UNITY)[:2]
-    return state._replace(x=tuple(x.tolist()), p=_covariance(p), refused_since_us=-1)
+    last_us, _, _, home, valid, _, fix_us, slow_variance, past = state
+    return State(last_us, tuple(x.tolist()), _covariance(p), home, valid, -1, fix_us, slow_variance, past)
 
 
 def _within(gate: float, state: State, measured: Vector4, noise: Vector4) -> bool:

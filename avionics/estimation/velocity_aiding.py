@@ -113,7 +113,9 @@ def start(time_us: int) -> State:
 def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> State:
     """Keep the impulse (m/s, earth axes) at this moment, to be asked for when a fix of now arrives."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
-    return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
+    covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma = state
+    past = (*past, Moment(time_us, impulse))[-kept:]
+    return State(covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma)
 
 
 def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:

@@ -111,7 +111,7 @@ def _watched(gains: Gains, state: State, dt: float, still: bool, apart: bool) ->
     still_time = state.still + dt if still else 0.0
     apart_time = state.apart + dt if apart else 0.0
     blocked = still_time >= gains.standstill_time or apart_time >= gains.difference_time
-    return state._replace(still=still_time, apart=apart_time, agreeing=0.0, blocked=int(blocked))
+    return State(state.wind_north, state.wind_east, state.span, still_time, apart_time, 0.0, int(blocked))
 
 
 def _recovering(gains: Gains, state: State, dt: float, agrees: bool) -> State:
@@ -125,8 +125,7 @@ def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Mot
     span = min(state.span + dt, gains.wind_time)
     north = motion.v_north - airspeed * cos(motion.yaw)
     east = motion.v_east - airspeed * sin(motion.yaw)
-    return state._replace(
-        wind_north=low_pass(state.wind_north, north, span, dt) if state.span else north,
-        wind_east=low_pass(state.wind_east, east, span, dt) if state.span else east,
-        span=span,
-    )
+    if state.span:
+        north = low_pass(state.wind_north, north, span, dt)
+        east = low_pass(state.wind_east, east, span, dt)
+    return State(north, east, span, state.still, state.apart, state.agreeing, state.blocked)

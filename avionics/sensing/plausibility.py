@@ -100,8 +100,10 @@ def adc_plausible(burst: AdcBurst) -> bool:
     samples = len(voltage)
     if not samples or samples != len(current):
         return False
+    whole = f"{samples}H"
     try:
-        struct.pack(f"{2 * samples}H", *voltage, *current)
+        struct.pack(whole, *voltage)
+        struct.pack(whole, *current)
     except struct.error:
         return False
     return True

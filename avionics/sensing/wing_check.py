@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import low_pass
 from avionics.quantities import Quantity
+from avionics.records import new
 
 LEFT, RIGHT = 1, 2
 """flags of the wings"""
@@ -83,6 +84,8 @@ class Seen(NamedTuple):
     """-; 1 while the wings are told to flap"""
     valid: int = LEFT | RIGHT
     """-; flags of the encoders that are believed"""
+    angles: tuple[float, float] = (0.0, 0.0)
+    """rad; left and right by the encoder, kept for the next rates"""
 
 
 def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
@@ -99,7 +102,9 @@ def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
     usual = low_pass(state.usual or current, current, gains.usual_time, dt) if both_move else state.usual
     doubted = state.doubted + dt if seen.valid != LEFT | RIGHT else 0.0
     lost = (LEFT | RIGHT) & ~(seen.valid | state.jammed) if doubted >= gains.verdict_time else 0
-    state = State(left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed)
+    state = new(State, (
+        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed, seen.angles
+    ))  # fmt: skip
     return _judged(gains, state) if judged and not both_move else state
 
 

@@ -89,9 +89,9 @@ def wings(s: AutopilotState, publish: Publish) -> None:
     dt = s.clock.dt_50
     seen = wing_check.Seen(
         (angles[0] - before[0]) / dt, (angles[1] - before[1]) / dt, s.power_state.current,
-        s.attitude.roll_rate, told, s.wing.valid_left + 2 * s.wing.valid_right,
+        s.attitude.roll_rate, told, s.wing.valid_left + 2 * s.wing.valid_right, angles,
     )  # fmt: skip
-    s.wing_check = wing_check.step(s.gains.wing_check, state, dt, seen)._replace(angles=angles)
+    s.wing_check = wing_check.step(s.gains.wing_check, state, dt, seen)
 
 
 def tail(s: AutopilotState, publish: Publish) -> None:
