@@ -33,6 +33,7 @@ from avionics.estimation.direction_cosines import (
     rotation,
     unit,
 )
+from avionics.limits import clip
 from avionics.messages import Attitude, GpsFix, ImuSample
 from avionics.quantities import Quantity
 from avionics.records import new
@@ -415,7 +416,8 @@ def _fixed(
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
     aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
     r = orthonormalised(multiply(rotation(*errors.turn), r))
-    return r, last._replace(bias=_limited(_sum(last.bias, errors.bias), gains.bias_limit)), aid
+    bias = _limited(_sum(last.bias, errors.bias), gains.bias_limit)
+    return r, new(Correction, (bias, *last[1:])), aid
 
 
 def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
@@ -431,7 +433,8 @@ def _corrected(
     impulse = _sum(last.impulse, block.force)
     p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
     if velocity_aiding.agreeing(aid, gains.gps_patience, flight.time_us):
-        flight = flight._replace(aided=True, heading_limit=gains.heading_limit + 3.0 * aid.heading_sigma)
+        limit = gains.heading_limit + 3.0 * aid.heading_sigma
+        flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
     view = _view(gains, last, block, flight)
     if flight.aided:
         turn, bias, aid = _by_compass(gains, last, view, aid, p)
@@ -606,7 +609,7 @@ def _sum(a: Vector, b: Vector) -> Vector:
 
 
 def _limited(v: Vector, limit: float) -> Vector:
-    return (max(-limit, min(limit, v[0])), max(-limit, min(limit, v[1])), max(-limit, min(limit, v[2])))
+    return (clip(v[0], -limit, limit), clip(v[1], -limit, limit), clip(v[2], -limit, limit))
 
 
 def _wrapped(angle: float) -> float:

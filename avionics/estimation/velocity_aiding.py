@@ -126,11 +126,9 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
     f = UNITY.copy()
     f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z - z0, -(y - y0), -(z - z0), x - x0
     f[ROTATION, BIAS] = np.array(r).reshape(3, 3) * -dt
-    p = f @ p @ f.T
+    p = f.dot(p).dot(f.T)
     attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
-    diagonal = p.reshape(-1)[:: STATES + 1]
-    diagonal[ROTATION] += attitude
-    diagonal[BIAS] += bias
+    p.reshape(-1)[:: STATES + 1] += (0.0, 0.0, attitude, attitude, attitude, bias, bias, bias)
     return np.asarray(p)
 
 
@@ -158,7 +156,7 @@ def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Err
         return state._replace(offset=velocity, accepted_us=fix.time_us, agreed=0), NOTHING
     north, east = velocity[0] - state.offset[0], velocity[1] - state.offset[1]
     gate = noise.gps_gate**2
-    if north**2 > gate * (p[0, 0] + variance) or east**2 > gate * (p[1, 1] + variance):
+    if north**2 > gate * (p.item(0, 0) + variance) or east**2 > gate * (p.item(1, 1) + variance):
         return state, NOTHING
     x = _updated(p, 0, north, variance)
     x += _updated(p, 1, east - float(x[1]), variance)
@@ -210,7 +208,7 @@ def _joseph(p: Array, measured: slice, k: Array, sigmas: Array) -> Array:
 
 def _updated(p: Array, index: int, innovation: float, variance: float) -> Array:
     """Errors from a measurement of one of them; the covariance is updated in place."""
-    k = p[:, index] / (p[index, index] + variance)
+    k = p[:, index] / (p.item(index, index) + variance)
     p -= k[:, np.newaxis] * p[index]
     return np.asarray(k * innovation)
 
