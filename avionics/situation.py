@@ -120,13 +120,14 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
 def surroundings(s: AutopilotState) -> navigation.Situation:
     """What the navigation looks at."""
     usable = position_usable(s)
+    seen = heading.Measured(s.attitude.yaw, s.position.v_north, s.position.v_east, usable)
     return navigation.Situation(
         mode=s.modes.mode,
         stage=s.modes.stage,
         north=s.position.north,
         east=s.position.east,
         valid=usable,
-        heading=heading.course(s.gains.heading, ground_motion(s)),
+        heading=heading.course(s.gains.heading, seen),
         altitude=s.altitude.altitude,
         stick_pitch=s.pilot.pitch,
         excitations=s.excitation.finished,

@@ -196,19 +196,19 @@ Health = tuple[int, tuple[float, ...], int, int]
 
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
     """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
-    encoder, gps = frame.encoder, frame.gps
-    sampled = 1 | (2 if encoder else 0) | (4 if frame.pressures else 0)
-    sampled |= (8 if frame.adc else 0) | (16 if frame.torque else 0) | (32 if gps else 0)
-    return new(State, (
-        state.rejected,
-        (state.bad & ~sampled) | bad,
-        state.imu_time_us if bad & 1 else frame.time_us,
-        (encoder.left_counts, encoder.right_counts) if encoder and not bad & 2 else state.encoder,
-        0 if encoder and not bad & 2 else state.encoder_refused,
-        frame.time_us if gps and not bad & 32 and gps.fix_type >= 2 else state.gps_time_us,
-        0,
-        *health,
-    ))  # fmt: skip
+    rejected, was_bad, imu_time_us, counts, encoder_refused, gps_time_us, _, _, _, _, _ = state
+    time_us, _, encoder, pressures, adc, torque, gps, _ = frame
+    if was_bad:
+        sampled = 1 | (2 if encoder else 0) | (4 if pressures else 0)
+        sampled |= (8 if adc else 0) | (16 if torque else 0) | (32 if gps else 0)
+        was_bad &= ~sampled
+    if not bad & 1:
+        imu_time_us = time_us
+    if encoder and not bad & 2:
+        counts, encoder_refused = encoder[1:3], 0
+    if gps and not bad & 32 and gps.fix_type >= 2:
+        gps_time_us = time_us
+    return new(State, (rejected, was_bad | bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health))
 
 
 def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:
