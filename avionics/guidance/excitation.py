@@ -15,6 +15,7 @@ from avionics.guidance import multisine
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.messages import ExcitationStatus
 from avionics.quantities import Quantity
+from avionics.records import new
 
 GOLDEN_RATIO = 0.6180339887498949
 RESOLUTION = 1e-6
@@ -222,7 +223,7 @@ def step(
     """One step; what `start` began ends at once when it is no longer ``wanted``."""
     if state.asked is None or not wanted:
         state = stop(state)
-        return state, ExcitationStatus(time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted)
+        return state, new(ExcitationStatus, (time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted))
     state = _advance(gains, state._replace(elapsed=state.elapsed + dt), state.asked, flown)
     if outside(gains, state, flown):
         state = _finish(state, aborted=1)

@@ -171,7 +171,7 @@ def averages(gains: Gains, burst: AdcBurst) -> Averages:
     # (a v + b) (c i + d), its mean from exact sums of whole numbers.
     voltage, current = a * sum(voltages) / count, c * sum(currents) / count
     power = a * c * sum(map(mul, voltages, currents)) / count + d * voltage + b * current + b * d
-    return Averages(voltage + b, current + d, power)
+    return new(Averages, (voltage + b, current + d, power))
 
 
 def step(

@@ -96,7 +96,9 @@ def step(
         gains.elevator_trim + proportional + grown + damping + bridge, gains.elevator_min, gains.elevator_max
     )
     mean = low_pass(state.elevator_mean, elevator, gains.trim_time, dt)
-    status = PitchStatus(time_us, setpoint, error, proportional, grown, damping, elevator, int(saturated))
+    status = new(
+        PitchStatus, (time_us, setpoint, error, proportional, grown, damping, elevator, 1 if saturated else 0)
+    )
     _, _, rate, pitch, pitch_notch, rate_notch, _ = state
     return new(State, (grown, mean, rate, pitch, pitch_notch, rate_notch, bridge)), status
 

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
 from avionics.quantities import Quantity
+from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -49,8 +50,8 @@ def step(
         grown = state.integral
     bridge = fade_out(state.bridge, gains.release_time, dt) if state.bridge else 0.0
     command = clip(proportional + grown + damping + bridge, -1.0, 1.0)
-    status = RollStatus(time_us, setpoint, error, proportional, grown, damping, command, int(saturated))
-    return State(grown, bridge), status
+    status = new(RollStatus, (time_us, setpoint, error, proportional, grown, damping, command, 1 if saturated else 0))
+    return new(State, (grown, bridge)), status
 
 
 def hold(

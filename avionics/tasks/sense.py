@@ -21,7 +21,7 @@ def power(s: AutopilotState, publish: Publish) -> None:
     if s.frame.adc is not None:
         resting = not s.modes.armed and s.modes.stage == ON_GROUND
         clipped = s.power.clipped
-        beat = power_meter.Beat(s.wing.strokes, s.wing.frequency)
+        beat = new(power_meter.Beat, (s.wing.strokes, s.wing.frequency))
         s.power, s.power_state = power_meter.step(s.gains.power, s.power, s.frame.adc, beat, resting)
         publish(topics.POWER, s.power_state)
         if s.power.clipped and not clipped:

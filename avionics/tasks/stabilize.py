@@ -9,6 +9,7 @@ from avionics.messages import (
     Failsafe,
     Mode,
 )
+from avionics.records import new
 from avionics.stabilization import pitch as pitch_loop
 from avionics.stabilization import roll as roll_loop
 from avionics.state import AutopilotState
@@ -26,7 +27,8 @@ def loops_closed(s: AutopilotState) -> bool:
 def pitch(s: AutopilotState, publish: Publish) -> None:
     """Pitch setpoint -> elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
-    measured = pitch_loop.Measured(s.attitude.pitch, s.attitude.pitch_rate, s.wing.frequency, s.attitude.roll)
+    attitude = s.attitude
+    measured = new(pitch_loop.Measured, (attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll))
     setpoint = s.vertical.pitch_setpoint
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
