@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
 from avionics.messages import AirData, Altitude
@@ -84,6 +83,8 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
         return state, _message(state, state.x[1])
+    from filterpy.kalman import predict, update  # takes a second, which a reader of the gains need not wait for
+
     accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
     x, p = predict(
         np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt), u=accel, B=_input(dt)

@@ -11,7 +11,6 @@ from math import cos, isfinite, sin, sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
 from avionics.estimation.geodesy import to_geodetic, to_local
@@ -110,6 +109,8 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         state = _started(gains, now.time_us)
     dt = min(LONGEST_STEP, (now.time_us - state.time_us) * 1e-6)
     if dt > 0.0:
+        from filterpy.kalman import predict  # takes a second, which a reader of the gains need not wait for
+
         x, p = np.array(state.x), np.array(state.p)
         x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, dt), u=np.array(v_air), B=_input(dt))
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
@@ -209,6 +210,8 @@ def _updated(gains: Gains, state: State, time_us: int, measured: Vector4, noise:
         if (time_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
             return state
         p = p + np.diag((np.array(measured) - x) ** 2)
+    from filterpy.kalman import update
+
     x, p = update(x, p, np.array(measured), _diagonal(noise), H=UNITY)[:2]
     last_us, _, _, home, valid, _, fix_us, slow_variance, past = state
     return State(last_us, tuple(x.tolist()), _covariance(p), home, valid, -1, fix_us, slow_variance, past)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -45,7 +45,7 @@ class Unidentified(NamedTuple):
 
 def student_factor(degrees: float) -> float:
     """Half width of the 95 % interval in standard errors for ``degrees`` of freedom (at least one)."""
-    return float(stats.t.ppf(0.5 + CONFIDENCE / 2, max(degrees, 1.0)))
+    return float(stdtrit(max(degrees, 1.0), 0.5 + CONFIDENCE / 2))
 
 
 def estimate(name: str, unit: str, value: float, standard_error: float, degrees: float = math.inf) -> Estimate:
