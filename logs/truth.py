@@ -14,12 +14,13 @@ from sim_bridge.flight_mechanics.orbit import trim
 from sim_bridge.vehicles import SimulatedVehicle
 
 
-def known_truths(log: Log) -> dict[str, float]:
+def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
     """True values by the name of their estimate; empty for a flight that was not simulated.
 
     ``K_tau`` (N m/A) and ``K_tau0`` (N m) of Gerdes Eq. 11; ``short_period_frequency`` (rad/s) and
     ``short_period_damping`` (-) of the stroke-averaged model, linearised about the mean true airspeed and climb
-    of the log's identification inputs, or the vehicle's cruise where there were none.
+    of the log's identification inputs, or the vehicle's cruise where there were none. The mode takes seconds to find:
+    not ``modes`` leaves it out.
 
     Raises:
         BadInput: a part of the file is damaged, or the vehicle file cannot be used.
@@ -29,6 +30,8 @@ def known_truths(log: Log) -> dict[str, float]:
         return {}
     drive = vehicle.drive
     truths = {"K_tau": drive.torque_constant, "K_tau0": drive.torque_offset} if drive.kind == "servo" else {}
+    if not modes:
+        return truths
     try:
         mode = short_period_of(stroke_averaged_model(vehicle, trim(vehicle, *_flown(log, vehicle))))
     except BadInput:

@@ -57,4 +57,5 @@ def identified(log: Log, what: str = "all") -> Identification:
     Raises:
         BadInput: the log gives nothing of what was asked for.
     """
-    return identify(log, what, aircraft_of(log), known_truths(log))
+    found = identify(log, what, aircraft_of(log))
+    return found._replace(truths={**found.truths, **known_truths(log, modes=found.modes is not None)})
