@@ -94,14 +94,17 @@ def open_loop(process: Process, terms: Terms) -> Any:
     """The loop cut at its command, as one python-control system (negative feedback closes it)."""
     import control
 
-    steady = np.array([[terms.proportional, terms.damping]])
+    return control.ss(*_cut(process, terms), 0.0)
+
+
+def _cut(process: Process, terms: Terms) -> tuple[Floats, Floats, Floats]:
+    """A, B and C of the open loop; with an integral there is one state more: what is measured, integrated."""
+    steady = np.array([[terms.proportional, terms.damping]]) @ process.sensed.C
     if not terms.integral:
-        return control.ss(process.sensed.A, process.sensed.B, steady @ process.sensed.C, 0.0)
-    # One state more: what is measured, integrated.
+        return process.sensed.A, process.sensed.B, steady
     n, summed = process.sensed.nstates, process.sensed.C[:1]
     a = np.block([[process.sensed.A, np.zeros((n, 1))], [summed, np.zeros((1, 1))]])
-    b = np.vstack((process.sensed.B, [[0.0]]))
-    return control.ss(a, b, np.hstack((steady @ process.sensed.C, [[terms.integral]])), 0.0)
+    return a, np.vstack((process.sensed.B, [[0.0]])), np.hstack((steady, [[terms.integral]]))
 
 
 def loop_margins(process: Process, terms: Terms) -> Margins:
@@ -167,8 +170,8 @@ def _worth(speed: float, terms: Terms, wish: Wish) -> float:
 
 def _stable(process: Process, terms: Terms) -> bool:
     """Whether the closed loop is: poles of the open one with its output fed back."""
-    loop = open_loop(process, terms)
-    return bool(np.all(np.linalg.eigvals(loop.A - loop.B @ loop.C).real < 0.0))
+    a, b, c = _cut(process, terms)
+    return bool(np.all(np.linalg.eigvals(a - b @ c).real < 0.0))
 
 
 def _terms(sampled: _Sampled, shape: tuple[float, float, float], wish: Wish) -> Terms:

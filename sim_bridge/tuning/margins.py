@@ -59,9 +59,13 @@ def frequencies() -> Floats:
 
 
 def response(system: Any, omega: Floats) -> Complex:
-    """Frequency response (outputs, inputs, n) of a python-control system at ``omega`` rad/s; (n,) of a single one."""
-    found: Complex = np.asarray(system(1j * omega), dtype=np.complex128)
-    return found
+    """Frequency response (outputs, inputs, n) of a python-control system at ``omega`` rad/s; (n,) of a single one.
+
+    All frequencies in one call: python-control, without slycot, solves for one after the other.
+    """
+    resolvent = 1j * omega[:, None, None] * np.eye(system.nstates) - system.A
+    found: Complex = np.moveaxis(system.C @ np.linalg.solve(resolvent, system.B) + system.D, 0, -1)
+    return found[0, 0] if found.shape[:2] == (1, 1) else found
 
 
 def margins(open_loop: Any) -> Margins:
@@ -69,11 +73,11 @@ def margins(open_loop: Any) -> Margins:
     import control
 
     omega = frequencies()
-    sampled = control.frd(response(open_loop, omega), omega)
-    gains, phases, _, _, crossovers, _ = control.stability_margins(sampled, returnall=True)
+    loop = response(open_loop, omega)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(control.frd(loop, omega), returnall=True)
     levels = [abs(20.0 * math.log10(gain)) for gain in gains if gain > 0.0]
     angles = [abs(math.radians(angle)) for angle in phases]
-    distance = float(np.min(np.abs(1.0 + response(open_loop, omega))))
+    distance = float(np.min(np.abs(1.0 + loop)))
     stable = bool(np.all(control.feedback(open_loop, 1).poles().real < 0.0))
     nearest = min(levels, default=math.inf), min(angles, default=math.inf)
     return Margins(*nearest, float(max(crossovers, default=0.0)), 1.0 / distance, stable)
