@@ -3,6 +3,7 @@
 import os
 import tempfile
 
+import pytest
 from hypothesis import settings
 
 # No test reads or writes the parameters that a user keeps.
@@ -11,3 +12,18 @@ os.environ["WINGBEAT_STATE"] = tempfile.mkdtemp(prefix="wingbeat-state-")
 # A machine that is busy with something else makes a test late, not wrong.
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
+
+LONG = (
+    "tests/sitl/",
+    "tests/groundstation/test_fly.py",
+    "tests/sim_bridge/test_tuning_cascade.py",
+    "tests/sim_bridge/test_trim.py",
+    "tests/avionics/test_autopilot_flights.py",
+    "tests/avionics/test_piloting.py",
+)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Long files first where workers share the tests, so that none is left alone with one at the end."""
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: not item.nodeid.startswith(LONG))

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from mcap.reader import make_reader
@@ -24,6 +24,7 @@ from logs.scene import SCENE, TRANSFORMS
 from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
+RECORDED = ("--duration", "11", "--json", "--seed", "5")
 
 
 def fly(folder: Path, *words: str) -> subprocess.Popen[str]:
@@ -56,11 +57,26 @@ def children_of(parent: int) -> list[int]:
     return found
 
 
-def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None:
-    flight = fly(tmp_path, "--duration", "11", "--json", "--seed", "5")
+class Recorded(NamedTuple):
+    """A flight that nobody but the command watched."""
+
+    folder: Path
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("recorded")
+    flight = fly(folder, *RECORDED)
     out, err = flight.communicate(timeout=180)
-    assert (flight.returncode, err) == (0, "")
-    document = json.loads(out)
+    return Recorded(folder, flight.returncode, out, err)
+
+
+def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> None:
+    assert (recorded.code, recorded.err) == (0, "")
+    document = json.loads(recorded.out)
     told = {
         "log",
         "vehicle",
@@ -78,8 +94,8 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(tmp_path: Path) -> None
     assert document["aerodynamics"] == "strip_theory"
     assert document["flight"]["against_truth"] is True
     assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
-    assert [path.name for path in tmp_path.iterdir()] == ["flight.mcap"]
-    with open_log(tmp_path / "flight.mcap") as log:
+    assert [path.name for path in recorded.folder.iterdir()] == ["flight.mcap"]
+    with open_log(recorded.folder / "flight.mcap") as log:
         assert log.complete
         assert {"/truth/state", "/attitude/ahrs", "/system/inputs"} <= set(log.topics)
         for viewer_topic in (TRANSFORMS, SCENE):
@@ -150,15 +166,12 @@ def test_a_table_of_sticks_that_cannot_be_flown_starts_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["sticks.csv"]
 
 
-def test_the_same_seed_gives_the_same_bytes_whoever_watches(tmp_path: Path) -> None:
-    flown = []
-    for name, words in (("alone", ()), ("watched", ("--gcs", "udpout:127.0.0.1:14999"))):
-        (tmp_path / name).mkdir()
-        flight = fly(tmp_path / name, "--duration", "10", "--seed", "3", "--json", *words)
-        assert flight.communicate(timeout=180)[1] == ""
-        flown.append(payloads(tmp_path / name / "flight.mcap"))
-    assert {"/attitude/ahrs", "/truth/state", "/system/inputs", "/system/events"} <= set(flown[0])
-    assert flown[0] == flown[1]
+def test_the_same_seed_gives_the_same_bytes_whoever_watches(recorded: Recorded, tmp_path: Path) -> None:
+    flight = fly(tmp_path, *RECORDED, "--gcs", "udpout:127.0.0.1:14999")
+    assert flight.communicate(timeout=180)[1] == ""
+    alone, watched = (payloads(folder / "flight.mcap") for folder in (recorded.folder, tmp_path))
+    assert {"/attitude/ahrs", "/truth/state", "/system/inputs", "/system/events"} <= set(alone)
+    assert alone == watched
 
 
 def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:

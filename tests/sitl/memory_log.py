@@ -31,6 +31,13 @@ class MemoryLog:
         twin.messages.update({name: list(kept) for name, kept in self.messages.items()})
         return twin
 
+    def until(self, seconds: float) -> MemoryLog:
+        """What was said up to that time since boot: the log of a flight that ended then."""
+        early = MemoryLog()
+        for name, kept in self.messages.items():
+            early.messages[name] = [message for message in kept if message.time_us <= seconds * 1e6]
+        return early
+
     def publish(self, topic: Topic, message: Any) -> None:
         """Keep one message."""
         self.messages[topic.name].append(message)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
+from flown import RAVEN
+from identified import true_short_period
 from memory_log import MemoryLog
-from test_sitl_identification import VEHICLE, true_short_period
 
 from avionics import topics
 from avionics.autopilot import Autopilot
@@ -36,8 +37,8 @@ MISSION = (
 @pytest.mark.validate
 def test_a_sweep_and_a_multisine_give_the_true_short_period() -> None:
     log = MemoryLog()
-    flight_vehicle = load_flight_vehicle(VEHICLE)
-    world = SimulatedWorld(load_vehicle(VEHICLE), Scenario(seed=1, duration=68.0), log.publish)
+    flight_vehicle = load_flight_vehicle(RAVEN)
+    world = SimulatedWorld(load_vehicle(RAVEN), Scenario(seed=1, duration=68.0), log.publish)
     fly(world, Autopilot(flight_vehicle, MISSION, log.publish), scripted_start())
     said = [event.text for event in log.messages[topics.EVENTS.name]]
     assert "item 3 done" in said, said
@@ -49,7 +50,7 @@ def test_a_sweep_and_a_multisine_give_the_true_short_period() -> None:
     for manoeuvre in found:
         assert manoeuvre.at[-1] - manoeuvre.at[0] == pytest.approx(8.0 + 2 * 0.9, abs=0.5)
 
-    modes, true = identify(log, "modes", aircraft).modes, true_short_period(log)
+    modes, true = identify(log, "modes", aircraft).modes, true_short_period(RAVEN, log)
     assert modes is not None
     output_error = next(mode for mode in modes.modes if mode.method == "output error")
     assert output_error.frequency is not None

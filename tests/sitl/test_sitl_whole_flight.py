@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 from flown import ARIZONA, RAVEN, Flight, flown
+from identified import INPUTS_OVER, identified
 
 from avionics import topics
 from avionics.messages import Stage
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import LAUNCH_TIME, Scenario
+from sim_bridge.vehicles import load_vehicle
 
 AIR_TIME = {RAVEN: (85.0, 97.0), ARIZONA: (85.0, 115.0)}
 """s; of the circuit in still air: the Arizona's wings cannot beat slowly enough to come down as steeply"""
@@ -117,6 +119,21 @@ def test_the_wings_are_still_in_the_hand(raven: Flight) -> None:
     wing = raven.columns(truth_topics.WING)
     armed_and_held = (wing["time_us"] > 4_000_000) & (wing["time_us"] < LAUNCH_TIME * 1e6)
     assert np.abs(wing["rate_left"][armed_and_held]).max() < 0.05
+
+
+def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(raven: Flight) -> None:
+    result = identified(RAVEN, raven.log.until(INPUTS_OVER))
+    for mode in result.modes:
+        assert mode.frequency is not None
+        assert mode.damping is not None
+        assert mode.frequency.low <= result.true.natural_frequency <= mode.frequency.high
+        assert mode.frequency.high - mode.frequency.low <= 0.4 * mode.frequency.value
+        assert mode.damping.value == pytest.approx(result.true.damping, abs=0.08)
+    assert result.agree
+    drive = load_vehicle(RAVEN).drive
+    for name, true in (("K_tau", drive.torque_constant), ("K_tau0", drive.torque_offset)):
+        _, low, high = result.torque[name]
+        assert low <= true <= high
 
 
 def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
