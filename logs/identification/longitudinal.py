@@ -79,30 +79,43 @@ def matrices(names: tuple[str, ...], values: Array, reference: Reference, aircra
 
 
 @njit(cache=True)
-def _product(a, b):  # type: ignore[no-untyped-def]
-    out = np.zeros((a.shape[0], b.shape[1]))
+def _multiply(a, b, out):  # type: ignore[no-untyped-def]
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
+            out[i, j] = 0.0
             for k in range(a.shape[1]):
                 out[i, j] += a[i, k] * b[k, j]
-    return out
 
 
 @njit(cache=True)
-def _exponential(matrix):  # type: ignore[no-untyped-def]
+def _sum_series(small, halvings, total, term, spare):  # type: ignore[no-untyped-def]
+    """Taylor's series of ``small`` (n, n), squared ``halvings`` times, in ``total``; that and ``term`` begin as one.
+
+    Scalar loops on what was allocated outside: whole-array expressions take ten seconds to compile.
+    """
+    n = small.shape[0]
+    for order in range(1, 13):
+        _multiply(term, small, spare)
+        for i in range(n):
+            for j in range(n):
+                term[i, j] = spare[i, j] / order
+                total[i, j] += term[i, j]
+    for _ in range(halvings):
+        _multiply(total, total, spare)
+        for i in range(n):
+            for j in range(n):
+                total[i, j] = spare[i, j]
+
+
+def _exponential(matrix: Array) -> Array:
     """Matrix exponential (n, n) by scaling, Taylor and squaring, without BLAS.
 
     A fit takes hundreds of these 6 by 6 matrices; through BLAS, whose threads wait for a busy core, one took 5 ms.
     """
     n = len(matrix)
     halvings = max(0, int(np.ceil(np.log2(np.max(np.abs(matrix)) * n + 1e-30))) + 3)
-    small = matrix / 2.0**halvings
-    total, term = np.eye(n), np.eye(n)
-    for order in range(1, 13):
-        term = _product(term, small) / order
-        total = total + term
-    for _ in range(halvings):
-        total = _product(total, total)
+    total = np.eye(n)
+    _sum_series(matrix / 2.0**halvings, halvings, total, np.eye(n), np.empty((n, n)))
     return total
 
 

@@ -56,16 +56,21 @@ class Linearised(NamedTuple):
 
 
 @njit(cache=True)
-def _propagate(f, g0, g1, start, tail):  # type: ignore[no-untyped-def]
-    """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]`` from ``start`` (n,)."""
-    states = np.zeros((len(tail), len(start)))
-    states[0] = start
-    for k in range(len(tail) - 1):
-        for i in range(len(start)):
+def _carry(f, g0, g1, tail, states):  # type: ignore[no-untyped-def]
+    """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]``, from the first."""
+    for k in range(states.shape[0] - 1):
+        for i in range(states.shape[1]):
             total = g0[i] * tail[k] + g1[i] * tail[k + 1]
-            for j in range(len(start)):
+            for j in range(states.shape[1]):
                 total += f[i, j] * states[k, j]
             states[k + 1, i] = total
+
+
+def _propagate(exact: Discrete, start: Array, tail: Array) -> Array:
+    """States (N, n) from ``start`` (n,), driven by ``tail`` (N,)."""
+    states = np.zeros((len(tail), len(start)))
+    states[0] = start
+    _carry(exact.f, exact.g0, exact.g1, tail, states)
     return states
 
 
@@ -90,7 +95,7 @@ class Flown(NamedTuple):
 
     def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
-        states = _propagate(self.exact.f, self.exact.g0, self.exact.g1, start, tail)
+        states = _propagate(self.exact, start, tail)
         outputs: Array = (manoeuvre.averaging @ states) @ self.model.c.T
         return outputs + np.outer(manoeuvre.averaging @ tail, self.model.d)
 
@@ -220,7 +225,7 @@ def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
     for manoeuvre in problem.manoeuvres:
         start = _project(problem, flown, manoeuvre, fit.scatter).start
         tail = flown.tail(manoeuvre)
-        states = _propagate(flown.exact.f, flown.exact.g0, flown.exact.g1, start, tail)
+        states = _propagate(flown.exact, start, tail)
         regressors.append(manoeuvre.averaging @ np.column_stack((states[:, :3], tail)))
     return regressors
 
