@@ -86,6 +86,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         "wind_from",
         "turbulence",
         "faults",
+        "sticks",
         "wall_time",
         "speed",
     }
