@@ -13,6 +13,7 @@ from avionics.messages import PitchStatus
 from avionics.quantities import Quantity
 from avionics.records import new
 from avionics.stabilization import stroke_filter
+from avionics.stabilization.dynamic_pressure import share
 
 
 class Gains(NamedTuple):
@@ -42,6 +43,8 @@ class Gains(NamedTuple):
     """rad; change of the pitch setpoint at full stick (stabilized)"""
     release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
     """s; time constant with which the elevator of a frozen loop gives way to the loop's"""
+    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)]
+    """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
 
 
 class State(NamedTuple):
@@ -72,6 +75,8 @@ class Measured(NamedTuple):
     """Hz; 0 when not flapping"""
     roll: float = 0.0
     """rad; of what is asked of the pitch the tail can do the cosine's share, and nothing beyond a right angle"""
+    airspeed: float = 0.0
+    """m/s; 0 while unknown"""
 
 
 def initial(gains: Gains) -> State:
@@ -85,8 +90,9 @@ def step(
     """One step; ``dt`` in s, ``setpoint`` in rad. The integral rests while it would push further into a limit."""
     state = _observe(gains, state, dt, measured)
     error = (setpoint - state.pitch) * max(0.0, cos(measured.roll))
-    proportional, damping = gains.proportional * error, -gains.damping * state.rate
-    grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
+    strength = share(gains.airspeed, measured.airspeed)
+    proportional, damping = strength * gains.proportional * error, -strength * gains.damping * state.rate
+    grown = clip(state.integral + strength * gains.integral * error * dt, -gains.integral_max, gains.integral_max)
     wanted = gains.elevator_trim + proportional + grown + damping
     saturated = not gains.elevator_min <= wanted <= gains.elevator_max
     if saturated and (wanted > gains.elevator_max) == (error > 0.0):
@@ -113,7 +119,9 @@ def hold(
     state = _observe(gains, state, dt, measured)
     error = setpoint - state.pitch
     elevator = clip(state.elevator_mean, gains.elevator_min, gains.elevator_max)
-    asked = gains.elevator_trim + gains.proportional * error + state.integral - gains.damping * state.rate
+    strength = share(gains.airspeed, measured.airspeed)
+    turning = strength * (gains.proportional * error - gains.damping * state.rate)
+    asked = gains.elevator_trim + turning + state.integral
     bridge = elevator - clip(asked, gains.elevator_min, gains.elevator_max)
     status = PitchStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, elevator, 0)
     return state._replace(bridge=bridge), status

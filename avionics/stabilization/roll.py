@@ -8,6 +8,7 @@ from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
 from avionics.quantities import Quantity
 from avionics.records import new
+from avionics.stabilization.dynamic_pressure import share
 
 
 class Gains(NamedTuple):
@@ -25,6 +26,8 @@ class Gains(NamedTuple):
     """rad; roll setpoint at full stick (stabilized, altitude hold)"""
     release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
     """s; time constant with which the command of a frozen loop gives way to the loop's"""
+    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)]
+    """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
 
 
 class State(NamedTuple):
@@ -36,14 +39,25 @@ class State(NamedTuple):
     """-; of roll command: what a frozen loop held beyond what the loop asks, fading out"""
 
 
+class Measured(NamedTuple):
+    """What the loop looks at."""
+
+    roll: float
+    """rad; right wing down is positive"""
+    roll_rate: float
+    """rad/s"""
+    airspeed: float = 0.0
+    """m/s; 0 while unknown"""
+
+
 def step(
-    gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: tuple[float, float]
+    gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, RollStatus]:
-    """One step; ``setpoint`` in rad, ``measured`` is (roll in rad, roll rate in rad/s)."""
-    roll, roll_rate = measured
-    error = setpoint - roll
-    proportional, damping = gains.proportional * error, -gains.damping * roll_rate
-    grown = clip(state.integral + gains.integral * error * dt, -gains.integral_max, gains.integral_max)
+    """One step; ``setpoint`` in rad."""
+    roll, roll_rate, airspeed = measured
+    error, strength = setpoint - roll, share(gains.airspeed, airspeed)
+    proportional, damping = strength * gains.proportional * error, -strength * gains.damping * roll_rate
+    grown = clip(state.integral + strength * gains.integral * error * dt, -gains.integral_max, gains.integral_max)
     wanted = proportional + grown + damping
     saturated = abs(wanted) > 1.0
     if saturated and wanted * error > 0.0:
@@ -54,16 +68,14 @@ def step(
     return new(State, (grown, bridge)), status
 
 
-def hold(
-    gains: Gains, state: State, time_us: int, setpoint: float, measured: tuple[float, float]
-) -> tuple[State, RollStatus]:
+def hold(gains: Gains, state: State, time_us: int, setpoint: float, measured: Measured) -> tuple[State, RollStatus]:
     """Frozen for an excitation of the rudder: the integral, which is the trim, and nothing else.
 
     What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.
     """
-    roll, roll_rate = measured
-    error = setpoint - roll
-    asked = clip(gains.proportional * error + state.integral - gains.damping * roll_rate, -1.0, 1.0)
+    roll, roll_rate, airspeed = measured
+    error, strength = setpoint - roll, share(gains.airspeed, airspeed)
+    asked = clip(strength * (gains.proportional * error - gains.damping * roll_rate) + state.integral, -1.0, 1.0)
     status = RollStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, state.integral, 0)
     return state._replace(bridge=state.integral - asked), status
 

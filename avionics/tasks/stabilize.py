@@ -28,7 +28,8 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
     """Pitch setpoint -> elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
     attitude = s.attitude
-    measured = new(pitch_loop.Measured, (attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll))
+    seen = (attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll, s.air.airspeed)
+    measured = new(pitch_loop.Measured, seen)
     setpoint = s.vertical.pitch_setpoint
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
@@ -44,7 +45,7 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
 def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
     gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.lateral.roll_setpoint
-    measured = (s.attitude.roll, s.attitude.roll_rate)
+    measured = new(roll_loop.Measured, (s.attitude.roll, s.attitude.roll_rate, s.air.airspeed))
     if not loops_closed(s):
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
         s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)

@@ -23,7 +23,7 @@ class Part(NamedTuple):
     keys: tuple[str, ...]
     """-; what of the vehicle file it chooses: section.key"""
     process: Callable[[Aircraft], Process]
-    terms: Callable[[FlightGains], Terms]
+    terms: Callable[[Aircraft], Terms]
     tuned: Callable[[Aircraft], Aircraft]
     lateral: bool = False
     """-; needs the model's lateral motion"""
@@ -32,16 +32,16 @@ class Part(NamedTuple):
 
 
 PARTS = (
-    Part("pitch", ("pitch.proportional", "pitch.integral", "pitch.damping"), pitch.process,
-         lambda gains: pitch.terms(gains.pitch), pitch.tuned),
-    Part("roll", ("roll.proportional", "roll.integral", "roll.damping"), roll.process,
-         lambda gains: roll.terms(gains.roll), roll.tuned, lateral=True),
+    Part("pitch", ("pitch.proportional", "pitch.integral", "pitch.damping", "pitch.airspeed"),
+         pitch.process, pitch.terms, pitch.tuned),
+    Part("roll", ("roll.proportional", "roll.integral", "roll.damping", "roll.airspeed"),
+         roll.process, roll.terms, roll.tuned, lateral=True),
     Part("climb", ("altitude.throttle_error", "altitude.throttle_integral"), climb.process,
-         lambda gains: climb.terms(gains.altitude), climb.tuned, drive=True),
+         lambda aircraft: climb.terms(aircraft.gains.altitude), climb.tuned, drive=True),
     Part("altitude", ("altitude.proportional",), altitude.process,
-         lambda gains: altitude.terms(gains.altitude), altitude.tuned, drive=True),
+         lambda aircraft: altitude.terms(aircraft.gains.altitude), altitude.tuned, drive=True),
     Part("heading", ("heading.proportional",), heading.process,
-         lambda gains: heading.terms(gains.heading), heading.tuned, lateral=True),
+         lambda aircraft: heading.terms(aircraft.gains.heading), heading.tuned, lateral=True),
 )  # fmt: skip
 
 
@@ -102,7 +102,7 @@ def parts_of(model: LinearModel) -> tuple[Part, ...]:
 
 def examined(part: Part, aircraft: Aircraft) -> Loop:
     """A loop as the aircraft's gains make it."""
-    process, terms = part.process(aircraft), part.terms(aircraft.gains)
+    process, terms = part.process(aircraft), part.terms(aircraft)
     found = loop_margins(process, terms)
     speed = loop_bandwidth(process, terms) if found.stable else 0.0
     return Loop(part.name, {key: value_of(aircraft.gains, key) for key in part.keys}, found, speed)

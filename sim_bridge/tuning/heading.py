@@ -40,7 +40,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     Raises:
         BadInput: no gain keeps the margins.
     """
-    inside = loop_bandwidth(roll.process(aircraft), roll.terms(aircraft.gains.roll))
+    inside = loop_bandwidth(roll.process(aircraft), roll.terms(aircraft))
     ranges = greatest(heading.Gains, "proportional")
     file = aircraft.gains.heading
     steepest = file.roll_rate * aircraft.model.airspeed / (GRAVITY * math.tan(file.roll_max))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from avionics.stabilization import pitch
+from avionics.stabilization.dynamic_pressure import share
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.aircraft import Aircraft, longitudinal
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
@@ -41,13 +42,15 @@ def process(aircraft: Aircraft) -> Process:
 def closed(aircraft: Aircraft) -> Any:
     """The aircraft with its pitch loop closed: pitch_setpoint and throttle to pitch and climb."""
     signals = ("pitch_setpoint", "pitch_seen", "rate_seen", "elevator_command")
-    loop = blocks.controller(terms(aircraft.gains.pitch), signals)
+    loop = blocks.controller(terms(aircraft), signals)
     return blocks.joined([system(aircraft), loop], ["pitch_setpoint", "throttle"], ["pitch", "climb"])
 
 
-def terms(gains: pitch.Gains) -> Terms:
-    """The loop's part of its gains."""
-    return Terms(gains.proportional, gains.integral, gains.damping)
+def terms(aircraft: Aircraft) -> Terms:
+    """The loop's part of its gains, at the airspeed of the model."""
+    gains = aircraft.gains.pitch
+    strength = share(gains.airspeed, aircraft.model.airspeed)
+    return Terms(strength * gains.proportional, strength * gains.integral, strength * gains.damping)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
@@ -59,5 +62,5 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(pitch.Gains, "proportional", "integral", "damping")
     found = search(process(aircraft), Wish(fastest, True, True, ranges))
-    gains = aircraft.gains.pitch._replace(**found._asdict())
+    gains = aircraft.gains.pitch._replace(**found._asdict(), airspeed=aircraft.model.airspeed)
     return aircraft._replace(gains=aircraft.gains._replace(pitch=gains))

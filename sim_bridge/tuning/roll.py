@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from avionics.stabilization import roll
+from avionics.stabilization.dynamic_pressure import share
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.aircraft import Aircraft, lateral
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
@@ -26,13 +27,15 @@ def process(aircraft: Aircraft) -> Process:
 
 def closed(aircraft: Aircraft) -> Any:
     """The aircraft with its roll loop closed: roll_setpoint to roll and yaw_rate."""
-    loop = blocks.controller(terms(aircraft.gains.roll), ("roll_setpoint", "roll", "roll_rate", "roll_asked"))
+    loop = blocks.controller(terms(aircraft), ("roll_setpoint", "roll", "roll_rate", "roll_asked"))
     return blocks.joined([system(aircraft), loop], ["roll_setpoint"], ["roll", "yaw_rate"])
 
 
-def terms(gains: roll.Gains) -> Terms:
-    """The loop's part of its gains."""
-    return Terms(gains.proportional, gains.integral, gains.damping)
+def terms(aircraft: Aircraft) -> Terms:
+    """The loop's part of its gains, at the airspeed of the model."""
+    gains = aircraft.gains.roll
+    strength = share(gains.airspeed, aircraft.model.airspeed)
+    return Terms(strength * gains.proportional, strength * gains.integral, strength * gains.damping)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
@@ -44,5 +47,5 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(roll.Gains, "proportional", "integral", "damping")
     found = search(process(aircraft), Wish(fastest, True, True, ranges))
-    gains = aircraft.gains.roll._replace(**found._asdict())
+    gains = aircraft.gains.roll._replace(**found._asdict(), airspeed=aircraft.model.airspeed)
     return aircraft._replace(gains=aircraft.gains._replace(roll=gains))

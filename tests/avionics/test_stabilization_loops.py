@@ -21,8 +21,11 @@ PITCH = pitch.Gains(
     trim_time=1.0,
     stick_pitch=0.4,
     release_time=0.15,
+    airspeed=0.0,
 )
-ROLL = roll.Gains(proportional=1.5, integral=0.4, damping=0.2, integral_max=0.3, stick_roll=0.5, release_time=0.15)
+ROLL = roll.Gains(
+    proportional=1.5, integral=0.4, damping=0.2, integral_max=0.3, stick_roll=0.5, release_time=0.15, airspeed=7.0
+)
 DT = 0.01
 
 
@@ -117,22 +120,22 @@ def test_elevator_is_not_shaken_by_the_flapping() -> None:
 
 @given(error=st.floats(0.01, 0.5))
 def test_left_wing_low_asks_to_roll_right(error: float) -> None:
-    _, status = roll.step(ROLL, roll.State(), 0, DT, 0.0, (-error, 0.0))
+    _, status = roll.step(ROLL, roll.State(), 0, DT, 0.0, roll.Measured(-error, 0.0))
     assert status.roll_command > 0.0
-    _, mirrored = roll.step(ROLL, roll.State(), 0, DT, 0.0, (error, 0.0))
+    _, mirrored = roll.step(ROLL, roll.State(), 0, DT, 0.0, roll.Measured(error, 0.0))
     assert mirrored.roll_command == pytest.approx(-status.roll_command)
 
 
 @given(setpoint=st.floats(-2, 2), angle=st.floats(-3, 3), rate=st.floats(-30, 30))
 def test_roll_command_is_limited(setpoint: float, angle: float, rate: float) -> None:
-    _, status = roll.step(ROLL, roll.State(), 0, DT, setpoint, (angle, rate))
+    _, status = roll.step(ROLL, roll.State(), 0, DT, setpoint, roll.Measured(angle, rate))
     assert -1.0 <= status.roll_command <= 1.0
 
 
 def test_roll_integral_rests_while_saturated() -> None:
     state = roll.State()
     for _ in range(500):
-        state, status = roll.step(ROLL, state, 0, DT, 1.0, (0.0, 0.0))
+        state, status = roll.step(ROLL, state, 0, DT, 1.0, roll.Measured(0.0, 0.0))
     assert status.saturated == 1
     assert state.integral == 0.0
 
@@ -158,9 +161,9 @@ def test_a_released_pitch_loop_takes_over_from_the_held_elevator_without_a_jump(
 
 def test_a_frozen_roll_loop_holds_its_trim_and_is_released_without_a_jump() -> None:
     state = roll.State(integral=0.12)
-    state, held = roll.hold(ROLL, state, 0, 0.0, (-0.2, 0.05))
+    state, held = roll.hold(ROLL, state, 0, 0.0, roll.Measured(-0.2, 0.05))
     assert held.roll_command == 0.12
-    _, first = roll.step(ROLL, state, 0, DT, 0.0, (-0.2, 0.05))
-    _, at_once = roll.step(ROLL, state._replace(bridge=0.0), 0, DT, 0.0, (-0.2, 0.05))
+    _, first = roll.step(ROLL, state, 0, DT, 0.0, roll.Measured(-0.2, 0.05))
+    _, at_once = roll.step(ROLL, state._replace(bridge=0.0), 0, DT, 0.0, roll.Measured(-0.2, 0.05))
     assert at_once.roll_command - 0.12 > 0.25
     assert abs(first.roll_command - 0.12) < 0.1 * (at_once.roll_command - 0.12)

@@ -105,7 +105,7 @@ def pitch_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float 
 
     def fly(time: float) -> float:
         nonlocal state
-        measured = pitch.Measured(float(axis.x[3]), float(axis.x[2]), m.frequency)
+        measured = pitch.Measured(float(axis.x[3]), float(axis.x[2]), m.frequency, airspeed=m.airspeed)
         state, status = pitch.step(gains.pitch, state, round(time * 1e6), 0.01, 0.0, measured)
         assert not status.saturated
         axis.advance(factor * (status.elevator - trim), 0.01)
@@ -125,7 +125,7 @@ def roll_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float =
 
     def fly(time: float) -> float:
         nonlocal state
-        measured = float(axis.x[3]), float(axis.x[1])
+        measured = roll.Measured(float(axis.x[3]), float(axis.x[1]), m.airspeed)
         state, status = roll.step(gains.roll, state, round(time * 1e6), 0.01, 0.0, measured)
         assert not status.saturated
         axis.advance(factor * status.roll_command, 0.01)
