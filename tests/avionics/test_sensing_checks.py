@@ -148,10 +148,12 @@ def test_wings_that_were_not_told_to_flap_may_rest() -> None:
     assert (state.lost, state.jammed) == (0, 0)
 
 
-def pitched(error, seconds: float, state: tail_check.State | None = None) -> tail_check.State:
+def pitched(error, seconds: float, state: tail_check.State | None = None, rate=lambda t: 0.0) -> tail_check.State:
+    """Of a pitch error (rad) over the time (s), an elevator of the same size, and a pitch rate (rad/s)."""
     state = state or tail_check.State()
     for i in range(round(seconds / DT)):
-        state = tail_check.step(TAIL, state, DT, error(i * DT), closed=True)
+        seen = tail_check.Seen(error(i * DT), error(i * DT), rate(i * DT), 7.0)
+        state = tail_check.step(TAIL, state, DT, seen, closed=True)
     return state
 
 
@@ -161,6 +163,19 @@ def test_a_large_pitch_error_that_lasts_is_a_jammed_tail_that_of_gusts_is_not() 
     assert pitched(lambda t: 0.8 * math.sin(t), 30.0, settled).jammed
     assert pitched(lambda t: 0.5, 8.0, settled).jammed
     assert not pitched(lambda t: 0.5, TAIL.grace - 0.1).jammed
+
+
+@pytest.mark.parametrize(("effect", "jammed"), [(0.2, 0), (0.01, 1)])
+def test_a_large_error_is_the_gusts_while_the_pitch_turns_with_the_elevator(effect: float, jammed: int) -> None:
+    settled, pace = pitched(lambda t: 0.0, TAIL.grace + 1.0), 3.0
+
+    def rate(t: float) -> float:
+        """Of the elevator's own acceleration, and a slow swing beside."""
+        return -effect * 49.0 * 0.8 / pace * math.cos(pace * t) + 0.2 * math.sin(0.4 * t)
+
+    flown = pitched(lambda t: 0.8 * math.sin(pace * t), 30.0, settled, rate)
+    assert flown.error > TAIL.error
+    assert flown.jammed == jammed
 
 
 @pytest.mark.parametrize("current", [0.0, 3.0])

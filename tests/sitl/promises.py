@@ -95,7 +95,8 @@ PROMISES: dict[str, Promise] = {
         flown=45.0,
     ),
     "tail_jammed": Promise(
-        "mean size of the pitch error over 3 s beyond 0.32 rad", "LAND by throttle alone, sinking at 0.8 m/s",
+        "mean size of the pitch error over 3 s beyond 0.32 rad, and no pitch acceleration by the elevator",
+        "LAND by throttle alone, sinking at 0.8 m/s",
         "failsafe: landing, tail does not answer", 20.0, 30.0, (-15.0, 10.0),
     ),
     "wing_left_jammed": Promise(
