@@ -308,13 +308,17 @@ BLIND_REACH = 1.2
 """-; in units of `Gains.launch_reach`: a way that tells a throw also without an airspeed"""
 
 
+FAST = 2
+"""-; of `State.thrown`: it was as fast as a throw, whatever drag takes off a weak one on the way out of reach"""
+
+
 def _watch_launch(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     """A throw pushes for a while and its speed is kept; a hand takes back what it gave within its reach."""
     state = _pushed(gains, state, dt, seen)
     upright = max(abs(seen.roll), abs(seen.pitch)) <= gains.launch_tilt
-    fast = state.push >= gains.launch_push and state.push_way >= gains.launch_reach
+    far = state.push_way >= gains.launch_reach
     flown = seen.airspeed >= gains.launch_airspeed or state.push_way >= BLIND_REACH * gains.launch_reach
-    if not (state.thrown and upright and fast and flown):
+    if not (state.thrown == FAST and upright and far and flown):
         return state, ()
     stage = Stage.CLIMB_OUT if state.mode == Mode.AUTO else Stage.EN_ROUTE
     return _without_push(state)._replace(stage=int(stage)), (Notice(Severity.NOTICE, "launched"),)
@@ -327,7 +331,9 @@ def _pushed(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
     force_time = state.force_time + dt if seen.forward_force > gains.launch_force else 0.0
     if force_time == 0.0 and push < SLOW * gains.launch_push:
         return state._replace(push=push, push_way=0.0, force_time=0.0, thrown=0)
-    thrown = int(state.thrown or force_time >= gains.launch_time)
+    thrown = max(state.thrown, int(force_time >= gains.launch_time))
+    if thrown and push >= gains.launch_push:
+        thrown = FAST
     way = max(state.push_way + push * dt, 0.0) if force_time > 0.0 or state.push_way > 0.0 else 0.0
     return state._replace(push=push, push_way=way, force_time=force_time, thrown=thrown)
 

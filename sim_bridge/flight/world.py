@@ -42,6 +42,8 @@ LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
 LAUNCH_PATIENCE = 30.0
 """s; in which the launcher waits for a gust from ahead"""
+LAUNCH_GUST = 1.0
+"""m/s; from the side, up or down: in a stronger one he holds on to the bird"""
 REST_TIME = 3.0
 """s; the flight is over when the vehicle has lain still on the ground for so long"""
 REST_SPEED = 0.3
@@ -210,13 +212,15 @@ class SimulatedWorld:
         return k.THROWN if now < self._thrown_at + self.vehicle.launch.duration else k.FREE
 
     def _watch_launcher(self) -> None:
-        """Who throws a bird by hand waits until the air in his face is at least the mean wind."""
+        """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
         now = self._tick * TICK
         if self._thrown_at < math.inf or now < LAUNCH_TIME:
             return
-        north, east, _ = self._gust.velocity
-        ahead = -(north * math.cos(self.scenario.wind_from) + east * math.sin(self.scenario.wind_from))
-        if ahead >= 0.0 or now >= LAUNCH_TIME + LAUNCH_PATIENCE:
+        north, east, down = self._gust.velocity
+        c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
+        ahead, across = -(north * c + east * s), east * c - north * s
+        steady = ahead >= 0.0 and abs(across) <= LAUNCH_GUST and abs(down) <= LAUNCH_GUST
+        if steady or now >= LAUNCH_TIME + LAUNCH_PATIENCE:
             self._thrown_at = now
 
     def _air(self) -> Air:
