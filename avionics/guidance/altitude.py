@@ -6,7 +6,6 @@ feed-forward, so that the integral only carries what they miss.
 
 from __future__ import annotations
 
-from math import inf
 from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass, slew
@@ -132,7 +131,8 @@ def _pitch_setpoint(gains: Gains, state: State, dt: float, climb: tuple[float, f
     missing = gains.airspeed_min - airspeed
     wanted = gains.pitch_trim + gains.pitch_climb * climb[0] + gains.pitch_error * climb[1]
     if missing > 0.0:
-        wanted -= gains.airspeed_pitch * missing
+        # Taken off what the loop may ask at most: a wish far beyond that must not eat the protection up.
+        wanted = min(wanted, gains.pitch_max) - gains.airspeed_pitch * missing
     return slew(state.pitch_setpoint, clip(wanted, gains.pitch_min, gains.pitch_max), gains.pitch_rate, dt)
 
 
@@ -166,21 +166,39 @@ def calm(gains: Gains) -> Gains:
     )
 
 
+class Flare(NamedTuple):
+    """How the sink dies out above the landing place."""
+
+    sink: float
+    """m/s; greatest at the landing place's altitude and below it"""
+    time: float
+    """s; altitude per greatest sink beyond that"""
+    pitch_min: float
+    """rad; least pitch setpoint"""
+
+
+def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
+    """Gains with which the loops sink on at ``altitude`` (m above the landing place) without falling.
+
+    The sink shrinks with the altitude, so that the round-out takes the same time from any approach; throttle and
+    pitch go on answering the gusts.
+    """
+    sink = min(flare.sink + max(altitude, 0.0) / flare.time, gains.sink_max)
+    return gains._replace(sink_max=sink, pitch_min=flare.pitch_min)
+
+
 class Asked(NamedTuple):
-    """Throttle and pitch setpoint that come from a stick, from the flare, or from the ground."""
+    """Throttle and pitch setpoint that come from a stick or from the ground."""
 
     throttle: float
     """-; 0 to 1"""
     pitch_setpoint: float
     """rad; nose up is positive"""
-    pitch_rate: float = inf
-    """rad/s; how fast the pitch setpoint may change, at most the loop's own"""
 
 
 def follow(gains: Gains, state: State, time_us: int, dt: float, asked: Asked) -> tuple[State, AltitudeStatus]:
     """Pass on what was asked, so that the loops take over from there without a jump."""
     throttle = slew(state.throttle, clip(asked.throttle, 0.0, 1.0), gains.throttle_rate, dt)
-    rate = min(gains.pitch_rate, asked.pitch_rate)
-    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, rate, dt)
+    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, gains.pitch_rate, dt)
     followed = State(0.0, 0.0, throttle, pitch_setpoint, gains.throttle_trim)
     return followed, AltitudeStatus(time_us, 0.0, 0.0, 0.0, 0.0, throttle, pitch_setpoint, 0)

@@ -49,13 +49,13 @@ class Gains(NamedTuple):
     approach_margin: Annotated[float, Quantity("m", 0.1, 100.0)]
     """m; above the head of the line from which it may be begun; from higher a circle is flown there first"""
     flare_altitude: Annotated[float, Quantity("m", 0.0, 30.0)]
-    """m; below which the nose is raised and the flapping reduced"""
-    flare_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; flapping in the flare"""
+    """m; below which the sink dies out towards the ground"""
+    flare_sink: Annotated[float, Quantity("m/s", 0.05, 5.0)]
+    """m/s; greatest sink at the landing place's altitude and below it"""
+    flare_time: Annotated[float, Quantity("s", 0.1, 30.0)]
+    """s; altitude per greatest sink beyond that: the time constant of the round-out"""
     flare_pitch: Annotated[float, Quantity("rad", -0.5, 1.2)]
-    """rad; pitch in the flare"""
-    flare_rate: Annotated[float, Quantity("rad/s", 0.01, 10.0)]
-    """rad/s; how fast the nose comes up for it: faster, and it climbs away"""
+    """rad; least pitch setpoint in the flare"""
     stick_climb: Annotated[float, Quantity("m/s", 0.0, 10.0)]
     """m/s; change of the held altitude at full pitch stick (altitude hold)"""
     stick_dead_band: Annotated[float, Quantity("-", 0.0, 0.5)]

@@ -100,7 +100,7 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
 
 
 def vertical(s: AutopilotState, publish: Publish) -> None:
-    """Altitude -> climb -> throttle and pitch setpoint, or what the stick, the flare or the ground asks."""
+    """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
     asked = asked_vertical(s)
     measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
@@ -111,6 +111,8 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     elif s.tail_check.jammed:
         sinking = by_throttle_alone(gains)
         s.altitude_loop, s.vertical = altitude_loop.step(sinking, state, time_us, dt, -UNDERGROUND, measured)
+    elif s.modes.stage == FLARE:
+        s.altitude_loop, s.vertical = altitude_loop.step(flared(s), state, time_us, dt, -UNDERGROUND, measured)
     elif excitation_input.recovering(s.excitation):
         gains = altitude_loop.calm(gains)
         s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
@@ -140,19 +142,17 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
         return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
     if stage == WAIT_LAUNCH:
         return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
-    if s.modes.cut:
-        if stage == FLARE:
-            return flared(s)._replace(throttle=0.0)
+    if s.modes.cut and stage != FLARE:
         return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
-    if stage == FLARE and not s.tail_check.jammed:
-        return flared(s)
     return None
 
 
-def flared(s: AutopilotState) -> altitude_loop.Asked:
-    """What the flare asks for."""
-    gains = s.gains.navigation
-    return altitude_loop.Asked(gains.flare_throttle, gains.flare_pitch, gains.flare_rate)
+def flared(s: AutopilotState) -> altitude_loop.Gains:
+    """Gains of the climb loop in the flare; wings that must stay still stay still."""
+    of = s.gains.navigation
+    flare = altitude_loop.Flare(of.flare_sink, of.flare_time, of.flare_pitch)
+    gains = altitude_loop.flaring(s.gains.altitude, flare, s.altitude.altitude)
+    return gains._replace(throttle_max=0.0, throttle_min=0.0) if s.modes.cut else gains
 
 
 def lateral(s: AutopilotState, publish: Publish) -> None:

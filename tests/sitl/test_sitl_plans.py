@@ -58,7 +58,7 @@ def test_a_plan_whose_leg_leads_out_of_its_fence_ends_at_its_rally_point(tmp_pat
     path = tmp_path / "field.plan"
     path.write_text(plan(TAKEOFF, away, circles=[circle], points=[[*place(*RALLY[:2]), RALLY[2]]]))
     loaded = load_flight_plan(path)
-    scenario = Scenario(seed=1, duration=48.0)
+    scenario = Scenario(seed=1, duration=56.0)
     flight = flown(RAVEN, scenario, loaded.mission, commands=plan_commands(loaded))
     truth, radius = flight.truth, load_vehicle(RAVEN).gains.navigation.loiter_radius
     time, north, east = truth["time_us"] * 1e-6, truth["north"], truth["east"]
