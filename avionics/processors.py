@@ -1,8 +1,15 @@
-"""The four processors of the flight computer as tables of tasks with rates, and what is due in each tick.
+"""The four processors of the flight computer as tables of tasks with rates and phases, and what is due in each tick.
 
 The division is that of the Robo Raven II suite (Gerdes 2017, Fig. 1): one microcontroller for attitude, one for
 the power ADC, one for everything else, one for the log. Here they share one thread; each task still belongs to
 one of them, runs at its rate, and is timed with it. To add a task: write it in `tasks`, enter it in a table.
+
+A tick must end in time, so work that would fall due together is spread: the phase says in which ticks of its rate a
+task has its turn. The bridge brings a pressure sample in every fourth tick; two filters step with it, so no other
+50 Hz task is due there. The order remains estimate, guide, stabilize, over several ticks instead of one: in the tick
+after, the altitude and heading loops take the new estimate; in the next, the attitude loops take their setpoints; in
+the fourth, modes and navigation decide for the loops of the next round. What is due once a second or less avoids the
+ticks of the navigation too.
 """
 
 from __future__ import annotations
@@ -50,39 +57,41 @@ class Task(NamedTuple):
     """-; when in the tick it runs"""
     rate: float
     """Hz; divides the base rate. A task of a slow sensor runs in every tick and returns when there is no sample"""
+    phase: int
+    """-; its first tick; less than the ticks between two of its turns"""
     run: Run
     """the task"""
 
 
 ATTITUDE = (
-    Task(Part.ESTIMATE, 200.0, estimate.attitude),
+    Task(Part.ESTIMATE, 200.0, 0, estimate.attitude),
 )  # fmt: skip
 POWER = (
-    Task(Part.SENSE, 200.0, sense.power),
+    Task(Part.SENSE, 200.0, 0, sense.power),
 )  # fmt: skip
 MAIN = (
-    Task(Part.SENSE, 200.0, sense.wing),
-    Task(Part.SENSE, 200.0, sense.air),
-    Task(Part.SENSE, 200.0, sense.torque),
-    Task(Part.SENSE, 200.0, calibrate.calibrate),
-    Task(Part.SENSE, 200.0, sense.pilot),
-    Task(Part.SENSE, 50.0, sense.wings),
-    Task(Part.SENSE, 50.0, sense.tail),
-    Task(Part.ESTIMATE, 200.0, estimate.altitude),
-    Task(Part.ESTIMATE, 200.0, estimate.position),
-    Task(Part.GUIDE, 50.0, guide.modes),
-    Task(Part.GUIDE, 20.0, guide.navigation),
-    Task(Part.GUIDE, 100.0, guide.excitation),
-    Task(Part.GUIDE, 50.0, guide.vertical),
-    Task(Part.GUIDE, 50.0, guide.lateral),
-    Task(Part.STABILIZE, 100.0, stabilize.pitch),
-    Task(Part.STABILIZE, 100.0, stabilize.roll),
-    Task(Part.MIX, 200.0, mix.mix),
+    Task(Part.SENSE, 200.0, 0, sense.wing),
+    Task(Part.SENSE, 200.0, 0, sense.air),
+    Task(Part.SENSE, 200.0, 0, sense.torque),
+    Task(Part.SENSE, 200.0, 0, calibrate.calibrate),
+    Task(Part.SENSE, 200.0, 0, sense.pilot),
+    Task(Part.SENSE, 50.0, 1, sense.wings),
+    Task(Part.SENSE, 50.0, 1, sense.tail),
+    Task(Part.ESTIMATE, 200.0, 0, estimate.altitude),
+    Task(Part.ESTIMATE, 200.0, 0, estimate.position),
+    Task(Part.GUIDE, 50.0, 3, guide.modes),
+    Task(Part.GUIDE, 20.0, 3, guide.navigation),
+    Task(Part.GUIDE, 100.0, 0, guide.excitation),
+    Task(Part.GUIDE, 50.0, 1, guide.vertical),
+    Task(Part.GUIDE, 50.0, 1, guide.lateral),
+    Task(Part.STABILIZE, 100.0, 0, stabilize.pitch),
+    Task(Part.STABILIZE, 100.0, 0, stabilize.roll),
+    Task(Part.MIX, 200.0, 0, mix.mix),
 )  # fmt: skip
 LOGGER = (
-    Task(Part.REPORT, 100.0, report.report_excitation),
-    Task(Part.REPORT, 1.0, report.report_health),
-    Task(Part.REPORT, 0.1, report.report_snapshot),
+    Task(Part.REPORT, 100.0, 0, report.report_excitation),
+    Task(Part.REPORT, 1.0, 7, report.report_health),
+    Task(Part.REPORT, 0.1, 11, report.report_snapshot),
 )  # fmt: skip
 PROCESSORS: dict[Processor, tuple[Task, ...]] = {
     Processor.ATTITUDE: ATTITUDE,
@@ -118,20 +127,36 @@ def build_schedule(processors: dict[Processor, tuple[Task, ...]], group: Group =
     """What is due in each tick of the pattern, which repeats after the schedule's length.
 
     Raises:
-        ValueError: a rate that does not divide the base rate.
+        ValueError: a rate that does not divide the base rate, or a phase beyond its rate's ticks.
     """
-    rows = [(processor, task) for processor, table in processors.items() for task in table]
-    dividers = {task.rate: BASE_RATE / task.rate for _, task in rows}
-    if any(divider != round(divider) or divider < 1 for divider in dividers.values()):
-        raise ValueError(f"task rates must divide {BASE_RATE} Hz")
-    made: dict[frozenset[float], Due] = {}
+    rows = [(_turn(task), (processor, task)) for processor, table in processors.items() for task in table]
+    turns = {turn for turn, _ in rows}
+    made: dict[frozenset[Turn], Due] = {}
     schedule = []
-    for tick in range(lcm(*(round(divider) for divider in dividers.values()))):
-        rates = frozenset(rate for rate, divider in dividers.items() if tick % round(divider) == 0)
-        if rates not in made:
-            made[rates] = _due([row for row in rows if row[1].rate in rates], group)
-        schedule.append(made[rates])
+    for tick in range(lcm(*(turn.every for turn in turns))):
+        now = frozenset(turn for turn in turns if tick % turn.every == turn.phase)
+        if now not in made:
+            made[now] = _due([row for turn, row in rows if turn in now], group)
+        schedule.append(made[now])
     return tuple(schedule)
+
+
+class Turn(NamedTuple):
+    """In which ticks a task has its turn."""
+
+    every: int
+    """-; ticks between two turns"""
+    phase: int
+    """-; the first of them"""
+
+
+def _turn(task: Task) -> Turn:
+    every = round(BASE_RATE / task.rate)
+    if every < 1 or every * task.rate != BASE_RATE:
+        raise ValueError(f"task rates must divide {BASE_RATE} Hz")
+    if not 0 <= task.phase < every:
+        raise ValueError(f"a task of {task.rate:g} Hz has a phase from 0 to {every - 1}, not {task.phase}")
+    return Turn(every, task.phase)
 
 
 def _due(rows: list[Row], group: Group) -> Due:

@@ -10,10 +10,18 @@ BASE_RATE = 200
 """Hz; of the IMU, one tick per sample"""
 LONGEST_STEP = 0.1
 """s; a longer gap in the sensor time counts as this long in the loops"""
+NOMINAL_US = 1_000_000 // BASE_RATE
+"""us; between two ticks"""
+MEMORY = 10
+"""-; ticks whose times are kept: a turn of the slowest rate with a step, 20 Hz"""
 
 
 class Clock(NamedTuple):
-    """Ticks, and for each rate the time of its last turn and its present step."""
+    """Ticks, and for each rate its present step.
+
+    A rate's step is the time since as many ticks ago as it divides the base rate by. So it is the time since the
+    last turn of a task of that rate, whichever ticks the task's phase gives it.
+    """
 
     ticks: int = 0
     """-; since boot"""
@@ -21,36 +29,29 @@ class Clock(NamedTuple):
     """us; sensor time of the tick, -1 before the first"""
     dt: float = 0.005
     """s; since the last tick"""
-    last_100_us: int = -10_000
-    last_50_us: int = -20_000
-    last_20_us: int = -50_000
     dt_100: float = 0.01
-    """s; since the last turn of the 100 Hz tasks"""
+    """s; since the last turn of a 100 Hz task that is due now"""
     dt_50: float = 0.02
-    """s; since the last turn of the 50 Hz tasks"""
+    """s; since the last turn of a 50 Hz task that is due now"""
     dt_20: float = 0.05
-    """s; since the last turn of the 20 Hz tasks"""
+    """s; since the last turn of a 20 Hz task that is due now"""
+    before_us: tuple[int, ...] = ()
+    """us; sensor times of the `MEMORY` ticks before this one, the newest first"""
 
 
 def first(time_us: int) -> Clock:
-    """The first tick, every rate due with its nominal step."""
-    return Clock(0, time_us, last_100_us=time_us, last_50_us=time_us, last_20_us=time_us)
+    """The first tick, every rate with its nominal step."""
+    return Clock(0, time_us, before_us=tuple(time_us - NOMINAL_US * ago for ago in range(1, MEMORY + 1)))
 
 
 def advance(clock: Clock, time_us: int) -> Clock:
     """The next tick; ``time_us`` must be later than the last."""
     if clock.time_us < 0:
         return first(time_us)
-    _, last_us, _, last_100, last_50, last_20, dt_100, dt_50, dt_20 = clock
-    ticks = clock.ticks + 1
-    if ticks % 2 == 0:
-        dt_100, last_100 = step_of(last_100, time_us), time_us
-        if ticks % 4 == 0:
-            dt_50, last_50 = step_of(last_50, time_us), time_us
-        if ticks % 10 == 0:
-            dt_20, last_20 = step_of(last_20, time_us), time_us
-    dt = step_of(last_us, time_us)
-    return new(Clock, (ticks, time_us, dt, last_100, last_50, last_20, dt_100, dt_50, dt_20))
+    before = (clock.time_us, *clock.before_us[:-1])
+    dt, dt_100 = step_of(before[0], time_us), step_of(before[1], time_us)
+    dt_50, dt_20 = step_of(before[3], time_us), step_of(before[9], time_us)
+    return new(Clock, (clock.ticks + 1, time_us, dt, dt_100, dt_50, dt_20, before))
 
 
 def step_of(last_us: int, time_us: int) -> float:

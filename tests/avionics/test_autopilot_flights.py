@@ -1,5 +1,6 @@
 """The whole flight computer: flights of the surrogate bird, determinism, snapshots, inputs, bad sensors."""
 
+import itertools
 import json
 import math
 from functools import cache
@@ -410,6 +411,47 @@ def test_run_times_are_published_for_each_processor_and_change_nothing_else() ->
 
 
 def test_rates_must_divide_the_base_rate() -> None:
-    table = {processors.Processor.MAIN: (processors.Task(processors.Part.MIX, 30.0, lambda s, publish: None),)}
+    table = {processors.Processor.MAIN: (processors.Task(processors.Part.MIX, 30.0, 0, lambda s, publish: None),)}
     with pytest.raises(ValueError, match="divide"):
         processors.build_schedule(table)
+
+
+@pytest.mark.parametrize("phase", [-1, 4])
+def test_a_phase_lies_between_two_turns(phase: int) -> None:
+    table = {processors.Processor.MAIN: (processors.Task(processors.Part.MIX, 50.0, phase, lambda s, publish: None),)}
+    with pytest.raises(ValueError, match="phase"):
+        processors.build_schedule(table)
+
+
+STEP = {100.0: "dt_100", 50.0: "dt_50", 20.0: "dt_20"}
+
+
+def test_every_task_has_its_turn_at_its_rate_and_phase_and_the_clock_tells_its_step() -> None:
+    turns: dict[processors.Run, list[tuple[int, int, float]]] = {}
+
+    def noted(rows):
+        def run(s, publish) -> None:
+            for _, task in rows:
+                step = getattr(s.clock, STEP.get(task.rate, "dt"))
+                turns.setdefault(task.run, []).append((s.clock.ticks, s.clock.time_us, step))
+                task.run(s, publish)
+
+        return (run,)
+
+    flight = Flight(schedule=processors.build_schedule(processors.PROCESSORS, noted))
+    for tick in range(200):
+        frame = flight.bird.frame()
+        time_us = 5000 * tick + 37 * tick * tick % 1900
+        flight.autopilot.step(frame._replace(time_us=time_us, imu=frame.imu._replace(time_us=time_us)))
+    for task in (task for table in processors.PROCESSORS.values() for task in table):
+        found = turns[task.run]
+        assert [turn[0] for turn in found] == list(range(task.phase, 200, round(200 / task.rate)))
+        if task.rate >= 20.0:
+            for before, now in itertools.pairwise(found):
+                assert now[2] == pytest.approx((now[1] - before[1]) * 1e-6, abs=1e-12), task
+
+
+def test_no_slow_task_is_due_in_the_tick_of_the_pressure_filters() -> None:
+    slow = {task.run for task in processors.MAIN if task.rate <= 50.0}
+    for due in processors.SCHEDULE[::4]:
+        assert slow.isdisjoint(run for part in due for run in part)
