@@ -5,11 +5,11 @@ the power ADC, one for everything else, one for the log. Here they share one thr
 one of them, runs at its rate, and is timed with it. To add a task: write it in `tasks`, enter it in a table.
 
 A tick must end in time, so work that would fall due together is spread: the phase says in which ticks of its rate a
-task has its turn. The bridge brings a pressure sample in every fourth tick; two filters step with it, so no other
-50 Hz task is due there. The order remains estimate, guide, stabilize, over several ticks instead of one: in the tick
-after, the altitude and heading loops take the new estimate; in the next, the attitude loops take their setpoints; in
-the fourth, modes and navigation decide for the loops of the next round. What is due once a second or less avoids the
-ticks of the navigation too.
+task has its turn. The bridge brings a burst of the ADC in every second tick and, in every fourth, a pressure sample,
+with which two filters step. The order remains estimate, guide, stabilize, over several ticks instead of one: the
+altitude and heading loops take the new estimate in its tick; the attitude loops take their setpoints in the next; in
+the third the wings and the tail are checked; in the fourth modes and navigation decide for the loops of the next
+round. What is due once a second or less has a tick without any of these but the checks.
 """
 
 from __future__ import annotations
@@ -75,23 +75,23 @@ MAIN = (
     Task(Part.SENSE, 200.0, 0, sense.torque),
     Task(Part.SENSE, 200.0, 0, calibrate.calibrate),
     Task(Part.SENSE, 200.0, 0, sense.pilot),
-    Task(Part.SENSE, 50.0, 1, sense.wings),
-    Task(Part.SENSE, 50.0, 1, sense.tail),
+    Task(Part.SENSE, 50.0, 2, sense.wings),
+    Task(Part.SENSE, 50.0, 2, sense.tail),
     Task(Part.ESTIMATE, 200.0, 0, estimate.altitude),
     Task(Part.ESTIMATE, 200.0, 0, estimate.position),
     Task(Part.GUIDE, 50.0, 3, guide.modes),
     Task(Part.GUIDE, 20.0, 3, guide.navigation),
-    Task(Part.GUIDE, 100.0, 0, guide.excitation),
-    Task(Part.GUIDE, 50.0, 1, guide.vertical),
-    Task(Part.GUIDE, 50.0, 1, guide.lateral),
-    Task(Part.STABILIZE, 100.0, 0, stabilize.pitch),
-    Task(Part.STABILIZE, 100.0, 0, stabilize.roll),
+    Task(Part.GUIDE, 100.0, 1, guide.excitation),
+    Task(Part.GUIDE, 50.0, 0, guide.vertical),
+    Task(Part.GUIDE, 50.0, 0, guide.lateral),
+    Task(Part.STABILIZE, 100.0, 1, stabilize.pitch),
+    Task(Part.STABILIZE, 100.0, 1, stabilize.roll),
     Task(Part.MIX, 200.0, 0, mix.mix),
 )  # fmt: skip
 LOGGER = (
-    Task(Part.REPORT, 100.0, 0, report.report_excitation),
-    Task(Part.REPORT, 1.0, 7, report.report_health),
-    Task(Part.REPORT, 0.1, 11, report.report_snapshot),
+    Task(Part.REPORT, 100.0, 1, report.report_excitation),
+    Task(Part.REPORT, 1.0, 6, report.report_health),
+    Task(Part.REPORT, 0.1, 10, report.report_snapshot),
 )  # fmt: skip
 PROCESSORS: dict[Processor, tuple[Task, ...]] = {
     Processor.ATTITUDE: ATTITUDE,

@@ -8,6 +8,7 @@ from avionics.guidance import heading, modes, navigation
 from avionics.guidance.route import FASTEST_DRIFT
 from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
+from avionics.records import new
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
 
@@ -27,7 +28,8 @@ def position_usable(s: AutopilotState) -> int:
 def ground_motion(s: AutopilotState) -> heading.Measured:
     """What the heading loop looks at."""
     north, east, usable = s.position.v_north, s.position.v_east, position_usable(s)
-    return heading.Measured(s.attitude.yaw, north, east, usable, bank_of_path(s), drift(s) if usable else 1.0)
+    drifting = drift(s) if usable else 1.0
+    return new(heading.Measured, (s.attitude.yaw, north, east, usable, bank_of_path(s), drifting))
 
 
 def drift(s: AutopilotState) -> float:

@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
 from avionics.quantities import Quantity
+from avionics.records import new
 
 CALM_SHARE = 0.5
 """-; of the gains on altitude and climb while a trim is sought"""
@@ -105,10 +106,10 @@ def step(
     integral, throttle, saturated = _throttle(gains, state, dt, climb_setpoint, climb_error)
     pitch_setpoint = _pitch_setpoint(gains, state, dt, (climb_setpoint, climb_error), measured.airspeed)
     mean = low_pass(state.throttle_mean, throttle, gains.trim_time, dt)
-    status = AltitudeStatus(
+    status = new(AltitudeStatus, (
         time_us, altitude_error, climb_setpoint, climb_error, integral, throttle, pitch_setpoint, saturated
-    )
-    return State(climb_setpoint, integral, throttle, pitch_setpoint, mean), status
+    ))  # fmt: skip
+    return new(State, (climb_setpoint, integral, throttle, pitch_setpoint, mean)), status
 
 
 def _throttle(

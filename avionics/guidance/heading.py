@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, slew, wrap
 from avionics.messages import HeadingStatus
 from avionics.quantities import Quantity
+from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -74,7 +75,8 @@ def step(
     integral = state.integral if saturated and wanted * error > 0.0 else grown
     limited = clip(wanted, -gains.roll_max, gains.roll_max)
     roll_setpoint = slew(state.roll_setpoint, limited, gains.roll_rate, dt)
-    return State(integral, roll_setpoint), HeadingStatus(time_us, heading, error, roll_setpoint, int(saturated))
+    status = new(HeadingStatus, (time_us, heading, error, roll_setpoint, int(saturated)))
+    return new(State, (integral, roll_setpoint)), status
 
 
 def follow(

@@ -357,7 +357,8 @@ def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) ->
     still = still and (state.still_time == 0.0 or abs(seen.altitude - state.still_altitude) < STILL_TRAVEL)
     since = seen.altitude if state.still_time == 0.0 else state.still_altitude
     lasted = state.still_time + dt if still else 0.0
-    state = state._replace(still_time=lasted, still_altitude=since)
+    if lasted != state.still_time:
+        state = state._replace(still_time=lasted, still_altitude=since)
     if lasted < (gains.touchdown_time if landing else gains.crash_time):
         return _follow_navigation(state, seen)
     landed = state._replace(stage=int(Stage.LANDED), armed=0, still_time=0.0)

@@ -103,7 +103,7 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
     asked = asked_vertical(s)
-    measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
+    measured = new(altitude_loop.Measured, (s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed))
     if asked is not None:
         s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):
