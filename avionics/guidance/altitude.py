@@ -174,6 +174,8 @@ class Flare(NamedTuple):
     """m/s; greatest at the landing place's altitude and below it"""
     time: float
     """s; altitude per greatest sink beyond that"""
+    throttle: float
+    """-; of the flare before any answer to an error: below the trim, so that it slows down"""
     pitch_min: float
     """rad; least pitch setpoint"""
 
@@ -185,7 +187,7 @@ def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
     pitch go on answering the gusts.
     """
     sink = min(flare.sink + max(altitude, 0.0) / flare.time, gains.sink_max)
-    return gains._replace(sink_max=sink, pitch_min=flare.pitch_min)
+    return gains._replace(sink_max=sink, throttle_trim=flare.throttle, throttle_climb=0.0, pitch_min=flare.pitch_min)
 
 
 class Asked(NamedTuple):

@@ -54,6 +54,8 @@ class Gains(NamedTuple):
     """m/s; greatest sink at the landing place's altitude and below it"""
     flare_time: Annotated[float, Quantity("s", 0.1, 30.0)]
     """s; altitude per greatest sink beyond that: the time constant of the round-out"""
+    flare_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
+    """-; in the flare while the sink is as asked: less than level flight needs, so that it slows down"""
     flare_pitch: Annotated[float, Quantity("rad", -0.5, 1.2)]
     """rad; least pitch setpoint in the flare"""
     stick_climb: Annotated[float, Quantity("m/s", 0.0, 10.0)]

@@ -46,6 +46,7 @@ _PINNED = {
         "flare_altitude": 1.2,
         "flare_sink": 0.4,
         "flare_time": 2.0,
+        "flare_throttle": 0.2,
         "flare_pitch": 0.0,
         "stick_climb": 1.0,
         "stick_dead_band": 0.1,
