@@ -187,7 +187,10 @@ def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
     pitch go on answering the gusts.
     """
     sink = min(flare.sink + max(altitude, 0.0) / flare.time, gains.sink_max)
-    return gains._replace(sink_max=sink, throttle_trim=flare.throttle, throttle_climb=0.0, pitch_min=flare.pitch_min)
+    least = min(gains.throttle_min, flare.throttle)
+    return gains._replace(
+        sink_max=sink, throttle_trim=flare.throttle, throttle_climb=0.0, throttle_min=least, pitch_min=flare.pitch_min
+    )
 
 
 class Asked(NamedTuple):

@@ -148,11 +148,12 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
 
 
 def flared(s: AutopilotState) -> altitude_loop.Gains:
-    """Gains of the climb loop in the flare; wings that must stay still stay still."""
+    """Gains of the climb loop in the flare; wings that must stay still stay still, and slower than any flight they rest."""
     of = s.gains.navigation
     flare = altitude_loop.Flare(of.flare_sink, of.flare_time, of.flare_throttle, of.flare_pitch)
     gains = altitude_loop.flaring(s.gains.altitude, flare, s.altitude.altitude)
-    return gains._replace(throttle_max=0.0, throttle_min=0.0) if s.modes.cut else gains
+    resting = s.modes.cut or s.air.airspeed < s.gains.modes.touchdown_airspeed
+    return gains._replace(throttle_max=0.0, throttle_min=0.0) if resting else gains
 
 
 def lateral(s: AutopilotState, publish: Publish) -> None:
