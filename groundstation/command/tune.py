@@ -39,8 +39,8 @@ JSON_KEYS = {
     "vehicle, model": "what is tuned; where the linear model comes from",
     "airspeed, frequency": "of the model: m/s, Hz of flapping",
     "limits": "gain_margin dB, phase_margin rad that every loop must keep",
-    "loops": "list of {name, before, after}; each {gains by section.key, gain_margin dB, phase_margin rad, crossover,"
-    " bandwidth rad/s, sensitivity, stable, keeps}",
+    "loops": "list of {name, before, after}; each {gains by section.key and the airspeed m/s they are for,"
+    " gain_margin dB, phase_margin rad, crossover, bandwidth rad/s, sensitivity, stable, keeps}",
     "flights": "null, or {before, after}; each {" + FLOWN_KEYS + "}",
     "written": "names of the files",
 }

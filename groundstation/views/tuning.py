@@ -16,6 +16,8 @@ from sim_bridge.tuning.margins import LIMITS
 from sim_bridge.tuning.proof import Flown, Proof
 
 SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
+DESIGNED_FOR = "airspeed"
+"""a loop's key that is no gain but the airspeed (m/s) that its gains are for"""
 
 
 def design_heading(vehicle: FlightVehicle, design: Design) -> Text:
@@ -38,12 +40,16 @@ def design_table(design: Design) -> RenderableType:
 
 def _loop_cells(loop: Loop) -> tuple[RenderableType, ...]:
     margins = loop.margins
-    gains = "  ".join(f"{SHORT[key.split('.')[1]]} {value:.3g}" for key, value in loop.gains.items())
+    gains = "  ".join(_gain(key.split(".")[1], value) for key, value in loop.gains.items())
     if not margins.stable:
         return Text("unstable", style="red"), "", "", "", gains
     gain = _margin(f"{margins.gain_db:.1f} dB", margins.gain_db >= LIMITS.gain_margin_db, margins.gain_db)
     phase = _margin(wording.angle(margins.phase, ".0f"), margins.phase >= LIMITS.phase_margin, margins.phase)
     return gain, phase, f"{margins.crossover:.2f} rad/s", f"{loop.bandwidth:.2f} rad/s", gains
+
+
+def _gain(name: str, value: float) -> str:
+    return f"at {value:.3g} m/s" if name == DESIGNED_FOR else f"{SHORT[name]} {value:.3g}"
 
 
 def _margin(words: str, kept: bool, value: float) -> Text:
