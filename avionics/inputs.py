@@ -7,6 +7,7 @@ those of the other sources stand too: they follow from frames and channels, and 
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -35,10 +36,19 @@ from avionics.missions.limits import check_fence, check_item, check_rally
 from avionics.sensing.pilot import Act
 from avionics.situation import conditions, surroundings, unready
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from avionics.topics import Publish, Topic
 
 FORCED_DISARM = 21196.0
 """value of a DISARM that is meant also in flight (MAVLink's number)"""
+
+
+class Refused(Exception):
+    """A command was not taken, and nothing was changed."""
+
+    def __init__(self, source: str, text: str) -> None:
+        """Who refuses it, as the source of an event, and why, one line."""
+        super().__init__(text)
+        self.source, self.text = source, text
 
 
 def encode_command(command: Command) -> str:
@@ -92,13 +102,36 @@ def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> Non
         if isinstance(entry, Command):
             command = _plain(entry._replace(time_us=time_us))
             publish(topics.INPUTS, Text(time_us, encode_command(command)))
-            APPLY[command.kind](s, publish, command)
+            _apply(s, publish, command)
+
+
+def refusal(s: AutopilotState, command: Command) -> str:
+    """Why ``command`` would be refused now, one line; empty when it would be taken.
+
+    It is tried on a copy of the memory, unheard.
+    """
+    try:
+        APPLY[command.kind](copy.copy(s), _unheard, _plain(command._replace(time_us=max(s.clock.time_us, 0))))
+    except Refused as refused:
+        return refused.text
+    return ""
+
+
+def _unheard(topic: Topic, message: Any) -> None:
+    pass
+
+
+def _apply(s: AutopilotState, publish: Publish, command: Command) -> None:
+    try:
+        APPLY[command.kind](s, publish, command)
+    except Refused as refused:
+        say(s, publish, Severity.WARNING, refused.source, refused.text)
 
 
 def act(s: AutopilotState, publish: Publish, asked: Sequence[Act], source: str) -> None:
     """Do what switches ask for: it is logged with the channels it follows from, not as an input of its own."""
     for each in asked:
-        APPLY[each.kind](s, publish, Command(s.clock.time_us, each.kind, each.name, source=source))
+        _apply(s, publish, Command(s.clock.time_us, each.kind, each.name, source=source))
 
 
 def say(s: AutopilotState, publish: Publish, severity: Severity, source: str, text: str) -> None:
@@ -122,14 +155,25 @@ def _plain(command: Command) -> Command:
     return command._replace(payload=payload)
 
 
+def _taken(outcome: modes.Outcome, before: modes.State) -> modes.Outcome:
+    """The outcome of what was asked of the modes.
+
+    Raises:
+        Refused: they stayed as they were, and warn of it.
+    """
+    state, notices = outcome
+    if state is before and notices and notices[0].severity <= Severity.WARNING:
+        raise Refused("modes", notices[0].text)
+    return outcome
+
+
 def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
     if s.calibration.kind:
         text = f"arming refused: {s.calibration.kind.name} is being calibrated"
-        say(s, publish, Severity.WARNING, "calibration", text)
-        return
+        raise Refused("calibration", text)
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
-    s.modes, notices = modes.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s)))
+    s.modes, notices = _taken(modes.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s))), s.modes)
     if s.modes.armed and not was_armed:
         s.wing_check = s.wing_check._replace(jammed=0)
         s.tail_check = s.tail_check._replace(jammed=0)
@@ -139,7 +183,7 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def _disarm(s: AutopilotState, publish: Publish, command: Command) -> None:
-    s.modes, notices = modes.disarm(s.modes, command.value == FORCED_DISARM)
+    s.modes, notices = _taken(modes.disarm(s.modes, command.value == FORCED_DISARM), s.modes)
     tell(s, publish, notices)
 
 
@@ -152,30 +196,24 @@ def _kill(s: AutopilotState, publish: Publish, command: Command) -> None:
 def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     name = command.name.upper()
     if name not in Mode.__members__:
-        say(
-            s,
-            publish,
-            Severity.WARNING,
-            "modes",
-            f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}",
-        )
-        return
-    s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode[name], conditions(s))
+        raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
+    s.modes, notices = _taken(modes.set_mode(s.gains.modes, s.modes, Mode[name], conditions(s)), s.modes)
     tell(s, publish, notices)
 
 
 def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> None:
     change = parameters.set_value(s.gains, parameters.parameter_table(s.gains), command.name, command.value)
+    if not change.accepted:
+        raise Refused("parameters", change.text)
     s.gains = change.gains
-    say(s, publish, Severity.INFO if change.accepted else Severity.WARNING, "parameters", change.text)
+    say(s, publish, Severity.INFO, "parameters", change.text)
 
 
 def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
     mission: Mission = command.payload
     refusal = check_mission(mission)
     if refusal:
-        say(s, publish, Severity.WARNING, "mission", f"mission refused: {refusal}")
-        return
+        raise Refused("mission", f"mission refused: {refusal}")
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
     say(s, publish, Severity.INFO, "mission", f"mission of {len(mission)} items")
@@ -185,8 +223,7 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
     fence: Fence = command.payload or Fence()
     refusal = check_fence(fence)
     if refusal:
-        say(s, publish, Severity.WARNING, "mission", f"fence refused: {refusal}")
-        return
+        raise Refused("mission", f"fence refused: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
     say(s, publish, Severity.INFO, "mission", f"fence of {len(fence.zones)} zones")
 
@@ -195,8 +232,7 @@ def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
     rally: Rally = command.payload
     refusal = check_rally(rally)
     if refusal:
-        say(s, publish, Severity.WARNING, "mission", f"rally points refused: {refusal}")
-        return
+        raise Refused("mission", f"rally points refused: {refusal}")
     s.rally = rally
     say(s, publish, Severity.INFO, "mission", f"{len(rally)} rally points")
 
@@ -207,8 +243,7 @@ def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
     if not refusal and not surroundings(s).valid:
         refusal = "no GPS position"
     if refusal:
-        say(s, publish, Severity.WARNING, "navigation", f"circling there refused: {refusal}")
-        return
+        raise Refused("navigation", f"circling there refused: {refusal}")
     s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
     s.navigation = navigation.loiter_at(s.gains.navigation, s.navigation, item, surroundings(s))
     tell(s, publish, notices)
@@ -220,8 +255,7 @@ def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> 
     number = command.value
     if number != number or not 0 <= number < len(s.mission):
         text = f"item {number:g} refused: the mission has items 0 to {len(s.mission) - 1}"
-        say(s, publish, Severity.WARNING, "mission", text)
-        return
+        raise Refused("mission", text)
     s.navigation = navigation.choose_item(s.navigation, int(number))
     say(s, publish, Severity.INFO, "mission", f"item {int(number)}")
 
@@ -229,8 +263,7 @@ def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> 
 def _excite(s: AutopilotState, publish: Publish, command: Command) -> None:
     refusal = _excitation_refusal(s, command.payload)
     if refusal:
-        say(s, publish, Severity.WARNING, "excitation", f"excitation refused: {refusal}")
-        return
+        raise Refused("excitation", f"excitation refused: {refusal}")
     s.navigation = navigation.excite(s.navigation, command.payload, surroundings(s))
     say(s, publish, Severity.INFO, "excitation", f"excitation of {_channels(command.payload)}")
 
@@ -264,8 +297,7 @@ def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
     if not kind:
         reason = f"unknown kind {command.name}"
     if reason:
-        say(s, publish, Severity.WARNING, "calibration", f"calibration refused: {reason}")
-        return
+        raise Refused("calibration", f"calibration refused: {reason}")
     s.calibration = calibration.start(s.calibration, kind, command.value)
     say(s, publish, Severity.INFO, "calibration", calibration.WORDS[kind])
     publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -115,15 +114,5 @@ class FlightView:
         self._forward(topics.LINK_EVENTS, event)
 
     def refusal(self, command: Command) -> str:
-        """Why the flight core would refuse ``command`` now, one line; empty when it would take it.
-
-        It is tried on a copy of the memory: what the core would say as a warning is the reason.
-        """
-        said: list[Event] = []
-
-        def listen(topic: Topic, message: Any) -> None:
-            if topic is topics.EVENTS:
-                said.append(message)
-
-        inputs.receive(copy.copy(self.autopilot.memory), listen, (command,))
-        return "; ".join(event.text for event in said if event.severity <= Severity.WARNING)
+        """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+        return inputs.refusal(self.autopilot.memory, command)

@@ -107,7 +107,7 @@ class CommandService:
         return self._ask_core(self._command(kind, request, request.params[1]))
 
     def _terminate(self, request: Request) -> Verdict:
-        if request.params[0] <= 0.5:
+        if not request.params[0] > 0.5:  # also what is no number
             return Verdict(_DENIED, (), "flight termination ends with arming anew")
         return self._ask_core(self._command(CommandKind.KILL, request))
 
