@@ -40,16 +40,13 @@ def design_table(design: Design) -> RenderableType:
 
 def _loop_cells(loop: Loop) -> tuple[RenderableType, ...]:
     margins = loop.margins
-    gains = "  ".join(_gain(key.split(".")[1], value) for key, value in loop.gains.items())
+    named = {key.split(".")[1]: value for key, value in loop.gains.items()}
+    gains = "  ".join(f"{SHORT[name]} {value:.3g}" for name, value in named.items() if name != DESIGNED_FOR)
     if not margins.stable:
         return Text("unstable", style="red"), "", "", "", gains
     gain = _margin(f"{margins.gain_db:.1f} dB", margins.gain_db >= LIMITS.gain_margin_db, margins.gain_db)
     phase = _margin(wording.angle(margins.phase, ".0f"), margins.phase >= LIMITS.phase_margin, margins.phase)
     return gain, phase, f"{margins.crossover:.2f} rad/s", f"{loop.bandwidth:.2f} rad/s", gains
-
-
-def _gain(name: str, value: float) -> str:
-    return f"at {value:.3g} m/s" if name == DESIGNED_FOR else f"{SHORT[name]} {value:.3g}"
 
 
 def _margin(words: str, kept: bool, value: float) -> Text:
@@ -61,6 +58,11 @@ def _margin(words: str, kept: bool, value: float) -> Text:
 def _notes(design: Design) -> list[str]:
     asked = f"at least {LIMITS.gain_margin_db:g} dB and {wording.angle(LIMITS.phase_margin, '.0f')}"
     notes = [f"every loop: {asked}, ! falls short; bandwidth: -3 dB from setpoint to response"]
+    for before, after in zip(design.before, design.after, strict=True):
+        for key, value in after.gains.items():
+            if key.endswith(f".{DESIGNED_FOR}"):
+                speeds = f"{before.gains[key]:.3g} m/s before, {value:.3g} m/s after"
+                notes.append(f"gains of {after.name} are for {speeds}, and go with the dynamic pressure")
     missing = [part.name for part in PARTS if part.name not in {loop.name for loop in design.after}]
     if missing:
         notes.append(f"not designed, the model lacks their motion: {', '.join(missing)}")

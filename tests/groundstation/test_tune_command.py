@@ -49,7 +49,7 @@ def test_a_design_is_told_to_people_on_a_hundred_columns(capsys: Capture, tmp_pa
     for word in ("pitch", "roll", "climb", "altitude", "heading", "before", "after", "gain margin", "phase margin"):
         assert word in said.out
     assert re.search(r"roll +before +3\.0 dB !", said.out), "what falls short of 6 dB is marked"
-    assert re.search(r"roll .* P \S+  I \S+  D \S+  at \S+ m/s *$", said.out, re.M), "the airspeed has its unit"
+    assert "gains of roll are for 6.8 m/s before, 6.8 m/s after" in said.out
     table = [line.rstrip() for line in said.out.splitlines() if "written" not in line]
     assert max(len(line) for line in table) <= 100
     assert str(out / "avionics.toml") in said.out.replace("\n", "")
