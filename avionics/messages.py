@@ -724,6 +724,7 @@ class Failsafe(IntFlag):
     TAIL_JAMMED = 32768
     WING_JAMMED = 65536
     RECEIVER_LOST = 131072
+    BARO_LOST = 262144
 
 
 class Health(NamedTuple):

@@ -412,6 +412,7 @@ FAILURES = (
     Failure(Failsafe.TAIL_JAMMED, "tail does not answer", Action.LAND, Severity.CRITICAL, 2.0),
     Failure(Failsafe.ACCEL_SATURATED, "accelerometer saturated", Action.LAND, Severity.ERROR, 2.0),
     Failure(Failsafe.BATTERY_CRITICAL, "battery nearly empty", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.BARO_LOST, "barometer lost", Action.LAND, Severity.ERROR, 3.0),
     Failure(Failsafe.POSITION_GONE, "no position", Action.LAND, Severity.ERROR),
     Failure(Failsafe.LINK_LOST, "ground link lost", Action.RETURN),
     Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
