@@ -202,7 +202,10 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> None:
-    change = parameters.set_value(s.gains, parameters.parameter_table(s.gains), command.name, command.value)
+    table = parameters.parameter_table(s.gains)
+    if s.modes.armed and command.name in table and parameters.grounded(table[command.name]):
+        raise Refused("parameters", f"{command.name} refused: armed")
+    change = parameters.set_value(s.gains, table, command.name, command.value)
     if not change.accepted:
         raise Refused("parameters", change.text)
     s.gains = change.gains

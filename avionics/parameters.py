@@ -97,6 +97,14 @@ WORDS = {
 }
 
 
+GROUNDED = {
+    "imu": (),
+    "wing_angle": ("zero_left", "zero_right"),
+    "receiver": ("mode_channel", "arm_channel", "kill_channel"),
+}
+"""keys by section, all of them where none is named, whose change would kill in flight: refused while armed"""
+
+
 class Parameter(NamedTuple):
     """One number of the gains, as a ground station sees it."""
 
@@ -196,6 +204,12 @@ def _numeric(hint: Any) -> tuple[type[Any] | None, Quantity]:
         if hasattr(base, "__metadata__"):
             return _numeric(base)
     return (base if base in (int, float) else None), quantity
+
+
+def grounded(parameter: Parameter) -> bool:
+    """Whether the parameter may be set only while disarmed."""
+    keys = GROUNDED.get(parameter.section)
+    return keys is not None and (not keys or parameter.key in keys)
 
 
 def get(gains: FlightGains, parameter: Parameter) -> float:
