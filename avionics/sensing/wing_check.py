@@ -67,6 +67,8 @@ class State(NamedTuple):
     """-; flags of wings that are jammed; kept until the next arming"""
     angles: tuple[float, float] = (0.0, 0.0)
     """rad; last left and right"""
+    rocked: float = 0.0
+    """s; for which the vehicle has been rocked while an encoder was lost"""
 
 
 class Seen(NamedTuple):
@@ -103,12 +105,12 @@ def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
     doubted = state.doubted + dt if seen.valid != LEFT | RIGHT else 0.0
     lost = (LEFT | RIGHT) & ~(seen.valid | state.jammed) if doubted >= gains.verdict_time else 0
     state = new(State, (
-        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed, seen.angles
+        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed, seen.angles, state.rocked
     ))  # fmt: skip
-    return _judged(gains, state) if judged and not both_move else state
+    return _judged(gains, state, dt) if judged and not both_move else state
 
 
-def _judged(gains: Gains, state: State) -> State:
+def _judged(gains: Gains, state: State, dt: float) -> State:
     """The state with the wings that stand still while their drives pull, or while the other rocks the vehicle."""
     still = (LEFT if state.still_left >= gains.still_time else 0) | (
         RIGHT if state.still_right >= gains.still_time else 0
@@ -117,4 +119,13 @@ def _judged(gains: Gains, state: State) -> State:
     fresh = still & ~state.lost
     if fresh and (stalled or state.rocking > gains.rocking):
         return state._replace(jammed=state.jammed | fresh)
-    return state
+    return _unseen(gains, state, dt) if state.lost and not state.jammed else state
+
+
+def _unseen(gains: Gains, state: State, dt: float) -> State:
+    """A wing of a lost encoder: jammed when the other rocks the vehicle for longer than a gust.
+
+    The current alone would mistake a climb for a stall: what is usual is not learned without both encoders.
+    """
+    rocked = state.rocked + dt if state.rocking > gains.rocking else 0.0
+    return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.verdict_time else 0)
