@@ -14,6 +14,8 @@ from avionics.quantities import Quantity
 
 ROLL, PITCH, THROTTLE, YAW = range(4)
 """places of the sticks among the channels"""
+STICKS = 4
+"""channels; that a frame must have"""
 SWITCH_LOW, SWITCH_HIGH = 1300, 1700
 """us; between the low, middle and high position of a switch"""
 SETTLED = 3
@@ -95,7 +97,11 @@ class State(NamedTuple):
 
 def usable(gains: Gains, pulses: Sequence[int], lost: int) -> bool:
     """Whether a frame carries the pilot's sticks."""
-    return not lost and all(gains.pulse_min <= pulse <= gains.pulse_max for pulse in pulses[:4])
+    return (
+        not lost
+        and len(pulses) >= STICKS
+        and all(gains.pulse_min <= pulse <= gains.pulse_max for pulse in pulses[:STICKS])
+    )
 
 
 def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], patience: int = SETTLED) -> State:

@@ -28,6 +28,12 @@ def heard(frames, state: pilot.State | None = None, gains: receiver.Gains = GAIN
     return state
 
 
+@pytest.mark.parametrize("channels", [0, 1, 3])
+def test_a_frame_of_fewer_channels_than_sticks_is_passed_over(channels: int) -> None:
+    short = ReceiverSample(1_000_000, CENTRED[:channels], 0, 200)
+    assert pilot.take_receiver(GAINS, pilot.State(), short) == pilot.State()
+
+
 # --- calibration ------------------------------------------------------------------------------------------
 
 
