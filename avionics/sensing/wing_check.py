@@ -105,7 +105,8 @@ def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
     doubted = state.doubted + dt if seen.valid != LEFT | RIGHT else 0.0
     lost = (LEFT | RIGHT) & ~(seen.valid | state.jammed) if doubted >= gains.verdict_time else 0
     state = new(State, (
-        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed, seen.angles, state.rocked
+        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed,
+        seen.angles, state.rocked,
     ))  # fmt: skip
     return _judged(gains, state, dt) if judged and not both_move else state
 
