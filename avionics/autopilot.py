@@ -12,7 +12,7 @@ from avionics.messages import ActuatorCommand, Input, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
 from avionics.quantities import BadInput
-from avionics.sensing.plausibility import shifted
+from avionics.sensing.plausibility import LONGEST_GAP_US, shifted
 from avionics.state import AutopilotState, initial_state
 from avionics.tasks.intake import accept, refuse_time
 from avionics.topics import Publish
@@ -57,7 +57,7 @@ class Autopilot:
         offset_us = s.plausibility.time_offset_us
         if offset_us:
             frame = shifted(frame, offset_us)
-        if frame.time_us <= s.clock.time_us:
+        if not (0 < frame.time_us - s.clock.time_us <= LONGEST_GAP_US or s.clock.time_us < 0):
             receive(s, publish, commands)
             return refuse_time(s, publish, frame)._replace(time_us=frame.time_us - offset_us)
         s.clock = timebase.advance(s.clock, frame.time_us)

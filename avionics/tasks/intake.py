@@ -55,7 +55,7 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
 
 
 def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> ActuatorCommand:
-    """A frame that is not later than the last: count it, say so once, repeat the last actuators."""
+    """A frame not later than the last, or too much later: count it, say so once, repeat the last actuators."""
     record_frame(publish, frame)
     s.plausibility = plausibility.refuse_time(s.plausibility)
     if s.plausibility.time_refused == 1:
@@ -65,7 +65,9 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
         step_us = s.clock.time_us + round(TICK * 1e6) - frame.time_us
         offset = s.plausibility.time_offset_us + step_us
         s.plausibility = s.plausibility._replace(time_offset_us=offset)
-        say(s, publish, Severity.WARNING, "sensing", f"sensor clock {offset * 1e-6:.3f} s back: followed from there")
+        way = "back" if offset > 0 else "ahead"
+        text = f"sensor clock {abs(offset) * 1e-6:.3f} s {way}: followed from there"
+        say(s, publish, Severity.WARNING, "sensing", text)
     return s.actuators._replace(time_us=frame.time_us)
 
 
