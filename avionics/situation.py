@@ -51,7 +51,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
     imu_age = plausibility.imu_age(s.plausibility, s.clock.time_us)
     return modes.Conditions(
         forward_force=s.frame.imu.accel_x,
-        airspeed=s.air.airspeed,
+        airspeed=touching_airspeed(s),
         altitude=s.altitude.altitude,
         climb_rate=s.altitude.climb_rate,
         roll=s.attitude.roll,
@@ -76,6 +76,12 @@ def conditions(s: AutopilotState) -> modes.Conditions:
     )
 
 
+def touching_airspeed(s: AutopilotState) -> float:
+    """m/s; 0 on a landing with neither pitot nor fix: the cruise that is assumed then would never touch down."""
+    unknown = s.airspeed_check.blocked and not position_usable(s) and s.modes.stage in modes.LANDING
+    return 0.0 if unknown else s.air.airspeed
+
+
 def sensed(s: AutopilotState) -> int:
     """Flags of the failures that the sensing tells now."""
     wings = s.wing_check
@@ -89,6 +95,8 @@ def sensed(s: AutopilotState) -> int:
         flags |= Failsafe.ACCEL_SATURATED
     if s.altitude_filter.refused > 0.0:
         flags |= Failsafe.BARO_REFUSED
+    if plausibility.baro_lost(s.gains.plausibility, s.plausibility, s.clock.time_us):
+        flags |= Failsafe.BARO_LOST
     if s.tail_check.jammed:
         flags |= Failsafe.TAIL_JAMMED
     if s.attitude.magnetometer_disturbed:

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, get_type_hints
 from avionics import messages as m
 from avionics import timebase
 from avionics.calibration import procedure as calibration
-from avionics.estimation import ahrs
+from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes
@@ -70,6 +70,7 @@ class AutopilotState:
     power: power.State = power.State()
     air_data: air_data.State = air_data.State()
     altitude_filter: altitude_filter.State = altitude_filter.State()
+    gps_altitude: gps_altitude.State = gps_altitude.State()
     position_filter: position_filter.State = position_filter.State()
     ways_in: pilot.State = pilot.State()
     """the pilot's sticks by their source"""

@@ -58,6 +58,8 @@ class Before(NamedTuple):
     """the last frame before the fault"""
     receiver: RawReceiver | None = None
     """the last frame of the radio-control receiver"""
+    static_counts: int | None = None
+    """the last static pressure"""
 
 
 Sense = Callable[[RawFrame, Before, int], RawFrame]
@@ -155,6 +157,17 @@ def _baro_spikes(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(pressures=frame.pressures._replace(static_counts=static))
 
 
+def _frozen_baro(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    """The static pressure is the last one, whatever the altitude; the pitot is read."""
+    if frame.pressures is None or before.static_counts is None:
+        return frame
+    return frame._replace(pressures=frame.pressures._replace(static_counts=before.static_counts))
+
+
+def _no_pressures(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+    return frame._replace(pressures=None)
+
+
 def _earlier(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     """The clock of all sensors has jumped back, and runs on from there."""
     samples: list[Any] = [sample and sample._replace(time_us=sample.time_us - CLOCK_STEP_US) for sample in frame[1:]]
@@ -183,6 +196,8 @@ FAULTS: dict[str, Kind] = {
     "gyro_saturated": Kind("the gyro stands at the end of its range", Place.SENSORS, _saturated_gyro),
     "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _unheard),
     "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
+    "baro_frozen": Kind("the barometer repeats its last static pressure", Place.SENSORS, _frozen_baro),
+    "baro_lost": Kind("no pressure sample comes, of barometer and pitot", Place.SENSORS, _no_pressures),
     "time_backwards": Kind("the sensors' clock jumps back by 3 s", Place.SENSORS, _earlier),
     "battery_low": Kind(f"{100 * LOW_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(LOW_SHARE)),
     "battery_critical": Kind(
@@ -300,6 +315,7 @@ class FaultInjector:
         self._boot: RawPressures | None = None
         self._last: RawFrame | None = None
         self._heard: RawReceiver | None = None
+        self._static: int | None = None
 
     def inject(self, fault: Fault) -> None:
         """Let one more fault of the world happen.
@@ -328,7 +344,7 @@ class FaultInjector:
             raise SimulationSilent(f"no sensor frame from {fault.at:g} s on: fault {fault.name}")
         self._active[fault] = tick
         if self._last is not None:
-            self._before[fault] = Before(self._boot, self._last, self._heard)
+            self._before[fault] = Before(self._boot, self._last, self._heard, self._static)
         if kind.begin is not None:
             kind.begin(plant)
         return f"fault {fault.name}: {kind.text}"
@@ -351,4 +367,6 @@ class FaultInjector:
             if sense is not None:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
         self._last, self._heard = healthy, healthy.receiver or self._heard
+        if healthy.pressures is not None:
+            self._static = healthy.pressures.static_counts
         return frame

@@ -40,6 +40,15 @@ class Gains(NamedTuple):
     """s; of refused innovations after which the barometer is believed again"""
 
 
+class Climb(NamedTuple):
+    """What a fix tells of the altitude."""
+
+    altitude: float
+    """m; above the filter's zero"""
+    climb_rate: float
+    """m/s; positive up"""
+
+
 class State(NamedTuple):
     """What the filter remembers."""
 
@@ -77,18 +86,14 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
         frequency: Hz; of the wings, 0 when they rest.
     """
     if state.time_us < 0:
-        x = (air.pressure_altitude, 0.0, 0.0)
-        started = State(air.time_us, x, _start_covariance(gains), climbs=(0.0,))
+        started = State(air.time_us, (air.pressure_altitude, 0.0, 0.0), _start_covariance(gains), climbs=(0.0,))
         return started, _message(started, 0.0)
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
         return state, _message(state, state.x[1])
-    from filterpy.kalman import predict, update  # takes a second, which a reader of the gains need not wait for
+    from filterpy.kalman import update  # takes a second, which a reader of the gains need not wait for
 
-    accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
-    x, p = predict(
-        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt), u=accel, B=_input(dt)
-    )
+    x, p = _predicted(gains, state, dt)
     innovation = air.pressure_altitude - float(x[0])
     variance = float(p[0, 0]) + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
@@ -98,14 +103,55 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
         refused = 0.0
     if refused == 0.0:
         x, p = update(x, p, air.pressure_altitude, gains.baro_noise**2, H=_PRESSURE)[:2]
+    state = _kept(state, air.time_us, dt, x, p)._replace(refused=refused, innovation=innovation)
+    return state, _message(state, _mean_over_period(state.climbs, frequency, dt))
+
+
+def coast(
+    gains: Gains, state: State, time_us: int, fix: Climb | None, frequency: float = 0.0
+) -> tuple[State, Altitude]:
+    """One interval on without a barometer: by the accelerations, and by a fix where a new one has come.
+
+    Args:
+        gains: tuning.
+        state: started, with the accelerations since the last step in it, see `accumulate`.
+        time_us: us; of the tick.
+        fix: None where there is no new one.
+        frequency: Hz; of the wings, 0 when they rest.
+    """
+    dt = min(LONGEST_STEP, (time_us - state.time_us) * 1e-6)
+    if state.time_us < 0 or dt <= 0.0:
+        return state, _message(state, state.x[1])
+    from filterpy.kalman import update
+
+    x, p = _predicted(gains, state, dt)
+    if fix is not None:
+        x, p = update(x, p, np.array(fix), _FIX_NOISE, H=_FIX)[:2]
+    state = _kept(state, time_us, dt, x, p)._replace(refused=0.0, innovation=0.0)
+    return state, _message(state, _mean_over_period(state.climbs, frequency, dt))
+
+
+def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
+    from filterpy.kalman import predict
+
+    accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
+    x, p = predict(
+        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt), u=accel, B=_input(dt)
+    )
+    return x, p
+
+
+def _kept(state: State, time_us: int, dt: float, x: Array, p: Array) -> State:
     keep = round(LONGEST_MEMORY / dt)
     climbs = (*state.climbs[-keep:], float(x[1]))
     rows = (0.5 * (p + p.T)).tolist()
     covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
-    state = State(air.time_us, tuple(x.tolist()), covariance, 0.0, 0, refused, innovation, climbs)
-    return state, _message(state, _mean_over_period(climbs, frequency, dt))
+    return State(time_us, tuple(x.tolist()), covariance, 0.0, 0, state.refused, state.innovation, climbs)
 
 
+_FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_FIX_NOISE = np.diag([2.0**2, 0.3**2])
+"""m^2, m^2/s^2; of a receiver's altitude over a minute from where it was known, and of its Doppler climb rate"""
 _PRESSURE = np.array([[1.0, 0.0, 0.0]])
 
 

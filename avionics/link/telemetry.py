@@ -199,6 +199,7 @@ _FAULTS = (
     (m.Failsafe.ACCEL_SATURATED, _ACCELEROMETER),
     (m.Failsafe.MAG_DISTURBED, _MAGNETOMETER),
     (m.Failsafe.BARO_REFUSED, _BAROMETER),
+    (m.Failsafe.BARO_LOST, _BAROMETER),
     (m.Failsafe.PITOT_BLOCKED, _PITOT),
     (m.Failsafe.GPS_LOST, _GPS),
     (m.Failsafe.BATTERY_LOW, _BATTERY),

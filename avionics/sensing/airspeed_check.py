@@ -2,11 +2,13 @@
 
 The GPS tells the velocity over ground, and while the pitot is good the two tell the wind. A pitot that departs for
 long from the airspeed that the ground velocity and the remembered wind make, or says standstill instead, is blocked;
-that airspeed then takes its place, without fixes that of the cruise.
+that airspeed then takes its place, without fixes that of the cruise. Without fixes a pitot at standstill is blocked
+where wings that beat carry the vehicle: dead reckoning would judge it by itself.
 """
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import cos, hypot, sin
 from typing import Annotated, NamedTuple
 
@@ -15,6 +17,19 @@ from avionics.quantities import Quantity
 
 AGREEMENT = 0.5
 """-; share of `Gains.difference` within which a blocked pitot agrees: what comes and goes is not believed"""
+
+
+class Aloft(IntEnum):
+    """How far the vehicle is from standing on the ground."""
+
+    GROUND = 0
+    LOW = 1
+    """flying, but it may just have touched down, or glides"""
+    HIGH = 2
+    """above the flare, on beating wings"""
+
+
+HIGH = int(Aloft.HIGH)
 
 
 class Gains(NamedTuple):
@@ -67,7 +82,7 @@ class Motion(NamedTuple):
 
 
 def step(
-    gains: Gains, state: State, dt: float, airspeed: float, motion: Motion | None, airborne: bool
+    gains: Gains, state: State, dt: float, airspeed: float, motion: Motion | None, airborne: int
 ) -> tuple[State, float]:
     """One sample of the pitot on.
 
@@ -76,34 +91,43 @@ def step(
         state: what the last step returned, ``State()`` at boot.
         dt: s; since the last sample.
         airspeed: m/s; of the pitot.
-        motion: None without a recent fix: the verdict stays.
-        airborne: on the ground nothing is judged, and a blocked pitot is forgotten.
+        motion: None without a recent fix: the verdict stays, but for a standstill high in the air.
+        airborne: see `Aloft`; on the ground nothing is judged, and a blocked pitot is forgotten.
     Returns:
         the state, and the airspeed (m/s) to fly by.
     """
     if not airborne:
         return State(), airspeed
     if motion is None:
+        if not state.blocked and airborne == HIGH:
+            state = _watched(gains, state, dt, airspeed < gains.standstill, False)
         return state, gains.cruise if state.blocked else airspeed
     known = state.span >= gains.difference_time
-    expected = hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east) if known else gains.cruise
+    likely = expected(gains, state, motion)
     still = airspeed < gains.standstill
-    away = abs(airspeed - expected)
+    away = abs(airspeed - likely)
     if state.blocked:
         state = _recovering(gains, state, dt, agrees=not still and away <= AGREEMENT * gains.difference)
     else:
-        still = still and _moving(gains, known, expected, motion)
+        still = still and _moving(gains, known, likely, motion)
         apart = known and away > gains.difference
         state = _watched(gains, state, dt, still, apart)
         if not (still or apart):
             state = _learned(gains, state, dt, airspeed, motion)
-    return state, expected if state.blocked else airspeed
+    return state, likely if state.blocked else airspeed
 
 
-def _moving(gains: Gains, known: bool, expected: float, motion: Motion) -> bool:
+def expected(gains: Gains, state: State, motion: Motion | None) -> float:
+    """Airspeed (m/s) by the ground velocity and the remembered wind, that of the cruise where one is not known."""
+    if motion is None or state.span < gains.difference_time:
+        return gains.cruise
+    return hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east)
+
+
+def _moving(gains: Gains, known: bool, likely: float, motion: Motion) -> bool:
     """Whether it flies: what is blown along the ground moves over it alone, what hovers in a headwind does not."""
     if known:
-        return expected > 2.0 * gains.standstill
+        return likely > 2.0 * gains.standstill
     return hypot(motion.v_north, motion.v_east) > gains.standstill
 
 

@@ -36,6 +36,8 @@ class Gains(NamedTuple):
     """-; equal samples in a row after which the IMU has frozen: its noise does not repeat"""
     fault_time: Annotated[float, Quantity("s", 0.01, 10.0)]
     """s; without a good IMU sample before it is a fault"""
+    baro_time: Annotated[float, Quantity("s", 0.1, 1e9)] = 0.5
+    """s; without a new static pressure before the barometer is lost: its noise does not repeat for so long"""
 
 
 class State(NamedTuple):
@@ -54,22 +56,28 @@ class State(NamedTuple):
     gps_time_us: int = -1
     """us; of the last good fix with a position, -1 before the first"""
     time_refused: int = 0
-    """-; frames in a row refused because their time does not rise"""
+    """-; frames in a row refused because of their time"""
     time_offset_us: int = 0
-    """us; added to the sensors' time since their clock jumped back"""
+    """us; added to the sensors' time since their clock jumped"""
     inertial: tuple[float, ...] = ()
     """m/s^2, rad/s; last accelerometer and gyro reading"""
     repeated: int = 0
     """-; times that it has been read again"""
     saturated: int = 0
     """-; samples in a row with the accelerometer at the end of its range"""
+    static: int = 0
+    """counts; last good static pressure"""
+    static_us: int = -1
+    """us; when it last was another, -1 before the first"""
 
 
 SENSORS = ("IMU", "encoder", "pressures", "ADC", "torque", "GPS")
 SATURATED = 3
 """samples in a row at the end of the range after which the accelerometer says nothing"""
 TIME_PATIENCE = 20
-"""frames in a row with an earlier time after which the clock has jumped: it is followed from there"""
+"""frames in a row with such a time after which the clock has jumped: it is followed from there"""
+LONGEST_GAP_US = 1_000_000
+"""us; from one frame to the next: a frame further ahead is refused as an earlier one is"""
 ENCODER_PATIENCE = 20
 """refused samples in a row after which a jump of the counts is believed: the counter was reset"""
 
@@ -170,7 +178,7 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
 
 
 def refuse_time(state: State) -> State:
-    """A whole frame whose time does not rise was refused."""
+    """A whole frame whose time does not rise, or rises too far, was refused."""
     return state._replace(rejected=state.rejected + 1, time_refused=state.time_refused + 1)
 
 
@@ -191,13 +199,20 @@ def gps_age(state: State, time_us: int) -> float:
     return math.inf if state.gps_time_us < 0 else (time_us - state.gps_time_us) * 1e-6
 
 
+def baro_lost(gains: Gains, state: State, time_us: int) -> bool:
+    """Whether the barometer was heard once and has said nothing new for too long."""
+    return 0 <= state.static_us < time_us - gains.baro_time * 1e6
+
+
 Health = tuple[int, tuple[float, ...], int, int]
 
 
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
     """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
-    rejected, was_bad, imu_time_us, counts, encoder_refused, gps_time_us, _, _, _, _, _ = state
+    rejected, was_bad, imu_time_us, counts, encoder_refused, gps_time_us, _, _, _, _, _, static, static_us = state
     time_us, _, encoder, pressures, adc, torque, gps, _ = frame
+    if pressures and not bad & 4 and (pressures.static_counts != static or static_us < 0):
+        static, static_us = pressures.static_counts, time_us
     if was_bad:
         sampled = 1 | (2 if encoder else 0) | (4 if pressures else 0)
         sampled |= (8 if adc else 0) | (16 if torque else 0) | (32 if gps else 0)
@@ -208,7 +223,9 @@ def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State
         counts, encoder_refused = encoder[1:3], 0
     if gps and not bad & 32 and gps.fix_type >= 2:
         gps_time_us = time_us
-    return new(State, (rejected, was_bad | bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health))
+    return new(State, (
+        rejected, was_bad | bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health, static, static_us
+    ))  # fmt: skip
 
 
 def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:

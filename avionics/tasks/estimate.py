@@ -5,10 +5,12 @@ from __future__ import annotations
 import filterpy.kalman  # noqa: F401  # the filters' first steps would import it, in flight
 
 from avionics import topics
-from avionics.estimation import ahrs
+from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
+from avionics.sensing.plausibility import baro_lost
 from avionics.state import AutopilotState
+from avionics.tasks.sense import PRESSURE_TICKS, silent
 from avionics.topics import Publish
 
 
@@ -26,18 +28,37 @@ def attitude(s: AutopilotState, publish: Publish) -> None:
 def altitude(s: AutopilotState, publish: Publish) -> None:
     """Altitude and climb: gathers the acceleration of every tick, steps at each pressure sample."""
     s.altitude_filter = altitude_filter.accumulate(s.altitude_filter, s.attitude.accel_down)
-    if s.frame.pressures is not None:
+    due = s.clock.ticks % PRESSURE_TICKS == 0
+    sampled = s.frame.pressures is not None
+    if (due or sampled) and baro_lost(s.gains.plausibility, s.plausibility, s.clock.time_us):
+        if due:
+            _coast(s, publish)
+        return
+    if s.frame.gps is not None and not baro_lost(s.gains.plausibility, s.plausibility, s.clock.time_us):
+        s.gps_altitude = gps_altitude.learn(s.gps_altitude, s.frame.gps, s.altitude.altitude)
+    if sampled:
         s.altitude_filter, s.altitude = altitude_filter.step(
             s.gains.altitude_filter, s.altitude_filter, s.air, s.wing.frequency
         )
         publish(topics.ALTITUDE, s.altitude)
 
 
+def _coast(s: AutopilotState, publish: Publish) -> None:
+    """Without a barometer: by the IMU, and by the GPS altitude while there is a fix."""
+    fix = None
+    if s.fix is not None:
+        s.gps_altitude, fix = gps_altitude.climb(s.gps_altitude, s.fix)
+    s.altitude_filter, s.altitude = altitude_filter.coast(
+        s.gains.altitude_filter, s.altitude_filter, s.clock.time_us, fix, s.wing.frequency
+    )
+    publish(topics.ALTITUDE, s.altitude)
+
+
 def position(s: AutopilotState, publish: Publish) -> None:
-    """Position and wind: carried on at each pressure sample, corrected by the last fix."""
+    """Position and wind: carried on at each pressure sample, or without any, corrected by the last fix."""
     if s.frame.gps is not None:
         s.fix = s.frame.gps
-    if s.frame.pressures is not None:
+    if s.frame.pressures is not None or silent(s):
         moved = position_filter.motion(s.attitude, s.air, s.altitude)
         s.position_filter, s.position = position_filter.step(s.gains.position_filter, s.position_filter, moved, s.fix)
         publish(topics.POSITION, s.position)

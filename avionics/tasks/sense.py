@@ -14,6 +14,9 @@ from avionics.state import AutopilotState
 from avionics.topics import Publish
 
 ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
+GROUND, LOW, HIGH = airspeed_check.Aloft
+PRESSURE_TICKS = 4
+"""-; from one pressure sample to the next; where none comes its filters go on at this rate"""
 
 
 def power(s: AutopilotState, publish: Publish) -> None:
@@ -52,14 +55,35 @@ def air(s: AutopilotState, publish: Publish) -> None:
     if s.frame.pressures is not None:
         on_ground = not s.modes.armed and s.modes.stage == ON_GROUND
         s.air_data, measured = air_data.step(s.gains.air_data, s.air_data, s.frame.pressures, on_ground)
-        fresh = s.fix is not None and gps_age(s.plausibility, s.clock.time_us) < s.gains.modes.gps_loss_delay
-        motion = airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw) if s.fix and fresh else None
-        airborne = s.modes.stage in AIRBORNE and s.modes.armed == 1
         s.airspeed_check, airspeed = airspeed_check.step(
-            s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, measured.airspeed, motion, airborne
+            s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, measured.airspeed, _motion(s), _aloft(s)
         )
         s.air = measured._replace(airspeed=airspeed) if s.airspeed_check.blocked else measured
         publish(topics.AIR_DATA, s.air)
+    elif s.clock.ticks % PRESSURE_TICKS == 0 and silent(s):
+        airspeed = airspeed_check.expected(s.gains.airspeed_check, s.airspeed_check, _motion(s))
+        s.airspeed_check = s.airspeed_check._replace(blocked=1)
+        s.air = s.air._replace(time_us=s.clock.time_us, airspeed=airspeed, airspeed_rate=0.0)
+        publish(topics.AIR_DATA, s.air)
+
+
+def silent(s: AutopilotState) -> bool:
+    """Whether no pressure sample comes any more."""
+    return 0 <= s.air_data.time_us < s.clock.time_us - s.gains.plausibility.baro_time * 1e6
+
+
+def _motion(s: AutopilotState) -> airspeed_check.Motion | None:
+    if s.fix is None or gps_age(s.plausibility, s.clock.time_us) >= s.gains.modes.gps_loss_delay:
+        return None
+    return airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw)
+
+
+def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
+    """How far the vehicle is from standing on the ground."""
+    if s.modes.stage not in AIRBORNE or s.modes.armed == 0:
+        return GROUND
+    high = s.altitude.altitude > s.gains.navigation.flare_altitude
+    return HIGH if high and s.flapping.frequency > 0.0 else LOW
 
 
 def torque(s: AutopilotState, publish: Publish) -> None:

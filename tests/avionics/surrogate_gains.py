@@ -4,7 +4,7 @@ from avionics.vehicles import FlightVehicle, load_vehicle
 
 _SHIPPED = load_vehicle("robo_raven_ii_d")
 _PINNED = {
-    "plausibility": {"imu_repeats": 1e9},  # the surrogate's IMU has no noise
+    "plausibility": {"imu_repeats": 1e9, "baro_time": 1e9},  # the surrogate's sensors have no noise
     "ahrs": {"declination": 0.0},
     "modes": {
         "launch_force": 12.0,

@@ -15,6 +15,7 @@ from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem
 from avionics.messages import Command, CommandKind, Failsafe, Mode, PilotInput, SensorFrame, Stage
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
+from avionics.sensing.plausibility import shifted
 from avionics.tasks import guide, sense, stabilize
 
 ARM = Command(0, CommandKind.ARM, source="script")
@@ -319,6 +320,46 @@ def test_time_that_goes_backwards_is_refused_once_said_and_the_last_actuators_ke
     assert after.plausibility.rejected == before.plausibility.rejected + 3
     assert after.attitude == before.attitude
     assert sum("sensor time" in text for text in flight.events()) == 1
+
+
+def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock() -> None:
+    flight = Flight().launch().fly(10.0)
+    before, said = flight.autopilot.state, len(flight.events())
+    frame = flight.bird.frame()
+    ahead = 40_000_000
+    command = flight.autopilot.step(shifted(frame, ahead))
+    assert command == before.actuators._replace(time_us=frame.time_us + ahead)
+    assert flight.autopilot.state.attitude == before.attitude
+    flight.fly(2.0)
+    assert flight.autopilot.state.clock.time_us == flight.frames[-1].time_us
+    assert [text for text in flight.events()[said:] if "failsafe" in text or "sensor clock" in text] == []
+    assert sum("sensor time" in text for text in flight.events()) == 1
+
+
+def test_a_clock_that_stays_ahead_is_followed() -> None:
+    flight = Flight().launch().fly(10.0)
+    for _ in range(100):
+        frame = flight.bird.frame()
+        flight.bird.advance(flight.autopilot.step(shifted(frame, 40_000_000)))
+    state = flight.autopilot.state
+    assert state.clock.time_us == pytest.approx(frame.time_us, abs=200_000)
+    assert [text for text in flight.events() if "sensor clock" in text] == [
+        "sensor clock 40.095 s ahead: followed from there"
+    ]
+    assert state.modes.failsafe == 0
+
+
+@pytest.mark.parametrize(
+    "name", ["RC_KILL_CHANNEL", "RC_MODE_CHANNEL", "RC_ARM_CHANNEL", "IMU_ACCEL_OFS_1", "WING_ZERO_LEFT"]
+)
+def test_what_would_kill_in_flight_is_set_on_the_ground_alone(name: str) -> None:
+    asked = Command(0, CommandKind.SET_PARAMETER, name, 2.0)
+    flight = Flight().launch().fly(1.0)
+    before = flight.autopilot.state.gains
+    flight.fly(0.005, (asked,))
+    assert flight.autopilot.state.gains == before
+    assert f"{name} refused: armed" in flight.events()
+    assert Flight().fly(0.1, (asked,)).autopilot.state.gains != before
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e6, math.radians(2000.0), -math.radians(2000.0)])

@@ -110,6 +110,21 @@ def test_without_fixes_a_blocked_pitot_gives_the_cruise() -> None:
     assert airspeed_check.step(PITOT, airspeed_check.State(), DT, 5.0, None, airborne=True)[1] == 5.0
 
 
+def test_without_fixes_a_standstill_on_beating_wings_is_a_blocked_pitot() -> None:
+    def still(aloft: airspeed_check.Aloft, seconds: float) -> tuple[airspeed_check.State, float]:
+        state, used = learned(0.0), 0.0
+        for _ in range(round(seconds / DT)):
+            state, used = airspeed_check.step(PITOT, state, DT, 0.3, None, aloft)
+        return state, used
+
+    state, used = still(airspeed_check.Aloft.HIGH, PITOT.standstill_time + 2 * DT)
+    assert (state.blocked, used) == (1, PITOT.cruise)
+    state, used = still(airspeed_check.Aloft.HIGH, PITOT.standstill_time - 2 * DT)
+    assert (state.blocked, used) == (0, 0.3)
+    state, used = still(airspeed_check.Aloft.LOW, 30.0)
+    assert (state.blocked, used) == (0, 0.3), "it may have touched down"
+
+
 @pytest.mark.parametrize("disturbed", [0, 1])
 def test_the_attitude_alone_tells_a_disturbed_field(disturbed: int) -> None:
     state = initial_state(VEHICLE.gains, ())
@@ -141,6 +156,17 @@ def test_a_wing_that_stands_still_and_is_pulled_at_or_rocks_the_body_is_jammed(s
     state = watch(wing_check.State(), BEATING, 5.0)
     state = watch(state, BEATING._replace(rate_left=0.0, valid=wing_check.RIGHT, **sign), 1.5)
     assert (state.lost, state.jammed) == (0, wing_check.LEFT)
+
+
+@pytest.mark.parametrize(("still", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
+def test_a_wing_that_jams_after_its_encoder_died_is_told_by_the_rocking(still: dict[str, float], flag: int) -> None:
+    dead = BEATING._replace(valid=3 - flag, **still)
+    state = watch(watch(wing_check.State(), BEATING, 5.0), dead, 3.0)
+    gust = watch(state, dead._replace(roll_rate=3.0), 0.5 * WINGS.verdict_time)
+    assert watch(gust, dead, 5.0).jammed == 0
+    assert watch(state, dead._replace(current=4.5), 10.0).jammed == 0, "a climb"
+    jammed = watch(state, dead._replace(roll_rate=3.0, current=3.0), WINGS.verdict_time + 0.5)
+    assert jammed.jammed == flag
 
 
 def test_wings_that_were_not_told_to_flap_may_rest() -> None:

@@ -55,7 +55,8 @@ PROMISES: dict[str, Promise] = {
         2.5, 10.0, (-2.0, 2.0),
     ),
     "pitot_blocked": Promise(
-        "standstill in motion, or apart from ground velocity and remembered wind",
+        "standstill in motion, or apart from ground velocity and remembered wind; without fixes standstill above the"
+        " flare on beating wings",
         "carry on by that airspeed", "failsafe: airspeed not believed", 2.0, 10.0, (-4.0, 3.0),
     ),
     "mag_disturbed": Promise(
@@ -86,6 +87,14 @@ PROMISES: dict[str, Promise] = {
     "baro_spike": Promise(
         "gate of the altitude filter", "refuse the sample", "failsafe: barometer refused", 0.2, 10.0, (-2.0, 2.0)
     ),
+    "baro_frozen": Promise(
+        "static pressure the same for 0.5 s", "altitude by IMU and GPS; LAND",
+        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
+    ),
+    "baro_lost": Promise(
+        "no pressure sample for 0.5 s", "altitude by IMU and GPS, airspeed by GPS and remembered wind; LAND",
+        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
+    ),
     "battery_low": Promise(
         "charge counted, or open-circuit voltage: under 20 %", "RETURN", "failsafe: returning, battery low", 8.0,
         45.0, (-3.0, 27.0),
@@ -108,8 +117,8 @@ PROMISES: dict[str, Promise] = {
         flown=45.0,
     ),
     "time_backwards": Promise(
-        "a frame not later than the last", "refuse, actuators held; after 20 frames follow the new clock",
-        "sensor clock", 0.2, 10.0, (-2.0, 2.0),
+        "a frame not later than the last, or over 1 s later",
+        "refuse, actuators held; after 20 frames follow the new clock", "sensor clock", 0.2, 10.0, (-2.0, 2.0),
     ),
     "receiver_lost": Promise(
         "its own flag, a stick's pulse out of range, no frame for 0.5 s",

@@ -291,3 +291,16 @@ def test_a_healthy_flight_in_a_wind_has_no_alarm() -> None:
     )
     flight.until(40.0)
     assert [text for text in flight.flight().events() if "failsafe" in text or "refused" in text] == []
+
+
+@pytest.mark.validate
+def test_a_pitot_blocked_after_the_fixes_were_lost_is_found_and_flown_without() -> None:
+    branch = underway(RAVEN).branch(parse_fault(f"gps_lost@{FAILS_AT}"))
+    branch.until(FAILS_AT + 4.0)
+    both = branch.branch(parse_fault(f"pitot_blocked@{FAILS_AT + 4.1}"))
+    both.until(FAILS_AT + 24.0)
+    flight = both.flight()
+    check_upright(flight, 20.0)
+    assert flight.event_time("failsafe: airspeed not believed") < FAILS_AT + 6.5
+    late = flight.truth["time_us"] > (FAILS_AT + 4.0) * 1e6
+    assert np.abs(flight.altitude()[late] - 15.0).max() < 5.0
