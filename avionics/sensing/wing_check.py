@@ -17,6 +17,10 @@ LEFT, RIGHT = 1, 2
 """flags of the wings"""
 
 
+UNSEEN = 2.0
+"""-; in units of `Gains.rocking`, what it takes where no encoder tells of a standstill: gusts make one for seconds"""
+
+
 class Gains(NamedTuple):
     """When a wing stands still, and when its drive is stalled."""
 
@@ -128,5 +132,5 @@ def _unseen(gains: Gains, state: State, dt: float) -> State:
 
     The current alone would mistake a climb for a stall: what is usual is not learned without both encoders.
     """
-    rocked = state.rocked + dt if state.rocking > gains.rocking else 0.0
+    rocked = state.rocked + dt if state.rocking > UNSEEN * gains.rocking else 0.0
     return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.verdict_time else 0)

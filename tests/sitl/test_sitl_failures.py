@@ -304,3 +304,15 @@ def test_a_pitot_blocked_after_the_fixes_were_lost_is_found_and_flown_without() 
     assert flight.event_time("failsafe: airspeed not believed") < FAILS_AT + 6.5
     late = flight.truth["time_us"] > (FAILS_AT + 4.0) * 1e6
     assert np.abs(flight.altitude()[late] - 15.0).max() < 5.0
+
+
+@pytest.mark.validate
+def test_a_wing_that_jams_after_its_encoder_died_is_found() -> None:
+    branch = underway(RAVEN).branch(parse_fault(f"encoder_left_lost@{FAILS_AT}"))
+    branch.until(FAILS_AT + 5.0)
+    both = branch.branch(parse_fault(f"wing_left_jammed@{FAILS_AT + 5.1}"))
+    both.until(FAILS_AT + 12.0)
+    flight = both.flight()
+    said = flight.event_time("failsafe: flapping stopped, wing jammed")
+    assert FAILS_AT + 5.1 < said < FAILS_AT + 10.0
+    check_stopped(flight, said)
