@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading, modes, navigation
-from avionics.guidance.route import FASTEST_DRIFT
+from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
 from avionics.records import new
 from avionics.sensing import pilot, plausibility
 from avionics.state import STANDARD_GRAVITY, AutopilotState
 
-NO_PILOT = PilotSource.NONE
+NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 TRAVEL_MARGIN = 0.2
 """rad; beyond a wing's travel, for a slack linkage"""
 FORCE_MARGIN = 3.0
@@ -73,6 +73,10 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         kill_switch=int(pilot.kill_switch(s.ways_in)),
         sensed=sensed(s),
         turn_rate=max(abs(s.attitude.roll_rate), abs(s.attitude.pitch_rate), abs(s.attitude.yaw_rate)),
+        return_floor=least_altitude(s.gains.navigation, ceiling(s)),
+        by_receiver=int(s.ways_in.source == RECEIVER),
+        final=s.navigation.final,
+        navigated=s.navigation.mode,
     )
 
 
@@ -80,6 +84,12 @@ def touching_airspeed(s: AutopilotState) -> float:
     """m/s; 0 on a landing with neither pitot nor fix: the cruise that is assumed then would never touch down."""
     unknown = s.airspeed_check.blocked and not position_usable(s) and s.modes.stage in modes.LANDING
     return 0.0 if unknown else s.air.airspeed
+
+
+def ceiling(s: AutopilotState) -> float:
+    """Greatest altitude (m) to ask for: the lower fence's less its margin, of a low one half."""
+    fence = min(s.gains.modes.fence_altitude, s.fence.ceiling or math.inf)
+    return max(fence - s.gains.modes.fence_margin, 0.5 * fence)
 
 
 def sensed(s: AutopilotState) -> int:
@@ -146,4 +156,6 @@ def surroundings(s: AutopilotState) -> navigation.Situation:
         wind_north=s.position.wind_north if usable else 0.0,
         wind_east=s.position.wind_east if usable else 0.0,
         rally=s.rally,
+        ceiling=ceiling(s),
+        rescued=s.modes.rescued,
     )

@@ -1,4 +1,4 @@
-"""The way home: up to a safe altitude, along a straight line to home or to a nearer rally point, a circle there."""
+"""The way home: straight up to a safe altitude, along a straight line home or to a rally point, a circle there."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ import math
 from avionics.guidance import circle
 from avionics.guidance.mission import MissionItem
 from avionics.guidance.path import course_to_leg, leg
-from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead, tailwind
+from avionics.guidance.route import (
+    Gains,
+    Situation,
+    State,
+    Target,
+    climb_ahead,
+    here,
+    least_altitude,
+    lookahead,
+    tailwind,
+)
 from avionics.messages import Stage
 
 CALM = 1.0
@@ -26,7 +36,7 @@ def begin(gains: Gains, state: State, seen: Situation) -> State:
 def return_home(
     gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation
 ) -> tuple[State, Target, bool]:
-    """Climb where it is too low, fly to the goal, circle there for the loiter time; blind, hold the heading.
+    """Climb straight ahead where it is too low, fly to the goal, circle there for its time; blind, hold the heading.
 
     It is done when the time is over and, in a wind, the circle leads against it.
     """
@@ -36,8 +46,8 @@ def return_home(
     if state.arrived:
         state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
         return state, target, state.elapsed >= gains.loiter_time and _into_wind(gains, state, seen)
-    if seen.altitude < gains.return_floor and not state.via:
-        return _climb(gains, state, dt, seen)
+    if seen.altitude < least_altitude(gains, seen.ceiling) and not state.via:
+        return state, climb_ahead(gains, state, altitude, seen), False
     if not state.via:
         state = state._replace(via=1, from_north=seen.north, from_east=seen.east, radius=0.0)
     goal = (state.goal_north, state.goal_east)
@@ -49,13 +59,6 @@ def return_home(
     line = leg((state.from_north, state.from_east), goal, here(seen))
     course = course_to_leg(line, lookahead(gains, seen))
     return state._replace(heading=course), Target(Stage.EN_ROUTE, altitude, course, distance, line.cross), False
-
-
-def _climb(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target, bool]:
-    if state.radius == 0.0:
-        state = circle.centre_beside(state, gains.loiter_radius, seen)
-    state, target = circle.around(gains, state, dt, gains.return_altitude, seen)
-    return state._replace(arrived=0), target, False
 
 
 def _into_wind(gains: Gains, state: State, seen: Situation) -> bool:

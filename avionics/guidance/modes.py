@@ -22,6 +22,8 @@ GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND, Mode.LOITER)
 """modes in which the navigation steers"""
 PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 """modes in which the throttle is the pilot's"""
+BY_STICK = (*PILOTED, Mode.ALTITUDE_HOLD)
+"""modes that are flown by sticks"""
 
 
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
@@ -131,8 +133,16 @@ class State(NamedTuple):
     """-; 1 once a failure made it land"""
     cut: int = 0
     """-; 1 once a failure stopped the flapping, until the next arming"""
+    rescued: int = 0
+    """-; 1 in a mode that a failsafe took, until somebody chooses one"""
+    stranded_time: float = 0.0
+    """s; for which a return was wanted that no position allows"""
     pending: tuple[float, ...] = ()
     """s; for which each row of `FAILURES` has been about to come or go; empty while none is"""
+
+
+ANY_MODE = -1
+"""-; of `Conditions.navigated`: the wanted stage is the present mode's"""
 
 
 class Conditions(NamedTuple):
@@ -186,6 +196,14 @@ class Conditions(NamedTuple):
     """rad/s; greatest of the three"""
     unready: tuple[str, ...] = ()
     """-; what else speaks against arming, looked up for that alone"""
+    return_floor: float = 0.0
+    """m; below which nothing is circled and no way home begun"""
+    by_receiver: int = 0
+    """-; 1 while the sticks flown are the receiver's"""
+    final: int = 0
+    """-; 1 while the navigation is on the straight line down"""
+    navigated: int = ANY_MODE
+    """-; mode that ``wanted_stage`` belongs to"""
 
 
 Outcome = tuple[State, tuple[Notice, ...]]
@@ -205,8 +223,10 @@ def arming_refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, 
         (automatic and seen.items == 0, "no mission"),
         (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
         (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
+        (state.mode in BY_STICK and seen.pilot_lost and not seen.sensed & RECEIVER_LOST, "no sticks are heard"),
     )
-    sensed = tuple(failure.text for failure in FAILURES if failure.flag & seen.sensed)
+    hindering = seen.sensed | state.failsafe & ANSWERED
+    sensed = tuple(failure.text for failure in FAILURES if failure.flag & hindering)
     return tuple(text for failed, text in checks if failed) + sensed + seen.unready
 
 
@@ -224,6 +244,8 @@ def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
         answered=0,
         critical=0,
         cut=0,
+        rescued=0,
+        stranded_time=0.0,
         above_floor=0,
         killed=0,
     )
@@ -267,7 +289,9 @@ def set_mode(gains: Gains, state: State, mode: Mode, seen: Conditions) -> Outcom
     reason = mode_refusal(gains, state, mode, seen)
     if reason:
         return state, (Notice(Severity.WARNING, f"mode {mode.name} refused: {reason}"),)
-    return _enter(state, mode, Severity.INFO, f"mode {mode.name}")
+    if state.pilot_time > 0.0:
+        state = state._replace(answered=state.answered | Failsafe.PILOT_LOST)
+    return _enter(state._replace(rescued=0), mode, Severity.INFO, f"mode {mode.name}")
 
 
 def _enter(state: State, mode: Mode, severity: Severity, text: str) -> Outcome:
@@ -346,11 +370,20 @@ STILL_TRAVEL = 0.4
 """m; up or down within the time of standing still: twice what the altitude's noise makes of it"""
 
 
+NEAR_GROUND = 0.5
+"""-; of the return's floor, below which a standstill may be one on the ground: a dead pitot tells one too"""
+
+
 def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     landing = state.stage in LANDING
     slow = seen.airspeed < gains.touchdown_airspeed
-    if (landing or seen.sensed & PITOT_BLOCKED) and seen.fix_age <= gains.gps_loss_delay:
+    placed = seen.fix_age <= gains.gps_loss_delay
+    if (landing or seen.sensed & PITOT_BLOCKED) and placed:
         slow = slow or seen.ground_speed < gains.touchdown_airspeed
+    near_ground = seen.altitude <= NEAR_GROUND * seen.return_floor or (
+        placed and seen.ground_speed < gains.touchdown_airspeed
+    )
+    slow = slow and (landing or near_ground)
     # Against the wind a float above the ground is slow over it too.
     still = slow and abs(seen.climb_rate) < gains.touchdown_climb and not (landing and seen.above_flare)
     # A float sinks slowly, but it sinks.
@@ -375,6 +408,8 @@ def _on_the_ground(landing: bool, mode: int) -> Notice:
 
 def _follow_navigation(state: State, seen: Conditions) -> Outcome:
     """In a guided mode the airborne stage is the navigation's, else it is EN_ROUTE."""
+    if state.mode in GUIDED and seen.navigated not in (ANY_MODE, state.mode):
+        return state, ()
     wanted = seen.wanted_stage if state.mode in GUIDED else EN_ROUTE
     if wanted == state.stage or wanted not in AIRBORNE:
         return state, ()
@@ -432,6 +467,8 @@ FAILURES = (
 ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
 """flags of the failures about which something is done"""
 NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_GONE
+BATTERY_RECOVERY = 0.05
+"""-; of the battery, by which it must be above a threshold before that is over: a voltage under load flickers"""
 
 
 def present(gains: Gains, state: State, seen: Conditions) -> int:
@@ -441,7 +478,7 @@ def present(gains: Gains, state: State, seen: Conditions) -> int:
         seen.sensed
         | (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
         | (_position_missed(gains, state, seen) if seen.fix_age > gains.gps_loss_delay else 0)
-        | (_battery(gains, seen) if seen.battery < gains.battery_return else 0)
+        | (_battery(gains, state, seen) if seen.battery < gains.battery_return + BATTERY_RECOVERY else 0)
         | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
         | (Failsafe.FENCE if room < 0.0 else Failsafe.FENCE_NEAR if room < gains.fence_margin else 0)
         | (Failsafe.PILOT_LOST if state.pilot_time > 0.0 else 0)
@@ -468,8 +505,13 @@ def _fence_rooms(gains: Gains, state: State, seen: Conditions) -> tuple[float, f
     return seen.altitude - max(gains.fence_floor, seen.fence_floor), ceiling, border
 
 
-def _battery(gains: Gains, seen: Conditions) -> int:
-    return Failsafe.BATTERY_LOW | (Failsafe.BATTERY_CRITICAL if seen.battery < gains.battery_land else 0)
+def _battery(gains: Gains, state: State, seen: Conditions) -> int:
+    """What came at a threshold stays until the battery is `BATTERY_RECOVERY` above it."""
+    low = gains.battery_return + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_LOW else 0.0)
+    critical = gains.battery_land + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_CRITICAL else 0.0)
+    return (Failsafe.BATTERY_LOW if seen.battery < low else 0) | (
+        Failsafe.BATTERY_CRITICAL if seen.battery < critical else 0
+    )
 
 
 def _position_missed(gains: Gains, state: State, seen: Conditions) -> int:
@@ -493,9 +535,10 @@ def _failsafes(gains: Gains, state: State, dt: float, seen: Conditions) -> Outco
     state = state._replace(failsafe=flags, answered=state.answered & flags, pending=pending)
     if not flags or not state.armed or state.stage not in AIRBORNE:
         return state, notices
-    state, done = _answer(state, flags)
+    state, done = _answer(gains, state, flags, seen)
     state, circled = _leave_the_pilots_modes(gains, state, seen)
-    return state, notices + done + circled
+    state, stranded = _watch_stranded(gains, state, dt, seen)
+    return state, notices + done + circled + stranded
 
 
 def _watch_floor(gains: Gains, state: State, seen: Conditions) -> State:
@@ -521,20 +564,58 @@ def _watch_pilot(state: State, dt: float, seen: Conditions) -> State:
 
 
 def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Outcome:
-    """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level."""
-    if state.pilot_time == 0.0 or state.answered & Failsafe.PILOT_LOST:
+    """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level.
+
+    Whoever was to land lands. The modes flown by throttle stick are left whatever was chosen before.
+    """
+    if state.pilot_time == 0.0:
         return state, ()
     placed = seen.fix_age <= gains.gps_loss_delay
     if state.mode in PILOTED:
-        mode = Mode.LOITER if placed else Mode.ALTITUDE_HOLD
-        return _enter(state, mode, Severity.CRITICAL, f"failsafe: {mode.name}, pilot's sticks lost")
-    if state.mode == Mode.ALTITUDE_HOLD and placed and seen.sensed & RECEIVER_LOST & ~state.answered:
-        state = state._replace(answered=state.answered | RECEIVER_LOST)
-        return _enter(state, Mode.LOITER, Severity.CRITICAL, "failsafe: LOITER, pilot's sticks lost")
-    if state.mode == Mode.LOITER and placed and state.pilot_time >= gains.link_loss_delay:
-        state = state._replace(answered=state.answered | Failsafe.PILOT_LOST)
-        return _enter(state, Mode.RETURN, Severity.CRITICAL, "failsafe: returning, pilot's sticks lost")
+        return _rescue(state, Mode.LOITER if placed else Mode.ALTITUDE_HOLD)
+    if (
+        state.mode == Mode.ALTITUDE_HOLD
+        and seen.sensed & RECEIVER_LOST & ~state.answered
+        and (placed or _doomed(state))
+    ):
+        return _rescue(state._replace(answered=state.answered | RECEIVER_LOST), Mode.LOITER)
+    late = state.pilot_time >= gains.link_loss_delay and not state.answered & Failsafe.PILOT_LOST
+    if state.mode == Mode.LOITER and placed and late:
+        return _rescue(state._replace(answered=state.answered | Failsafe.PILOT_LOST), Mode.RETURN)
     return state, ()
+
+
+def _doomed(state: State) -> bool:
+    """Whether a failure asked for a landing since arming: nothing automatic does anything else any more."""
+    return state.critical == 1 or state.cut == 1
+
+
+def _rescue(state: State, mode: Mode) -> Outcome:
+    """Enter ``mode``, or LAND, without sticks."""
+    mode = Mode.LAND if _doomed(state) else mode
+    doing = {Mode.RETURN: "returning", Mode.LAND: "landing"}.get(mode, mode.name)
+    return _enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, pilot's sticks lost")
+
+
+def _watch_stranded(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+    """A return that no position allows becomes a landing, unless somebody flies by stick."""
+    if not _stranded(gains, state, seen):
+        return (state if state.stranded_time == 0.0 else state._replace(stranded_time=0.0)), ()
+    state = state._replace(stranded_time=state.stranded_time + dt)
+    if state.stranded_time < gains.gps_land_delay:
+        return state, ()
+    wanted = sum(failure.flag for failure in FAILURES if failure.action == Action.RETURN)
+    answered = state.answered | state.failsafe & (wanted | Failsafe.PILOT_LOST)
+    state = state._replace(critical=1, rescued=1, stranded_time=0.0, answered=int(answered))
+    return _enter(state, Mode.LAND, Severity.CRITICAL, "failsafe: landing, no position to return by")
+
+
+def _stranded(gains: Gains, state: State, seen: Conditions) -> bool:
+    """Whether there is a reason to return that waits for a position, and nobody's stick."""
+    if seen.fix_age <= gains.gps_loss_delay or not seen.pilot_lost or state.mode == Mode.LAND:
+        return False
+    fresh = state.failsafe & ~state.answered
+    return fresh & Failsafe.PILOT_LOST != 0 or any(f.action == Action.RETURN and f.flag & fresh for f in FAILURES)
 
 
 def _settled(state: State, dt: float, now: int) -> tuple[int, tuple[float, ...]]:
@@ -565,23 +646,45 @@ def _announce(before: int, after: int) -> tuple[Notice, ...]:
     )
 
 
-def _answer(state: State, flags: int) -> Outcome:
+def _answer(gains: Gains, state: State, flags: int, seen: Conditions) -> Outcome:
     """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
     if not flags & ~state.answered & ANSWERED:
         return state, ()
     fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
-    if flags & NO_RETURN:
+    if _by_receiver(state, seen):
+        fresh = [f for f in fresh if f.flag != Failsafe.LINK_LOST]
+    if _returns_later(gains, state, flags, seen):
         fresh = [f for f in fresh if f.action != Action.RETURN]
     if not fresh:
         return state, ()
     gravest = max(fresh, key=lambda failure: failure.action)
     state = state._replace(answered=state.answered | sum(f.flag for f in fresh))
+    if gravest.action == Action.RETURN:
+        return _answer_by_return(state, gravest, seen)
     text = f"failsafe: {DOING[gravest.action]}, {gravest.text}"
-    if gravest.action == Action.CUT and not state.cut:
-        entered, _ = _enter(state._replace(cut=1, critical=1), Mode.LAND, Severity.CRITICAL, text)
-        return entered, (Notice(Severity.CRITICAL, text),)
     if gravest.action == Action.LAND:
-        return _enter(state._replace(critical=1), Mode.LAND, Severity.CRITICAL, text)
-    if state.mode in (Mode.RETURN, Mode.LAND) or state.stage in LANDING:
+        return _enter(state._replace(critical=1, rescued=1), Mode.LAND, Severity.CRITICAL, text)
+    entered, _ = _enter(state._replace(cut=1, critical=1, rescued=1), Mode.LAND, Severity.CRITICAL, text)
+    return entered, (Notice(Severity.CRITICAL, text),)
+
+
+def _by_receiver(state: State, seen: Conditions) -> bool:
+    """A pilot who is heard by the receiver flies on without the ground's link."""
+    return seen.by_receiver == 1 and state.mode in BY_STICK
+
+
+def _returns_later(gains: Gains, state: State, flags: int, seen: Conditions) -> bool:
+    """A return waits for a position and, after the throw, for room below; who is doomed to land needs no position."""
+    low = state.stage == Stage.CLIMB_OUT and seen.altitude < seen.return_floor
+    blind = flags & NO_RETURN != 0 or seen.fix_age > gains.gps_loss_delay
+    return low or (blind and not _doomed(state))
+
+
+def _answer_by_return(state: State, failure: Failure, seen: Conditions) -> Outcome:
+    """RETURN, or LAND where that was asked before; neither on the line down, which is the shorter way."""
+    on_the_line = state.stage == Stage.FLARE or (state.stage == Stage.APPROACH and seen.final == 1)
+    action = Action.LAND if _doomed(state) else Action.RETURN
+    if on_the_line or state.mode == Mode.LAND or state.mode == Mode[action.name]:
         return state, ()
-    return _enter(state, Mode.RETURN, Severity.CRITICAL, text)
+    text = f"failsafe: {DOING[action]}, {failure.text}"
+    return _enter(state._replace(rescued=1), Mode[action.name], Severity.CRITICAL, text)

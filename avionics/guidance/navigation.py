@@ -10,7 +10,7 @@ from __future__ import annotations
 from avionics.guidance import approach, circle, homing, items
 from avionics.guidance.mission import Excitation, ItemKind, Mission, MissionItem
 from avionics.guidance.path import leg
-from avionics.guidance.route import Gains, Situation, State, Target
+from avionics.guidance.route import Gains, Situation, State, Target, below_ceiling, climb_ahead, least_altitude
 from avionics.limits import wrap
 from avionics.messages import Mode, Stage
 
@@ -26,11 +26,16 @@ ITEMS: dict[ItemKind, items.ItemFunction] = {
     ItemKind.RETURN: homing.return_home,
     ItemKind.LAND: approach.land,
 }
+CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
+"""items whose altitudes are the vehicle's choice"""
 GO_HOME = MissionItem(ItemKind.RETURN)
 
 
 def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situation) -> tuple[State, Target]:
-    """One step; ``dt`` in s. A change of mode takes the present place, course and altitude as its start."""
+    """One step; ``dt`` in s. A change of mode takes the present place, course and altitude as its start.
+
+    What a mission's items or a stick ask for may be above the fence, what is chosen here may not.
+    """
     if seen.mode != state.mode:
         state = _enter_mode(gains, state, seen)
     if seen.mode == Mode.AUTO:
@@ -38,9 +43,10 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situatio
     if seen.mode == Mode.RETURN:
         return _going_home(gains, state, dt, seen)
     if seen.mode == Mode.LAND:
-        return approach.down_the_line(gains, state, state.heading, seen)
+        state, target = approach.down_the_line(gains, state, state.heading, seen)
+        return state, below_ceiling(target, seen)
     if seen.mode == Mode.LOITER:
-        return circle.around(gains, state, dt, state.altitude, seen)
+        return _loiter(gains, state, dt, seen)
     return _piloted(gains, state, dt, seen)
 
 
@@ -89,9 +95,21 @@ def _enter_mode(gains: Gains, state: State, seen: Situation) -> State:
     state = begin_item(gains, state._replace(via=0), state.item, seen)._replace(mode=seen.mode, extra=None)
     if seen.mode == Mode.LAND:
         return approach.land_ahead(gains, state, seen)
-    if seen.mode == Mode.LOITER:
+    if seen.mode == Mode.LOITER and not (seen.rescued and seen.altitude < least_altitude(gains, seen.ceiling)):
         return circle.centre_beside(state, gains.loiter_radius, seen)
     return state
+
+
+def _loiter(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
+    """Circle; where a failsafe found it low (no circle was laid, radius 0) climb straight ahead first."""
+    if state.radius != 0.0:
+        state, target = circle.around(gains, state, dt, state.altitude, seen)
+        return state, below_ceiling(target, seen) if seen.rescued else target
+    floor = least_altitude(gains, seen.ceiling)
+    state = state._replace(altitude=floor + gains.capture_altitude)
+    if seen.altitude < floor:
+        return state, climb_ahead(gains, state, state.altitude, seen)
+    return circle.around(gains, circle.centre_beside(state, gains.loiter_radius, seen), dt, state.altitude, seen)
 
 
 def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Situation) -> tuple[State, Target]:
@@ -104,6 +122,8 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
         state = _begin_keeping_setpoints(gains, state, mission, seen)
     item = mission[state.item]
     state, target, done = ITEMS[item.kind](gains, state, dt, item, seen)
+    if item.kind in CHOOSING:
+        target = below_ceiling(target, seen)
     if done and seen.stage != Stage.WAIT_LAUNCH:
         state = _finish(state, item, target)
         if item.kind == ItemKind.RETURN and state.item >= len(mission):
@@ -163,13 +183,14 @@ def _extra_excitation(gains: Gains, state: State, dt: float, seen: Situation) ->
 def _going_home(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
     """Home, a loiter, then straight down from there."""
     if state.final:
-        return approach.down_the_line(gains, state, state.heading, seen)
+        state, target = approach.down_the_line(gains, state, state.heading, seen)
+        return state, below_ceiling(target, seen)
     if not state.begun:
         state = begin_item(gains, state._replace(via=0), state.item, seen)
     state, target, done = homing.return_home(gains, state, dt, GO_HOME, seen)
     if done:
         state = approach.land_ahead(gains, state, seen)
-    return state, target
+    return state, below_ceiling(target, seen)
 
 
 def _piloted(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:

@@ -37,7 +37,7 @@ class Gains(NamedTuple):
     return_altitude: Annotated[float, Quantity("m", 2.0, 1000.0)]
     """m; safe altitude of the way home"""
     return_floor: Annotated[float, Quantity("m", 0.0, 1000.0)]
-    """m; a return from below it first climbs on a circle where it is"""
+    """m; a return, or a circle that a failsafe asks for, from below it first climbs straight ahead, wings level"""
     loiter_radius: Annotated[float, Quantity("m", 3.0, 500.0)]
     """m; of the circle flown at home, and of every circle that names no radius"""
     loiter_time: Annotated[float, Quantity("s", 0.0, 36000.0)]
@@ -158,6 +158,10 @@ class Situation(NamedTuple):
     """m/s; velocity of the air over ground, 0 while unknown"""
     rally: Rally = ()
     """-; places to return to instead of home"""
+    ceiling: float = math.inf
+    """m; greatest altitude to ask for where the navigation chooses it: the fence's, less its margin"""
+    rescued: int = 0
+    """-; 1 while the mode is one that a failsafe took"""
 
 
 class Target(NamedTuple):
@@ -182,6 +186,21 @@ class Target(NamedTuple):
 def here(seen: Situation) -> Place:
     """North and east of the aircraft."""
     return seen.north, seen.east
+
+
+def least_altitude(gains: Gains, ceiling: float) -> float:
+    """Altitude (m) below which nothing is circled and no way home begun; a low ``ceiling`` (m) lowers it."""
+    return min(gains.return_floor, ceiling - gains.capture_altitude)
+
+
+def climb_ahead(gains: Gains, state: State, altitude: float, seen: Situation) -> Target:
+    """Up to ``altitude`` (m) straight on along the heading held: at a metre above ground a bank is a wing in it."""
+    return Target(Stage.EN_ROUTE, min(altitude, seen.ceiling), state.heading)
+
+
+def below_ceiling(target: Target, seen: Situation) -> Target:
+    """``target``, no higher than where the fence lets it be."""
+    return target if target.altitude <= seen.ceiling else target._replace(altitude=seen.ceiling)
 
 
 def lookahead(gains: Gains, seen: Situation) -> float:

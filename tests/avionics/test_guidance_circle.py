@@ -183,9 +183,10 @@ def test_a_return_flies_straight_home_and_circles_there() -> None:
     assert max(line) < 12.0
 
 
-def test_a_return_from_low_climbs_where_it_is_first() -> None:
+def test_a_return_from_low_climbs_straight_ahead_first() -> None:
     bird = Point((), FAR._replace(altitude=4.0)).fly(10.0, climb=1.0)
-    assert bird.distances((300.0, 100.0))[-1] < 2.5 * GAINS.loiter_radius
+    assert (bird.target.heading, bird.target.curvature) == (FAR.heading, 0.0)
+    assert bird.seen.heading == pytest.approx(FAR.heading)
     assert bird.target.altitude == GAINS.return_altitude
     bird.fly(60.0, climb=1.0)
     assert bird.distances((0.0, 0.0))[-1] < 60.0
@@ -207,6 +208,28 @@ def test_the_circle_at_home_is_left_against_the_wind_to_land() -> None:
     assert abs(wrap(bird.seen.heading)) < 0.5
     turn = math.tau * GAINS.loiter_radius / (SPEED - 3.0)
     assert GAINS.loiter_time <= len(bird.track) * DT <= GAINS.loiter_time + turn + 2.0
+
+
+def test_a_circle_taken_by_a_failsafe_low_is_flown_above_the_floor() -> None:
+    low = SEEN._replace(mode=Mode.LOITER, altitude=1.0, rescued=1)
+    bird = Point((), low).fly(10.0)
+    assert bird.seen.heading == pytest.approx(low.heading)
+    bird.fly(60.0)
+    assert bird.seen.altitude >= GAINS.return_floor
+    assert bird.target.curvature == pytest.approx(1.0 / GAINS.loiter_radius, rel=0.1)
+    chosen = Point((), low._replace(rescued=0)).fly(5.0)
+    assert (chosen.target.altitude, chosen.state.radius) == (1.0, GAINS.loiter_radius)
+
+
+@pytest.mark.parametrize("mission", [(), (MissionItem(ItemKind.LAND, -300.0, 0.0),)])
+@pytest.mark.parametrize("ceiling", [25.0, 8.0])
+def test_nothing_above_the_fence_is_asked_on_the_way_home(mission, ceiling: float) -> None:
+    rally = (RallyPoint(200.0, -100.0, 55.0),)
+    mode = Mode.AUTO if mission else Mode.RETURN
+    bird = Point(mission, FAR._replace(mode=mode, ceiling=ceiling, rally=rally, altitude=2.0))
+    for _ in range(45):
+        assert bird.fly(1.0).target.altitude <= ceiling
+    assert bird.distances((300.0, 100.0))[-1] > 60.0
 
 
 # --- in the wind ----------------------------------------------------------------------------------------

@@ -199,6 +199,117 @@ def test_a_lost_position_keeps_the_mode_and_hinders_a_return() -> None:
     assert state.mode == Mode.RETURN
 
 
+LINKLESS = FLYING._replace(link_lost=1, link_time=2.0 * GAINS.link_loss_delay)
+BLIND = CRUISE._replace(fix_age=GAINS.gps_loss_delay + 1.0, pilot_lost=1)
+NO_STICKS = CRUISE._replace(pilot_lost=1, sensed=int(Failsafe.RECEIVER_LOST))
+
+
+def test_a_link_lost_on_the_hand_hinders_arming_and_is_answered_above_the_floor() -> None:
+    grounded, _ = run(LINKLESS._replace(armed=0, stage=Stage.ON_GROUND), READY, 1.0)
+    _, notices = modes.arm(GAINS, grounded, READY)
+    assert notices[0].text == "arming refused: ground link lost"
+    low = CRUISE._replace(altitude=2.0, return_floor=15.0, wanted_stage=Stage.CLIMB_OUT)
+    state, _ = run(LINKLESS._replace(stage=Stage.CLIMB_OUT), low, 5.0)
+    assert (state.mode, state.stage) == (Mode.AUTO, Stage.CLIMB_OUT)
+    landing, _ = run(state, low._replace(battery=0.01), 0.1)
+    assert landing.mode == Mode.LAND
+    state, _ = run(state, low._replace(altitude=16.0), 0.1)
+    assert (state.mode, state.rescued) == (Mode.RETURN, 1)
+
+
+@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.STABILIZED, Mode.ALTITUDE_HOLD])
+def test_without_sticks_a_mode_flown_by_them_is_not_armed(mode: Mode) -> None:
+    _, notices = modes.arm(GAINS, modes.State(mode=mode), READY._replace(pilot_lost=1))
+    assert "no sticks are heard" in notices[0].text
+
+
+def test_a_second_stop_of_the_flapping_lands_again() -> None:
+    state, _ = run(FLYING, CRUISE._replace(sensed=int(Failsafe.WING_JAMMED)), 0.1)
+    state, _ = modes.set_mode(GAINS, state, Mode.STABILIZED, CRUISE)
+    state, said = run(state, CRUISE._replace(sensed=int(Failsafe.WING_JAMMED), imu_fault=1), 0.1)
+    assert (state.mode, state.cut) == (Mode.LAND, 1)
+    assert "failsafe: flapping stopped, IMU samples refused" in [notice.text for notice in said]
+
+
+@pytest.mark.parametrize(
+    "failing", [CRUISE._replace(battery=0.01), CRUISE._replace(sensed=int(Failsafe.WING_JAMMED))]
+)
+@pytest.mark.parametrize("then", [NO_STICKS, CRUISE._replace(fence_clearance=-1.0)])
+def test_who_was_to_land_does_nothing_else_by_itself(failing, then) -> None:
+    state, _ = run(FLYING, failing, 0.1)
+    state, _ = modes.set_mode(GAINS, state, Mode.STABILIZED, CRUISE)
+    state, _ = run(state, then._replace(battery=failing.battery, sensed=then.sensed | failing.sensed), 0.1)
+    assert state.mode == Mode.LAND
+
+
+def test_only_the_line_down_keeps_a_return_from_being_flown() -> None:
+    approach = CRUISE._replace(wanted_stage=Stage.APPROACH, battery=GAINS.battery_return - 0.01)
+    state, _ = run(FLYING._replace(stage=Stage.APPROACH), approach, 0.1)
+    assert state.mode == Mode.RETURN
+    state, _ = run(FLYING._replace(stage=Stage.APPROACH), approach._replace(final=1), 0.1)
+    assert state.mode == Mode.AUTO
+
+
+@pytest.mark.parametrize(
+    ("mode", "seen"),
+    [
+        (Mode.STABILIZED, BLIND),
+        (Mode.ALTITUDE_HOLD, BLIND._replace(battery=GAINS.battery_return - 0.01)),
+        (Mode.ALTITUDE_HOLD, BLIND._replace(battery=GAINS.battery_return - 0.01, fix_age=math.inf)),
+    ],
+)
+def test_a_return_without_a_position_becomes_a_landing(mode: Mode, seen: modes.Conditions) -> None:
+    state, _ = run(FLYING._replace(mode=mode), seen, GAINS.gps_land_delay - 1.0)
+    assert state.mode == Mode.ALTITUDE_HOLD
+    state, _ = run(state, seen, 2.0)
+    assert state.mode == Mode.LAND
+    flown, _ = run(FLYING._replace(mode=mode), seen._replace(pilot_lost=0), GAINS.gps_land_delay + 10.0)
+    assert flown.mode == mode
+
+
+def test_a_mode_chosen_without_sticks_is_not_left_for_them_later() -> None:
+    state, _ = run(FLYING._replace(mode=Mode.STABILIZED), NO_STICKS, 1.0)
+    assert (state.mode, state.rescued) == (Mode.LOITER, 1)
+    for mode in (Mode.AUTO, Mode.LOITER):
+        state, _ = modes.set_mode(GAINS, state, mode, NO_STICKS)
+        state, _ = run(state, NO_STICKS, 60.0)
+        assert (state.mode, state.rescued) == (mode, 0)
+
+
+def test_a_battery_about_its_threshold_takes_the_mission_away_once() -> None:
+    low, high = (CRUISE._replace(battery=GAINS.battery_return + by) for by in (-0.001, 0.001))
+    state, _ = run(FLYING, low, 0.1)
+    state, _ = modes.set_mode(GAINS, state, Mode.AUTO, CRUISE)
+    for seen in (high, low, high, low):
+        state, said = run(state, seen, 0.5)
+        assert (state.mode, said) == (Mode.AUTO, [])
+    state, said = run(state, CRUISE._replace(battery=GAINS.battery_return + 0.051), 0.1)
+    assert [notice.text for notice in said] == ["failsafe over: battery low"]
+
+
+def test_a_pilot_on_the_receiver_does_not_miss_the_ground_link() -> None:
+    state, _ = run(LINKLESS._replace(mode=Mode.STABILIZED), CRUISE._replace(by_receiver=1), 10.0)
+    assert state.mode == Mode.STABILIZED
+    state, _ = run(LINKLESS._replace(mode=Mode.STABILIZED), CRUISE, 1.0)
+    assert state.mode == Mode.RETURN
+    state, _ = run(LINKLESS, CRUISE._replace(by_receiver=1), 1.0)
+    assert state.mode == Mode.RETURN
+
+
+def test_a_dead_pitot_without_a_fix_is_no_crash_in_the_air() -> None:
+    feigned = CRUISE._replace(airspeed=0.0, fix_age=20.0, return_floor=15.0)
+    state, _ = run(FLYING._replace(mode=Mode.ALTITUDE_HOLD), feigned, GAINS.crash_time + 10.0)
+    assert state.armed == 1
+    down, _ = run(FLYING._replace(mode=Mode.ALTITUDE_HOLD), feigned._replace(altitude=1.0), GAINS.crash_time + 0.5)
+    assert down.armed == 0
+
+
+def test_the_stage_of_the_mode_before_is_not_taken() -> None:
+    stale = CRUISE._replace(wanted_stage=Stage.CLIMB_OUT, navigated=int(Mode.AUTO))
+    state, said = run(FLYING._replace(mode=Mode.RETURN), stale, 0.1)
+    assert (state.stage, said) == (Stage.EN_ROUTE, [])
+
+
 def test_no_first_fix_is_no_failure_by_hand() -> None:
     state, said = run(modes.State(), READY._replace(fix_age=math.inf), 10.0)
     assert (state.failsafe, said) == (0, [])

@@ -276,7 +276,7 @@ def test_without_a_position_lost_sticks_hold_the_altitude_level() -> None:
     assert abs(bird.roll) < 0.1
 
 
-def test_in_altitude_hold_a_lost_receiver_circles_and_comes_home_unless_it_is_chosen_again() -> None:
+def test_in_altitude_hold_a_lost_receiver_circles_and_a_mode_that_is_chosen_then_stays() -> None:
     flight, bird = launched()
     flight.fly(4.0)
     hold = Command(0, CommandKind.SET_MODE, "ALTITUDE_HOLD")
@@ -287,8 +287,8 @@ def test_in_altitude_hold_a_lost_receiver_circles_and_comes_home_unless_it_is_ch
     flight.fly(1.0, (hold,))
     assert flight.autopilot.state.modes.mode == Mode.ALTITUDE_HOLD
     flight.fly(0.1, (Command(0, CommandKind.SET_MODE, "LOITER"),))
-    flight.fly(RAVEN.gains.modes.link_loss_delay)
-    assert flight.autopilot.state.modes.mode == Mode.RETURN
+    flight.fly(2.0 * RAVEN.gains.modes.link_loss_delay)
+    assert flight.autopilot.state.modes.mode == Mode.LOITER
 
 
 def test_a_mission_goes_on_without_the_receiver_and_says_so() -> None:

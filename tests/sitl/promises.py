@@ -122,7 +122,7 @@ PROMISES: dict[str, Promise] = {
     ),
     "receiver_lost": Promise(
         "its own flag, a stick's pulse out of range, no frame for 0.5 s",
-        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN", "failsafe: receiver lost",
+        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN; LAND where that was asked before", "failsafe: receiver lost",
         0.7, 10.0, (-2.0, 2.0),
     ),
     "sim_silent": Promise(
@@ -130,7 +130,7 @@ PROMISES: dict[str, Promise] = {
         "sent no sensor frame", 6.0, 0.0, None,
     ),
     "link_lost": Promise(
-        "no word from a station heard for 3 s or more, for 5 s; 5 s more on board", "RETURN",
+        "no word from a station heard for 3 s or more, for 5 s; 5 s more on board", "RETURN; by receiver: carry on",
         "failsafe: returning, ground link lost", 5.5, 45.0, (-3.0, 27.0),
     ),
 }  # fmt: skip
