@@ -122,8 +122,8 @@ PROMISES: dict[str, Promise] = {
     ),
     "receiver_lost": Promise(
         "its own flag, a stick's pulse out of range, no frame for 0.5 s",
-        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN; LAND where that was asked before", "failsafe: receiver lost",
-        0.7, 10.0, (-2.0, 2.0),
+        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN; LAND where that was asked before",
+        "failsafe: receiver lost", 0.7, 10.0, (-2.0, 2.0),
     ),
     "sim_silent": Promise(
         "no sensor frame for 5 s of wall-clock time", "say who did not answer, close the log, exit 2",
