@@ -223,7 +223,6 @@ def arming_refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, 
         (automatic and seen.items == 0, "no mission"),
         (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
         (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
-        (state.mode in BY_STICK and seen.pilot_lost and not seen.sensed & RECEIVER_LOST, "no sticks are heard"),
     )
     hindering = seen.sensed | state.failsafe & ANSWERED
     sensed = tuple(failure.text for failure in FAILURES if failure.flag & hindering)

@@ -148,7 +148,7 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
 
 
 def flared(s: AutopilotState) -> altitude_loop.Gains:
-    """Gains of the climb loop in the flare; wings that must stay still stay still, and slower than any flight they rest."""
+    """Gains of the climb loop in the flare; wings that must be still are, and slower than any flight they rest."""
     of = s.gains.navigation
     flare = altitude_loop.Flare(of.flare_sink, of.flare_time, of.flare_throttle, of.flare_pitch)
     gains = altitude_loop.flaring(s.gains.altitude, flare, s.altitude.altitude)

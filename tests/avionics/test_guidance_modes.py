@@ -217,12 +217,6 @@ def test_a_link_lost_on_the_hand_hinders_arming_and_is_answered_above_the_floor(
     assert (state.mode, state.rescued) == (Mode.RETURN, 1)
 
 
-@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.STABILIZED, Mode.ALTITUDE_HOLD])
-def test_without_sticks_a_mode_flown_by_them_is_not_armed(mode: Mode) -> None:
-    _, notices = modes.arm(GAINS, modes.State(mode=mode), READY._replace(pilot_lost=1))
-    assert "no sticks are heard" in notices[0].text
-
-
 def test_a_second_stop_of_the_flapping_lands_again() -> None:
     state, _ = run(FLYING, CRUISE._replace(sensed=int(Failsafe.WING_JAMMED)), 0.1)
     state, _ = modes.set_mode(GAINS, state, Mode.STABILIZED, CRUISE)

@@ -63,10 +63,10 @@ def test_the_wind_is_estimated() -> None:
 
 
 def test_a_lost_link_brings_it_home() -> None:
-    lost = Command(13_000_000, CommandKind.LINK_LOST, source="test")
-    flight = flown(RAVEN, Scenario(seed=1, duration=32.0), commands=[lost])  # before it circles above home
+    lost = Command(14_000_000, CommandKind.LINK_LOST, source="test")  # answered above the height that a return needs
+    flight = flown(RAVEN, Scenario(seed=1, duration=33.0), commands=[lost])  # before it circles above home
     check_upright(flight)
-    assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(18.0, abs=0.1)
+    assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(19.0, abs=0.1)
     assert flight.of(topics.NAVIGATION)[-1].mode == Mode.RETURN
     truth = flight.truth
     distance = np.hypot(truth["north"], truth["east"])
