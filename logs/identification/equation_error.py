@@ -20,6 +20,8 @@ from logs.identification.results import Array
 HIGHEST = 0.5
 """-; of the flapping frequency: the stroke average leaves little above it"""
 DRIFT_ORDER = 2
+SPEED_PASSES = 3
+"""-; of putting the speeds found into the products that they were found with: a fourth changes 1e-4 of their range"""
 WORST_CONDITION = 1e3
 LEAST_CLUSTERS = 5
 """-; manoeuvres from which on the scatter between them is added to the error"""
@@ -52,17 +54,37 @@ class Signals(NamedTuple):
 
 
 def signals(manoeuvre: Manoeuvre, reference: Reference, aircraft: Aircraft) -> Signals:
-    """Stroke averages of what the equations of motion relate; u and w by integration from zero."""
-    q, a_x, a_z, pitch = manoeuvre.raw.T
-    step = manoeuvre.time[1] - manoeuvre.time[0]
-    q_dot = np.gradient(q, step)
+    """Stroke averages of what the equations of motion relate; u and w as `_speeds` reconstructs them."""
+    q, a_x, a_z, _ = manoeuvre.raw.T
+    q_dot = np.gradient(q, manoeuvre.time[1] - manoeuvre.time[0])
     f_x, f_z = a_x - aircraft.imu_z * q_dot, a_z + aircraft.imu_x * q_dot
-    tilt = pitch - pitch.mean()
-    u_dot = f_x - reference.w * q - GRAVITY * np.cos(reference.pitch) * tilt
-    w_dot = f_z + reference.u * q - GRAVITY * np.sin(reference.pitch) * tilt
-    u, w = (_integrate(rate - rate.mean(), step) for rate in (u_dot, w_dot))
+    u, w = _speeds(manoeuvre, reference, f_x, f_z)
     averages = manoeuvre.averaging @ np.column_stack((u, w, q, manoeuvre.tail, f_x, f_z, q_dot))
     return Signals(averages[:, :4], averages[:, 4:])
+
+
+def _speeds(manoeuvre: Manoeuvre, reference: Reference, f_x: Array, f_z: Array) -> tuple[Array, Array]:
+    """Airspeeds u and w (N,) in m/s by the kinematics as they are (Klein & Morelli, ch. 10, data compatibility).
+
+    The speeds in the products u q and w q are those of every sample, not the reference's: w is the small
+    difference of f_z and u q, and the 2 % by which the input moves u become 4 % of w, in step with it, which no
+    instrument takes out. Each sensor's bias is taken for the one that leaves the speeds no trend, the means for
+    those of the manoeuvre's airspeed along the reference's direction.
+    """
+    q, pitch = manoeuvre.raw[:, 0], manoeuvre.raw[:, 3]
+    step = manoeuvre.time[1] - manoeuvre.time[0]
+    share = manoeuvre.airspeed / np.hypot(reference.u, reference.w)
+    means = share * reference.u, share * reference.w
+    u, w = (np.full(len(q), mean) for mean in means)
+    for _ in range(SPEED_PASSES):
+        rates = f_x - w * q - GRAVITY * np.sin(pitch), f_z + u * q + GRAVITY * np.cos(pitch)
+        u, w = (_about(mean, _integrate(rate - rate.mean(), step)) for mean, rate in zip(means, rates, strict=True))
+    return u, w
+
+
+def _about(mean: float, values: Array) -> Array:
+    moved: Array = mean + values - values.mean()
+    return moved
 
 
 def _integrate(rate: Array, step: float) -> Array:

@@ -48,6 +48,8 @@ class Manoeuvre(NamedTuple):
     """(M, 4); `raw` averaged"""
     period: float
     """s; mean wing period"""
+    airspeed: float
+    """m/s; mean over the raw samples"""
 
 
 class Reference(NamedTuple):
@@ -156,6 +158,7 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int
     return Manoeuvre(
         number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
         held, raw, at - zero, averaging, averaging @ raw, float(np.mean(period)),
+        float(np.mean(data.airspeed[reach])),
     )  # fmt: skip
 
 

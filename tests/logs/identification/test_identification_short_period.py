@@ -9,8 +9,11 @@ import pytest
 from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly, model_of
 
 from avionics.quantities import BadInput
-from logs.identification.data import Aircraft
+from logs.identification.data import Aircraft, FlightData
+from logs.identification.equation_error import signals
 from logs.identification.longitudinal import LONGITUDINAL, SHORT_PERIOD
+from logs.identification.manoeuvre import GRAVITY, find_manoeuvres, reference_of
+from logs.identification.results import Array
 from logs.identification.short_period import ModesResult, identify_modes, propagate, short_period_of
 
 
@@ -117,6 +120,31 @@ def test_an_overdamped_mode_has_two_time_constants() -> None:
 def test_the_reference_condition_comes_from_the_flight() -> None:
     reference = identify(Flight()).reference
     np.testing.assert_allclose(reference, REFERENCE, atol=0.03)
+
+
+def moving(time: Array) -> tuple[FlightData, Array]:
+    """A flight of a chosen motion that ends as it began after 2 pi s, and its speeds u and w in m/s (N, 2)."""
+    turn, swing = 5.0 * time, 3.0 * time
+    q, pitch = 1.2 * np.cos(turn), 0.1 + 0.24 * np.sin(turn)
+    u, w = 7.0 + 0.4 * np.sin(turn + 0.6), 0.7 + 0.15 * np.sin(swing)
+    u_dot, w_dot = 2.0 * np.cos(turn + 0.6), 0.45 * np.cos(swing)
+    a_x = u_dot + w * q + GRAVITY * np.sin(pitch) + 0.05
+    a_z = w_dot - u * q - GRAVITY * np.cos(pitch) - 0.05
+    airspeed, still, on = np.hypot(u, w), np.zeros_like(time), np.ones_like(time)
+    excited = np.where((time > 2.0) & (time < 2.2), 0.1, 0.0)
+    data = FlightData(time, q, a_x, a_z, pitch, airspeed, still, excited, 4.0 * time, on, on, excited, still)
+    return data, np.column_stack((u, w))
+
+
+def test_speeds_are_reconstructed_where_the_airspeed_changes_with_the_pitch_rate() -> None:
+    data, speeds = moving(np.linspace(0.0, 6.28, 1257))
+    aircraft = Aircraft(tail_time_constant=0.0)
+    (manoeuvre,) = find_manoeuvres(data, aircraft)
+    found = signals(manoeuvre, reference_of(data, (manoeuvre,)), aircraft).regressors[:, :2]
+    true = manoeuvre.averaging @ speeds[: len(manoeuvre.time)]
+    drift = np.vander(np.linspace(-1, 1, len(true)), 3)
+    left = [x - drift @ np.linalg.lstsq(drift, x, rcond=None)[0] for x in (found, true)]
+    np.testing.assert_array_less(np.std(left[0] - left[1], axis=0), 0.02 * np.std(left[1], axis=0))
 
 
 def test_a_repeated_input_is_cut_into_pieces() -> None:
