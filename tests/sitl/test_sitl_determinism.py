@@ -67,7 +67,7 @@ class Handover:
         return command
 
 
-@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
 def test_a_flight_computer_restored_in_mid_stroke_continues_bit_for_bit(vehicle: str) -> None:
     logs = MemoryLog(), MemoryLog()
     world, pair = SimulatedWorld(load_vehicle(vehicle), Scenario(seed=3, duration=16.0)), Handover(vehicle, logs)
@@ -111,7 +111,7 @@ def over_the_bridge(vehicle: str, scenario: Scenario) -> tuple[MemoryLog, Tally]
     return log, tallies[0]
 
 
-@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
 def test_a_flight_over_the_bridge_is_the_flight_in_one_process(vehicle: str) -> None:
     scenario = Scenario(seed=5, duration=12.0, wind_speed=1.0)
     log, tally = over_the_bridge(vehicle, scenario)
