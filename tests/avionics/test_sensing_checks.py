@@ -187,7 +187,11 @@ def test_a_large_pitch_error_that_lasts_is_a_jammed_tail_that_of_gusts_is_not() 
     settled = pitched(lambda t: 0.0, TAIL.grace + 1.0)
     assert not pitched(lambda t: 0.3 * math.sin(2.0 * math.pi * t), 30.0, settled).jammed
     assert pitched(lambda t: 0.8 * math.sin(t), 30.0, settled).jammed
-    assert pitched(lambda t: 0.5, 8.0, settled).jammed
+    answering = pitched(
+        lambda t: 0.5 * math.sin(2.0 * math.pi * t), 30.0, settled, lambda t: -0.8 * math.cos(2.0 * math.pi * t)
+    )
+    assert not answering.jammed
+    assert pitched(lambda t: 0.5, 5.0, settled).jammed
     assert not pitched(lambda t: 0.5, TAIL.grace - 0.1).jammed
 
 
