@@ -317,7 +317,7 @@ class WingState(NamedTuple):
     phase: float
     """rad; of the mean of both wings, 0 to 2 pi in equal times, 0 at the upward crossing of the stroke's middle"""
     frequency: float
-    """Hz; of the last full stroke, ended by a crossing either way; 0 when not flapping"""
+    """Hz; of the stroke that runs, by the last two, or by the command while wings follow it; 0 when not flapping"""
     amplitude_left: float
     """rad; half the peak-to-peak angle of the last stroke"""
     amplitude_right: float

@@ -4,7 +4,8 @@ A stroke runs from one crossing of the stroke's middle to the next in the same d
 The middle lies halfway between the last top and the last bottom, so that it follows a stroke that moves. Crossings
 are timed by interpolation between samples and confirmed by a hysteresis, so that neither the encoder's steps (0.18
 degree, E2-500, Gerdes et al. 2017 Table 1) nor a trembling wing make strokes. Upward and downward crossings both set
-phase and period: between them the phase runs on for half a stroke only.
+phase and period: between them the phase runs on for half a stroke only, and where the wing follows the commanded
+stroke, with that (`avionics.sensing.stroke_lock`).
 
 An encoder that is not believed (`avionics.sensing.encoders`) is replaced by the other wing's; without both, phase and
 frequency are those of the commanded stroke.
@@ -18,9 +19,16 @@ from typing import Annotated, NamedTuple
 from avionics.messages import WingState
 from avionics.quantities import Quantity
 from avionics.records import new
+from avionics.sensing import stroke_lock
 from avionics.sensing.encoders import Counts
 
 TWO_PI = 2.0 * pi
+TREND = 1.0
+"""-; of the change of the period from one crossing to the next that is added for the half stroke to come"""
+DRIFT = 0.05
+"""-; of the period, by which it changes at most in half a stroke that it drifts; more is a jump and over"""
+STROKES_APART = 3
+"""-; crossings before the first two periods can be compared"""
 PATIENCE = 1.5
 """-; periods without a crossing after which the wing does not flap"""
 SPLIT_SHARE = 0.5
@@ -63,6 +71,8 @@ class Commanded(NamedTuple):
     """Hz; 0 when no flapping is asked"""
     phase: float = 0.0
     """rad; 0 to 2 pi"""
+    amplitude: float = 0.0
+    """rad; 0 where a motor's crank makes the stroke, whose phase nobody commands"""
 
 
 NOTHING = Commanded()
@@ -116,6 +126,8 @@ class Beat(NamedTuple):
     """-; share of a stroke above the middle, smoothed; -1 before it is known"""
     crossings: int = 0
     """-; confirmed since the search began; from the second on they lie between a true top and a true bottom"""
+    pace: float = 0.0
+    """s; period of the stroke that runs now, by the last one and how it differed from the one before"""
 
 
 class State(NamedTuple):
@@ -154,6 +166,8 @@ class State(NamedTuple):
     """-; encoders believed in the last sample: 1 for the left, 2 for the right"""
     missed: int = 0
     """counts; missed by then"""
+    lock: stroke_lock.State = stroke_lock.NOTHING
+    """how far the stroke lags behind the commanded one"""
 
 
 def angles(gains: Gains, left_counts: float, right_counts: float) -> tuple[float, float]:
@@ -184,13 +198,26 @@ def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTH
     if valid == 0:
         return _unmeasured(gains, state, counts, commanded)
     if time_us > state.time_us:
+        before = state.beat.crossings
         state = _advance(gains, state, time_us, left, right)
-    return state, _message(state, counts)
+        if state.beat.crossings != before:
+            state = state._replace(lock=_locked(state, commanded))
+    return state, _message(state, counts, commanded)
+
+
+def _locked(state: State, commanded: Commanded) -> stroke_lock.State:
+    """The lag behind the commanded stroke after a crossing, or after the search for a stroke began anew."""
+    beat, period = state.beat, state.stroke.period
+    if beat.crossings < 2 or commanded.amplitude <= 0.0:
+        return stroke_lock.NOTHING
+    since = (state.time_us - beat.anchor_us) * 1e-6
+    lag = commanded.phase / TWO_PI - commanded.frequency * since - beat.anchor
+    return stroke_lock.crossed(state.lock, lag, commanded.frequency * period)
 
 
 def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
     (last_us, left_1, right_1, before_us, left_0, right_0, rate_left, rate_right, side, crossed_us,
-     mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed) = state  # fmt: skip
+     mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock) = state  # fmt: skip
     # Differences over two intervals halve the encoder's steps.
     span = (time_us - before_us) * 1e-6
     dt = (time_us - last_us) * 1e-6
@@ -219,7 +246,7 @@ def _advance(gains: Gains, state: State, time_us: int, left: float, right: float
         confirmed = above < -margin
     state = new(State, (
         time_us, left, right, last_us, left_1, right_1, rate_left, rate_right, side, crossed_us,
-        mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed,
+        mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock,
     ))  # fmt: skip
     if confirmed:
         return _cross(gains, state)
@@ -273,16 +300,19 @@ def _cross(gains: Gains, state: State) -> State:
 
 def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool) -> Beat:
     """The beat after a crossing at ``at`` us that ended a stroke of ``period`` s (0 when it ended none)."""
-    _, _, up_us, down_us, split, crossings = beat
+    _, _, up_us, down_us, split, crossings, _ = beat
+    pace = period
+    if crossings > STROKES_APART and abs(period - before) < DRIFT * before:
+        pace += TREND * (period - before)
     if rising:
         above = (down_us - up_us) * 1e-6 / period if period and down_us > up_us >= 0.0 else -1.0
         if split < 0.0 <= above:
             split = above
         elif above >= 0.0 and abs(period - before) < STEADY * before:
             split += SPLIT_SHARE * (above - split)
-        return Beat(at, 0.0, at, down_us, split, crossings + 1)
+        return Beat(at, 0.0, at, down_us, split, crossings + 1, pace)
     above = (at - up_us) * 1e-6 / period if period and up_us >= 0.0 else 0.5
-    return Beat(at, split if split >= 0.0 else above, up_us, at, split, crossings + 1)
+    return Beat(at, split if split >= 0.0 else above, up_us, at, split, crossings + 1, pace)
 
 
 def _stroke(state: State, period: float, rising: bool) -> Stroke:
@@ -360,26 +390,30 @@ def _taken_over(state: State, time_us: int, left: float, right: float, valid: in
         state = state._replace(
             left=state.right, left_before=state.right_before, left_turn=state.right_turn, mean_turn=state.right_turn
         )
-    return state._replace(valid=valid, beat=state.beat._replace(up_us=-1.0, down_us=-1.0))
+    beat = state.beat._replace(up_us=-1.0, down_us=-1.0)
+    return state._replace(valid=valid, beat=beat, lock=stroke_lock.NOTHING)
 
 
 def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded) -> tuple[State, WingState]:
     """No encoder is believed: the stroke that was asked stands for the one that is flown."""
     state = state._replace(time_us=max(state.time_us, counts.time_us), rate_left=0.0, rate_right=0.0, stroke=Stroke())
     asked = gains.slowest <= commanded.frequency <= gains.fastest
-    message = _message(state, counts)
+    message = _message(state, counts, commanded)
     if asked:
         message = message._replace(phase=commanded.phase, frequency=commanded.frequency, flapping=1)
     return state, message
 
 
-def _message(state: State, counts: Counts) -> WingState:
-    time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _ = state
+def _message(state: State, counts: Counts, commanded: Commanded) -> WingState:
+    time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _, lock = state
     _, _, _, valid_left, valid_right, missed = counts
     period, amplitude_left, amplitude_right, mean_angle, ratio, ratio_left, ratio_right = stroke
     if period > 0.0:
-        phase = TWO_PI * ((beat.anchor + (time_us - beat.anchor_us) * 1e-6 / period) % 1.0)
-        frequency, flapping = 1.0 / period, 1
+        frequency, flapping = 1.0 / (beat.pace or period), 1
+        measured = beat.anchor + (time_us - beat.anchor_us) * 1e-6 * frequency
+        phase = TWO_PI * stroke_lock.phase(lock, commanded.phase / TWO_PI, measured)
+        if stroke_lock.follows(lock):
+            frequency = commanded.frequency
     else:
         phase, frequency, flapping = 0.0, 0.0, 0
     return new(WingState, (

@@ -42,7 +42,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
         s.encoders, counts = encoders.silence(s.encoders, s.clock.time_us)
     else:
         return
-    commanded = new(wing_angle.Commanded, (asked.frequency, asked.phase))
+    commanded = new(wing_angle.Commanded, (asked.frequency, asked.phase, asked.amplitude))
     s.wing_angle, s.wing = wing_angle.step(gains, s.wing_angle, counts, commanded)
     publish(topics.WING, s.wing)
     if s.wing[-3:] != before[-3:]:

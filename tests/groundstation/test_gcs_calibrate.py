@@ -38,7 +38,8 @@ class Bench:
             return None
         self._tick += 1
         now = TICK_US * self._tick
-        imu = ImuSample(now, 0.0, 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
+        # Its last digit trembles: an IMU that repeats itself is refused as frozen.
+        imu = ImuSample(now, 0.001 * (self._tick % 2), 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
         burst = AdcBurst(now, (819,) * 60, (512,) * 60)
         return SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
 
