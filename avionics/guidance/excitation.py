@@ -25,6 +25,8 @@ SEGMENTS: dict[Shape, tuple[tuple[int, float], ...]] = {
     Shape.MULTISTEP_3211: ((3, 1.0), (2, -1.0), (1, 1.0), (1, -1.0)),
 }
 """(length in widths, sign) of each step of a shape"""
+FOLDED = 0.2
+"""-; of a turn, by which a period may miss a whole number of strokes and still fold lines onto lines"""
 SWEEPS = (Shape.LINEAR_SWEEP, Shape.LOGARITHMIC_SWEEP)
 Inputs = tuple[float, float, float]
 """elevator (rad), throttle (-), rudder (rad)"""
@@ -166,6 +168,23 @@ def harmonics(excitation: Excitation) -> tuple[int, int]:
         math.ceil(excitation.low * excitation.width - RESOLUTION),
         math.floor(excitation.high * excitation.width + RESOLUTION),
     )
+
+
+def unfolding_period(excitation: Excitation, frequency: float) -> float:
+    """A period (s) for a multisine that the wings' ``frequency`` (Hz) folds onto itself, 0 where it does not.
+
+    What the wings make of an input comes at the flapping frequency less the input's own. Where a whole number of
+    periods fits between two strokes, one line's image lies on another line, and averages over strokes cannot tell
+    them apart; half a period more or less puts the images midway between the lines.
+    """
+    if excitation.shape != Shape.MULTISINE or frequency <= 0.0:
+        return 0.0
+    first, last = harmonics(excitation)
+    turns = frequency * excitation.width
+    apart = abs(turns - round(turns))
+    if apart > FOLDED or not 2 * first <= round(turns) <= 2 * last:
+        return 0.0
+    return (round(turns) + 0.5) / frequency
 
 
 def running(state: State) -> int:

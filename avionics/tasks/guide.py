@@ -27,6 +27,7 @@ EN_ROUTE, WAIT_LAUNCH, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.FLARE
 MANUAL, STABILIZED = Mode.MANUAL, Mode.STABILIZED
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes in which an excitation may be flown"""
+FOLDS = "multisine folds on the {:.2f} Hz of the wings: a period of {:.3f} s would not"
 JAMMED_SINK = 0.8
 """m/s; of a landing without an elevator: there is no flare"""
 JAMMED_SHARE = 0.2
@@ -90,6 +91,9 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
     idle = s.excitation.phase == excitation_input.IDLE
     if asked is not None and idle and s.excitation.finished == s.navigation.excitations:
         s.excitation = excitation_input.start(s.excitation, asked)
+        period = excitation_input.unfolding_period(asked, s.wing.frequency)
+        if period:
+            say(s, publish, Severity.WARNING, "excitation", FOLDS.format(s.wing.frequency, period))
     flown = new(excitation_input.Flown, (s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude))
     aborted = s.excitation.aborted
     s.excitation, s.excited = excitation_input.step(

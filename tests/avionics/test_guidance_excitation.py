@@ -302,3 +302,22 @@ def test_every_input_of_the_mission_was_flown_to_its_end() -> None:
     for item in range(2, 5):
         assert f"item {item} done" in said
     assert not any("aborted" in text for text in said)
+
+
+@given(
+    frequency=st.floats(2.0, 12.0),
+    turns=st.integers(8, 60),
+    miss=st.floats(-0.15, 0.15),
+)
+def test_a_period_that_folds_is_told_with_one_that_does_not(frequency: float, turns: int, miss: float) -> None:
+    """GIVEN lines from 0.1 to 0.9 of the flapping frequency THEN images meet lines, half a period later not."""
+    asked = Excitation(
+        Channel.ELEVATOR, Shape.MULTISINE, 0.05, (turns + miss) / frequency, 0.5, 1, 0.1 * frequency, 0.9 * frequency
+    )
+    better = excitation.unfolding_period(asked, frequency)
+    assert better * frequency == pytest.approx(turns + 0.5)
+    assert excitation.unfolding_period(asked._replace(width=better), frequency) == 0.0
+    below_half = asked._replace(high=0.45 * frequency)
+    assert excitation.unfolding_period(below_half, frequency) == 0.0
+    assert excitation.unfolding_period(asked._replace(shape=Shape.LINEAR_SWEEP), frequency) == 0.0
+    assert excitation.unfolding_period(asked, 0.0) == 0.0
