@@ -1,0 +1,128 @@
+"""How well altitude and track are held, in still air and in wind, against the truth (``make validate``)."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from flown import RAVEN, Flight, flown, rms
+from memory_log import MemoryLog
+
+from avionics import topics
+from avionics.autopilot import Autopilot
+from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command.onboard import scripted_start
+from sim_bridge.flight.flight import fly
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
+
+pytestmark = pytest.mark.validate
+
+SEEDS = (1, 2, 3, 4)
+ALTITUDE = 40.0
+CORNERS = ((150.0, 0.0), (150.0, 150.0), (0.0, 150.0), (0.0, 0.0))
+"""m; north and east, of a square flown once"""
+SQUARE = (
+    MissionItem(ItemKind.TAKEOFF, altitude=ALTITUDE),
+    *(MissionItem(ItemKind.WAYPOINT, north=north, east=east, altitude=ALTITUDE) for north, east in CORNERS),
+)
+ONTO_THE_LEG = 5.0
+"""s; of a turn onto a leg that are not counted, and of a climb into a hold"""
+WIND = 3.0
+"""m/s"""
+
+
+class Track(NamedTuple):
+    """Distances from the straight legs of one flight."""
+
+    true: Any
+    """m; (N,)"""
+    estimated: Any
+    """m; (N,) as the flight computer has it"""
+
+
+@cache
+def track(wind: float, seed: int, slow_error: bool = True) -> Track:
+    """Of the square, with the receiver of the data sheet or with one that tells its place without a slow error."""
+    vehicle = load_vehicle(RAVEN)
+    if not slow_error:
+        vehicle.sections["gps"] = vehicle.sections["gps"]._replace(horizontal_sigma=0.01)
+    log = MemoryLog()
+    scenario = Scenario(seed=seed, wind_speed=wind, wind_from=1.3 * seed, duration=130.0)
+    world = SimulatedWorld(vehicle, scenario, log.publish)
+    fly(world, Autopilot(load_flight_vehicle(RAVEN), SQUARE, log.publish), scripted_start())
+    legs = [_leg(Flight(log, SQUARE), item) for item in (2, 3, 4)]
+    assert sum(len(leg.true) for leg in legs) > 4000
+    return Track(*(np.concatenate(columns) for columns in zip(*legs, strict=True)))
+
+
+def _leg(flight: Flight, item: int) -> Track:
+    truth, navigation = flight.truth, flight.columns(topics.NAVIGATION)
+    flown_item = navigation["item"][np.searchsorted(navigation["time_us"], truth["time_us"], side="right") - 1]
+    on = np.flatnonzero(flown_item == item)
+    on = on[truth["time_us"][on] > truth["time_us"][on[0]] + ONTO_THE_LEG * 1e6]
+    (north, east), (to_north, to_east) = CORNERS[item - 2], CORNERS[item - 1]
+    course = math.atan2(to_east - east, to_north - north)
+    across = (truth["east"][on] - east) * math.cos(course) - (truth["north"][on] - north) * math.sin(course)
+    told = np.interp(truth["time_us"][on], navigation["time_us"], navigation["cross_track"])
+    return Track(across, told)
+
+
+@pytest.mark.parametrize(("wind", "bound"), [(0.0, 2.0), (WIND, 4.0)])
+def test_straight_legs_are_held_where_the_receiver_has_no_slow_error(wind: float, bound: float) -> None:
+    assert rms(np.concatenate([track(wind, seed, slow_error=False).true for seed in SEEDS])) < bound
+
+
+@pytest.mark.parametrize(
+    ("wind", "bound"),
+    [
+        pytest.param(
+            0.0, 2.0, marks=pytest.mark.xfail(strict=True, reason="the receiver's slow error alone is 2.1 m")
+        ),
+        (WIND, 4.0),
+    ],
+)
+def test_straight_legs_are_held_with_the_receiver_of_the_data_sheet(wind: float, bound: float) -> None:
+    tracks = [track(wind, seed) for seed in SEEDS]
+    estimated = rms(np.concatenate([each.estimated for each in tracks]))
+    true = rms(np.concatenate([each.true for each in tracks]))
+    print(f"cross-track at {wind:.0f} m/s: {true:.2f} m, as the flight computer sees it {estimated:.2f} m")  # noqa: T201
+    assert estimated < bound
+    assert true < bound
+
+
+@cache
+def hold(wind: float, turbulence: str, seed: int) -> Any:
+    """Altitude errors (N,) m against the truth from 5 s after 39 m on; empty when that height was not reached."""
+    heading = math.radians((60 * seed) % 360 - 180)
+    mission = (
+        MissionItem(ItemKind.TAKEOFF, altitude=ALTITUDE),
+        MissionItem(ItemKind.HOLD, altitude=ALTITUDE, heading=heading, duration=200.0),
+    )
+    scenario = Scenario(seed=seed, wind_speed=wind, wind_from=1.3 * seed, turbulence=turbulence, duration=75.0)
+    flight = flown(RAVEN, scenario, mission)
+    time, altitude = flight.truth["time_us"] * 1e-6, flight.altitude()
+    begun, ended = flight.air_time()
+    reached = np.flatnonzero((time > begun) & (altitude > ALTITUDE - 1.0))
+    if not len(reached):
+        return np.empty(0)
+    return altitude[(time > time[reached[0]] + ONTO_THE_LEG) & (time < ended)] - ALTITUDE
+
+
+def test_altitude_in_still_air() -> None:
+    errors = [hold(0.0, "none", seed) for seed in SEEDS]
+    assert min(map(len, errors)) > 4000
+    assert max(map(rms, errors)) < 0.5
+
+
+@pytest.mark.xfail(strict=True, reason="1.6 m over the four of eight holds that lasted; 0.9, 1.0, 1.4 and 2.9 m")
+def test_altitude_in_wind_and_moderate_gusts() -> None:
+    """Of the holds that lasted: these gusts, of a 30 kt wind, end some flights of a 6.8 m/s bird at the launch."""
+    errors = [errors for errors in (hold(WIND, "moderate", seed) for seed in range(1, 9)) if len(errors) > 4000]
+    print(f"altitude in moderate gusts, {len(errors)} of 8 holds:", *(f"{rms(e):.2f}" for e in errors))  # noqa: T201
+    assert len(errors) >= 3
+    assert rms(np.concatenate(errors)) < 1.5
