@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from avionics import parameters
+from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
@@ -21,6 +23,8 @@ AERODYNAMICS = "aerodynamics"
 """Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
 STICKS = "sticks.csv"
 """Name of the attachment in which the world leaves how a scripted pilot moved his transmitter."""
+PARAMETERS = "wingbeat.parameters"
+"""Name of the metadata record in which the flight computer notes every parameter at boot."""
 FLIGHT_VEHICLE = "avionics_vehicle.toml"
 """Name of the attachment in which the flight computer leaves its vehicle file."""
 Loaded = TypeVar("Loaded")
@@ -40,16 +44,30 @@ def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
 
 
 def flight_vehicle(log: Log) -> FlightVehicle | None:
-    """The vehicle as the flight computer of ``log`` believed it to be; None where the log does not say.
+    """The vehicle as the flight computer of ``log`` believed it to be at boot; None where the log does not say.
+
+    Parameters and calibrations that it had kept from before stand over those of the attached file.
 
     Raises:
-        BadInput: the attached vehicle file cannot be used.
+        BadInput: the attached vehicle file or a noted parameter cannot be used.
     """
-    return _load(log, FLIGHT_VEHICLE, load_flight_vehicle)
+    vehicle = _load(log, FLIGHT_VEHICLE, load_flight_vehicle)
+    if vehicle is None:
+        return None
+    gains, table = vehicle.gains, parameters.parameter_table(vehicle.gains)
+    for name, text in log.metadata.get(PARAMETERS, {}).items():
+        try:
+            value = float(text)
+        except ValueError:
+            raise BadInput(f"the log's parameter {name} is not a number: {text!r}") from None
+        # A parameter that this version does not have changes nothing here.
+        if name in table and value != parameters.get(gains, table[name]):
+            gains = parameters.set_value(gains, table, name, value).gains
+    return vehicle._replace(gains=gains)
 
 
 def aircraft_of(log: Log) -> Aircraft:
-    """Place of the IMU and lag of the tail as known from the bench; not known where the log has no vehicle file.
+    """Place and calibration of the IMU and lag of the tail; not known where the log has no vehicle file.
 
     Raises:
         BadInput: the attached vehicle file cannot be used.
@@ -58,7 +76,7 @@ def aircraft_of(log: Log) -> Aircraft:
     if vehicle is None:
         return Aircraft()
     known = vehicle.airframe
-    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant)
+    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu)
 
 
 def _load(log: Log, name: str, load: Callable[[Path], Loaded]) -> Loaded | None:

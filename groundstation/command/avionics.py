@@ -24,7 +24,7 @@ from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.onboard import Onboard, plan_commands, scripted_start
-from logs.attached import FLIGHT_VEHICLE
+from logs.attached import FLIGHT_VEHICLE, PARAMETERS
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 from sim_bridge.flight.flight import fault_commands
@@ -114,4 +114,4 @@ def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) ->
     items = [item._asdict() | {"kind": item.kind.name} for item in mission]
     recorder.attach("mission.json", "application/json", json.dumps(items, indent=1).encode())
     table = parameters.parameter_table(vehicle.gains)
-    recorder.note("wingbeat.parameters", {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})
+    recorder.note(PARAMETERS, {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})

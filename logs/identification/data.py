@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from avionics.sensing import inertial
 from logs.identification.results import Array
 
 
@@ -81,3 +82,5 @@ class Aircraft(NamedTuple):
     """A; C_D of Gerdes Eq. 12 where given, else minus the mean current per servo"""
     centre_voltage: float | None = None
     """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""
+    imu: inertial.Gains = inertial.NEUTRAL
+    """calibration of the IMU; a log holds its samples as they came"""

@@ -11,6 +11,7 @@ from scipy.signal import savgol_filter
 from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.quantities import BadInput
+from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
 from logs.identification.results import Array
@@ -75,8 +76,8 @@ def _time_base(time: Array) -> Array:
     return base
 
 
-def flight_data(source: ColumnSource) -> FlightData:
-    """Longitudinal motion of the flight in a log.
+def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEUTRAL) -> FlightData:
+    """Longitudinal motion of the flight in a log, the IMU's samples corrected by its ``calibration``.
 
     Raises:
         BadInput: a topic is missing, or nothing was excited.
@@ -91,8 +92,8 @@ def flight_data(source: ColumnSource) -> FlightData:
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
-        imu.linear("accel_x", time),
-        imu.linear("accel_z", time),
+        (imu.linear("accel_x", time) - calibration.accel_offset[0]) * calibration.accel_scale[0],
+        (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2],
         attitude.linear("pitch", time),
         _Table(source, topics.AIR_DATA, "airspeed").linear("airspeed", time),
         _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time),

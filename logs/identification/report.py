@@ -76,7 +76,7 @@ def identify(
     if power is not None:
         known |= _power_truths(source, power)
     if what in ("modes", "all"):
-        modes = _attempt(lambda: identify_modes(flight_data(source), aircraft), "short period", missing)
+        modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if torque is None and power is None and modes is None:
         raise BadInput("; ".join(entry.reason for entry in missing))
     return Identification(torque, power, modes, tuple(missing), known)

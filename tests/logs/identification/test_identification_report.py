@@ -13,6 +13,7 @@ from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
 
 from avionics import topics
 from avionics.quantities import BadInput
+from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import FlightData
 from logs.identification.report import Identification, document, identify, rows, text
@@ -124,6 +125,25 @@ def test_modes_from_topics(motion: RecordedTopics) -> None:
     value, true = found["output error", "short_period_frequency"]
     assert true == FREQUENCY
     assert value == pytest.approx(FREQUENCY, rel=0.02)
+
+
+def test_a_calibrated_imu_is_corrected_and_a_wrong_one_is_not(motion: RecordedTopics) -> None:
+    """GIVEN an accelerometer with a scale and an offset THEN its calibration gives what a perfect one gives."""
+    imu = dict(motion.tables[topics.IMU.name])
+    imu["accel_x"], imu["accel_z"] = imu["accel_x"] / 1.1 + 0.4, imu["accel_z"] / 1.15 - 0.7
+    wrong = RecordedTopics({**motion.tables, topics.IMU.name: imu})
+    calibration = inertial.Gains(accel_offset=(0.4, 0.0, -0.7), accel_scale=(1.1, 1.0, 1.15))
+    name = ("output error", "short_period_frequency")
+    perfect, corrected, left = (
+        numbers(identify(source, "modes", aircraft))[name][0]
+        for source, aircraft in (
+            (motion, AIRCRAFT),
+            (wrong, AIRCRAFT._replace(imu=calibration)),
+            (wrong, AIRCRAFT),
+        )
+    )
+    assert corrected == pytest.approx(perfect, rel=1e-6)
+    assert left != pytest.approx(perfect, rel=1e-3)
 
 
 def test_servo_from_topics_with_the_worlds_truth_beside(drive: RecordedTopics) -> None:
