@@ -42,7 +42,7 @@ from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.faults import Fault, divided, mission_faults
+from sim_bridge.flight.faults import Fault, divided, mission_faults
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.vehicles import vehicle_names

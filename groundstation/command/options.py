@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from avionics.quantities import BadInput
-from sim_bridge.faults import FAULTS, Fault, parse_fault
+from sim_bridge.flight.faults import FAULTS, Fault, parse_fault
 from sim_bridge.sensors.receiver import Sticks
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"

@@ -18,7 +18,7 @@ from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
-from sim_bridge.faults import divided
+from sim_bridge.flight.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled

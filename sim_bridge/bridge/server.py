@@ -19,8 +19,7 @@ from avionics.link.transport import Listener, Stream
 from avionics.messages import ActuatorCommand, SensorFrame
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
-from sim_bridge.bridge.world import NEUTRAL, World
-from sim_bridge.faults import SimulationSilent
+from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
 
 DEFAULT_URL = "tcp:127.0.0.1:4560"
 """Where PX4 looks for its simulator."""

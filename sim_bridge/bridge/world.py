@@ -11,6 +11,10 @@ NEUTRAL = ActuatorCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 """The command before the flight computer has said anything; a flight in one process begins with it too."""
 
 
+class SimulationSilent(RuntimeError):
+    """The world sends no more sensor frames, as it was told."""
+
+
 class World(Protocol):
     """A vehicle in its environment that advances one sensor tick at a time.
 
@@ -31,7 +35,11 @@ class World(Protocol):
         """The simulation is over: `step` is not called again."""
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """Advance one tick with ``command`` held, and read the sensors at its end."""
+        """Advance one tick with ``command`` held, and read the sensors at its end.
+
+        Raises:
+            SimulationSilent: from now on it sends no more sensor frames.
+        """
 
     def truth(self) -> TruthState:
         """The vehicle's true state at the end of the last step."""

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from avionics.autopilot import Autopilot
 from avionics.link.codec import quantised_command
 from avionics.messages import Command, CommandKind
-from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.faults import Fault, SimulationSilent, divided
+from sim_bridge.bridge.world import NEUTRAL, SimulationSilent
+from sim_bridge.flight.faults import Fault, divided
 from sim_bridge.flight.world import SimulatedWorld
 
 

@@ -26,7 +26,7 @@ from sim_bridge.environment import dryden
 from sim_bridge.environment.atmosphere import Air, isa
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.faults import Fault, FaultInjector
+from sim_bridge.flight.faults import Fault, FaultInjector
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
@@ -82,7 +82,7 @@ class Scenario(NamedTuple):
     pilot: Pilot | None = None
     """who has a transmitter in his hands; None for nobody, or for somebody standing by where it is to be lost"""
     faults: tuple[Fault, ...] = ()
-    """what fails, see `sim_bridge.faults`"""
+    """what fails, see `sim_bridge.flight.faults`"""
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:

@@ -5,8 +5,9 @@ import math
 import pytest
 
 from avionics.quantities import BadInput
-from sim_bridge import faults
-from sim_bridge.faults import Fault, FaultInjector, SimulationSilent, mission_faults, parse_fault
+from sim_bridge.bridge.world import SimulationSilent
+from sim_bridge.flight import faults
+from sim_bridge.flight.faults import Fault, FaultInjector, mission_faults, parse_fault
 from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures, RawReceiver
 
 

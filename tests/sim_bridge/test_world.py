@@ -11,7 +11,7 @@ from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.quantities import BadInput
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.faults import Fault
+from sim_bridge.flight.faults import Fault
 from sim_bridge.flight.world import (
     LAUNCH_PATIENCE,
     LAUNCH_TIME,

@@ -25,7 +25,7 @@ from groundstation.command.onboard import scripted_start
 from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.faults import Fault
+from sim_bridge.flight.faults import Fault
 from sim_bridge.flight.flight import fault_commands, fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle

@@ -1,7 +1,7 @@
 """What is promised for each failure, and on which flight it is held: the table that the README shows.
 
 Measured on the Robo Raven in still air, level at 15 m, the failure after 16 s of flight. To add a failure: its row in
-`sim_bridge.faults.FAULTS`, its row here; both are asked for by the tests.
+`sim_bridge.flight.faults.FAULTS`, its row here; both are asked for by the tests.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from avionics import topics
 from avionics.guidance.mission import Fence, ItemKind, MissionItem, Zone
 from avionics.messages import Breach, Command, CommandKind, Mode, SensorFrame, Stage
 from sim_bridge import topics as truth_topics
-from sim_bridge.faults import FAULTS, Place, parse_fault
+from sim_bridge.flight.faults import FAULTS, Place, parse_fault
 from sim_bridge.flight.world import Scenario
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Sticks

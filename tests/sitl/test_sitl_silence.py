@@ -17,7 +17,7 @@ from groundstation.command import avionics
 from groundstation.command.main import main
 from logs.reader import open_log
 from sim_bridge.bridge.server import BridgeServer, Tally
-from sim_bridge.faults import parse_fault
+from sim_bridge.flight.faults import parse_fault
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.missions.reader import find
 from avionics.quantities import BadInput
+from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import RawFrame, RawPressures, RawReceiver
 from sim_bridge.sensors.receiver import ReceiverSpec
 from sim_bridge.sensors.suite import TICK_RATE
@@ -294,10 +295,6 @@ def divided(faults: Iterable[Fault]) -> tuple[tuple[Fault, ...], tuple[Fault, ..
 
 
 # --- letting them happen --------------------------------------------------------------------------------
-
-
-class SimulationSilent(RuntimeError):
-    """The world sends no more sensor frames, as it was told."""
 
 
 class FaultInjector:
