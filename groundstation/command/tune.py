@@ -16,13 +16,13 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from groundstation.views.tuning import design_heading, design_table, proof_table, written_line
+from sim_bridge.flight.tuning.cascade import Design, Loop, design
+from sim_bridge.flight.tuning.proof import SCENARIO, Flown, Proof, flown
+from sim_bridge.flight.tuning.vehicle_file import places, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
-from sim_bridge.tuning.cascade import Design, Loop, design
 from sim_bridge.tuning.margins import LIMITS
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model, model_of
-from sim_bridge.tuning.proof import SCENARIO, Flown, Proof, flown
-from sim_bridge.tuning.vehicle_file import places, write
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world
 

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from avionics.vehicles import FlightVehicle
 from groundstation.views import tables, wording
-from sim_bridge.tuning.cascade import PARTS, Design, Loop
+from sim_bridge.flight.tuning.cascade import PARTS, Design, Loop
+from sim_bridge.flight.tuning.proof import Flown, Proof
 from sim_bridge.tuning.margins import LIMITS
-from sim_bridge.tuning.proof import Flown, Proof
 
 SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
 DESIGNED_FOR = "airspeed"

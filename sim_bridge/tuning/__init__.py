@@ -1,1 +1,1 @@
-"""Gains of the flight computer's loops from a linear model, their margins, their file, their proof in flight."""
+"""What a loop is tuned with, whoever flies it: linear models, blocks, margins, the search for gains."""

@@ -8,15 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from avionics.timebase import BASE_RATE
-
 PADE_ORDER = 3
 """-; of a delay: exact within 1 degree up to 4 rad of lag"""
-
-
-def loop_delay(rate: float) -> float:
-    """s; of a loop that runs at ``rate`` Hz: one tick from sensor to actuator, and half its own step of hold."""
-    return 1.0 / BASE_RATE + 0.5 / rate
 
 
 def delay(seconds: float, source: str, target: str) -> Any:

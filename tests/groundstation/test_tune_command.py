@@ -11,7 +11,7 @@ import pytest
 from avionics.vehicles import load_vehicle
 from groundstation.command import tune
 from groundstation.command.main import main
-from sim_bridge.tuning.proof import Flown
+from sim_bridge.flight.tuning.proof import Flown
 from sim_bridge.vehicles import load_vehicle as load_world
 
 Capture = pytest.CaptureFixture[str]

@@ -11,7 +11,7 @@ from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model
 from avionics.quantities import BadInput
 from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
-from sim_bridge.tuning.cascade import PARTS, design
+from sim_bridge.flight.tuning.cascade import PARTS, design
 from sim_bridge.tuning.margins import LIMITS
 
 TRIM = 1e-3

@@ -15,6 +15,7 @@ from tuning_bench import MODELS, VEHICLES, designed, model, vehicle
 from avionics.quantities import BadInput
 from avionics.stabilization import stroke_filter
 from avionics.vehicles import load_vehicle as load_flight_vehicle
+from sim_bridge.flight.tuning.vehicle_file import places, tuned_text, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.modes import DUTCH_ROLL, modes
@@ -23,7 +24,6 @@ from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_margins, search
 from sim_bridge.tuning.margins import bandwidth, frequencies, margins, response
 from sim_bridge.tuning.model import is_model_file, load_model, model_of, model_text, save_model
-from sim_bridge.tuning.vehicle_file import places, tuned_text, write
 from sim_bridge.vehicles import load_vehicle
 
 

@@ -1,6 +1,6 @@
 """What the tests of tuning share: the kept linear models, the designs on them, and loops written out by hand.
 
-The loops here are arithmetic on A and B with exact delays; nothing of `sim_bridge.tuning` is in them.
+The loops here are arithmetic on A and B with exact delays; nothing of `sim_bridge.flight.tuning` is in them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from avionics.vehicles import FlightVehicle, load_vehicle
 from avionics.vehicles.gains import FlightGains
-from sim_bridge.tuning.cascade import Design, design
+from sim_bridge.flight.tuning.cascade import Design, design
 from sim_bridge.tuning.model import LinearModel, load_model
 
 MODELS = Path(__file__).parents[1] / "data" / "models"

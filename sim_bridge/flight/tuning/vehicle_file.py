@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle, load_vehicle
-from sim_bridge.tuning.cascade import Design, value_of
+from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
 
 WORLD, AVIONICS = "world.toml", "avionics.toml"

@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading
+from sim_bridge.flight.tuning import roll
+from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
+from sim_bridge.flight.tuning.altitude import APART
+from sim_bridge.flight.tuning.climb import RATE
+from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.plant_kernel import GRAVITY
-from sim_bridge.tuning import blocks, roll
-from sim_bridge.tuning.aircraft import Aircraft
-from sim_bridge.tuning.altitude import APART
-from sim_bridge.tuning.climb import RATE
+from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
-from sim_bridge.tuning.ranges import greatest
 
 
 def process(aircraft: Aircraft) -> Process:
@@ -24,7 +25,7 @@ def process(aircraft: Aircraft) -> Process:
     import control
 
     turn = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["yaw_rate"], outputs=["yaw"], name="turn")
-    wait = blocks.delay(blocks.loop_delay(RATE), "bank_asked", "roll_setpoint")
+    wait = blocks.delay(loop_delay(RATE), "bank_asked", "roll_setpoint")
     whole = blocks.joined([roll.closed(aircraft), turn, wait], ["bank_asked"], ["yaw"])
     return Process(pick(whole, "bank_asked", "yaw"), pick(whole, "bank_asked", "yaw", "yaw"))
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
-from sim_bridge.tuning import altitude, climb, heading, pitch, roll
-from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.flight.tuning import altitude, climb, heading, pitch, roll
+from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, loop_bandwidth, loop_margins
 from sim_bridge.tuning.margins import Margins
 from sim_bridge.tuning.model import LinearModel

@@ -7,11 +7,12 @@ down faster than that, else it overshoots: proportional <= climb_rate_limit / gr
 from __future__ import annotations
 
 from avionics.guidance import altitude
-from sim_bridge.tuning import blocks, climb
-from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.flight.tuning import climb
+from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
+from sim_bridge.flight.tuning.ranges import greatest
+from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
-from sim_bridge.tuning.ranges import greatest
 
 APART = 4.0
 """-; the loop inside is at least so much faster; chosen: 4 to 10 times is usual in cascades"""
@@ -22,7 +23,7 @@ def process(aircraft: Aircraft) -> Process:
     import control
 
     height = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["climb"], outputs=["altitude"], name="height")
-    wait = blocks.delay(blocks.loop_delay(climb.RATE), "climb_asked", "climb_setpoint")
+    wait = blocks.delay(loop_delay(climb.RATE), "climb_asked", "climb_setpoint")
     whole = blocks.joined([climb.closed(aircraft), height, wait], ["climb_asked"], ["altitude"])
     return Process(pick(whole, "climb_asked", "altitude"), pick(whole, "climb_asked", "altitude", "altitude"))
 

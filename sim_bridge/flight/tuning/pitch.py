@@ -6,10 +6,10 @@ from typing import Any
 
 from avionics.stabilization import pitch
 from avionics.stabilization.dynamic_pressure import share
+from sim_bridge.flight.tuning.aircraft import Aircraft, longitudinal, loop_delay
+from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.aircraft import Aircraft, longitudinal
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
-from sim_bridge.tuning.ranges import greatest
 
 RATE = 100.0
 """Hz; of the loop"""
@@ -23,7 +23,7 @@ def system(aircraft: Aircraft) -> Any:
     width = gains.notch_width
     parts = [
         longitudinal(aircraft),
-        blocks.delay(blocks.loop_delay(RATE), "elevator_command", "elevator"),
+        blocks.delay(loop_delay(RATE), "elevator_command", "elevator"),
         blocks.notch(frequency, width, "pitch", "pitch_seen"),
         blocks.notch(frequency, width, "pitch_rate", "rate_notched"),
         blocks.lag(gains.rate_lag, "rate_notched", "rate_seen"),

@@ -13,6 +13,7 @@ import numpy as np
 
 from avionics.limits import between_points
 from avionics.mixing import flapping
+from avionics.timebase import BASE_RATE
 from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
 from sim_bridge.tuning import blocks
@@ -83,6 +84,11 @@ def throttle_at(gains: flapping.Gains, half_stroke: float) -> float:
 
 def _map(gains: flapping.Gains) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return gains.throttle_points, gains.amplitude_points
+
+
+def loop_delay(rate: float) -> float:
+    """s; of a loop that runs at ``rate`` Hz: one tick from sensor to actuator, and half its own step of hold."""
+    return 1.0 / BASE_RATE + 0.5 / rate
 
 
 def _plant(a: Any, columns: list[Any], seen: list[list[float]], inputs: list[str], outputs: list[str]) -> Any:

@@ -6,16 +6,16 @@ from typing import Any
 
 from avionics.stabilization import roll
 from avionics.stabilization.dynamic_pressure import share
+from sim_bridge.flight.tuning.aircraft import Aircraft, lateral, loop_delay
+from sim_bridge.flight.tuning.pitch import RATE, SHARE
+from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.aircraft import Aircraft, lateral
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
-from sim_bridge.tuning.pitch import RATE, SHARE
-from sim_bridge.tuning.ranges import greatest
 
 
 def system(aircraft: Aircraft) -> Any:
     """The open aircraft: roll_asked to roll, roll_rate and yaw_rate."""
-    parts = [lateral(aircraft), blocks.delay(blocks.loop_delay(RATE), "roll_asked", "roll_command")]
+    parts = [lateral(aircraft), blocks.delay(loop_delay(RATE), "roll_asked", "roll_command")]
     return blocks.joined(parts, ["roll_asked"], ["roll", "roll_rate", "yaw_rate"])
 
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 from avionics.guidance import altitude
-from sim_bridge.tuning import blocks, pitch
-from sim_bridge.tuning.aircraft import Aircraft
+from sim_bridge.flight.tuning import pitch
+from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
+from sim_bridge.flight.tuning.ranges import greatest
+from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
-from sim_bridge.tuning.ranges import greatest
 
 RATE = 50.0
 """Hz; of the loop"""
@@ -23,7 +24,7 @@ SHARE = 0.1
 
 def system(aircraft: Aircraft) -> Any:
     """throttle_asked, pitch_asked and climb_setpoint (by feed-forward) to climb and what the loop measures."""
-    gains, wait = aircraft.gains.altitude, blocks.loop_delay(RATE)
+    gains, wait = aircraft.gains.altitude, loop_delay(RATE)
     parts = [
         pitch.closed(aircraft),
         blocks.delay(wait, "throttle_asked", "throttle"),
