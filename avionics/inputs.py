@@ -15,7 +15,7 @@ from typing import Any
 
 from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
-from avionics.guidance import excitation, modes, navigation
+from avionics.guidance import arming, excitation, failsafes, modes, navigation
 from avionics.guidance.mission import Channel, Excitation, Fence, Mission, MissionItem, Rally
 from avionics.messages import (
     Calibration,
@@ -173,7 +173,7 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("calibration", text)
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
-    s.modes, notices = _taken(modes.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s))), s.modes)
+    s.modes, notices = _taken(arming.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s))), s.modes)
     if s.modes.armed and not was_armed:
         s.wing_check = s.wing_check._replace(jammed=0)
         s.tail_check = s.tail_check._replace(jammed=0)
@@ -183,13 +183,13 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def _disarm(s: AutopilotState, publish: Publish, command: Command) -> None:
-    s.modes, notices = _taken(modes.disarm(s.modes, command.value == FORCED_DISARM), s.modes)
+    s.modes, notices = _taken(arming.disarm(s.modes, command.value == FORCED_DISARM), s.modes)
     tell(s, publish, notices)
 
 
 def _kill(s: AutopilotState, publish: Publish, command: Command) -> None:
     by = {"receiver": "kill switch", "override": "kill switch"}.get(command.source, "flight termination")
-    s.modes, notices = modes.kill(s.modes, by)
+    s.modes, notices = arming.kill(s.modes, by)
     tell(s, publish, notices)
 
 
@@ -307,12 +307,12 @@ def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def _lose_link(s: AutopilotState, publish: Publish, command: Command) -> None:
-    s.modes, notices = modes.set_link(s.modes, lost=True)
+    s.modes, notices = failsafes.set_link(s.modes, lost=True)
     tell(s, publish, notices)
 
 
 def _regain_link(s: AutopilotState, publish: Publish, command: Command) -> None:
-    s.modes, notices = modes.set_link(s.modes, lost=False)
+    s.modes, notices = failsafes.set_link(s.modes, lost=False)
     tell(s, publish, notices)
 
 

@@ -1,11 +1,13 @@
-"""How far it is to a plan's fence."""
+"""How far it is to a fence: to a plan's borders, and to the next limit of the vehicle's and the plan's together."""
 
 from __future__ import annotations
 
 import math
 
 from avionics.guidance.mission import Fence, Zone
+from avionics.guidance.modes import AIRBORNE, LANDING, Conditions, Gains, State
 from avionics.guidance.path import Place
+from avionics.messages import Breach
 
 
 def clearance(fence: Fence, north: float, east: float) -> float:
@@ -34,6 +36,34 @@ def contains(corners: tuple[Place, ...], place: Place) -> bool:
         if beside and north < a_north + (east - a_east) / (b_east - a_east) * (b_north - a_north):
             inside = not inside
     return inside
+
+
+def room(gains: Gains, state: State, seen: Conditions) -> float:
+    """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
+    return min(_rooms(gains, state, seen)) if state.stage in AIRBORNE else math.inf
+
+
+def breach(gains: Gains, state: State, seen: Conditions) -> Breach:
+    """What of the fence is passed furthest."""
+    rooms = dict(zip((Breach.FLOOR, Breach.CEILING, Breach.BORDER), _rooms(gains, state, seen), strict=True))
+    return min(rooms, key=rooms.__getitem__) if room(gains, state, seen) < 0.0 else Breach.NONE
+
+
+def watch_floor(gains: Gains, state: State, seen: Conditions) -> State:
+    """The fence's floor begins to hold when it was passed by the margin, and ends with the flight."""
+    floor = max(gains.fence_floor, seen.fence_floor)
+    up = state.stage in AIRBORNE and floor > 0.0
+    passed = int(up and (state.above_floor == 1 or seen.altitude > floor + gains.fence_margin))
+    return state if passed == state.above_floor else state._replace(above_floor=passed)
+
+
+def _rooms(gains: Gains, state: State, seen: Conditions) -> tuple[float, float, float]:
+    """m; above the floor, below the ceiling, inside of the border."""
+    ceiling = min(gains.fence_altitude, seen.fence_ceiling or math.inf) - seen.altitude
+    border = min(gains.fence_radius - seen.home_distance, seen.fence_clearance)
+    if not state.above_floor or state.stage in LANDING:
+        return math.inf, ceiling, border
+    return seen.altitude - max(gains.fence_floor, seen.fence_floor), ceiling, border
 
 
 def _edges(corners: tuple[Place, ...]) -> zip[tuple[Place, Place]]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from avionics import topics
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import excitation as excitation_input
-from avionics.guidance import fence
+from avionics.guidance import fence, supervisor
 from avionics.guidance import heading as heading_loop
-from avionics.guidance import modes as flight_modes
 from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
 from avionics.inputs import say, tell
@@ -40,7 +39,7 @@ UNDERGROUND = 100.0
 def modes(s: AutopilotState, publish: Publish) -> None:
     """Stages and failsafes."""
     before = s.modes.failsafe
-    s.modes, notices = flight_modes.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
+    s.modes, notices = supervisor.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
     if s.modes.failsafe & ~before & OUTSIDE:
         note_breach(s)
     tell(s, publish, notices)
@@ -48,7 +47,7 @@ def modes(s: AutopilotState, publish: Publish) -> None:
 
 def note_breach(s: AutopilotState) -> None:
     """The fence has just been passed."""
-    kind = flight_modes.breach(s.gains.modes, s.modes, conditions(s))
+    kind = fence.breach(s.gains.modes, s.modes, conditions(s))
     last = s.fence_state
     s.fence_state = last._replace(breaches=last.breaches + 1, kind=kind, since=s.clock.time_us * 1e-6)
 

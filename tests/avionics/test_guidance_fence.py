@@ -105,8 +105,8 @@ def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
     ],
 )
 def test_what_is_passed_furthest_is_told(seen: modes.Conditions, kind: Breach) -> None:
-    assert modes.breach(GAINS, FLYING._replace(above_floor=1), seen) == kind
-    assert modes.breach(GAINS, FLYING._replace(stage=Stage.ON_GROUND), seen) == Breach.NONE
+    assert fence.breach(GAINS, FLYING._replace(above_floor=1), seen) == kind
+    assert fence.breach(GAINS, FLYING._replace(stage=Stage.ON_GROUND), seen) == Breach.NONE
 
 
 def test_on_the_ground_there_is_no_fence() -> None:

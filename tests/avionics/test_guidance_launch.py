@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 from surrogate_gains import VEHICLE
 
-from avionics.guidance import modes
+from avionics.guidance import modes, supervisor
 from avionics.limits import low_pass
 from avionics.messages import Mode, Stage
 
@@ -53,7 +53,7 @@ def launched_at(accel: Accel, seconds: float, hand: Hand = CALM) -> float | None
         force = pushed + G * math.sin(pitch)
         seen = ON_THE_HAND._replace(forward_force=force, pitch=pitch + tilt_error, roll=roll)
         seen = seen._replace(airspeed=airspeed if pitot else 0.0)
-        state, _ = modes.step(GAINS, state, DT, seen)
+        state, _ = supervisor.step(GAINS, state, DT, seen)
         if state.stage != Stage.WAIT_LAUNCH:
             return tick * DT
     return None
@@ -130,7 +130,7 @@ def test_after_the_throw_the_navigation_or_the_pilot_flies(mode: Mode, stage: St
     state, said = WAITING._replace(mode=mode), []
     seen = ON_THE_HAND._replace(forward_force=22.0, airspeed=6.0)
     for _ in range(30):
-        state, notices = modes.step(GAINS, state, DT, seen)
+        state, notices = supervisor.step(GAINS, state, DT, seen)
         said += [notice.text for notice in notices]
         if "launched" in said:
             break

@@ -5,7 +5,7 @@ import math
 import pytest
 from surrogate_gains import VEHICLE
 
-from avionics.guidance import modes
+from avionics.guidance import arming, failsafes, modes, supervisor
 from avionics.messages import Failsafe, Mode, Severity, Stage
 
 GAINS = VEHICLE.gains.modes
@@ -34,7 +34,7 @@ FLYING = modes.State(mode=Mode.AUTO, stage=Stage.EN_ROUTE, armed=1)
 def run(state: modes.State, seen: modes.Conditions, seconds: float):
     said: list[modes.Notice] = []
     for _ in range(max(1, round(seconds / DT))):
-        state, notices = modes.step(GAINS, state, DT, seen)
+        state, notices = supervisor.step(GAINS, state, DT, seen)
         said += notices
     return state, said
 
@@ -53,20 +53,20 @@ def run(state: modes.State, seen: modes.Conditions, seconds: float):
     ],
 )
 def test_arming_is_refused_with_its_reason(seen: modes.Conditions, mode: Mode, reason: str) -> None:
-    state, notices = modes.arm(GAINS, modes.State(mode=mode), seen)
+    state, notices = arming.arm(GAINS, modes.State(mode=mode), seen)
     assert state.armed == 0
     assert reason in notices[0].text
     assert notices[0].severity == Severity.WARNING
 
 
 def test_several_reasons_are_all_said() -> None:
-    _, notices = modes.arm(GAINS, modes.State(), READY._replace(settled=0, pitch=2.0))
+    _, notices = arming.arm(GAINS, modes.State(), READY._replace(settled=0, pitch=2.0))
     assert "attitude" in notices[0].text
     assert "tilted" in notices[0].text
 
 
 def test_armed_waits_for_the_launch() -> None:
-    state, notices = modes.arm(GAINS, modes.State(mode=Mode.AUTO), READY)
+    state, notices = arming.arm(GAINS, modes.State(mode=Mode.AUTO), READY)
     assert (state.armed, state.stage, notices[0].text) == (1, Stage.WAIT_LAUNCH, "armed")
     state, _ = run(state, READY, 10.0)
     assert state.stage == Stage.WAIT_LAUNCH
@@ -111,11 +111,11 @@ def test_hovering_against_the_wind_en_route_is_no_crash() -> None:
 
 
 def test_disarming_in_the_air_needs_force() -> None:
-    state, notices = modes.disarm(FLYING, forced=False)
+    state, notices = arming.disarm(FLYING, forced=False)
     assert (state.armed, "in flight" in notices[0].text) == (1, True)
-    state, _ = modes.disarm(FLYING, forced=True)
+    state, _ = arming.disarm(FLYING, forced=True)
     assert (state.armed, state.stage) == (0, Stage.LANDED)
-    state, _ = modes.disarm(modes.State(armed=1, stage=Stage.WAIT_LAUNCH), forced=False)
+    state, _ = arming.disarm(modes.State(armed=1, stage=Stage.WAIT_LAUNCH), forced=False)
     assert (state.armed, state.stage) == (0, Stage.ON_GROUND)
 
 
@@ -144,7 +144,7 @@ def test_the_stage_follows_the_navigation() -> None:
 
 
 def test_link_loss_returns_after_its_delay_once() -> None:
-    state, _ = modes.set_link(FLYING, lost=True)
+    state, _ = failsafes.set_link(FLYING, lost=True)
     state, _ = run(state, CRUISE, GAINS.link_loss_delay - 0.1)
     assert state.mode == Mode.AUTO
     state, said = run(state, CRUISE, 0.2)
@@ -156,15 +156,15 @@ def test_link_loss_returns_after_its_delay_once() -> None:
 
 
 def test_a_link_that_comes_back_in_time_changes_nothing() -> None:
-    state, _ = modes.set_link(FLYING, lost=True)
+    state, _ = failsafes.set_link(FLYING, lost=True)
     state, _ = run(state, CRUISE, GAINS.link_loss_delay - 1.0)
-    state, _ = modes.set_link(state, lost=False)
+    state, _ = failsafes.set_link(state, lost=False)
     state, said = run(state, CRUISE, 10.0)
     assert (state.mode, state.failsafe, said) == (Mode.AUTO, 0, [])
 
 
 def test_link_loss_on_the_hand_only_is_said() -> None:
-    state, _ = modes.set_link(modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1), lost=True)
+    state, _ = failsafes.set_link(modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1), lost=True)
     state, _ = run(state, READY, GAINS.link_loss_delay + 1.0)
     assert (state.mode, state.failsafe) == (Mode.AUTO, Failsafe.LINK_LOST)
 
@@ -206,7 +206,7 @@ NO_STICKS = CRUISE._replace(pilot_lost=1, sensed=int(Failsafe.RECEIVER_LOST))
 
 def test_a_link_lost_on_the_hand_hinders_arming_and_is_answered_above_the_floor() -> None:
     grounded, _ = run(LINKLESS._replace(armed=0, stage=Stage.ON_GROUND), READY, 1.0)
-    _, notices = modes.arm(GAINS, grounded, READY)
+    _, notices = arming.arm(GAINS, grounded, READY)
     assert notices[0].text == "arming refused: ground link lost"
     low = CRUISE._replace(altitude=2.0, return_floor=15.0, wanted_stage=Stage.CLIMB_OUT)
     state, _ = run(LINKLESS._replace(stage=Stage.CLIMB_OUT), low, 5.0)
@@ -309,13 +309,13 @@ def test_no_first_fix_is_no_failure_by_hand() -> None:
     assert (state.failsafe, said) == (0, [])
 
 
-@pytest.mark.parametrize("failure", modes.FAILURES, ids=lambda failure: failure.flag.name)
-def test_each_failure_is_said_once_answered_once_and_said_to_be_over(failure: modes.Failure) -> None:
+@pytest.mark.parametrize("failure", failsafes.FAILURES, ids=lambda failure: failure.flag.name)
+def test_each_failure_is_said_once_answered_once_and_said_to_be_over(failure: failsafes.Failure) -> None:
     state, said = run(FLYING, CRUISE._replace(sensed=int(failure.flag)), 5.0)
     texts = [notice.text for notice in said]
     assert texts.count(f"failsafe: {failure.text}") == 1
-    mode = {modes.Action.CARRY_ON: Mode.AUTO, modes.Action.RETURN: Mode.RETURN}.get(failure.action, Mode.LAND)
-    assert (state.mode, state.cut) == (mode, int(failure.action == modes.Action.CUT))
+    mode = {failsafes.Action.CARRY_ON: Mode.AUTO, failsafes.Action.RETURN: Mode.RETURN}.get(failure.action, Mode.LAND)
+    assert (state.mode, state.cut) == (mode, int(failure.action == failsafes.Action.CUT))
     assert sum(notice.severity == Severity.CRITICAL and "failsafe: " in notice.text for notice in said) <= 2
     state, said = run(state, CRUISE, failure.clear + 0.1)
     assert [notice.text for notice in said] == [f"failsafe over: {failure.text}"]
@@ -345,11 +345,11 @@ def test_on_the_ground_a_failure_is_said_and_hinders_arming() -> None:
     bad = READY._replace(sensed=int(Failsafe.MAG_DISTURBED), unready=("no encoder samples",))
     state, said = run(modes.State(mode=Mode.AUTO), bad, 1.0)
     assert (state.mode, [notice.text for notice in said]) == (Mode.AUTO, ["failsafe: magnetic field disturbed"])
-    state, notices = modes.arm(GAINS, state, bad)
+    state, notices = arming.arm(GAINS, state, bad)
     assert state.armed == 0
     assert "magnetic field disturbed; no encoder samples" in notices[0].text
 
 
 def test_turning_the_vehicle_hinders_arming() -> None:
-    state, notices = modes.arm(GAINS, modes.State(), READY._replace(turn_rate=GAINS.arm_turn + 0.1))
+    state, notices = arming.arm(GAINS, modes.State(), READY._replace(turn_rate=GAINS.arm_turn + 0.1))
     assert (state.armed, "being turned" in notices[0].text) == (0, True)

@@ -1,0 +1,71 @@
+"""Arming, disarming and the kill: whether the wings may move."""
+
+from __future__ import annotations
+
+from avionics.guidance.failsafes import ANSWERED, FAILURES
+from avionics.guidance.modes import AIRBORNE, GUIDED, PILOTED, Conditions, Gains, Notice, Outcome, State
+from avionics.guidance.stages import without_push
+from avionics.messages import Mode, Severity, Stage
+
+
+def refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, ...]:
+    """Why the vehicle must not be armed now; empty when it may."""
+    automatic = state.mode in GUIDED
+    checks = (
+        (not seen.settled, "attitude is not known yet"),
+        (seen.imu_fault, "the IMU's samples are refused"),
+        (seen.turn_rate > gains.arm_turn, "the vehicle is being turned"),
+        (max(abs(seen.roll), abs(seen.pitch)) > gains.arm_tilt, "tilted too far"),
+        (seen.battery < gains.arm_battery, f"battery at {100.0 * seen.battery:.0f} %"),
+        (seen.kill_switch, "the kill switch is on"),
+        (state.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER), "mode is RETURN or LAND or LOITER"),
+        (automatic and seen.items == 0, "no mission"),
+        (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
+        (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
+    )
+    hindering = seen.sensed | state.failsafe & ANSWERED
+    sensed = tuple(failure.text for failure in FAILURES if failure.flag & hindering)
+    return tuple(text for failed, text in checks if failed) + sensed + seen.unready
+
+
+def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
+    """Arm, or say why not."""
+    if state.armed:
+        return state, (Notice(Severity.INFO, "already armed"),)
+    reasons = refusals(gains, state, seen)
+    if reasons:
+        return state, (Notice(Severity.WARNING, f"arming refused: {'; '.join(reasons)}"),)
+    armed = state._replace(
+        armed=1,
+        stage=int(Stage.WAIT_LAUNCH),
+        still_time=0.0,
+        answered=0,
+        critical=0,
+        cut=0,
+        rescued=0,
+        stranded_time=0.0,
+        above_floor=0,
+        killed=0,
+    )
+    armed = without_push(armed)
+    return armed, (Notice(Severity.NOTICE, "armed"),)
+
+
+def disarm(state: State, forced: bool) -> Outcome:
+    """Disarm on the ground; in the air only when ``forced``."""
+    if not state.armed:
+        return state, (Notice(Severity.INFO, "already disarmed"),)
+    if state.stage not in AIRBORNE:
+        return state._replace(armed=0, stage=int(Stage.ON_GROUND)), (Notice(Severity.NOTICE, "disarmed"),)
+    if not forced:
+        return state, (Notice(Severity.WARNING, "disarming refused: in flight"),)
+    return kill(state, "disarmed by force")
+
+
+def kill(state: State, reason: str) -> Outcome:
+    """Stop the wings at once and put the tail at neutral, wherever it is; only arming anew ends it."""
+    if not state.armed:
+        return state, ()
+    stage = Stage.LANDED if state.stage in AIRBORNE else Stage.ON_GROUND
+    text = f"KILLED, {reason}: wings stopped, tail neutral; arm again to fly"
+    return state._replace(armed=0, killed=1, stage=int(stage)), (Notice(Severity.EMERGENCY, text),)

@@ -1,0 +1,283 @@
+"""Failsafes: which failures are present, what is told about them, what is done.
+
+A failure is answered once; the operator may then choose another mode.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+from avionics.guidance import fence
+from avionics.guidance.modes import (
+    AIRBORNE,
+    BY_STICK,
+    GUIDED,
+    PILOTED,
+    Conditions,
+    Gains,
+    Notice,
+    Outcome,
+    State,
+    enter,
+)
+from avionics.messages import Failsafe, Mode, Severity, Stage
+
+RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
+"""looked up once: a member of an enum costs as much as a call"""
+
+
+class Action(IntEnum):
+    """What is done about a failure in the air; a later one outranks an earlier one."""
+
+    CARRY_ON = 0
+    RETURN = 1
+    LAND = 2
+    CUT = 3
+
+
+DOING = {Action.RETURN: "returning", Action.LAND: "landing", Action.CUT: "flapping stopped"}
+
+
+class Failure(NamedTuple):
+    """One row of the table: what is told about a failure, and what is done."""
+
+    flag: Failsafe
+    text: str
+    """said after ``failsafe:``"""
+    action: Action
+    severity: Severity = Severity.WARNING
+    """of the words when it comes; those of the action are CRITICAL, those of the end INFO"""
+    clear: float = 0.0
+    """s; for which it must be absent until it is over"""
+
+
+FAILURES = (
+    Failure(Failsafe.WING_JAMMED, "wing jammed", Action.CUT, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.IMU_FAULT, "IMU samples refused", Action.CUT, Severity.CRITICAL, 0.5),
+    Failure(Failsafe.TAIL_JAMMED, "tail does not answer", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.ACCEL_SATURATED, "accelerometer saturated", Action.LAND, Severity.ERROR, 2.0),
+    Failure(Failsafe.BATTERY_CRITICAL, "battery nearly empty", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.BARO_LOST, "barometer lost", Action.LAND, Severity.ERROR, 3.0),
+    Failure(Failsafe.POSITION_GONE, "no position", Action.LAND, Severity.ERROR),
+    Failure(Failsafe.LINK_LOST, "ground link lost", Action.RETURN),
+    Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
+    Failure(Failsafe.FENCE, "outside the fence", Action.RETURN, clear=2.0),
+    Failure(Failsafe.PILOT_LOST, "pilot's sticks lost", Action.CARRY_ON),
+    Failure(Failsafe.RECEIVER_LOST, "receiver lost", Action.CARRY_ON, clear=1.0),
+    Failure(Failsafe.FENCE_NEAR, "close to the fence", Action.CARRY_ON, clear=2.0),
+    Failure(Failsafe.GPS_LOST, "GPS position lost", Action.CARRY_ON),
+    Failure(Failsafe.PITOT_BLOCKED, "airspeed not believed", Action.CARRY_ON),
+    Failure(Failsafe.MAG_DISTURBED, "magnetic field disturbed", Action.CARRY_ON, clear=2.0),
+    Failure(Failsafe.ENCODER_LEFT, "left wing encoder lost", Action.CARRY_ON),
+    Failure(Failsafe.ENCODER_RIGHT, "right wing encoder lost", Action.CARRY_ON),
+    Failure(Failsafe.BARO_REFUSED, "barometer refused", Action.CARRY_ON, clear=3.0),
+)
+"""in the order in which they are answered"""
+
+ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
+"""flags of the failures about which something is done"""
+NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_GONE
+BATTERY_RECOVERY = 0.05
+"""-; of the battery, by which it must be above a threshold before that is over: a voltage under load flickers"""
+
+
+def set_link(state: State, lost: bool) -> Outcome:
+    """The ground side says that its link was lost or is back."""
+    if lost == bool(state.link_lost):
+        return state, ()
+    notice = Notice(Severity.WARNING, "ground link lost") if lost else Notice(Severity.INFO, "ground link is back")
+    return state._replace(link_lost=int(lost), link_time=0.0), (notice,)
+
+
+def present(gains: Gains, state: State, seen: Conditions) -> int:
+    """Flags of the failures that are present now."""
+    room = fence.room(gains, state, seen)
+    return (
+        seen.sensed
+        | (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
+        | (_position_missed(gains, state, seen) if seen.fix_age > gains.gps_loss_delay else 0)
+        | (_battery(gains, state, seen) if seen.battery < gains.battery_return + BATTERY_RECOVERY else 0)
+        | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
+        | (Failsafe.FENCE if room < 0.0 else Failsafe.FENCE_NEAR if room < gains.fence_margin else 0)
+        | (Failsafe.PILOT_LOST if state.pilot_time > 0.0 else 0)
+    )
+
+
+def _battery(gains: Gains, state: State, seen: Conditions) -> int:
+    """What came at a threshold stays until the battery is `BATTERY_RECOVERY` above it."""
+    low = gains.battery_return + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_LOW else 0.0)
+    critical = gains.battery_land + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_CRITICAL else 0.0)
+    return (Failsafe.BATTERY_LOW if seen.battery < low else 0) | (
+        Failsafe.BATTERY_CRITICAL if seen.battery < critical else 0
+    )
+
+
+def _position_missed(gains: Gains, state: State, seen: Conditions) -> int:
+    """A position that was there is gone; without a first fix only a guided flight misses it."""
+    guided = state.armed == 1 and state.mode in GUIDED
+    if math.isinf(seen.fix_age) and not guided:
+        return 0
+    gone = guided and seen.fix_age > gains.gps_loss_delay + gains.gps_land_delay
+    return Failsafe.GPS_LOST | (Failsafe.POSITION_GONE if gone else 0)
+
+
+def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+    """Watch for failures, say those that come and go, do what they ask for; ``dt`` in s."""
+    if state.link_lost:
+        state = state._replace(link_time=state.link_time + dt)
+    state = fence.watch_floor(gains, _watch_pilot(state, dt, seen), seen)
+    now = int(present(gains, state, seen))
+    if not (now or state.failsafe):
+        return state, ()
+    flags, pending = _settled(state, dt, now)
+    notices = _announce(state.failsafe, flags)
+    state = state._replace(failsafe=flags, answered=state.answered & flags, pending=pending)
+    if not flags or not state.armed or state.stage not in AIRBORNE:
+        return state, notices
+    state, done = _answer(gains, state, flags, seen)
+    state, circled = _leave_the_pilots_modes(gains, state, seen)
+    state, stranded = _watch_stranded(gains, state, dt, seen)
+    return state, notices + done + circled + stranded
+
+
+def pilot_missed(state: State, seen: Conditions) -> bool:
+    """Whether sticks are missing that the flight needs, or needed until they were lost."""
+    if not seen.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
+        return False
+    by_receiver = state.mode == Mode.ALTITUDE_HOLD and seen.sensed & RECEIVER_LOST != 0
+    return state.mode in PILOTED or by_receiver or state.pilot_time > 0.0
+
+
+def _watch_pilot(state: State, dt: float, seen: Conditions) -> State:
+    if pilot_missed(state, seen):
+        return state._replace(pilot_time=state.pilot_time + dt)
+    return state if state.pilot_time == 0.0 else state._replace(pilot_time=0.0)
+
+
+def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Outcome:
+    """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level.
+
+    Whoever was to land lands. The modes flown by throttle stick are left whatever was chosen before.
+    """
+    if state.pilot_time == 0.0:
+        return state, ()
+    placed = seen.fix_age <= gains.gps_loss_delay
+    if state.mode in PILOTED:
+        return _rescue(state, Mode.LOITER if placed else Mode.ALTITUDE_HOLD)
+    if (
+        state.mode == Mode.ALTITUDE_HOLD
+        and seen.sensed & RECEIVER_LOST & ~state.answered
+        and (placed or _doomed(state))
+    ):
+        return _rescue(state._replace(answered=state.answered | RECEIVER_LOST), Mode.LOITER)
+    late = state.pilot_time >= gains.link_loss_delay and not state.answered & Failsafe.PILOT_LOST
+    if state.mode == Mode.LOITER and placed and late:
+        return _rescue(state._replace(answered=state.answered | Failsafe.PILOT_LOST), Mode.RETURN)
+    return state, ()
+
+
+def _doomed(state: State) -> bool:
+    """Whether a failure asked for a landing since arming: nothing automatic does anything else any more."""
+    return state.critical == 1 or state.cut == 1
+
+
+def _rescue(state: State, mode: Mode) -> Outcome:
+    """Enter ``mode``, or LAND, without sticks."""
+    mode = Mode.LAND if _doomed(state) else mode
+    doing = {Mode.RETURN: "returning", Mode.LAND: "landing"}.get(mode, mode.name)
+    return enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, pilot's sticks lost")
+
+
+def _watch_stranded(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+    """A return that no position allows becomes a landing, unless somebody flies by stick."""
+    if not _stranded(gains, state, seen):
+        return (state if state.stranded_time == 0.0 else state._replace(stranded_time=0.0)), ()
+    state = state._replace(stranded_time=state.stranded_time + dt)
+    if state.stranded_time < gains.gps_land_delay:
+        return state, ()
+    wanted = sum(failure.flag for failure in FAILURES if failure.action == Action.RETURN)
+    answered = state.answered | state.failsafe & (wanted | Failsafe.PILOT_LOST)
+    state = state._replace(critical=1, rescued=1, stranded_time=0.0, answered=int(answered))
+    return enter(state, Mode.LAND, Severity.CRITICAL, "failsafe: landing, no position to return by")
+
+
+def _stranded(gains: Gains, state: State, seen: Conditions) -> bool:
+    """Whether there is a reason to return that waits for a position, and nobody's stick."""
+    if seen.fix_age <= gains.gps_loss_delay or not seen.pilot_lost or state.mode == Mode.LAND:
+        return False
+    fresh = state.failsafe & ~state.answered
+    return fresh & Failsafe.PILOT_LOST != 0 or any(f.action == Action.RETURN and f.flag & fresh for f in FAILURES)
+
+
+def _settled(state: State, dt: float, now: int) -> tuple[int, tuple[float, ...]]:
+    """Flags with what has come at once and what has been absent for long enough; the times of the rest."""
+    if now == state.failsafe:
+        return now, ()
+    before = state.pending or (0.0,) * len(FAILURES)
+    ending = state.failsafe & ~now
+    pending = tuple(
+        time + dt if failure.flag & ending else 0.0 for failure, time in zip(FAILURES, before, strict=True)
+    )
+    over = sum(
+        failure.flag
+        for failure, time in zip(FAILURES, pending, strict=True)
+        if failure.flag & ending and time >= failure.clear
+    )
+    after = (now | state.failsafe) & ~over
+    return after, () if after == now else pending
+
+
+def _announce(before: int, after: int) -> tuple[Notice, ...]:
+    """One notice for each failure that came or went."""
+    if before == after:
+        return ()
+    came = tuple(Notice(f.severity, f"failsafe: {f.text}") for f in FAILURES if f.flag & after & ~before)
+    return came + tuple(
+        Notice(Severity.INFO, f"failsafe over: {f.text}") for f in FAILURES if f.flag & before & ~after
+    )
+
+
+def _answer(gains: Gains, state: State, flags: int, seen: Conditions) -> Outcome:
+    """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
+    if not flags & ~state.answered & ANSWERED:
+        return state, ()
+    fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
+    if _by_receiver(state, seen):
+        fresh = [f for f in fresh if f.flag != Failsafe.LINK_LOST]
+    if _returns_later(gains, state, flags, seen):
+        fresh = [f for f in fresh if f.action != Action.RETURN]
+    if not fresh:
+        return state, ()
+    gravest = max(fresh, key=lambda failure: failure.action)
+    state = state._replace(answered=state.answered | sum(f.flag for f in fresh))
+    if gravest.action == Action.RETURN:
+        return _answer_by_return(state, gravest, seen)
+    text = f"failsafe: {DOING[gravest.action]}, {gravest.text}"
+    if gravest.action == Action.LAND:
+        return enter(state._replace(critical=1, rescued=1), Mode.LAND, Severity.CRITICAL, text)
+    entered, _ = enter(state._replace(cut=1, critical=1, rescued=1), Mode.LAND, Severity.CRITICAL, text)
+    return entered, (Notice(Severity.CRITICAL, text),)
+
+
+def _by_receiver(state: State, seen: Conditions) -> bool:
+    """A pilot who is heard by the receiver flies on without the ground's link."""
+    return seen.by_receiver == 1 and state.mode in BY_STICK
+
+
+def _returns_later(gains: Gains, state: State, flags: int, seen: Conditions) -> bool:
+    """A return waits for a position and, after the throw, for room below; who is doomed to land needs no position."""
+    low = state.stage == Stage.CLIMB_OUT and seen.altitude < seen.return_floor
+    blind = flags & NO_RETURN != 0 or seen.fix_age > gains.gps_loss_delay
+    return low or (blind and not _doomed(state))
+
+
+def _answer_by_return(state: State, failure: Failure, seen: Conditions) -> Outcome:
+    """RETURN, or LAND where that was asked before; neither on the line down, which is the shorter way."""
+    on_the_line = state.stage == Stage.FLARE or (state.stage == Stage.APPROACH and seen.final == 1)
+    action = Action.LAND if _doomed(state) else Action.RETURN
+    if on_the_line or state.mode == Mode.LAND or state.mode == Mode[action.name]:
+        return state, ()
+    text = f"failsafe: {DOING[action]}, {failure.text}"
+    return enter(state._replace(rescued=1), Mode[action.name], Severity.CRITICAL, text)
