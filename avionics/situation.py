@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance import heading, modes, navigation
 from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
 from avionics.records import new
 from avionics.sensing import pilot, plausibility
-from avionics.state import STANDARD_GRAVITY, AutopilotState
+from avionics.state import AutopilotState
 
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 TRAVEL_MARGIN = 0.2

@@ -15,6 +15,7 @@ from typing import Any, TypeVar, get_type_hints
 from avionics import messages as m
 from avionics import timebase
 from avionics.calibration import procedure as calibration
+from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
@@ -37,8 +38,6 @@ from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
 
 T = TypeVar("T")
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 
 
 def zero(message: type[T]) -> T:

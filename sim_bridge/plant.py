@@ -13,6 +13,7 @@ from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
@@ -61,7 +62,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         crank_frequencies=np.array(drive.frequencies),
         current=np.array([drive.torque_constant, drive.torque_offset, drive.idle_current]),
         battery=np.array([battery.full_voltage, battery.empty_voltage, battery.capacity, battery.resistance]),
-        weight=total_mass(vehicle) * k.GRAVITY,
+        weight=total_mass(vehicle) * GRAVITY,
     )
 
 

@@ -15,14 +15,13 @@ from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
 from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
 from sim_bridge.vectors import Floats, Integers, inlined, kernel, rotation
 
-GRAVITY = 9.80665
-"""m/s^2"""
 VOLTAGE_ROUNDS = 3
 """of torque, current and sag, see `_drive_wings`"""
 COORDINATES = 13

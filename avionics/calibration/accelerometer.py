@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.calibration.result import NOTHING_NEW, Result, Took, triple
+from avionics.constants import STANDARD_GRAVITY
 from avionics.sensing.inertial import Gains
 
-GRAVITY = 9.80665
-"""m/s^2; standard gravity"""
 BLOCK = 100
 """samples of one mean: half a second"""
 BLOCKS = 4
@@ -137,9 +136,9 @@ def finish(state: State) -> tuple[Result, str]:
         centred = means - offset
         size = np.linalg.norm(centred * scale, axis=1)
         slope = np.hstack((-(scale**2) * centred, scale * centred**2)) / size[:, None]
-        change = np.linalg.lstsq(slope, GRAVITY - size, rcond=None)[0]
+        change = np.linalg.lstsq(slope, STANDARD_GRAVITY - size, rcond=None)[0]
         offset, scale = offset + change[:3], scale + change[3:]
-    left = np.linalg.norm((means - offset) * scale, axis=1) - GRAVITY
+    left = np.linalg.norm((means - offset) * scale, axis=1) - STANDARD_GRAVITY
     return _result(offset, scale, left)
 
 
@@ -147,10 +146,10 @@ def finish_level(state: State, gains: Gains) -> tuple[Result, str]:
     """Offsets that make the mean reading gravity straight up, with the scales that are known; or why not."""
     means = np.array(state.means)
     mean = means.mean(axis=0)
-    if math.hypot(mean[0], mean[1]) > TILT * GRAVITY or mean[2] > 0.0:
+    if math.hypot(mean[0], mean[1]) > TILT * STANDARD_GRAVITY or mean[2] > 0.0:
         return Result((), 0.0, "m/s^2", len(means)), "the vehicle is not level"
     scale = np.array(gains.accel_scale)
-    offset = mean - np.array((0.0, 0.0, -GRAVITY)) / scale
+    offset = mean - np.array((0.0, 0.0, -STANDARD_GRAVITY)) / scale
     left = np.linalg.norm(means - mean, axis=1)
     return _result(offset, scale, left)
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt, tan
 from typing import Annotated, NamedTuple
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import razor, velocity_aiding
 from avionics.estimation.direction_cosines import (
     Matrix,
@@ -37,9 +38,6 @@ from avionics.limits import clip
 from avionics.messages import Attitude, GpsFix, ImuSample
 from avionics.quantities import Quantity
 from avionics.records import new
-
-GRAVITY = 9.80665
-"""m/s^2; standard gravity"""
 
 LONGEST_STEP = 0.25
 """s; a longer gap between samples is bridged with the rates for this long, and the block starts anew"""
@@ -271,7 +269,7 @@ def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
     force = (imu.accel_x, imu.accel_y, imu.accel_z)
     field = (imu.mag_x, imu.mag_y, imu.mag_z)
     if not isfinite(sum(imu)):
-        force, field = (0.0, 0.0, -GRAVITY), ZERO
+        force, field = (0.0, 0.0, -STANDARD_GRAVITY), ZERO
     r = triad(force, field, gains.declination)
     north, east, down = rotate(r, field)
     strength, dip = norm(field), atan2(down, hypot(north, east))
@@ -549,7 +547,7 @@ def _tilt(gains: AhrsGains, gravity: Vector, trusting: bool) -> tuple[float, flo
     level = hypot(north, east)
     angle = atan2(level, -down)
     strength = sqrt(level * level + down * down)
-    share = max(0.0, 1.0 - abs(strength / GRAVITY - 1.0) / gains.gravity_tolerance)
+    share = max(0.0, 1.0 - abs(strength / STANDARD_GRAVITY - 1.0) / gains.gravity_tolerance)
     if level == 0.0:
         return 0.0, 0.0, share
     if trusting:
@@ -624,6 +622,6 @@ def attitude(state: AhrsState) -> Attitude:
     bx, by, bz = correction.bias
     return new(Attitude, (
         time_us, roll, pitch, yaw, rate_x - bx, rate_y - by, rate_z - bz, w, x, y, z, bx, by, bz,
-        force[2] + GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
+        force[2] + STANDARD_GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
         correction.tilt_sigma, correction.heading_sigma, correction.disturbed, correction.aided,
     ))  # fmt: skip

@@ -14,10 +14,9 @@ from __future__ import annotations
 from math import cos, hypot, sin
 from typing import NamedTuple
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation.direction_cosines import Matrix, Vector, norm, orthonormalised, rotate
 
-GRAVITY = 9.80665
-"""m/s^2; standard gravity"""
 WEIGHT_SLOPE = 2.0
 """-; the weight is 1 at 1 g and nothing at 0.5 and 1.5 g"""
 
@@ -70,7 +69,7 @@ def step(
 
 def _tilt_error(r: Matrix, force: Vector) -> Vector:
     """Measured down times computed down in g, body axes, weighted."""
-    weight = max(0.0, 1.0 - WEIGHT_SLOPE * abs(1.0 - norm(force) / GRAVITY)) / GRAVITY
+    weight = max(0.0, 1.0 - WEIGHT_SLOPE * abs(1.0 - norm(force) / STANDARD_GRAVITY)) / STANDARD_GRAVITY
     x, y, z = -weight * force[0], -weight * force[1], -weight * force[2]
     return (y * r[8] - z * r[7], z * r[6] - x * r[8], x * r[7] - y * r[6])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance.mission import Excitation, Rally
 from avionics.guidance.path import Place
 from avionics.limits import clip
@@ -13,8 +14,6 @@ from avionics.quantities import Quantity
 
 TURN_BANK = 0.4
 """rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 SHARPEST = 0.5 * math.pi
 """rad; a sharper corner is begun no earlier than this one"""
 FASTEST_DRIFT = 2.0

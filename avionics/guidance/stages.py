@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance.modes import (
     AIRBORNE,
     ANY_MODE,
@@ -18,8 +19,6 @@ from avionics.guidance.modes import (
 )
 from avionics.messages import Failsafe, Mode, Severity, Stage
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
 WAIT_LAUNCH, EN_ROUTE = Stage.WAIT_LAUNCH, Stage.EN_ROUTE
 """looked up once: a member of an enum costs as much as a call"""

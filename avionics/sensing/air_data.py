@@ -11,6 +11,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Annotated, NamedTuple
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import AirData, PressureSample
 from avionics.quantities import Quantity
 
@@ -22,7 +23,7 @@ SEA_LEVEL_TEMPERATURE = 288.15
 """K; ISO 2533"""
 LAPSE_RATE = 0.0065
 """K/m; ISO 2533, troposphere"""
-LAPSE_EXPONENT = AIR_GAS_CONSTANT * LAPSE_RATE / 9.80665
+LAPSE_EXPONENT = AIR_GAS_CONSTANT * LAPSE_RATE / STANDARD_GRAVITY
 """-; of the pressure ratio in the troposphere"""
 LEAST_TEMPERATURE = 180.0
 """K; a thermometer that tells less is broken, and the standard's temperature is taken"""

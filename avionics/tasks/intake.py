@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
+from avionics.constants import STANDARD_GRAVITY
 from avionics.inputs import say
 from avionics.messages import (
     ActuatorCommand,
@@ -13,7 +14,7 @@ from avionics.messages import (
     Severity,
 )
 from avionics.sensing import inertial, plausibility
-from avionics.state import STANDARD_GRAVITY, AutopilotState
+from avionics.state import AutopilotState
 from avionics.timebase import BASE_RATE
 from avionics.topics import Publish
 

@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import wording
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.excursions import Excursions, Figures
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vehicles import SimulatedVehicle
 
 

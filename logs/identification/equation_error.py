@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.longitudinal import REGRESSORS
-from logs.identification.manoeuvre import GRAVITY, Manoeuvre, Reference, lagged
+from logs.identification.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
 
 HIGHEST = 0.5
@@ -77,7 +78,7 @@ def _speeds(manoeuvre: Manoeuvre, reference: Reference, f_x: Array, f_z: Array) 
     means = share * reference.u, share * reference.w
     u, w = (np.full(len(q), mean) for mean in means)
     for _ in range(SPEED_PASSES):
-        rates = f_x - w * q - GRAVITY * np.sin(pitch), f_z + u * q + GRAVITY * np.cos(pitch)
+        rates = f_x - w * q - STANDARD_GRAVITY * np.sin(pitch), f_z + u * q + STANDARD_GRAVITY * np.cos(pitch)
         u, w = (_about(mean, _integrate(rate - rate.mean(), step)) for mean, rate in zip(means, rates, strict=True))
     return u, w
 

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
-from logs.identification.manoeuvre import GRAVITY, Reference
+from logs.identification.manoeuvre import Reference
 from logs.identification.results import Array
 
 REGRESSORS = ("u", "w", "q", "delta")
@@ -67,9 +68,9 @@ def matrices(names: tuple[str, ...], values: Array, reference: Reference, aircra
     sin, cos = np.sin(reference.pitch), np.cos(reference.pitch)
     a, b = np.zeros((4, 4)), np.zeros(4)
     if free_speed:
-        a[0] = [x[0], x[1], x[2] - reference.w, -GRAVITY * cos]
+        a[0] = [x[0], x[1], x[2] - reference.w, -STANDARD_GRAVITY * cos]
         b[0] = x[3]
-    a[1] = [z[0], z[1], z[2] + reference.u, -GRAVITY * sin]
+    a[1] = [z[0], z[1], z[2] + reference.u, -STANDARD_GRAVITY * sin]
     a[2, :3] = m[:3]
     a[3, 2] = 1.0
     b[1:3] = z[3], m[3]

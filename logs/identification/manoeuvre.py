@@ -14,7 +14,6 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.results import Array
 from logs.identification.stroke import averaging_matrix, wing_period
 
-GRAVITY = 9.80665
 OUTPUT_STEP = 0.02
 """s; between stroke averages: they hold nothing above the flapping frequency"""
 LEAST_STROKES = 3.0

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from sim_bridge.environment.gravity import GRAVITY
+
 SEA_LEVEL_PRESSURE = 101325.0
 """Pa"""
 SEA_LEVEL_TEMPERATURE = 288.15
 """K"""
 LAPSE_RATE = 0.0065
 """K/m; temperature falls by this with altitude"""
-GRAVITY = 9.80665
-"""m/s^2; standard acceleration of free fall"""
 GAS_CONSTANT = 287.05287
 """J/(kg K); of dry air"""
 LOWEST, HIGHEST = -2000.0, 11000.0

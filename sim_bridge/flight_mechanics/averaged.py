@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 

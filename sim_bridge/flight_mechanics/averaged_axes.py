@@ -15,10 +15,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.averaged import LENGTH, PHASES, SKIPPED, AveragedModel
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.mechanism import total_mass
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 

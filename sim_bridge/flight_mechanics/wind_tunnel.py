@@ -15,6 +15,7 @@ import numpy as np
 from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.protocol import MASS
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import total_mass, wing_strips
 from sim_bridge.multibody.wings import wing_places
 from sim_bridge.plant import Plant
@@ -159,7 +160,7 @@ def fly(vehicle: SimulatedVehicle, stream: Stream, angle_of_attack: float | None
     if angle_of_attack is not None:
         return [tunnel.stroke(angle_of_attack) for _ in range(SETTLING + 1)][-1]
     record = levelled(tunnel)
-    weight, lift = total_mass(vehicle) * k.GRAVITY, float(np.mean(record.lift))
+    weight, lift = total_mass(vehicle) * GRAVITY, float(np.mean(record.lift))
     if abs(lift - weight) > 0.1 * weight:
         raise BadInput(
             f"{vehicle.name}: the wings do not carry {weight:.2f} N at {stream.airspeed:g} m/s"
@@ -175,7 +176,7 @@ def levelled(tunnel: Tunnel) -> Record:
     """
     strips, speed = tunnel.plant.mechanism.wings.strips, tunnel.stream.airspeed
     steady = 0.5 * DENSITY * speed**2 * float(strips.chord @ strips.width) * math.pi
-    weight, alpha, slope, before = total_mass(tunnel.vehicle) * k.GRAVITY, 0.1, steady, (0.0, 0.0)
+    weight, alpha, slope, before = total_mass(tunnel.vehicle) * GRAVITY, 0.1, steady, (0.0, 0.0)
     for stroke in range(LEVELLING):
         lift = float(np.mean(tunnel.stroke(alpha).lift))
         if stroke > 1 and abs(alpha - before[0]) > 1e-4:

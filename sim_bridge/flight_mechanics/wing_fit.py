@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from avionics.quantities import BadInput
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.wind_tunnel import (
     DENSITY,
     Measures,
@@ -29,7 +30,6 @@ from sim_bridge.flight_mechanics.wind_tunnel import (
 )
 from sim_bridge.flight_mechanics.wing_twist import scaled_stiffness
 from sim_bridge.mechanism import total_mass
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles.sections import AsMeasured

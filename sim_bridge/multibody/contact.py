@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.vectors import Floats, kernel
 
 PENETRATION = 0.01
@@ -26,7 +27,7 @@ def ground_force(depth: float, velocity: Floats, weight: float, force: Floats) -
     if depth <= 0.0:
         return False
     stiffness = weight / PENETRATION
-    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * weight / 9.80665)
+    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * weight / GRAVITY)
     # Full damping only once the point is in: a force that starts from zero keeps the integrator's order.
     sink = damping * min(depth / PENETRATION, 1.0) * velocity[2]
     normal = max(stiffness * depth + sink, 0.0)

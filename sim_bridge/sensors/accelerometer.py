@@ -6,7 +6,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from avionics.quantities import Quantity
-from sim_bridge.environment.atmosphere import GRAVITY
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.sensors.noise import SensorSeed, split

@@ -23,10 +23,10 @@ from sim_bridge.aerodynamics.regression import (
     coefficients,
     level_heave,
 )
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE, elliptic_wing, steady_flight
 from sim_bridge.flight_mechanics.spatial import SpatialKinematics, draw_spatial, spatial_kinematics
 from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure, unreproducible
 from sim_bridge.vectors import Floats
 

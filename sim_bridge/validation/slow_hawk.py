@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.regression import COLUMNS, Regression, level_heave
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.excursions import Excursions, excursions
 from sim_bridge.flight_mechanics.orbit import Orbit, trim, trim_stroke
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE as PRINTED
@@ -22,7 +23,6 @@ from sim_bridge.flight_mechanics.prescribed import Stroke
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, SEA_LEVEL_DENSITY, StrokeMap
 from sim_bridge.mechanism import all_parts, total_mass, wing_strips
 from sim_bridge.multibody.tree import inertia_matrix
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure, fitted, unreproducible
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from avionics.quantities import BadInput
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.excursions import Excursions, excursions
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs, StrokeMap
 from sim_bridge.mechanism import all_parts, build_mechanism, total_mass
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.validation.row import FITTED, WITHIN
 from sim_bridge.validation.slow_hawk import (
     ACCELERATION,

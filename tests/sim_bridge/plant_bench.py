@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import all_parts, wing_strips
 from sim_bridge.multibody.tree import assemble, inertia_matrix
 from sim_bridge.plant import Plant, scratch
@@ -19,7 +20,7 @@ from sim_bridge.vehicles.sections import BodyPart
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 VACUUM = 1e-9
 """kg/m^3; the air's apparent mass is part of the mass matrix, so that none at all would be a special case"""
-GRAVITY = np.array([0.0, 0.0, k.GRAVITY])
+GRAVITY = np.array([0.0, 0.0, GRAVITY])
 
 
 MECHANISMS = (*NAMES, "slow_hawk", "insect")

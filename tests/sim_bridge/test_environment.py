@@ -9,8 +9,9 @@ from pymavlink import mavextra
 
 from avionics.quantities import BadInput
 from sim_bridge.environment import geodesy
-from sim_bridge.environment.atmosphere import GAS_CONSTANT, GRAVITY, isa
+from sim_bridge.environment.atmosphere import GAS_CONSTANT, isa
 from sim_bridge.environment.geodesy import geodetic_from_ned, ned_from_geodetic
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.magnetic import MagneticField, field_ned
 from sim_bridge.environment.wind import steady_wind

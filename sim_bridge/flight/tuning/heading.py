@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading
+from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight.tuning import roll
 from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
 from sim_bridge.flight.tuning.altitude import APART
 from sim_bridge.flight.tuning.climb import RATE
 from sim_bridge.flight.tuning.ranges import greatest
-from sim_bridge.plant_kernel import GRAVITY
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE

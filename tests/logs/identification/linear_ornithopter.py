@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.manoeuvre import GRAVITY, Reference
+from logs.identification.manoeuvre import Reference
 from logs.identification.results import Array
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67)
@@ -85,8 +86,8 @@ def fly(flight: Flight) -> FlightData:
     return FlightData(
         time,
         outputs[:, 0] + 0.0066 * noise[0] + 0.004,
-        outputs[:, 1] + 0.15 * noise[1] + GRAVITY * np.sin(REFERENCE.pitch),
-        outputs[:, 2] + 0.15 * noise[2] - GRAVITY * np.cos(REFERENCE.pitch) + 0.05,
+        outputs[:, 1] + 0.15 * noise[1] + STANDARD_GRAVITY * np.sin(REFERENCE.pitch),
+        outputs[:, 2] + 0.15 * noise[2] - STANDARD_GRAVITY * np.cos(REFERENCE.pitch) + 0.05,
         outputs[:, 3] + REFERENCE.pitch,
         REFERENCE.airspeed + states[:, 0] + 0.1 * noise[3],
         np.full(count, REFERENCE.airspeed * np.sin(REFERENCE.pitch - np.arctan2(REFERENCE.w, REFERENCE.u))),

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly, model_of
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.equation_error import signals
 from logs.identification.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.manoeuvre import GRAVITY, find_manoeuvres, reference_of
+from logs.identification.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.results import Array
 from logs.identification.short_period import ModesResult, identify_modes, propagate, short_period_of
 
@@ -128,8 +129,8 @@ def moving(time: Array) -> tuple[FlightData, Array]:
     q, pitch = 1.2 * np.cos(turn), 0.1 + 0.24 * np.sin(turn)
     u, w = 7.0 + 0.4 * np.sin(turn + 0.6), 0.7 + 0.15 * np.sin(swing)
     u_dot, w_dot = 2.0 * np.cos(turn + 0.6), 0.45 * np.cos(swing)
-    a_x = u_dot + w * q + GRAVITY * np.sin(pitch) + 0.05
-    a_z = w_dot - u * q - GRAVITY * np.cos(pitch) - 0.05
+    a_x = u_dot + w * q + STANDARD_GRAVITY * np.sin(pitch) + 0.05
+    a_z = w_dot - u * q - STANDARD_GRAVITY * np.cos(pitch) - 0.05
     airspeed, still, on = np.hypot(u, w), np.zeros_like(time), np.ones_like(time)
     excited = np.where((time > 2.0) & (time < 2.2), 0.1, 0.0)
     data = FlightData(time, q, a_x, a_z, pitch, airspeed, still, excited, 4.0 * time, on, on, excited, still)
