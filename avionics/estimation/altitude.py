@@ -38,6 +38,10 @@ class Gains(NamedTuple):
     """-; innovations beyond this many sigma are refused"""
     gate_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
     """s; of refused innovations after which the barometer is believed again"""
+    gps_altitude_noise: Annotated[float, Quantity("m", 0.1, 100.0)] = 2.0
+    """m; one sigma of a receiver's altitude over a minute from where it was known, without a barometer"""
+    gps_climb_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.3
+    """m/s; one sigma of a receiver's Doppler climb rate, without a barometer"""
 
 
 class Climb(NamedTuple):
@@ -126,7 +130,8 @@ def coast(
 
     x, p = _predicted(gains, state, dt)
     if fix is not None:
-        x, p = update(x, p, np.array(fix), _FIX_NOISE, H=_FIX)[:2]
+        noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
+        x, p = update(x, p, np.array(fix), noise, H=_FIX)[:2]
     state = _kept(state, time_us, dt, x, p)._replace(refused=0.0, innovation=0.0)
     return state, _message(state, _mean_over_period(state.climbs, frequency, dt))
 
@@ -150,8 +155,6 @@ def _kept(state: State, time_us: int, dt: float, x: Array, p: Array) -> State:
 
 
 _FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-_FIX_NOISE = np.diag([2.0**2, 0.3**2])
-"""m^2, m^2/s^2; of a receiver's altitude over a minute from where it was known, and of its Doppler climb rate"""
 _PRESSURE = np.array([[1.0, 0.0, 0.0]])
 
 

@@ -99,3 +99,18 @@ def test_state_survives_json() -> None:
     plain = json.loads(json.dumps(state))
     assert tuple(plain[1]) == state.x
     assert tuple(tuple(row) for row in plain[2]) == state.p
+
+
+@pytest.mark.parametrize("noise", [1.0, 2.0, 6.0])
+def test_a_fix_counts_by_its_noise_without_a_barometer(noise: float) -> None:
+    """GIVEN variances P WHEN a fix of variance R comes THEN altitude and climb rate take P / (P + R) of it."""
+    before = altitude.State(time_us=0, p=((4.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.01)))
+    deaf = GAINS._replace(accel_noise=0.001, gps_altitude_noise=100.0, gps_climb_noise=20.0)
+    higher, _ = altitude.coast(
+        deaf._replace(gps_altitude_noise=noise), before, 20_000, altitude.Climb(altitude=10.0, climb_rate=0.0)
+    )
+    assert higher.x[0] == pytest.approx(10.0 * 4.0 / (4.0 + noise**2), rel=0.01)
+    rising, _ = altitude.coast(
+        deaf._replace(gps_climb_noise=noise), before, 20_000, altitude.Climb(altitude=0.0, climb_rate=5.0)
+    )
+    assert rising.x[1] == pytest.approx(5.0 / (1.0 + noise**2), rel=0.01)
