@@ -19,11 +19,12 @@ from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
 from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
+from avionics.missions.script import plan_commands, scripted_start
 from avionics.quantities import BadInput
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
-from groundstation.command.onboard import Onboard, plan_commands, scripted_start
+from groundstation.command.onboard import Onboard
 from logs.attached import FLIGHT_VEHICLE, PARAMETERS
 from logs.names import new_recording
 from logs.recorder import McapRecorder

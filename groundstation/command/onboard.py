@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from avionics import topics
 from avionics.board.board import Board
 from avionics.board.parameter_file import ParameterFile
-from avionics.guidance.mission import NO_FENCE, FlightPlan, Mission
+from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
-from avionics.messages import Command, CommandKind, Input, Mode, Severity
+from avionics.messages import Command, Input, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle
@@ -22,25 +22,6 @@ from avionics.view import FlightView
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
-SCRIPT = "script"
-START_US = 2_000_000
-"""us; since boot, when a scripted flight is armed and switched to AUTO: the attitude is known by then"""
-
-
-def scripted_start() -> tuple[Command, ...]:
-    """What `wingbeat fly` commands, at a fixed tick, so that the log does not depend on when a person acts."""
-    return (
-        Command(START_US, CommandKind.ARM, source=SCRIPT),
-        Command(START_US, CommandKind.SET_MODE, name=Mode.AUTO.name, source=SCRIPT),
-    )
-
-
-def plan_commands(plan: FlightPlan) -> tuple[Command, ...]:
-    """What puts a plan's fence and rally points on board at the first tick, as logged inputs."""
-    fence = Command(0, CommandKind.SET_FENCE, payload=plan.fence, source=SCRIPT)
-    rally = Command(0, CommandKind.SET_RALLY, payload=plan.rally, source=SCRIPT)
-    wanted = ((plan.fence != NO_FENCE, fence), (bool(plan.rally), rally))
-    return tuple(command for there, command in wanted if there)
 
 
 class Onboard:

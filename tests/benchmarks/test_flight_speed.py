@@ -16,8 +16,8 @@ import pytest
 from avionics.autopilot import Autopilot
 from avionics.messages import Command, SensorFrame
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from sim_bridge import plant_kernel as k
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario, SimulatedWorld

@@ -11,10 +11,11 @@ from avionics import topics
 from avionics.board.board import BoardSilent
 from avionics.messages import ActuatorCommand, Command, CommandKind, ImuSample, SensorFrame
 from avionics.missions import load_mission
+from avionics.missions.script import START_US, scripted_start
 from avionics.recorder import NullRecorder
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import START_US, Onboard, scripted_start
+from groundstation.command.onboard import Onboard
 
 TICK_US = 5000
 

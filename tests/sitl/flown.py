@@ -19,9 +19,9 @@ from avionics.guidance.mission import ItemKind, Mission
 from avionics.link.codec import quantised_command
 from avionics.messages import ActuatorCommand, Command, SensorFrame, Stage
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.world import NEUTRAL

@@ -10,10 +10,10 @@ import numpy as np
 
 from avionics.autopilot import Autopilot
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle

@@ -15,8 +15,8 @@ from avionics.autopilot import Autopilot
 from avionics.link.codec import quantised_command
 from avionics.messages import Command, CommandKind, Mode, PilotInput
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle

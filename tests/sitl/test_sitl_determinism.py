@@ -16,9 +16,10 @@ from avionics.autopilot import Autopilot
 from avionics.board.hil import HilBoard
 from avionics.messages import ActuatorCommand, Command, SensorFrame
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import Onboard, scripted_start
+from groundstation.command.onboard import Onboard
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.server import BridgeServer, Tally
 from sim_bridge.flight.flight import fly

@@ -13,8 +13,8 @@ from memory_log import MemoryLog
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
+from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from logs.identification.data import Aircraft
 from logs.identification.flight import flight_data
 from logs.identification.manoeuvre import find_manoeuvres

@@ -16,8 +16,8 @@ from flown import RAVEN, flown
 from avionics import topics
 from avionics.messages import Breach, Mode, Stage
 from avionics.missions.files import load_flight_plan
+from avionics.missions.script import plan_commands
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import plan_commands
 from logs.reader import open_log
 from sim_bridge.flight.world import Scenario
 

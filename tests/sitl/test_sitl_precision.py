@@ -14,8 +14,8 @@ from memory_log import MemoryLog
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle

@@ -18,10 +18,10 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind
 from avionics.messages import ActuatorCommand, SensorFrame, Stage
 from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
 from avionics.sensing import wing_angle
 from avionics.sensing.encoders import Counts
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import scripted_start
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld

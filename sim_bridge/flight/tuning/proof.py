@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
-from avionics.messages import Command, CommandKind, Mode, Stage
+from avionics.messages import Stage
+from avionics.missions.script import scripted_start
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
@@ -27,11 +28,6 @@ from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import SimulatedVehicle
 
-START = tuple(
-    Command(2_000_000, kind, name=name, source="script")
-    for kind, name in ((CommandKind.ARM, ""), (CommandKind.SET_MODE, Mode.AUTO.name))
-)
-"""armed and switched to AUTO after 2 s: the attitude is known by then"""
 SETTLED, MEASURED = 8.0, 18.0
 """s; from a hold's beginning to the window, and its length"""
 HEIGHT, STEP, TURN = 20.0, 3.0, math.radians(90.0)
@@ -126,7 +122,7 @@ def flown(
     """
     memory = _Memory()
     autopilot = Autopilot(vehicle._replace(gains=gains), MISSION, memory.publish)
-    fly(_World(world, scenario, memory), autopilot, START)
+    fly(_World(world, scenario, memory), autopilot, scripted_start())
     return _measured(memory)
 
 
