@@ -313,26 +313,18 @@ def step(
         return state, attitude(state)
     if dt > LONGEST_STEP:
         state, dt = _resumed(state), LONGEST_STEP
-    correction, aid = state.correction, state.aid
     rates = (imu.gyro_x, imu.gyro_y, imu.gyro_z)
     if gains.method == RAZOR:
         return _razor_step(gains, state, imu, rates, dt)
+    correction, aid = state.correction, state.aid
     angles = _angles(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt)
     r = multiply(state.r, rotation(*angles))
-    force = rotate(r, _earlier(gains.accel_delay, angles, (imu.accel_x, imu.accel_y, imu.accel_z)))
-    field = rotate(r, (imu.mag_x, imu.mag_y, imu.mag_z))
-    speed = airspeed / max(STEEPEST, hypot(r[0], r[3]))
-    velocity = (speed * r[0], speed * r[3], 0.0)
+    force, velocity, field = seen = _in_earth_axes(gains.accel_delay, r, angles, imu, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
-    before = state.block.span
-    if before + dt < length:
+    if state.block.span + dt < length:
         block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
     else:
-        share = max(0.0, (length - before) / dt)
-        before_end = _between(state.force, force, 0.5 * share)
-        after_end = _between(state.force, force, 0.5 + 0.5 * share)
-        full = _extended(state.block, share * dt, before_end, velocity, field, rates)
-        block = _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates)
+        full, block = _divided(state, length, dt, seen, rates)
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
     if fix is not None:
@@ -341,6 +333,29 @@ def step(
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
     state = new(AhrsState, (imu.time_us, r, rates, force, block, correction, aid))
     return state, attitude(state)
+
+
+def _in_earth_axes(
+    delay: float, r: Matrix, angles: Vector, imu: ImuSample, airspeed: float
+) -> tuple[Vector, Vector, Vector]:
+    """Specific force (m/s^2), velocity through the air (m/s, level) and magnetic field of a sample."""
+    force = rotate(r, _earlier(delay, angles, (imu.accel_x, imu.accel_y, imu.accel_z)))
+    speed = airspeed / max(STEEPEST, hypot(r[0], r[3]))
+    return force, (speed * r[0], speed * r[3], 0.0), rotate(r, (imu.mag_x, imu.mag_y, imu.mag_z))
+
+
+def _divided(
+    state: AhrsState, length: float, dt: float, seen: tuple[Vector, Vector, Vector], rates: Vector
+) -> tuple[Block, Block]:
+    """The block filled up to its ``length`` (s), and the next with what is left of the interval ``dt`` (s)."""
+    force, velocity, field = seen
+    share = max(0.0, (length - state.block.span) / dt)
+    before_end = _between(state.force, force, 0.5 * share)
+    after_end = _between(state.force, force, 0.5 + 0.5 * share)
+    return (
+        _extended(state.block, share * dt, before_end, velocity, field, rates),
+        _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates),
+    )
 
 
 def _razor_step(
