@@ -130,8 +130,7 @@ def step(
     (last_us, left_last, right_last, left_slip, right_slip, left_anchor, right_anchor, left_still, right_still,
      opposed, moving_us, left_side, right_side) = state  # fmt: skip
     if time_us <= last_us or last_us < 0:
-        if last_us < 0:
-            state = State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
+        state = state if last_us >= 0 else _started(sample)
         return state, _counts(state)
     dt = (time_us - last_us) * 1e-6
     moved_left, moved_right = left - left_last, right - right_last
@@ -166,13 +165,13 @@ def step(
     if left_still > limit or right_still > limit or opposed > limit or left_side.fault or right_side.fault:
         state = _judge(gains, state, abs(moved_left), abs(moved_right))
     if (time_us - moving_us) * commanded > PATIENCE * 1e6:
-        state = state._replace(left_side=_dead(state.left_side), right_side=_dead(state.right_side))
+        state = _both_dead(state)
     return state, _counts(state)
 
 
 def silence(state: State, time_us: int) -> tuple[State, Counts]:
     """No sample for so long that neither encoder is believed; ``time_us`` is now."""
-    state = state._replace(left_side=_dead(state.left_side), right_side=_dead(state.right_side))
+    state = _both_dead(state)
     return state, _counts(state)._replace(time_us=time_us)
 
 
@@ -180,6 +179,12 @@ def without_missed(state: State, sample: EncoderSample) -> EncoderSample:
     """The sample with the counts that were missed put back, to the nearest count."""
     left, right = sample.left_counts - round(state.left_slip), sample.right_counts - round(state.right_slip)
     return sample._replace(left_counts=left, right_counts=right)
+
+
+def _started(sample: EncoderSample) -> State:
+    """At the first sample: the wings are taken to move."""
+    time_us, left, right = sample[:3]
+    return State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
 
 
 def _counts(state: State) -> Counts:
@@ -263,6 +268,10 @@ def _woken(limit: float, side: Side, travel: int) -> Side:
 
 def _dead(side: Side) -> Side:
     return side if side.fault == Fault.STILL else side._replace(fault=int(Fault.STILL), woken=0)
+
+
+def _both_dead(state: State) -> State:
+    return state._replace(left_side=_dead(state.left_side), right_side=_dead(state.right_side))
 
 
 def _told_apart(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[Side, Side]:
