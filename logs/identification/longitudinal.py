@@ -80,7 +80,7 @@ def matrices(names: tuple[str, ...], values: Array, reference: Reference, aircra
 
 
 @njit(cache=True)
-def _multiply(a, b, out):  # type: ignore[no-untyped-def]
+def _multiply(a: Array, b: Array, out: Array) -> None:
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             out[i, j] = 0.0
@@ -89,7 +89,7 @@ def _multiply(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _sum_series(small, halvings, total, term, spare):  # type: ignore[no-untyped-def]
+def _sum_series(small: Array, halvings: int, total: Array, term: Array, spare: Array) -> None:
     """Taylor's series of ``small`` (n, n), squared ``halvings`` times, in ``total``; that and ``term`` begin as one.
 
     Scalar loops on what was allocated outside: whole-array expressions take ten seconds to compile.

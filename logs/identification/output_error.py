@@ -56,7 +56,7 @@ class Linearised(NamedTuple):
 
 
 @njit(cache=True)
-def _carry(f, g0, g1, tail, states):  # type: ignore[no-untyped-def]
+def _carry(f: Array, g0: Array, g1: Array, tail: Array, states: Array) -> None:
     """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]``, from the first."""
     for k in range(states.shape[0] - 1):
         for i in range(states.shape[1]):
