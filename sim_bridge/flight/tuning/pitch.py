@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from avionics.stabilization import pitch
-from avionics.stabilization.dynamic_pressure import share
+from sim_bridge.flight.tuning import attitude
 from sim_bridge.flight.tuning.aircraft import Aircraft, longitudinal, loop_delay
-from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
-
-RATE = 100.0
-"""Hz; of the loop"""
-SHARE = 1.0 / 3.0
-"""-; highest crossover over the flapping frequency: at half of it the stroke averages end"""
+from sim_bridge.tuning.loop import Process, Terms, pick
 
 
 def system(aircraft: Aircraft) -> Any:
@@ -23,7 +16,7 @@ def system(aircraft: Aircraft) -> Any:
     width = gains.notch_width
     parts = [
         longitudinal(aircraft),
-        blocks.delay(loop_delay(RATE), "elevator_command", "elevator"),
+        blocks.delay(loop_delay(attitude.RATE), "elevator_command", "elevator"),
         blocks.notch(frequency, width, "pitch", "pitch_seen"),
         blocks.notch(frequency, width, "pitch_rate", "rate_notched"),
         blocks.lag(gains.rate_lag, "rate_notched", "rate_seen"),
@@ -48,9 +41,7 @@ def closed(aircraft: Aircraft) -> Any:
 
 def terms(aircraft: Aircraft) -> Terms:
     """The loop's part of its gains, at the airspeed of the model."""
-    gains = aircraft.gains.pitch
-    strength = share(gains.airspeed, aircraft.model.airspeed)
-    return Terms(strength * gains.proportional, strength * gains.integral, strength * gains.damping)
+    return attitude.terms(aircraft.gains.pitch, aircraft.model.airspeed)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
@@ -59,8 +50,5 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     Raises:
         BadInput: no gains keep the margins.
     """
-    fastest = SHARE * aircraft.model.flapping_rate
-    ranges = greatest(pitch.Gains, "proportional", "integral", "damping")
-    found = search(process(aircraft), Wish(fastest, True, True, ranges))
-    gains = aircraft.gains.pitch._replace(**found._asdict(), airspeed=aircraft.model.airspeed)
+    gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.pitch)
     return aircraft._replace(gains=aircraft.gains._replace(pitch=gains))

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from avionics.stabilization import roll
-from avionics.stabilization.dynamic_pressure import share
+from sim_bridge.flight.tuning import attitude
 from sim_bridge.flight.tuning.aircraft import Aircraft, lateral, loop_delay
-from sim_bridge.flight.tuning.pitch import RATE, SHARE
-from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
+from sim_bridge.tuning.loop import Process, Terms, pick
 
 
 def system(aircraft: Aircraft) -> Any:
     """The open aircraft: roll_asked to roll, roll_rate and yaw_rate."""
-    parts = [lateral(aircraft), blocks.delay(loop_delay(RATE), "roll_asked", "roll_command")]
+    parts = [lateral(aircraft), blocks.delay(loop_delay(attitude.RATE), "roll_asked", "roll_command")]
     return blocks.joined(parts, ["roll_asked"], ["roll", "roll_rate", "yaw_rate"])
 
 
@@ -33,9 +30,7 @@ def closed(aircraft: Aircraft) -> Any:
 
 def terms(aircraft: Aircraft) -> Terms:
     """The loop's part of its gains, at the airspeed of the model."""
-    gains = aircraft.gains.roll
-    strength = share(gains.airspeed, aircraft.model.airspeed)
-    return Terms(strength * gains.proportional, strength * gains.integral, strength * gains.damping)
+    return attitude.terms(aircraft.gains.roll, aircraft.model.airspeed)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
@@ -44,8 +39,5 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     Raises:
         BadInput: no gains keep the margins.
     """
-    fastest = SHARE * aircraft.model.flapping_rate
-    ranges = greatest(roll.Gains, "proportional", "integral", "damping")
-    found = search(process(aircraft), Wish(fastest, True, True, ranges))
-    gains = aircraft.gains.roll._replace(**found._asdict(), airspeed=aircraft.model.airspeed)
+    gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.roll)
     return aircraft._replace(gains=aircraft.gains._replace(roll=gains))
