@@ -94,7 +94,10 @@ def scratch(mechanism: Mechanism) -> k.Scratch:
 
 
 def initial_state(vehicle: SimulatedVehicle, mechanism: Mechanism) -> Floats:
-    """The vehicle at rest in the launcher's hand, wings level, nose up by the launch pitch."""
+    """The vehicle at rest in the launcher's hand, nose up by the launch pitch.
+
+    The wings are level, or where the crank has them: 0.1 rad beside it, its rods would throw them there with 16 A.
+    """
     y = np.zeros(mechanism.layout.size)
     y[2] = -vehicle.launch.height
     y[3:7] = quaternion_from_euler(0.0, vehicle.launch.pitch, 0.0)
@@ -104,6 +107,8 @@ def initial_state(vehicle: SimulatedVehicle, mechanism: Mechanism) -> Floats:
         if kind == k.PRESCRIBED:
             k.prescribed_motion(joints.motion[i], 0.0, start)
             y[k.COORDINATES + i] = start[0]
+        elif kind == k.WING and vehicle.drive.kind == "crank":
+            y[k.COORDINATES + i] = vehicle.drive.crank_mean  # at phase 0
     return y
 
 

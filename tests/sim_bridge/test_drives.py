@@ -102,6 +102,14 @@ def test_a_crank_runs_up_to_the_frequency_of_its_throttle() -> None:
     assert np.ptp(angles) / 2 == pytest.approx(0.6, rel=0.1)
 
 
+def test_a_crank_has_its_wings_where_it_wants_them_when_it_is_switched_on() -> None:
+    """The wings sag by their weight; beside the crank's place they would be thrown there with 16 A."""
+    plant = Plant(vehicle("arizona_100cm"))
+    currents = [plant.advance(hold(duration=0.005), air(launcher=k.HELD)).current for _ in range(100)]
+    assert max(currents) < 2.0
+    assert plant.y[plant.layout.flap[0]] == pytest.approx(0.1, abs=0.01)
+
+
 def flapped(frequency: float, amplitude: float, airspeed: float) -> tuple[Floats, Floats]:
     """Achieved and commanded flap rate over the third stroke of a wing held in the wind."""
     plant = Plant(vehicle("robo_raven_ii_d"))
