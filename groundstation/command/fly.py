@@ -45,6 +45,7 @@ from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, divided, mission_faults
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import load_script
+from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
 
 EXAMPLES = (
@@ -66,6 +67,7 @@ JSON_KEYS = {
     "wind_from": "rad; where it comes from, clockwise from north",
     "sticks": "table by which a transmitter was moved; null: armed and switched to AUTO by a script",
     "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
+    "never_injected": "those of faults whose time lay after the flight's end",
     "turbulence": "none, light, moderate or severe",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
@@ -167,6 +169,7 @@ def check(chosen: argparse.Namespace) -> Plan:
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
     faults = (*chosen.fault, *mission_faults(chosen.mission))
+    options.check_times(faults, chosen.duration)
     return Plan(chosen.vehicle, vehicle.title, model, log, parts, notes, faults)
 
 
@@ -311,15 +314,34 @@ def _identified(log: Log) -> Identification | str:
         return str(reason)
 
 
-def _read(path: Path, wall_time: float) -> tuple[FlightSummary, Identification | str, float]:
+class _Flown(NamedTuple):
+    """What the joined log tells."""
+
+    summary: FlightSummary
+    identified: Identification | str
+    """or why nothing was"""
+    speed: float
+    """-; times real time"""
+    end: float
+    """s; since boot, of the world's last step"""
+
+
+def _read(path: Path, wall_time: float) -> _Flown:
     with open_log(path) as log:
-        return summarize(log), _identified(log), log.duration / wall_time
+        return _Flown(summarize(log), _identified(log), log.duration / wall_time, _end(log))
+
+
+def _end(log: Log) -> float:
+    """The time (s since boot) of the world's last step; 0 where it made none."""
+    state = log.topics.get(STATE.name)
+    return float(log.columns(STATE).time[-1]) if state is not None and state.messages else 0.0
 
 
 def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
         join(plan.parts, plan.log)
-        summary, found, speed = _read(plan.log, wall_time)
+        summary, found, speed, end = _read(plan.log, wall_time)
+    missed = options.missed(plan.faults, end)
     if chosen.json:
         print_document(
             {
@@ -331,6 +353,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
                 "wind_from": chosen.wind_from,
                 "sticks": chosen.sticks,
                 "faults": options.fault_words(plan.faults)[1::2],
+                "never_injected": missed,
                 "turbulence": chosen.turbulence,
                 "wall_time": wall_time,
                 "speed": speed,
@@ -342,6 +365,8 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
     console.print()
     console.print(flight_report.log_line(plan.log))
     console.print(flight_report.flown_table(summary))
+    for name in missed:
+        console.print(flight_report.missed_line(name, end))
     console.print()
     if isinstance(found, str):
         console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)

@@ -152,6 +152,29 @@ def fault(text: str) -> Fault:
         raise argparse.ArgumentTypeError(str(reason)) from None
 
 
+def check_times(faults: Iterable[Fault], duration: float) -> None:
+    """Refuse a fault that could not come within a flight of ``duration`` s.
+
+    Raises:
+        BadInput: there is one.
+    """
+    for one in faults:
+        if one.at >= duration:
+            raise BadInput(
+                f"fault {fault_name(one)}: the flight ends at {duration:g} s at the latest (--duration), before it"
+            )
+
+
+def missed(faults: Iterable[Fault], end: float) -> tuple[str, ...]:
+    """The faults, as they are written, whose time lay after the ``end`` (s since boot) of the flight."""
+    return tuple(fault_name(one) for one in faults if one.at > end)
+
+
+def fault_name(one: Fault) -> str:
+    """A fault as it is written on the command line."""
+    return f"{one.name}@{one.at:g}" + (f"-{one.until:g}" if math.isfinite(one.until) else "")
+
+
 def fault_words(faults: Iterable[Fault]) -> list[str]:
     """The command line that gives ``faults`` to another process."""
     ends = ((one, f"-{one.until!r}" if math.isfinite(one.until) else "") for one in faults)

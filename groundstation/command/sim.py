@@ -9,14 +9,17 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
+from avionics.topics import Publish, Topic
 from groundstation.command import options
 from logs.attached import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
+from sim_bridge import topics
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
@@ -32,6 +35,7 @@ EXAMPLES = (
     "wingbeat sim --fault pitot_blocked@30 --fault gps_lost@40-50",
 )
 COMPILING = "compiling the physics, once: about half a minute"
+WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
 DURATION = 600.0
 """s; longest simulation"""
 
@@ -60,21 +64,22 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
+    alone = chosen.epoch_ns is None
+    options.check_times(chosen.fault, chosen.duration)
     faults, of_flight = divided(chosen.fault)
     if of_flight:
         raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
-    scenario = scenario if sticks is None else scenario._replace(pilot=sticks.pilot())
+    scenario = scenario._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
     with contextlib.ExitStack() as stack:
         server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         stack.callback(server.close)
         path = chosen.log or new_recording(f"{vehicle.name}-world")
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
-        alone = chosen.epoch_ns is None
         if alone:
-            print(f"listening on {chosen.listen}", file=sys.stderr, flush=True)
+            print(f"{vehicle.title}, waiting for a flight computer on {chosen.listen}", file=sys.stderr, flush=True)
         if not physics_compiled():
             print(COMPILING, file=sys.stderr, flush=True)
             Plant(vehicle).compile()
@@ -82,17 +87,39 @@ def run(arguments: Sequence[str]) -> int:
         if sticks is not None:
             recorder.attach(STICKS, "text/csv", sticks.text.encode())
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        world = SimulatedWorld(vehicle, scenario, seen.record)
-        _serve(server, world)
+        world = SimulatedWorld(vehicle, scenario, telling(seen.record) if alone else seen.record)
         if alone:
-            print(f"over after {world.time_us * 1e-6:.1f} s; recorded in {path}", file=sys.stderr)
+            print(WAITING, file=sys.stderr, flush=True)
+        ended = _serve(server, world)
+        if alone:
+            _say_end(world, ended, path)
     return 0
 
 
-def _serve(server: BridgeServer, world: SimulatedWorld) -> None:
+def telling(publish: Publish) -> Publish:
+    """``publish``, with what happens in the world said on stderr too."""
+
+    def tell(topic: Topic, message: Any) -> None:
+        if topic is topics.EVENTS:
+            print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)
+        publish(topic, message)
+
+    return tell
+
+
+def _say_end(world: SimulatedWorld, ended: str, path: Path) -> None:
+    end = world.time_us * 1e-6
+    never = "" if world.thrown else ", never thrown"
+    print(f"over after {end:.1f} s{never}: {ended}; recorded in {path}", file=sys.stderr)
+    for name in options.missed(world.scenario.faults, end):
+        print(f"fault {name} never came: the flight was over before", file=sys.stderr)
+
+
+def _serve(server: BridgeServer, world: SimulatedWorld) -> str:
+    """Serve one flight; returns why it ended."""
     pin_to_core()
     try:
-        server.serve(world)
+        return server.serve(world).ended
     except FlightComputerSilent as silence:
         raise BadInput(str(silence)) from None
 

@@ -18,6 +18,11 @@ def log_line(path: Path) -> Text:
     return Text.assemble(("log".ljust(12), "dim"), str(path), (f"   {wording.size(path.stat().st_size)}", "dim"))
 
 
+def missed_line(fault: str, end: float) -> Text:
+    """A fault, as it was asked for, whose time lay after the ``end`` (s since boot) of the flight."""
+    return Text.assemble(("fault".ljust(12), "dim"), f"{fault} never came: the flight was over at {end:.1f} s")
+
+
 def flown_table(summary: FlightSummary) -> RenderableType:
     """The flight in a few rows; what the log does not tell is left out."""
     table = Table.grid(padding=(0, 3))

@@ -231,10 +231,11 @@ def parse_fault(text: str) -> Fault:
         BadInput: no such name, or times that are not 0 or more and rising; one line with the names.
     """
     name, at, times = text.partition("@")
-    begin, dash, end = times.partition("-")
+    sign = "-" if times.startswith("-") else ""  # of the time, to be refused as what it is
+    begin, dash, end = times.removeprefix(sign).partition("-")
     if not at:
         raise BadInput(f"fault {text}: it must be NAME@T or NAME@T-T2; NAME one of {', '.join(FAULTS)}")
-    return checked(Fault(name, _seconds(text, begin), _seconds(text, end) if dash else math.inf))
+    return checked(Fault(name, _seconds(text, sign + begin), _seconds(text, end) if dash else math.inf))
 
 
 def _seconds(text: str, number: str) -> float:
@@ -252,7 +253,9 @@ def checked(fault: Fault) -> Fault:
     """
     if fault.name not in FAULTS:
         raise BadInput(f"no fault {fault.name}; known: {', '.join(FAULTS)}")
-    if not (0.0 <= fault.at < fault.until and math.isfinite(fault.at)) or math.isnan(fault.until):
+    if not 0.0 <= fault.at < math.inf:
+        raise BadInput(f"fault {fault.name}: its time must be 0 s or more since boot, not {fault.at:g}")
+    if not fault.until > fault.at:
         raise BadInput(
             f"fault {fault.name}: from {fault.at:g} s to {fault.until:g} s; it must end after its beginning"
         )

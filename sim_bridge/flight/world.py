@@ -42,6 +42,8 @@ LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
 LAUNCH_PATIENCE = 30.0
 """s; in which the launcher waits for a gust from ahead"""
+ARMED_TIME = 5.0
+"""s; armed for so long before a launcher who waits for that throws: time to change the mode"""
 LAUNCH_GUST = 1.0
 """m/s; from the side, up or down: in a stronger one he holds on to the bird"""
 REST_TIME = 3.0
@@ -83,6 +85,8 @@ class Scenario(NamedTuple):
     """who has a transmitter in his hands; None for nobody, or for somebody standing by where it is to be lost"""
     faults: tuple[Fault, ...] = ()
     """what fails, see `sim_bridge.flight.faults`"""
+    waits_for_arming: bool = False
+    """whether the launcher throws nothing but an armed vehicle, and says what he does"""
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -124,6 +128,7 @@ class SimulatedWorld:
         self._means = NO_MEANS
         self._current_before = 0.0
         self._rest_since: float | None = None
+        self._armed_since = math.inf if scenario.waits_for_arming else -math.inf
         self._thrown_at = math.inf
         self.faults = FaultInjector(scenario.faults)
         """takes more of them in flight"""
@@ -145,6 +150,11 @@ class SimulatedWorld:
         return (max(self._tick, 0) + 1) * self.tick_us
 
     @property
+    def thrown(self) -> bool:
+        """Whether the launcher has let go, or is about to."""
+        return self._thrown_at < math.inf
+
+    @property
     def finished(self) -> bool:
         """The vehicle lies still on the ground, or the time is up."""
         now = self.time_us * 1e-6
@@ -159,11 +169,11 @@ class SimulatedWorld:
         """
         self._tick += 1
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
-            self._publish(topics.EVENTS, Event(self.time_us, Severity.WARNING, "world", text))
+            self._say(Severity.WARNING, text)
         air = self._air()
         self._current_before = self._means.current
         self._blow()
-        self._watch_launcher()
+        self._watch_launcher(bool(command.armed))
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
@@ -211,17 +221,36 @@ class SimulatedWorld:
             return k.HELD
         return k.THROWN if now < self._thrown_at + self.vehicle.launch.duration else k.FREE
 
-    def _watch_launcher(self) -> None:
+    def _say(self, severity: Severity, text: str) -> None:
+        self._publish(topics.EVENTS, Event(self.time_us, severity, "world", text))
+
+    def _watch_arming(self, armed: bool, now: float) -> None:
+        """Remember since when the vehicle is armed, and say what follows."""
+        if armed == (self._armed_since < math.inf):
+            return
+        self._armed_since = now if armed else math.inf
+        left = max(LAUNCH_TIME - now, ARMED_TIME)
+        text = f"armed: the launcher throws in {left:.0f} s" if armed else "disarmed: the launcher waits"
+        self._say(Severity.NOTICE, text)
+
+    def _watch_launcher(self, armed: bool) -> None:
         """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
         now = self._tick * TICK
-        if self._thrown_at < math.inf or now < LAUNCH_TIME:
+        if self.thrown:
+            return
+        if self.scenario.waits_for_arming:
+            self._watch_arming(armed, now)
+        ready = max(LAUNCH_TIME, self._armed_since + ARMED_TIME)
+        if now < ready:
             return
         north, east, down = self._gust.velocity
         c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
         ahead, across = -(north * c + east * s), east * c - north * s
         steady = ahead >= 0.0 and abs(across) <= LAUNCH_GUST and abs(down) <= LAUNCH_GUST
-        if steady or now >= LAUNCH_TIME + LAUNCH_PATIENCE:
+        if steady or now >= ready + LAUNCH_PATIENCE:
             self._thrown_at = now
+            if self.scenario.waits_for_arming:
+                self._say(Severity.NOTICE, "thrown")
 
     def _air(self) -> Air:
         return isa(self.scenario.home.altitude - float(self.plant.y[2]))

@@ -16,11 +16,14 @@ import pytest
 from mcap.reader import make_reader
 
 from avionics.messages import Mode
+from groundstation.command import options
 from groundstation.command.children import Children
 from groundstation.command.main import main
+from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
 from logs.reader import open_log
 from logs.scene import SCENE, TRANSFORMS
+from sim_bridge.flight.faults import parse_fault
 from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
@@ -86,13 +89,14 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         "wind_from",
         "turbulence",
         "faults",
+        "never_injected",
         "sticks",
         "wall_time",
         "speed",
     }
     keys = told | {"flight", "identified"}
     assert set(document) == keys
-    assert document["aerodynamics"] == "strip_theory"
+    assert document["aerodynamics"] == "strip_theory" and document["never_injected"] == []
     assert document["flight"]["against_truth"] is True
     assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
     assert [path.name for path in recorded.folder.iterdir()] == ["flight.mcap"]
@@ -122,6 +126,14 @@ def test_a_flight_with_another_aerodynamic_model_says_so_in_its_log(tmp_path: Pa
         attached = log.attachment("world_vehicle.toml").decode()
     assert vehicle is not None and vehicle.aerodynamics.model == "blade_element"
     assert attached == load_vehicle("robo_raven_ii_d").text
+
+
+def test_a_fault_that_came_too_late_is_named() -> None:
+    faults = tuple(map(parse_fault, ("gps_lost@30", "gps_lost@30.1", "mag_disturbed@98.5-99", "link_lost@2")))
+    assert options.missed(faults, end=30.0) == ("gps_lost@30.1", "mag_disturbed@98.5-99")
+    assert missed_line("gps_lost@30.1", 30.0).plain.endswith(
+        "gps_lost@30.1 never came: the flight was over at 30.0 s"
+    )
 
 
 def payloads(path: Path) -> dict[str, str]:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from plant_bench import NAMES, vehicle
@@ -9,10 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.quantities import BadInput
+from avionics.topics import Topic
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.faults import Fault
 from sim_bridge.flight.world import (
+    ARMED_TIME,
     LAUNCH_PATIENCE,
     LAUNCH_TIME,
     REST_SPEED,
@@ -90,6 +93,42 @@ def until_thrown(world: SimulatedWorld) -> TruthState:
         if math.hypot(truth.v_north, truth.v_east, truth.v_down) != 0.0 or not truth.on_ground:
             return truth
     raise AssertionError("it was never thrown")
+
+
+def test_who_waits_for_arming_throws_an_armed_vehicle_alone_and_says_so() -> None:
+    said: list[tuple[float, str]] = []
+
+    def hear(topic: Topic, message: Any) -> None:
+        if topic is topics.EVENTS:
+            said.append((message.time_us * 1e-6, message.text))
+
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(waits_for_arming=True, duration=25.0), hear)
+    armed = ((10.0, 12.0), (14.0, math.inf))
+    while not world.thrown:
+        now = world.time_us * 1e-6
+        world.step(glide(0) if any(begin <= now < end for begin, end in armed) else NEUTRAL)
+    assert [text for _, text in said] == [
+        "armed: the launcher throws in 5 s",
+        "disarmed: the launcher waits",
+        "armed: the launcher throws in 5 s",
+        "thrown",
+    ]
+    assert [time for time, _ in said] == pytest.approx([10.0, 12.0, 14.0, 14.0 + ARMED_TIME], abs=0.02)
+
+
+def test_an_unarmed_vehicle_stays_in_the_hand_of_who_waits() -> None:
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(waits_for_arming=True, duration=LAUNCH_TIME + 2.0))
+    run_out(world, lambda _: NEUTRAL)
+    assert world.finished and not world.thrown
+    assert world.truth().down == -world.vehicle.launch.height
+
+
+def test_who_waits_for_arming_throws_the_same_throw_when_it_was_armed_before() -> None:
+    thrown = []
+    for waits in (False, True):
+        world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(waits_for_arming=waits))
+        thrown.append(until_thrown(world))
+    assert thrown[0] == thrown[1]
 
 
 def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
