@@ -33,6 +33,7 @@ from avionics.messages import (
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
 from avionics.missions.limits import check_fence, check_item, check_rally
+from avionics.quantities import counted
 from avionics.sensing.pilot import Act
 from avionics.situation import conditions, surroundings, unready
 from avionics.state import AutopilotState
@@ -219,7 +220,7 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("mission", f"mission refused: {refusal}")
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
-    say(s, publish, Severity.INFO, "mission", f"mission of {len(mission)} items")
+    say(s, publish, Severity.INFO, "mission", f"mission of {counted(len(mission), 'item')}")
 
 
 def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -228,7 +229,7 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"fence refused: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
-    say(s, publish, Severity.INFO, "mission", f"fence of {len(fence.zones)} zones")
+    say(s, publish, Severity.INFO, "mission", f"fence of {counted(len(fence.zones), 'zone')}")
 
 
 def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -237,7 +238,7 @@ def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"rally points refused: {refusal}")
     s.rally = rally
-    say(s, publish, Severity.INFO, "mission", f"{len(rally)} rally points")
+    say(s, publish, Severity.INFO, "mission", counted(len(rally), "rally point"))
 
 
 def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:

@@ -65,6 +65,11 @@ class Schema(NamedTuple):
     """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty where there is none"""
 
 
+def counted(number: float, noun: str) -> str:
+    """A number of things, for people: 1 item, 2 items."""
+    return f"{number:.12g} {noun}" + ("" if number == 1 else "s")
+
+
 def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) -> VehicleFile:
     """Read a TOML vehicle file against ``schema``.
 

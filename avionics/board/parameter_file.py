@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 
@@ -101,7 +101,7 @@ class ParameterFile:
             return Loaded(self._vehicle, f"{refused}: kept as {aside.name}, defaults are flown", True)
         gains, strange = self._applied(values)
         self._kept = gains
-        text = f"{len(values) - len(strange)} parameters from {self.path}" if values else ""
+        text = f"{counted(len(values) - len(strange), 'parameter')} from {self.path}" if values else ""
         if strange:
             text += f"; passed over: {', '.join(strange)}"
         return Loaded(self._vehicle._replace(gains=gains), text, False)

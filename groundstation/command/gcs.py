@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from avionics.link.dialect import mavlink
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from groundstation.command import gcs_calibrate, gcs_excite, options
 from groundstation.link import client, modes, parameter_list, waypoints
 from groundstation.link.answers import NoAnswer
@@ -17,6 +17,7 @@ from groundstation.link.connection import AnyExchange, Connection
 from groundstation.link.vehicle_state import new_events
 from groundstation.views import monitor, tables
 from groundstation.views.json_document import print_document
+from groundstation.views.mission import mission_record, print_mission
 from groundstation.views.progress import ProgressBar
 
 FORCE = 21196.0
@@ -41,7 +42,11 @@ JSON_KEYS = {
     "param save, load": "file; parameters: list of {name, value, type}, saved or changed",
     "excite": "done, mode, armed",
     "calibrate": "kind; said: list of lines; parameters: list of {name, value, type} that changed",
-    "mission": "items: list of {frame, command, parameters, x, y, z}; file where one was written",
+    "mission": "items: list of {number, does, north, east, latitude, longitude, altitude, altitude_above, duration,"
+    " heading, radius, turns, acceptance, jump_to, repeats, excitation}, SI and radians, null for none, beside"
+    " {frame, command, parameters, x, y, z, autocontinue} of MISSION_ITEM_INT; file where one was written",
+    "excitation": "of an item: {shape, elevator (rad), throttle, rudder (rad), width (s), settle (s), repeats,"
+    " low (Hz), high (Hz), loops}; width: of a step, of a sweep, or the period of a multisine",
 }
 
 
@@ -192,7 +197,7 @@ def _mode(connection: Connection, chosen: argparse.Namespace) -> None:
 def _done(connection: Connection, chosen: argparse.Namespace, text: str) -> None:
     if chosen.json:
         state = connection.state
-        print_document({"done": text, "mode": modes.mode_name(state), "armed": state.armed})
+        print_document({"done": text, "mode": modes.mode_key(state), "armed": state.armed})
     else:
         print(text)
 
@@ -235,10 +240,10 @@ def _param_file(connection: Connection, chosen: argparse.Namespace) -> None:
     held = _download(connection, chosen)
     if chosen.action == "save":
         parameter_list.write(chosen.file, connection.target, held)
-        changed, text = held, f"{len(held)} parameters written to {chosen.file}"
+        changed, text = held, f"{counted(len(held), 'parameter')} written to {chosen.file}"
     else:
         changed = _load(connection, chosen, {parameter.name: parameter for parameter in held})
-        text = f"{len(changed)} parameters changed"
+        text = f"{counted(len(changed), 'parameter')} changed"
     if chosen.json:
         records = [tables.parameter_record(parameter) for parameter in changed]
         print_document({"file": str(chosen.file), "parameters": records})
@@ -310,7 +315,7 @@ def _mission(connection: Connection, chosen: argparse.Namespace) -> None:
     items = _download_items(connection, chosen, mavlink.MAV_MISSION_TYPE_MISSION, "the mission")
     if chosen.action == "download":
         _write(connection, chosen, items)
-        _report_mission(items, f"{len(items)} items written to {chosen.file}", chosen.file, chosen)
+        _report_mission(items, f"{counted(len(items), 'item')} written to {chosen.file}", chosen.file, chosen)
         return
     _report_mission(items, "", None, chosen)
 
@@ -329,9 +334,9 @@ def _upload(connection: Connection, chosen: argparse.Namespace) -> None:
         if items:
             upload = client.MissionUpload(connection.target, items, mission_type=mission_type)
             _run(connection, upload, f"sending {name}", chosen)
-    beside = [f"{len(part)} {name}" for part, name in ((content.fence, "fence"), (content.rally, "rally")) if part]
-    text = " and ".join([f"{len(content.mission)}", *beside])
-    _report_mission(content.mission, f"sent {text} items", None, chosen)
+    parts = ((content.mission, "mission item"), (content.fence, "fence item"), (content.rally, "rally point"))
+    text = " and ".join(counted(len(part), name) for part, name in parts if part)
+    _report_mission(content.mission, f"sent {text or 'nothing'}", None, chosen)
 
 
 def _download_items(
@@ -362,11 +367,12 @@ def _write(connection: Connection, chosen: argparse.Namespace, items: tuple[clie
 
 def _report_mission(items: Sequence[client.Item], text: str, file: Path | None, chosen: argparse.Namespace) -> None:
     if chosen.json:
-        print_document({"items": [item._asdict() for item in items], "file": None if file is None else str(file)})
+        records = [mission_record(number, item) for number, item in enumerate(items)]
+        print_document({"items": records, "file": None if file is None else str(file)})
     elif text:
         print(text)
     else:
-        tables.print_mission(items)
+        print_mission(items)
 
 
 VERBS: dict[str, Callable[[Connection, argparse.Namespace], None]] = {

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from avionics.quantities import counted
 from groundstation.command import options
 from groundstation.views import tables, wording
 from groundstation.views.json_document import print_document
@@ -70,7 +71,7 @@ def _print_info(document: dict[str, Any], file: Path) -> None:
     console = open_console()
     console.print(
         f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
-        f"{document['messages']} messages   {wording.size(file.stat().st_size)}"
+        f"{counted(document['messages'], 'message')}   {wording.size(file.stat().st_size)}"
     )
     for line in document["damage"]:
         console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow", markup=False)
@@ -107,12 +108,12 @@ def _recover(chosen: argparse.Namespace) -> None:
         print_document(done)
         return
     if not done.damage:
-        print(f"{chosen.file} is whole: {done.messages} messages; nothing was changed")
+        print(f"{chosen.file} is whole: {counted(done.messages, 'message')}; nothing was changed")
         return
     for line in done.damage:
         print(f"repaired: {line}")
     kept = f"; {wording.size(done.torn_bytes)} that cannot be read are in {done.torn}" if done.torn else ""
-    print(f"{done.messages} messages kept{kept}")
+    print(f"{counted(done.messages, 'message')} kept{kept}")
 
 
 VERBS: dict[str, Callable[[argparse.Namespace], None]] = {"info": _info, "export": _export, "recover": _recover}

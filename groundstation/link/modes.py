@@ -23,11 +23,16 @@ def known_modes(state: VehicleState) -> dict[str, int]:
 
 
 def mode_name(state: VehicleState) -> str:
-    """Name of the present mode, or its number; empty before the first heartbeat."""
+    """Name of the present mode for people, or its number; empty before the first heartbeat."""
+    return mode_key(state).replace("_", " ")
+
+
+def mode_key(state: VehicleState) -> str:
+    """The present mode as `known_modes` spells it, ``ALTITUDE_HOLD``, or ``mode_5``; empty before a heartbeat."""
     if state.custom_mode is None:
         return ""
     names: Mapping[int, str] = {number: name for name, number in known_modes(state).items()}
-    return names.get(state.custom_mode, f"mode {state.custom_mode}").replace("_", " ")
+    return names.get(state.custom_mode, f"mode_{state.custom_mode}")
 
 
 def uses_main_and_sub(state: VehicleState) -> bool:

@@ -87,7 +87,7 @@ def state_record(state: VehicleState) -> dict[str, Any]:
     hidden = ("sentence", "mode_names", "heard_at", "events", "stage", "home")
     record = {key: value for key, value in state._asdict().items() if key not in hidden}
     return {
-        "mode": modes.mode_name(state),
+        "mode": modes.mode_key(state),
         "modes": sorted(modes.known_modes(state)),
         "stage": None if state.stage is None else state.stage.name,
         **record,

@@ -9,8 +9,10 @@ import pytest
 from lossy_vehicle import LossyVehicle, on_the_air
 
 from avionics.link.dialect import mavlink
+from avionics.missions.reader import FOLDER as MISSIONS
 from groundstation.command.main import main
 from groundstation.link.client import Item
+from groundstation.link.waypoints import read_upload
 
 Capture = pytest.CaptureFixture[str]
 
@@ -83,7 +85,39 @@ def test_mission_download_and_upload(tmp_path: Path, capsys: Capture) -> None:
         assert gcs(url, "mission", "show") == 0
     said = capsys.readouterr()
     assert said.err == f"wingbeat: {file} exists already; choose another name\n"
-    assert "nav waypoint" in said.out and "38.990000" in said.out
+    assert "fly to" in said.out and "38.990000°  -76.940000°" in said.out and "return to launch" in said.out
+    assert "2 items written to" in said.out and "sent 2 mission items" in said.out
+
+
+def test_a_mission_is_shown_in_words_and_units_and_told_in_si(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    vehicle.mission = list(read_upload(MISSIONS / "circuit.toml", ours=True).mission)
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "mission", "show", "--json") == 0
+        items = json.loads(capsys.readouterr().out)["items"]
+        assert gcs(url, "mission", "show") == 0
+    rows = capsys.readouterr().out.splitlines()[1:]
+    for number, (row, item) in enumerate(zip(rows, items, strict=True)):
+        assert row.split()[0] == str(number) and item["does"] in row
+    asked = [item["excitation"] for item in items if item["excitation"]]
+    assert asked and all(set(EXCITATION) == set(one) for one in asked)
+
+
+EXCITATION = (
+    "shape", "elevator", "throttle", "rudder", "width", "settle", "repeats", "low", "high", "loops",
+)  # fmt: skip
+
+
+def test_the_present_mode_is_spelled_as_in_the_list_of_modes(capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "mode", "altitude_hold", "--json") == 0
+        assert json.loads(capsys.readouterr().out)["mode"] == "ALTITUDE_HOLD"
+        assert gcs(url, "status", "--json") == 0
+        document = json.loads(capsys.readouterr().out)
+        assert document["mode"] in document["modes"] and document["mode"] == "ALTITUDE_HOLD"
+        assert gcs(url, "status") == 0
+    assert "ALTITUDE HOLD" in capsys.readouterr().out
 
 
 def test_status_has_the_documented_keys(capsys: Capture) -> None:

@@ -19,6 +19,7 @@ from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
+from avionics.quantities import counted
 
 _MISSION = mavlink.MAV_MISSION_TYPE_MISSION
 _ALL = mavlink.MAV_MISSION_TYPE_ALL
@@ -175,7 +176,7 @@ class MissionService:
     def current_refusal(self, sequence: int) -> str:
         """Why item ``sequence`` cannot be flown next; empty when it can."""
         count = len(self._vehicle.mission)
-        return "" if 0 <= sequence < count else f"there is no mission item {sequence}, only {count} items"
+        return "" if 0 <= sequence < count else f"there is no mission item {sequence}, only {counted(count, 'item')}"
 
     def _cancelled(self, message: Any, sender: Sender) -> list[Output]:
         if self._upload is not None and self._upload.sender == sender and message.type != _ACCEPTED:

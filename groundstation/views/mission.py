@@ -1,0 +1,256 @@
+"""A vehicle's mission for people and for programs: what each item does, where, and with which numbers.
+
+The commands are MAVLink's own, of any vehicle, and those of our dialect; of one that is not known here the parameters
+are shown as they came.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from avionics.guidance.excitation import SWEEPS
+from avionics.guidance.mission import Channel, Excitation, ItemKind, Shape
+from avionics.link.dialect import mavlink
+from avionics.link.excitation_codec import DECODERS, decode_excitation
+from avionics.link.mission_codec import LOCAL_FRAMES, wire_scale
+from avionics.link.wire_item import ItemRefused
+from avionics.quantities import counted
+from groundstation.link.client import Item, command_name
+from groundstation.link.waypoints import wire_item
+from groundstation.views import tables, wording
+from groundstation.views.terminal import open_console
+
+MISSION_FRAME = mavlink.MAV_FRAME_MISSION
+SEA_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT))
+TERRAIN_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT))
+ENU = mavlink.MAV_FRAME_LOCAL_ENU
+
+
+class Told(NamedTuple):
+    """One item in SI and radians; None where it has no such number."""
+
+    does: str
+    """-; in words"""
+    north: float | None = None
+    """m; from home, of a place in a local frame"""
+    east: float | None = None
+    """m; from home, of a place in a local frame"""
+    latitude: float | None = None
+    """rad; WGS-84, of a place on the globe"""
+    longitude: float | None = None
+    """rad; WGS-84, of a place on the globe"""
+    altitude: float | None = None
+    """m; above ``altitude_above``"""
+    altitude_above: str | None = None
+    """-; home, sea or terrain"""
+    duration: float | None = None
+    """s; to hold or to circle"""
+    heading: float | None = None
+    """rad; clockwise from north, to hold or to land on"""
+    radius: float | None = None
+    """m; positive clockwise"""
+    turns: float | None = None
+    """-; to circle"""
+    acceptance: float | None = None
+    """m; a waypoint is reached within it"""
+    jump_to: int | None = None
+    """-; number of the item to go on with"""
+    repeats: int | None = None
+    """-; how often it is jumped, -1 for ever"""
+    excitation: Excitation | None = None
+    """-; the identification input"""
+
+
+def told(item: Item) -> Told:
+    """What an item says."""
+    known = KINDS.get(item.command)
+    if known is not None:
+        return known(item)
+    return _placed(item, wording.words(command_name(item.command)))
+
+
+def _positive(value: float) -> float | None:
+    return value if math.isfinite(value) and value > 0.0 else None
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _nonzero(value: float) -> float | None:
+    return value if math.isfinite(value) and value != 0.0 else None
+
+
+def _radians(degrees: float) -> float | None:
+    return math.radians(degrees) if math.isfinite(degrees) else None
+
+
+def _placed(item: Item, does: str) -> Told:
+    """With the place and the altitude that an item of most commands has."""
+    if item.frame == MISSION_FRAME:
+        return Told(does)
+    scale, above = wire_scale(item.frame), _above(item.frame)
+    down = item.frame in LOCAL_FRAMES and item.frame != ENU
+    one = Told(does, altitude=(-item.z if down else item.z) + 0.0, altitude_above=above)
+    if not item.x and not item.y:
+        return one
+    x, y = item.x / scale, item.y / scale
+    if item.frame in LOCAL_FRAMES:
+        north, east = (y, x) if item.frame == ENU else (x, y)
+        return one._replace(north=north, east=east)
+    return one._replace(latitude=math.radians(x), longitude=math.radians(y))
+
+
+def _above(frame: int) -> str:
+    if frame in SEA_FRAMES:
+        return "sea"
+    return "terrain" if frame in TERRAIN_FRAMES else "home"
+
+
+def _waypoint(item: Item) -> Told:
+    wait, acceptance = item.parameters[:2]
+    return _placed(item, "fly to")._replace(duration=_positive(wait), acceptance=_positive(acceptance))
+
+
+def _land(item: Item) -> Told:
+    return _placed(item, "land")._replace(heading=_radians(item.parameters[3]))
+
+
+def _hold(item: Item) -> Told:
+    duration, heading = item.parameters[:2]
+    return _placed(item, "hold course")._replace(duration=_finite(duration), heading=_radians(heading))
+
+
+def _jump(item: Item) -> Told:
+    target, repeats = (int(value) if math.isfinite(value) else None for value in item.parameters[:2])
+    return Told(f"go on with item {target}", jump_to=target, repeats=repeats)
+
+
+def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], Told]:
+    """A circle whose radius and ``amounts`` are parameters at these places, from 0."""
+
+    def read(item: Item) -> Told:
+        values: dict[str, Any] = {name: _positive(item.parameters[at]) for name, at in amounts.items()}
+        return _placed(item, does)._replace(radius=_nonzero(item.parameters[radius_at]), **values)
+
+    return read
+
+
+def _excite(item: Item) -> Told:
+    try:
+        asked = decode_excitation(wire_item(item))
+    except ItemRefused as refused:
+        return Told(f"{wording.words(command_name(item.command))}: {refused}")
+    return Told(wording.words(Shape(asked.shape).name), excitation=asked)
+
+
+KINDS: dict[int, Callable[[Item], Told]] = {
+    ItemKind.WAYPOINT: _waypoint,
+    ItemKind.LOITER: _circle("circle without end", 2),
+    ItemKind.CIRCLE: _circle("circle", 2, turns=0),
+    mavlink.MAV_CMD_NAV_LOITER_TIME: _circle("circle", 2, duration=0),
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT: _circle("circle to altitude", 1),
+    ItemKind.RETURN: lambda item: Told("return to launch"),
+    ItemKind.LAND: _land,
+    ItemKind.TAKEOFF: lambda item: _placed(item, "take off to"),
+    ItemKind.JUMP: _jump,
+    ItemKind.HOLD: _hold,
+    **dict.fromkeys(DECODERS, _excite),
+}
+"""What reads an item, by its command"""
+
+
+def mission_record(number: int, item: Item) -> dict[str, Any]:
+    """An item as a JSON object: the numbers of `Told`, and the item as MISSION_ITEM_INT carries it."""
+    said = told(item)._asdict()
+    if said["excitation"] is not None:
+        said["excitation"] = _excitation_record(said["excitation"])
+    return {"number": number, **said, **item._asdict()}
+
+
+def _excitation_record(asked: Excitation) -> dict[str, Any]:
+    elevator, throttle, rudder = asked.amplitudes()
+    kept = {name: getattr(asked, name) for name in ("width", "settle", "repeats", "low", "high")}
+    amplitudes = {"elevator": elevator, "throttle": throttle, "rudder": rudder}
+    return {"shape": Shape(asked.shape).name, **amplitudes, **kept, "loops": "active" if asked.loops else "frozen"}
+
+
+def print_mission(items: Sequence[Item]) -> None:
+    """The vehicle's mission, one row an item."""
+    if not items:
+        print("the vehicle has no mission")
+        return
+    table = tables.plain_table(("", "right"), ("what", ""), ("place", ""), ("altitude", "right"), ("how", ""))
+    for number, item in enumerate(items):
+        said = told(item)
+        table.add_row(str(number), said.does, _place(said), _altitude(said), _how(said, item))
+    open_console().print(table)
+
+
+def _place(said: Told) -> str:
+    if said.north is not None and said.east is not None:
+        return f"{said.north:+.1f} m N  {said.east:+.1f} m E"
+    if said.latitude is not None and said.longitude is not None:
+        return f"{math.degrees(said.latitude):.6f}°  {math.degrees(said.longitude):.6f}°"
+    return ""
+
+
+def _altitude(said: Told) -> str:
+    if said.altitude is None:
+        return ""
+    beside = {"sea": " above the sea", "terrain": " above the terrain"}
+    return f"{said.altitude:g} m{beside.get(said.altitude_above or '', '')}"
+
+
+def _how(said: Told, item: Item) -> str:
+    """The numbers of an item that are neither place nor altitude, each with its unit."""
+    if item.command not in KINDS:
+        return _raw(item)
+    if said.excitation is not None:
+        return _input(said.excitation)
+    parts = [
+        "" if said.turns is None else counted(said.turns, "turn"),
+        "" if said.duration is None else f"for {said.duration:g} s",
+        "" if said.heading is None else f"heading {wording.bearing(said.heading)}",
+        _radius(said.radius),
+        "" if said.acceptance is None else f"reached within {said.acceptance:g} m",
+        _repeats(said.repeats),
+    ]
+    return "  ".join(part for part in parts if part)
+
+
+def _radius(radius: float | None) -> str:
+    if radius is None:
+        return ""
+    return f"radius {abs(radius):g} m" + ("" if radius > 0.0 else " counter-clockwise")
+
+
+def _repeats(repeats: int | None) -> str:
+    if repeats is None:
+        return ""
+    return "for ever" if repeats < 0 else counted(repeats, "time")
+
+
+def _raw(item: Item) -> str:
+    """The parameters as they came, of a command that is not known here."""
+    places = (item.x, item.y, item.z) if item.frame == MISSION_FRAME else ()
+    values = enumerate((*item.parameters, *places), 1)
+    return "  ".join(f"parameter {n} {value:g}" for n, value in values if math.isfinite(value) and value)
+
+
+def _input(asked: Excitation) -> str:
+    amplitudes = zip(Channel, asked.amplitudes(), strict=True)
+    parts = [_amplitude(channel, value) for channel, value in amplitudes if value]
+    if asked.shape in SWEEPS or asked.shape == Shape.MULTISINE:
+        parts.append(f"{asked.low:g} to {asked.high:g} Hz")
+    length = "steps of" if asked.shape in (Shape.DOUBLET, Shape.MULTISTEP_3211) else "over"
+    parts.append(f"{'period' if asked.shape == Shape.MULTISINE else length} {asked.width:g} s")
+    parts += [f"settling {asked.settle:g} s", counted(asked.repeats, "time")]
+    return "  ".join([*parts, "loops active" if asked.loops else "loops frozen"])
+
+
+def _amplitude(channel: Channel, value: float) -> str:
+    number = f"±{value:.2f}" if channel == Channel.THROTTLE else f"±{math.degrees(value):.1f}°"
+    return f"{channel.name.lower()} {number}"
