@@ -94,7 +94,13 @@ class FlightView:
         if gains is not self._gains_shown:
             self._gains_shown = gains
             self._parameters = tuple(
-                Parameter(entry.name, parameters.get(gains, entry), entry.low, entry.high)
+                Parameter(
+                    entry.name,
+                    parameters.get(gains, entry),
+                    entry.low,
+                    entry.high,
+                    entry.unit if entry.unit != "-" else "",
+                )
                 for entry in self._table.values()
             )
         return self._parameters

@@ -29,7 +29,6 @@ from avionics.link.streams import Streams
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.link.vehicle import Identity, LinkGains, Storage, VehicleView
 from avionics.messages import ChannelOverride, CommandKind, Event, Input, PilotInput, Severity
-from avionics.quantities import counted
 
 PAUSE = 0.2
 """s; a frame does not pause for longer, even on a slow radio"""
@@ -197,7 +196,7 @@ class GroundLink:
                 self._deliver(self._answer(frame, sender, now), inputs)
             noise = link.noise(now)
             if noise:
-                text = f"{counted(noise, 'byte')} on {link.name} that were no MAVLink"
+                text = f"{noise} bytes on {link.name} were no MAVLink"
                 self._journal.append(Event(self._vehicle.time_us, Severity.WARNING, "link", text))
         for service in self._services:
             outputs = service.step(now)

@@ -22,6 +22,8 @@ class Parameter(NamedTuple):
     """in its unit; a smaller value is refused"""
     maximum: float
     """in its unit; a larger value is refused"""
+    unit: str = ""
+    """of value and limits, empty for none"""
 
 
 class Home(NamedTuple):

@@ -469,7 +469,12 @@ class ParameterWrite(NamedTuple):
     answer: Parameter | None = None
     timer: Timer = Timer()
     reason: str = ""
+    """-; what the vehicle said meanwhile: why it refuses, and what it allows"""
     failure: str = ""
+    kept: Parameter | None = None
+    """what the vehicle holds instead of the value asked for"""
+    error: int | None = None
+    """-; MAV_PARAM_ERROR"""
 
     @property
     def finished(self) -> bool:
@@ -483,29 +488,44 @@ class ParameterWrite(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[ParameterWrite, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(message), ()
+            return self._heard(now, message), ()
+        if not self.finished and (self.kept is not None or self.error is not None):
+            return self._refused(now), ()
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
             return self._replace(failure=f"no answer to setting {self.known.name}"), ()
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
-    def _heard(self, message: Any) -> ParameterWrite:
+    def _heard(self, now: float, message: Any) -> ParameterWrite:
         kind = message.get_type()
-        if kind == "STATUSTEXT":
-            return self._replace(reason=text_of(message))
+        if kind == "STATUSTEXT" and self.timer.attempts and message.severity <= mavlink.MAV_SEVERITY_WARNING:
+            return self._replace(reason=(self.reason if message.chunk_seq else "") + chunk_of(message))
         if not self.timer.attempts or kind not in ("PARAM_VALUE", "PARAM_ERROR") or _name(message) != self.known.name:
             return self
         if kind == "PARAM_ERROR":
-            return self._replace(failure=f"the vehicle refused to set {self.known.name}{self._because()}")
+            return self._replace(error=message.error, timer=Timer(now, 1))
         answer = decode_parameter(message, self.bytewise)
         if not _same(answer.value, self.value):
-            kept = f"the vehicle kept {self.known.name} = {answer.value:g}, not {self.value:g}{self._because()}"
-            return self._replace(answer=answer, failure=kept)
+            return self._replace(kept=answer, timer=Timer(now, 1))
         return self._replace(answer=answer)
 
+    def _refused(self, now: float) -> ParameterWrite:
+        """Give the vehicle a moment to say what it allows: PARAM_ERROR and STATUSTEXT follow PARAM_VALUE."""
+        if not self.reason and not self.timer.due(now, EXPLANATION):
+            return self
+        return self._replace(failure=f"{self._denial()}{self._because()}")
+
+    def _denial(self) -> str:
+        if self.error is not None or self.kept is None:
+            return f"the vehicle refused to set {self.known.name} = {self.value:g}"
+        return f"the vehicle kept {self.known.name} = {self.kept.value:g}, not {self.value:g}"
+
     def _because(self) -> str:
-        return f": {self.reason}" if self.reason else ""
+        entry = None if self.error is None else mavlink.enums["MAV_PARAM_ERROR"].get(self.error)
+        words = "" if entry is None else str(entry.name).removeprefix("MAV_PARAM_ERROR_").lower().replace("_", " ")
+        reason = self.reason.strip() or words
+        return f": {reason}" if reason else ""
 
     def _request(self) -> Any:
         wire = encode_value(self.value, self.known.kind, self.bytewise)

@@ -25,7 +25,7 @@ class FakeVehicle:
         self.rally: Rally = ()
         self.home: Home | None = HOME
         self.parameters = [
-            Parameter("PITCH_P", 0.8, 0.0, 5.0),
+            Parameter("PITCH_P", 0.8, 0.0, 5.0, "rad/s"),
             Parameter("CLIMB_P", 0.1, 0.0, 2.0),
             *(Parameter(f"SPARE_{number}", float(number), -1e6, 1e6) for number in range(60)),
         ]

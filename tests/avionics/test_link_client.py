@@ -118,7 +118,7 @@ def test_a_set_that_is_refused_is_answered_with_the_old_value_and_a_reason() -> 
         for value in (99.0, math.nan, -math.inf):
             client.mav.param_set_send(1, 1, b"PITCH_P", value, mavlink.MAV_PARAM_TYPE_REAL32)
             assert expect(client, "PARAM_VALUE").param_value == pytest.approx(0.8)
-            assert expect(client, "STATUSTEXT").text == "PITCH_P must be within 0 and 5"
+            assert expect(client, "STATUSTEXT").text == "PITCH_P must be within 0 and 5 rad/s"
         client.mav.param_request_read_send(1, 1, b"NOT_THERE", -1)
         assert expect(client, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
         settle(client)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -101,6 +102,36 @@ def test_a_clipped_value_is_told() -> None:
     known = client.Parameter("GAIN_3", 3.0, 9, 3)
     written = converse(client.ParameterWrite(TARGET, known, 99.0), vehicle)
     assert written.failure == "the vehicle kept GAIN_3 = 5, not 99"
+
+
+class Strict(LossyVehicle):
+    """Answers a value out of range as our own flight computer does: the old value, the error, and why."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__()
+        self.why = [why[start : start + 50] for start in range(0, len(why), 50)]
+
+    def _param_set(self, message: Any) -> list[Any]:
+        error = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+        texts = [
+            mavlink.MAVLink_statustext_message(4, part.encode(), 7 * (len(self.why) > 1), number)
+            for number, part in enumerate(self.why)
+        ]
+        return [self._value("GAIN_3"), mavlink.MAVLink_param_error_message(255, 190, b"GAIN_3", 3, error), *texts]
+
+
+@pytest.mark.parametrize(
+    ("why", "told"),
+    [
+        ("GAIN_3 must be within 0 and 5 rad/s", "GAIN_3 must be within 0 and 5 rad/s"),
+        ("GAIN_3 must be within -1.23456e-07 and 1.23456e+07 kg m^2/s^2", "-1.23456e-07 and 1.23456e+07 kg m^2/s^2"),
+        ("", "value out of range"),
+    ],
+)
+def test_a_value_out_of_range_is_refused_with_the_range_that_the_vehicle_tells(why: str, told: str) -> None:
+    written = converse(client.ParameterWrite(TARGET, client.Parameter("GAIN_3", 3.0, 9, 3), 99.0), Strict(why))
+    assert written.failure.startswith("the vehicle refused to set GAIN_3 = 99: ") and written.failure.endswith(told)
+    assert written.answer is None
 
 
 def test_an_unknown_parameter_is_told() -> None:

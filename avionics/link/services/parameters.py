@@ -67,7 +67,8 @@ class ParameterService:
         parameter = self._vehicle.parameters[index]
         value = _within(parameter, message.param_value)
         if value is None:
-            text = f"{parameter.name} must be within {parameter.minimum:g} and {parameter.maximum:g}"
+            limits = f"{parameter.minimum:g} and {parameter.maximum:g} {parameter.unit}".rstrip()
+            text = f"{parameter.name} must be within {limits}"
             return [
                 Reply(self._value(index), sender),
                 _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, sender),
