@@ -2,7 +2,8 @@
 
 Files belong to the edge: the flight core knows gains, and the link a `avionics.link.vehicle.Storage`. The file is
 written whole beside its place and moved there, so that a cut of the power leaves the old one or the new one; its
-checksum tells a file that was damaged or edited, which is then kept beside as ``.damaged`` and not believed.
+checksum tells a file that was damaged or edited, which is then kept beside as ``.damaged`` and not believed. A sound
+file of another vehicle is refused and stays as it is.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 
 FORMAT = "wingbeat parameters 1"
+
+
+class AnotherVehicles(BadInput):
+    """The file is sound and another vehicle's: it is neither flown with nor touched."""
 
 
 class Loaded(NamedTuple):
@@ -72,7 +77,8 @@ class ParameterFile:
         """The values in the file; none where there is no file.
 
         Raises:
-            BadInput: it cannot be read, is damaged, or is another vehicle's.
+            BadInput: it cannot be read, or is damaged.
+            AnotherVehicles: it is sound, and another vehicle's.
         """
         try:
             text = self.path.read_text(encoding="utf-8")
@@ -80,21 +86,42 @@ class ParameterFile:
             return {}
         except (OSError, UnicodeDecodeError) as error:
             raise BadInput(f"cannot read parameter file {self.path}: {error}") from None
-        values = _checked(text, self._vehicle.name)
-        if isinstance(values, str):
-            raise BadInput(f"parameter file {self.path} {values}")
-        return values
+        checked = _checked(text)
+        if isinstance(checked, str):
+            raise BadInput(f"parameter file {self.path} {checked}")
+        if checked.vehicle != self._vehicle.name:
+            raise AnotherVehicles(
+                f"parameter file {self.path} is of another vehicle, {checked.vehicle}, and is left as it is;"
+                f" choose another file for {self._vehicle.name} with --parameters"
+            )
+        return checked.values
+
+    def check_owner(self) -> None:
+        """Refuse another vehicle's file before anything is started; a damaged one is left to `load`.
+
+        Raises:
+            AnotherVehicles: it is one.
+        """
+        try:
+            self.stored()
+        except AnotherVehicles:
+            raise
+        except BadInput:
+            return
 
     def load(self) -> Loaded:
         """The vehicle with the gains of the file; with its own where the file cannot be believed.
 
         Raises:
             BadInput: the file is there and cannot be opened, or cannot be moved aside.
+            AnotherVehicles: it is sound, and another vehicle's.
         """
         if self.path.exists() and not self.path.is_file():
             raise BadInput(f"parameter file {self.path} is not a file")
         try:
             values = self.stored()
+        except AnotherVehicles:
+            raise
         except BadInput as refused:
             aside = self._move_aside()
             self._kept = self._vehicle.gains
@@ -173,8 +200,13 @@ def _checksum(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def _checked(text: str, vehicle: str) -> dict[str, float] | str:
-    """The values of a sound file of this vehicle, or what is wrong with it."""
+class _Content(NamedTuple):
+    vehicle: str
+    values: dict[str, float]
+
+
+def _checked(text: str) -> _Content | str:
+    """What is in a sound file, or what is wrong with it."""
     try:
         document = json.loads(text)
         checksum = document.pop("sha256")
@@ -185,4 +217,4 @@ def _checked(text: str, vehicle: str) -> dict[str, float] | str:
         return "is of another format"
     if checksum != _checksum(document):
         return "is damaged: its checksum is wrong"
-    return values if document.get("vehicle") == vehicle else f"is of another vehicle, {document.get('vehicle')}"
+    return _Content(str(document.get("vehicle")), values)

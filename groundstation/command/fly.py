@@ -17,6 +17,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.live import Live
 
+from avionics.board.parameter_file import ParameterFile
 from avionics.link.transport import open_transport
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
@@ -159,6 +160,8 @@ def check(chosen: argparse.Namespace) -> Plan:
     steady_wind(chosen.wind, chosen.wind_from)
     dryden.turbulence(chosen.turbulence, 1.0, chosen.seed)
     notes = load_flight_plan(chosen.mission).notes
+    if chosen.parameters not in (None, options.NO_PARAMETERS):
+        ParameterFile(Path(chosen.parameters), vehicle).check_owner()
     if chosen.sticks is not None:
         load_script(chosen.sticks)
     for url in chosen.gcs:

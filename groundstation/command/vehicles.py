@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -25,7 +26,8 @@ EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat 
 JSON_KEYS = {
     "vehicles": "list of {name, title, mass, wingspan, aerodynamics, flies, sources}; kg, m; aerodynamics: names of"
     " the models that --aerodynamics takes; flies: has a flight computer's file",
-    "values": "with a name: list of {key, value, kind, source, fitted}",
+    "values": "with a name: list of {key, value, unit, kind, source, fitted};"
+    " unit: - for a plain number, null for a word",
 }
 
 
@@ -93,10 +95,12 @@ def count_kinds(sources: Iterable[Source]) -> dict[str, int]:
 
 
 def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
+    units = file_units(vehicle.text)
     values = [
         {
             "key": key,
             "value": _value(vehicle, key),
+            "unit": units.get(key),
             "kind": source.kind,
             "source": source.text,
             "fitted": vehicle.fitted.get(key),
@@ -113,7 +117,7 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
     table.columns[0].no_wrap = True
     for value in values:
         source = Text.assemble((f"{value['kind']}: ", "dim"), str(value["source"]))
-        table.add_row(value["key"], _written(value["value"]), source)
+        table.add_row(value["key"], f"{_written(value['value'])}{_unit(value['unit'])}", source)
     console.print(table)
     if vehicle.path.stem in flight_names():
         flight = load_flight_vehicle(vehicle.path.stem)
@@ -132,6 +136,26 @@ def _value(vehicle: SimulatedVehicle, key: str) -> Any:
     family, _, member = section.partition(".")
     record = vehicle.sections[family]
     return getattr(record[member] if member else record, name)
+
+
+def file_units(text: str) -> dict[str, str]:
+    """The units of a vehicle file by ``section.key``, as it writes them; a value that is a word has none."""
+    found: dict[str, str] = {}
+
+    def look(where: str, table: dict[str, Any]) -> None:
+        for name, entry in table.items():
+            key = f"{where}.{name}" if where else name
+            if isinstance(entry, dict) and "value" not in entry:
+                look(key, entry)
+            elif isinstance(entry, dict) and isinstance(entry.get("unit"), str):
+                found[key] = entry["unit"]
+
+    look("", tomllib.loads(text))
+    return found
+
+
+def _unit(unit: str | None) -> str:
+    return "" if unit in (None, "-") else f" {unit}"
 
 
 def _written(value: Any) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from avionics import parameters
-from avionics.board.parameter_file import ParameterFile, default_path
+from avionics.board.parameter_file import AnotherVehicles, ParameterFile, default_path
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle, load_vehicle
 from avionics.vehicles.gains import FlightGains
@@ -80,12 +80,25 @@ def test_a_damaged_file_falls_back_and_is_kept_beside(tmp_path: Path, spoil, sai
         assert not kept.path.exists()
 
 
-def test_another_vehicles_file_is_not_believed(tmp_path: Path) -> None:
+def test_another_vehicles_file_is_refused_and_left_alone(tmp_path: Path) -> None:
     file(tmp_path).save({"PITCH_P": 0.7})
     other = file(tmp_path, load_vehicle("arizona_100cm"))
-    loaded = other.load()
-    assert loaded.damaged
-    assert "another vehicle, robo_raven_ii_d" in loaded.text
+    before = other.path.read_bytes()
+    for look in (other.load, other.check_owner):
+        with pytest.raises(AnotherVehicles, match="is of another vehicle, robo_raven_ii_d, and is left as it is"):
+            look()
+    assert [path.name for path in other.path.parent.iterdir()] == ["raven.json"]
+    assert other.path.read_bytes() == before
+
+
+def test_who_asks_for_the_owner_leaves_a_damaged_file_to_the_one_who_loads(tmp_path: Path) -> None:
+    kept = file(tmp_path)
+    kept.check_owner()
+    kept.save({"PITCH_P": 0.7})
+    kept.check_owner()
+    kept.path.write_text("spoiled")
+    kept.check_owner()
+    assert kept.path.read_text() == "spoiled"
 
 
 def test_a_name_that_is_gone_or_a_value_out_of_range_is_passed_over_and_said(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -12,9 +13,11 @@ from pathlib import Path
 
 import pytest
 
+from avionics.board.parameter_file import ParameterFile
 from avionics.messages import Attitude
 from avionics.state import zero
 from avionics.topics import ATTITUDE
+from avionics.vehicles import load_vehicle
 from avionics.vehicles.loader import FOLDER as COMPUTERS
 from groundstation.command.main import SUBCOMMANDS, main
 from logs.recorder import McapRecorder
@@ -155,6 +158,19 @@ def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("command", [["fly"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
+def test_the_parameters_of_another_vehicle_are_refused_and_left_alone(
+    command: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "raven.json"
+    ParameterFile(path, load_vehicle("robo_raven_ii_d")).save({"PITCH_P": 0.7})
+    before = path.read_bytes()
+    assert main([*command, "--vehicle", "arizona_100cm", "--parameters", "raven.json"]) == 2
+    assert "raven.json is of another vehicle, robo_raven_ii_d, and is left as it is" in complaint(capsys)
+    assert list(tmp_path.iterdir()) == [path] and path.read_bytes() == before
+
+
 @pytest.mark.parametrize("command", [["fly"], ["sim"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
 def test_an_existing_log_is_never_overwritten(command: list[str], tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "flight.mcap"
@@ -234,9 +250,13 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     assert main(["vehicles", "robo_raven_ii_d", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)["values"]
     assert all(value["kind"] in ("published", "identified", "chosen") and value["source"] for value in values)
+    units = {value["key"]: value["unit"] for value in values}
+    assert (units["bodies.fuselage.mass"], units["drive.pwm_frequency"]) == ("kg", "Hz")
+    assert (units["drive.kind"], units["wing.strips"]) == (None, "-")
     assert main(["vehicles", "robo_raven_ii_d"]) == 0
     told = capsys.readouterr().out
-    assert "bodies.fuselage.mass" in told
+    assert re.search(r"bodies\.fuselage\.mass +[0-9.]+ kg ", told)
+    assert re.search(r"fuselage\.imu_position +0\.02 0 0 m ", told)
     assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element too" in told
 
 
