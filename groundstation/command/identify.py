@@ -19,7 +19,8 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap modes --json",
 )
 JSON_KEYS = {
-    "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified",
+    "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
+    " of power: the same regression on this flight's noise-free drive, which varies with the flight",
     "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres",
     "missing": "list of {name, reason}: what the log does not give",
 }

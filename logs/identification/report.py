@@ -14,6 +14,8 @@ from logs.identification.servo import ServoModel, ServoResult, identify_power, i
 from logs.identification.short_period import Mode, ModesResult, identify_modes
 
 SUBJECTS = ("servo", "power", "modes", "all")
+POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
+"""Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
 
 
 class Identification(NamedTuple):
@@ -111,6 +113,8 @@ def rows(result: Identification) -> tuple[Row, ...]:
         if model is not None:
             table += _estimate_rows(subject, model.estimates, result.truths, prefix)
             table += _refusals(subject, model.unidentified)
+    if any(name.startswith("power.") for name in result.truths):
+        table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
     for mode in result.modes.modes if result.modes else ():
         found = [e for e in (mode.frequency, mode.damping) if e is not None]
         table += _estimate_rows(mode.method, (*found, *mode.time_constants), result.truths, "")

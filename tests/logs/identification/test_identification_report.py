@@ -16,7 +16,7 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import FlightData
-from logs.identification.report import Identification, document, identify, rows, text
+from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows, text
 from logs.identification.short_period import short_period_of
 from sim_bridge import topics as truth
 
@@ -153,6 +153,13 @@ def test_servo_from_topics_with_the_worlds_truth_beside(drive: RecordedTopics) -
     assert true is not None
     assert value == pytest.approx(true, rel=0.02)
     assert value != true
+
+
+def test_where_the_true_power_is_from_is_said_where_there_is_one(drive: RecordedTopics) -> None:
+    notes = [row.note for row in rows(identify(drive, "power")) if row.name == "true values"]
+    assert notes == [POWER_TRUTH] and "this flight" in POWER_TRUTH
+    real = rows(identify(drive.without(truth.WING), "power"))
+    assert not [row for row in real if row.note == POWER_TRUTH]
 
 
 def test_power_alone_leaves_the_torque_out(drive: RecordedTopics) -> None:
