@@ -103,7 +103,9 @@ class FlightSummary(NamedTuple):
     estimate: EstimateError | None
     """of the flight computer's estimates; None without truth"""
     touchdown: Touchdown | None
-    """None without truth, or when it was still in the air"""
+    """first contact with the ground; None without truth, or when it was still in the air"""
+    landed: float | None
+    """s; since boot, when the flight computer was sure that it lies on the ground, some still seconds later"""
 
 
 class _Flight(NamedTuple):
@@ -155,6 +157,7 @@ def summarize(log: Log) -> FlightSummary:
         manoeuvres=_manoeuvres(flight),
         estimate=_estimate_error(flight),
         touchdown=None if truth is None else _touchdown(truth),
+        landed=_landed(flight),
     )
 
 
@@ -202,6 +205,14 @@ def _touchdown(truth: Columns) -> Touchdown | None:
     return Touchdown(
         float(truth.time[last + 1]), float(truth["v_down"][last]), speed, float(roll[0]), float(pitch[0])
     )
+
+
+def _landed(flight: _Flight) -> float | None:
+    navigation = flight.get(topics.NAVIGATION)
+    if navigation is None or flight.launch is None:
+        return None
+    found = np.flatnonzero((navigation["stage"] == Stage.LANDED) & (navigation.time > flight.launch))
+    return float(navigation.time[found[0]]) if len(found) else None
 
 
 # --- the hold ------------------------------------------------------------------------------------------------

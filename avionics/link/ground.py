@@ -146,6 +146,7 @@ class GroundLink:
         self._identity = identity or Identity()
         self._vehicle = vehicle
         self._links = [_Link(transport, self._identity) for transport in _open_all(urls)]
+        self._unix_time = unix_time
         self._streams = Streams(vehicle, len(self._links), unix_time)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._services = self._build_services(gains or LinkGains(), storage)
@@ -167,7 +168,7 @@ class GroundLink:
             missions,
             ModeService(vehicle, identity),
             requests,
-            StatustextService(vehicle),
+            StatustextService(vehicle, self._unix_time),
             TimesyncService(vehicle),
             FtpService(),
             ManualService(vehicle, identity.system),

@@ -118,6 +118,8 @@ class VehicleState(NamedTuple):
     """custom modes the vehicle announced with AVAILABLE_MODES"""
     sentence: tuple[int, str] | None = None
     """id and text so far of a STATUSTEXT that comes in chunks"""
+    stamp: float | None = None
+    """s; of the vehicle since boot, in the SYSTEM_TIME just before: that of the STATUSTEXT that follows"""
 
 
 def new_events(state: VehicleState, said: int) -> tuple[Heard, ...]:
@@ -140,10 +142,12 @@ def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
         return state
     receiver = RECEIVERS.get(kind)
     state = state._replace(messages=state.messages + 1, heard_at=now)
+    if kind != "STATUSTEXT" and state.stamp is not None:
+        state = state._replace(stamp=None)
     if receiver is None:
         return state
     milliseconds = getattr(message, "time_boot_ms", None)
-    if milliseconds:
+    if milliseconds and kind != "SYSTEM_TIME":
         state = state._replace(time=milliseconds * 1e-3)
     return receiver(state, message)
 
@@ -282,6 +286,14 @@ def _mission_current(state: VehicleState, message: Any) -> VehicleState:
     return state._replace(item=message.seq)
 
 
+def _system_time(state: VehicleState, message: Any) -> VehicleState:
+    """The time of what is said next; an event may be older than the telemetry, which time never follows backwards."""
+    if not message.time_boot_ms:
+        return state
+    stamp = message.time_boot_ms * 1e-3
+    return state._replace(stamp=stamp, time=stamp if state.time is None else max(state.time, stamp))
+
+
 def _status_text(state: VehicleState, message: Any) -> VehicleState:
     """Join the chunks of a long STATUSTEXT; a chunk shorter than 50 characters is the last."""
     text = message.text if isinstance(message.text, str) else message.text.decode("utf-8", "replace")
@@ -293,7 +305,9 @@ def _status_text(state: VehicleState, message: Any) -> VehicleState:
         if len(message.text) == 50 and "\0" not in message.text:
             return state._replace(sentence=(number, text))
     clean = "".join(letter if letter.isprintable() else " " for letter in text).strip()
-    heard = Heard(state.time, Severity(min(max(message.severity, 0), 7)), clean)
+    heard = Heard(
+        state.time if state.stamp is None else state.stamp, Severity(min(max(message.severity, 0), 7)), clean
+    )
     return state._replace(events=(*state.events, heard)[-EVENTS_KEPT:], said=state.said + 1, sentence=None)
 
 
@@ -315,6 +329,7 @@ RECEIVERS: dict[str, Receiver] = {
     "GPS_RAW_INT": _gps,
     "BATTERY_STATUS": _battery,
     "SYS_STATUS": _system_status,
+    "SYSTEM_TIME": _system_time,
     "MISSION_CURRENT": _mission_current,
     "STATUSTEXT": _status_text,
     "AVAILABLE_MODES": _available_mode,

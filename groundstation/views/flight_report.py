@@ -34,6 +34,7 @@ def flown_table(summary: FlightSummary) -> RenderableType:
         ("drive", _drive(summary)),
         ("estimate", _estimate(summary.estimate)),
         ("touchdown", _touchdown(summary.touchdown)),
+        ("landed", "" if summary.landed is None else f"at {summary.landed:.1f} s for the flight computer"),
     ]
     for label, text in rows:
         if text:
@@ -98,7 +99,7 @@ def _touchdown(touchdown: Touchdown | None) -> str:
         return ""
     return _joined(
         [
-            f"at {touchdown.time:.1f} s",
+            f"at {touchdown.time:.1f} s, first contact",
             f"sink {touchdown.sink:.2f} m/s",
             f"speed {touchdown.speed:.1f} m/s",
             f"bank {wording.angle(touchdown.bank)}",

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from avionics import messages as m
 from avionics import topics
+from groundstation.views.flight_report import flown_table
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 from sim_bridge.messages import TruthState
 
-LAUNCH, TOUCHDOWN, END = 4.0, 34.0, 36.0
+LAUNCH, TOUCHDOWN, NOTICED, END = 4.0, 34.0, 35.0, 36.0
 HOLD = (12.0, 28.0)
 CAPTURED = 15.0
 ALTITUDE_ERROR = 0.5
@@ -73,7 +76,8 @@ def true_state(time_us: int, t: float) -> TruthState:
 
 def estimates(time_us: int, t: float) -> list[tuple[topics.Topic, Any]]:
     flying = LAUNCH <= t < TOUCHDOWN
-    stage = m.Stage.EN_ROUTE if flying else m.Stage.LANDED if t > LAUNCH else m.Stage.WAIT_LAUNCH
+    noticed = m.Stage.LANDED if t >= NOTICED else m.Stage.FLARE
+    stage = m.Stage.EN_ROUTE if flying else noticed if t > LAUNCH else m.Stage.WAIT_LAUNCH
     hold = HOLD[0] <= t < HOLD[1]
     altitude = altitude_at(t)
     return [
@@ -138,13 +142,24 @@ def test_touchdown(tmp_path: Path) -> None:
     assert touchdown.bank == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("truth", [True, False])
+def test_when_the_flight_computer_was_sure_of_the_landing(tmp_path: Path, truth: bool) -> None:
+    summary = record(tmp_path / "a.mcap", truth)
+    assert summary.landed == pytest.approx(NOTICED, abs=0.03)
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(flown_table(summary))
+    told = console.export_text()
+    assert "landed" in told and "at 35.0 s for the flight computer" in told
+    assert ("at 34.0 s, first contact" in told) == truth
+
+
 def test_without_truth_the_estimate_is_the_measure(tmp_path: Path) -> None:
     summary = record(tmp_path / "b.mcap", truth=False)
     assert not summary.against_truth and summary.touchdown is None and summary.estimate is None
     assert summary.hold is not None
     assert summary.hold.altitude_rms == pytest.approx(ALTITUDE_ERROR - 0.25, abs=0.01)
     assert summary.hold.heading_rms == pytest.approx(HEADING_ERROR, rel=1e-6)
-    assert summary.airtime == pytest.approx(TOUCHDOWN - LAUNCH, abs=0.05)
+    assert summary.airtime == pytest.approx(NOTICED - LAUNCH, abs=0.05)
 
 
 def test_a_log_of_something_else_is_summed_up_as_nothing(tmp_path: Path) -> None:

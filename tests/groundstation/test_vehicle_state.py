@@ -53,6 +53,23 @@ def test_a_second_vehicle_on_the_link_changes_nothing() -> None:
     assert heard(first, second).roll is None
 
 
+def test_what_was_said_has_the_time_of_the_stamp_before_it() -> None:
+    attitude = mavlink.MAVLink_attitude_message(9000, 0.1, 0, 0, 0, 0, 0)
+    state = heard(
+        attitude,
+        mavlink.MAVLink_system_time_message(0, 8400),
+        mavlink.MAVLink_statustext_message(5, b"launched"),
+        mavlink.MAVLink_system_time_message(0, 9300),
+        mavlink.MAVLink_statustext_message(6, b"a" * 50, 3, 0),
+        mavlink.MAVLink_statustext_message(6, b"b", 3, 1),
+        attitude,
+        mavlink.MAVLink_statustext_message(6, b"no stamp"),
+    )
+    assert [event.time for event in state.events] == [8.4, 9.3, 9.0]
+    late = receive(heard(attitude), from_system(mavlink.MAVLink_system_time_message(0, 8400), 1), 1.0)
+    assert late.time == 9.0, "an event that comes late does not turn the vehicle's time back"
+
+
 def test_wire_units_become_si() -> None:
     state = heard(
         mavlink.MAVLink_global_position_int_message(2500, 389900000, -769400000, 0, 40250, 0, 0, 0, 0),

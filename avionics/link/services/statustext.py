@@ -1,14 +1,19 @@
-"""STATUSTEXT: events for people, in chunks of 50 characters."""
+"""STATUSTEXT: events for people, in chunks of 50 characters.
+
+A STATUSTEXT carries no time: the SYSTEM_TIME before it says when since boot the event was, however far apart the time
+stamps of the telemetry are in a simulation that is faster than real time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.telemetry import boot_ms
 from avionics.link.vehicle import VehicleView
-from avionics.messages import Severity
+from avionics.messages import Event, Severity
 
 CHUNK = 50
 LONGEST = 4 * CHUNK
@@ -47,8 +52,10 @@ class StatustextService:
 
     handles: frozenset[str] = frozenset()
 
-    def __init__(self, vehicle: VehicleView) -> None:
+    def __init__(self, vehicle: VehicleView, unix_time: Callable[[], float]) -> None:
+        """``unix_time`` tells the seconds since 1970."""
         self._vehicle = vehicle
+        self._unix_time = unix_time
         self._told = 0
         self._identifier = 0
 
@@ -57,14 +64,17 @@ class StatustextService:
         return []
 
     def step(self, now: float) -> list[Output]:
-        """STATUSTEXT of the events that are new."""
+        """SYSTEM_TIME and STATUSTEXT of the events that are new."""
         events = self._vehicle.events(self._told)
         if not events:
             return []
         self._told += len(events)
         latest: Sequence[Any] = events[-MOST_AT_ONCE:]
-        return [Reply(message) for event in latest for message in self._chunks(event.severity, event.text)]
+        return [Reply(message) for event in latest for message in (self._time(event), *self._chunks(event))]
 
-    def _chunks(self, severity: Severity, text: str) -> list[Any]:
+    def _time(self, event: Event) -> Any:
+        return mavlink.MAVLink_system_time_message(int(self._unix_time() * 1e6), boot_ms(event.time_us))
+
+    def _chunks(self, event: Event) -> list[Any]:
         self._identifier = self._identifier % 0xFFFE + 1
-        return chunks(int(severity), text, self._identifier)
+        return chunks(int(event.severity), event.text, self._identifier)
