@@ -14,10 +14,17 @@ from typing import NamedTuple
 from avionics.board.board import BoardSilent
 from avionics.link import codec
 from avionics.link.dialect import mavlink
-from avionics.link.framing import Frame, FrameReader
+from avionics.link.framing import Frame, FrameReader, decode
 from avionics.link.transport import Stream, open_stream
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame
+
+ENDINGS: dict[int, str] = {
+    mavlink.WINGBEAT_END_REASON_FINISHED: "the simulation is over",
+    mavlink.WINGBEAT_END_REASON_STALLED: "the world says that an answer came too late",
+    mavlink.WINGBEAT_END_REASON_STOPPED: "the world was stopped",
+}
+"""what the other side said when it ended, in words"""
 
 Connect = Callable[[LinkUrl, float], Stream | None]
 
@@ -66,6 +73,8 @@ class HilBoard:
         self._last_heartbeat = -float("inf")
         self._last_time_us: int | None = None
         self._over = False
+        self.ended = ""
+        """why `read` gave None, one line"""
         self._say_hello()
 
     @property
@@ -101,6 +110,7 @@ class HilBoard:
     def _take(self, frame: Frame) -> SensorFrame | None:
         if frame.message_id == codec.END:
             self._over = True
+            self.ended = ENDINGS.get(decode(frame).reason, "the world ended")
             self._waiting.clear()
             return None
         return self._assembler.add(frame)
@@ -109,6 +119,7 @@ class HilBoard:
         data = self._stream.read(self._patience.noise)
         if data is None:
             self._over = True
+            self.ended = self.ended or "the world hung up"
         elif data:
             self._waiting.extend(self._reader.feed(data))
         else:

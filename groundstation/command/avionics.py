@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from avionics import parameters
 from avionics.board.board import BoardSilent
@@ -20,26 +21,39 @@ from avionics.link.ground import GroundLink
 from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
 from avionics.missions.script import plan_commands, scripted_start
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.onboard import Onboard
+from groundstation.command.told import Account, Flown, ToldBoard, event_record
+from groundstation.views.json_document import print_document
 from logs.attached import FLIGHT_VEHICLE, PARAMETERS
 from logs.names import new_recording
 from logs.recorder import McapRecorder
 from sim_bridge.flight.flight import fault_commands
 
+STOPPED = "stopped with Ctrl-C"
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
     "wingbeat avionics --board hil:serial:/dev/ttyACM0,921600 --vehicle my_bird.toml",
 )
+JSON_KEYS = {
+    "vehicle": "name",
+    "board": "address",
+    "links": "list of addresses of links for ground stations",
+    "log": "path of the recording",
+    "frames": "sensor frames read",
+    "time": "s; since boot, of the last sensor frame",
+    "ended": "why it ended, one line",
+    "events": "list of {time, severity, source, text}; s since boot",
+}
 
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "The flight computer alone: sensors and servos over a board, ground stations over MAVLink."
-    parser = options.build_parser("avionics", summary, EXAMPLES)
+    parser = options.build_parser("avionics", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
     parser.add_argument("--board", required=True, metavar="hil:URL", help="where sensors and servos are")
     options.add_mission(parser)
@@ -47,13 +61,14 @@ def build_parser() -> options.Parser:
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
+    options.add_json(parser)
     parser.add_argument("--fault", action="append", default=[], type=options.fault, help=argparse.SUPPRESS)
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Fly until the board says that the world is over.
+    """Fly until the board says that the world is over, and say on stderr what happens aboard.
 
     Raises:
         BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address.
@@ -67,6 +82,8 @@ def run(arguments: Sequence[str]) -> int:
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
     path = chosen.log or new_recording(vehicle.name)
+    # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
+    account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
     with contextlib.ExitStack() as stack:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
@@ -78,8 +95,40 @@ def run(arguments: Sequence[str]) -> int:
         _tell(onboard, loaded)
         link = GroundLink(chosen.gcs, onboard.view, storage=kept)
         stack.callback(link.close)
-        _fly(chosen.board, onboard, link)
+        for line in opening(chosen, vehicle, len(plan.mission), path):
+            account.say(line)
+        flown, ended = _fly(chosen.board, onboard, link, account)
+    account.say(f"over after {flown.time:.1f} s: {ended}; recorded in {path}")
+    if chosen.json:
+        print_document(_document(chosen, onboard, path, flown, ended))
+    if ended == STOPPED:
+        raise KeyboardInterrupt
     return 0
+
+
+def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path: Path) -> list[str]:
+    """What is said before the board answers: who flies, and over which links."""
+    links = [f"ground stations on {url}" for url in chosen.gcs] or ["no link for a ground station: --gcs opens one"]
+    return [
+        f"{vehicle.title}, mission {chosen.mission} of {counted(items, 'item')}",
+        *links,
+        f"recording to {path}",
+        f"waiting for the board on {chosen.board}",
+    ]
+
+
+def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, flown: Flown, ended: str) -> dict[str, Any]:
+    """The keys of `JSON_KEYS`."""
+    return {
+        "vehicle": chosen.vehicle,
+        "board": chosen.board,
+        "links": chosen.gcs,
+        "log": str(path),
+        "frames": flown.frames,
+        "time": flown.time,
+        "ended": ended,
+        "events": [event_record(event) for event in onboard.view.events(0)],
+    }
 
 
 def _tell(onboard: Onboard, loaded: Loaded) -> None:
@@ -96,16 +145,24 @@ def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
     return (scripted_start() if chosen.start else ()) + fault_commands(chosen.fault)
 
 
-def _fly(address: str, onboard: Onboard, link: GroundLink) -> None:
+def _fly(address: str, onboard: Onboard, link: GroundLink, account: Account) -> tuple[Flown, str]:
+    """Fly; returns how far, and why it ended."""
     pin_to_core()
+    flown = Flown()
     try:
         board = HilBoard(address)
+        told = ToldBoard(board, onboard.view, account)
         try:
-            onboard.fly(board, link)
+            onboard.fly(told, link)
         finally:
+            flown = told.flown
+            told.tell_events()
             board.close()
+        return flown, board.ended
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
+    except KeyboardInterrupt:
+        return flown, STOPPED
 
 
 def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:

@@ -155,12 +155,14 @@ def test_a_flight_computer_that_stops_answering_is_named_with_the_frame_it_left(
         serving.result()
     assert board.read() is not None  # the frame that was left
     assert board.read() is None
+    assert board.ended == "the world says that an answer came too late"
 
 
 def test_a_flight_computer_that_hangs_up_ends_the_flight() -> None:
     serving = Serving(ToyWorld(100))
     board = HilBoard(serving.url)
     assert board.read() is not None
+    assert board.ended == ""
     board.close()
     assert serving.result().ended == "the flight computer hung up"
 
@@ -202,6 +204,7 @@ def test_a_world_that_is_not_there_or_says_nothing_is_named() -> None:
             board.read()
         connected.close()
         assert board.read() is None
+        assert board.ended == "the world hung up"
 
 
 def test_a_world_that_talks_without_end_and_never_closes_a_tick_is_still_bounded() -> None:

@@ -1,0 +1,79 @@
+"""``wingbeat avionics`` as a user runs it, on a simulated world behind a real port: what it says, and its JSON."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from groundstation.command import avionics
+from groundstation.command.main import main
+from sim_bridge.bridge.server import BridgeServer, Tally
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
+
+Capture = pytest.CaptureFixture[str]
+RAVEN = "robo_raven_ii_d"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
+    """The command on a world of 2.5 s; its exit code and the board's address."""
+    monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
+    server = BridgeServer(f"tcp:127.0.0.1:{free_port()}")
+    told: list[Tally] = []
+    world = SimulatedWorld(load_vehicle(RAVEN), Scenario(duration=2.5))
+    serving = threading.Thread(target=lambda: told.append(server.serve(world)))
+    serving.start()
+    board = f"hil:tcp:127.0.0.1:{server.port}"
+    given = ["--board", board, "--parameters", "none", "--log", str(folder / "flight.mcap")]
+    code = main(["avionics", "--vehicle", RAVEN, *given, *words])
+    serving.join(20.0)
+    server.close()
+    assert told[0].frames == 500
+    return code, board
+
+
+def test_it_says_who_flies_what_it_waits_for_what_happens_and_why_it_ended(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, board = flown(tmp_path, monkeypatch, "--start", "--gcs", "udpout:127.0.0.1:9")
+    said = capsys.readouterr()
+    assert (code, said.out) == (0, "")
+    assert said.err.splitlines() == [
+        "Robo Raven II with wing D (Gerdes 2017), mission circuit of 9 items",
+        "ground stations on udpout:127.0.0.1:9",
+        f"recording to {tmp_path / 'flight.mcap'}",
+        f"waiting for the board on {board}",
+        "first sensor frame at 0.005 s",
+        "   2.0 s  armed",
+        "   2.0 s  mode AUTO",
+        f"over after 2.5 s: the simulation is over; recorded in {tmp_path / 'flight.mcap'}",
+    ]
+
+
+def test_with_json_it_says_one_document_at_the_end(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, board = flown(tmp_path, monkeypatch, "--start", "--json")
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    assert (code, said.err, set(document)) == (0, "", set(avionics.JSON_KEYS))
+    assert (document["board"], document["frames"], document["time"]) == (board, 500, 2.5)
+    assert document["ended"] == "the simulation is over"
+    assert [event["text"] for event in document["events"]] == ["armed", "mode AUTO"]
+
+
+def test_without_a_link_it_says_how_to_open_one(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown(tmp_path, monkeypatch)
+    assert "no link for a ground station: --gcs opens one" in capsys.readouterr().err.splitlines()
