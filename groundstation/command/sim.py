@@ -36,6 +36,7 @@ EXAMPLES = (
 )
 COMPILING = "compiling the physics, once: about half a minute"
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
+HURRIED = "; who arms by hand needs --speed 1"
 DURATION = 600.0
 """s; longest simulation"""
 
@@ -89,7 +90,8 @@ def run(arguments: Sequence[str]) -> int:
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
         world = SimulatedWorld(vehicle, scenario, telling(seen.record) if alone else seen.record)
         if alone:
-            print(WAITING, file=sys.stderr, flush=True)
+            hurried = HURRIED if math.isinf(chosen.speed) else ""
+            print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
         ended = _serve(server, world)
         if alone:
             _say_end(world, ended, path)
