@@ -79,7 +79,7 @@ LINE_EVERY = 10.0
 """s; of flight time between two lines where there is no terminal"""
 REFRESH = 0.1
 """s; between two pictures"""
-DURATION = 180.0
+DURATION = 300.0
 """s; longest flight"""
 
 

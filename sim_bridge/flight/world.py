@@ -75,7 +75,7 @@ class Scenario(NamedTuple):
     """rad; direction the wind comes from, clockwise from north"""
     turbulence: str = "none"
     """Dryden gusts: none, light, moderate or severe"""
-    duration: float = 180.0
+    duration: float = 300.0
     """s; the world ends then at the latest"""
     home: Home = COLLEGE_PARK
     throw: Throw = Throw()
