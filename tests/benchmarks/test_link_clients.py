@@ -1,0 +1,139 @@
+"""Three clients on a flight in real time: nothing is lost, and no tick waits for them (``make validate``)."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+os.environ["MAVLINK20"] = "1"
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import common
+
+from avionics import topics
+from logs.reader import open_log
+
+pytestmark = pytest.mark.validate
+
+DURATION = 600.0
+"""s; of real time with clients"""
+ALONE = 120.0
+"""s; without them"""
+RATE = 50.0
+"""Hz; of the attitude that each client asks for"""
+TICKS = 200.0
+"""Hz"""
+LOITER = """
+[[item]]
+kind = "takeoff"
+altitude = 40
+
+[[item]]
+kind = "loiter"
+north = 0
+east = 60
+altitude = 40
+"""
+
+
+def sequences(packet: bytes) -> Iterator[int]:
+    """Sequence numbers of the MAVLink 2 frames in a datagram, of dialects that the client does not know too."""
+    at = 0
+    while at < len(packet):
+        assert packet[at] == common.PROTOCOL_MARKER_V2
+        yield packet[at + 4]
+        at += 12 + packet[at + 1] + (13 if packet[at + 2] & 1 else 0)
+
+
+class Client(threading.Thread):
+    """A ground station on a UDP port that asks for attitude and counts what comes, and what is missing."""
+
+    def __init__(self, system: int) -> None:
+        super().__init__(daemon=True)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.5)
+        self.port = self.socket.getsockname()[1]
+        self.over = threading.Event()
+        self.attitudes: list[int] = []
+        self.missing = 0
+        self._system = system
+
+    def run(self) -> None:
+        reading, writing = common.MAVLink(None), common.MAVLink(None, self._system, 190)
+        reading.robust_parsing = True
+        heard, told, last = None, 0.0, -1
+        while not self.over.is_set():
+            try:
+                packet, heard = self.socket.recvfrom(4096)
+            except TimeoutError:
+                packet = b""
+            for sequence in sequences(packet):
+                self.missing += (sequence - last - 1) % 256 if last >= 0 else 0
+                last = sequence
+            for message in reading.parse_buffer(packet) or ():
+                if message.get_type() == "ATTITUDE":
+                    self.attitudes.append(message.time_boot_ms)
+            if heard and time.monotonic() - told > 1.0:
+                asked = writing.command_long_encode(1, 1, 511, 0, 30, 1e6 / RATE, 0, 0, 0, 0, 0)
+                for message in (writing.heartbeat_encode(6, 8, 0, 0, 4), *((asked,) if not told else ())):
+                    self.socket.sendto(message.pack(writing), heard)
+                told = time.monotonic()
+        self.socket.close()
+
+
+class Flown(NamedTuple):
+    ticks: int
+    """told by the sensors' times"""
+    logged: int
+    """IMU samples in the log"""
+    overruns: int
+    """of the processor of attitude"""
+
+
+def fly(folder: Path, duration: float, clients: list[Client]) -> Flown:
+    mission, log = folder / "loiter.toml", folder / f"flight{len(clients)}.mcap"
+    mission.write_text(LOITER)
+    command = [sys.executable, "-m", "groundstation.command.main", "fly", "--speed", "1", "--seed", "1"]
+    command += ["--duration", str(duration), "--mission", str(mission), "--log", str(log), "--parameters", "none"]
+    for client in clients:
+        command += ["--gcs", f"udpout:127.0.0.1:{client.port}"]
+        client.start()
+    subprocess.run(command, check=True, capture_output=True)
+    for client in clients:
+        client.over.set()
+        client.join()
+    with open_log(log) as flight:
+        imu: Any = flight.columns(topics.IMU)["time_us"]
+        overruns = flight.columns(topics.TIMING)["overruns"]
+        return Flown(round((imu[-1] - imu[0]) * 1e-6 * TICKS) + 1, len(imu), int(np.sum(overruns)))
+
+
+def test_three_clients_cost_no_tick_and_lose_no_message(tmp_path: Path) -> None:
+    alone = fly(tmp_path, ALONE, [])
+    clients = [Client(system) for system in (251, 252, 253)]
+    watched = fly(tmp_path, DURATION, clients)
+    shares = [100.0 * flown.overruns / flown.ticks for flown in (alone, watched)]
+    rates = [len(client.attitudes) / DURATION for client in clients]
+    told = f"{watched.ticks} ticks, {watched.logged} logged; overruns {shares[1]:.3f} %, alone {shares[0]:.3f} %"
+    heard = ", ".join(
+        f"{rate:.1f} Hz and {client.missing} missing" for client, rate in zip(clients, rates, strict=True)
+    )
+    sys.stdout.write(f"{told}; attitude {heard}\n")
+    for flown in (alone, watched):
+        assert flown.logged == flown.ticks
+    assert watched.ticks > 0.98 * DURATION * TICKS
+    assert shares[1] - shares[0] <= 0.1
+    for client, rate in zip(clients, rates, strict=True):
+        assert client.missing == 0
+        assert rate > 0.95 * RATE
+        assert all(b > a for a, b in zip(client.attitudes, client.attitudes[1:], strict=False))
