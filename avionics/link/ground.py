@@ -147,7 +147,7 @@ class GroundLink:
         self._vehicle = vehicle
         self._links = [_Link(transport, self._identity) for transport in _open_all(urls)]
         self._unix_time = unix_time
-        self._streams = Streams(vehicle, len(self._links), unix_time)
+        self._streams = Streams(vehicle, len(self._links), unix_time, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._services = self._build_services(gains or LinkGains(), storage)
         self._by_message: dict[str, list[Service]] = {}
@@ -159,7 +159,7 @@ class GroundLink:
     def _build_services(self, gains: LinkGains, storage: Storage | None) -> list[Service]:
         vehicle, identity = self._vehicle, self._identity
         requests = Requests(vehicle, identity, self._streams)
-        missions = MissionService(vehicle, gains)
+        missions = MissionService(vehicle, gains, identity.first_item)
         return [
             HeartbeatService(vehicle, identity, gains),
             self._silence,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from avionics.link.dialect import mavlink
-from avionics.link.telemetry import STREAMS, StreamEntry, boot_ms
+from avionics.link.telemetry import STREAMS, StreamEntry, boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
 
 FASTEST = 0.005
@@ -24,7 +24,8 @@ class _Schedule:
 class Streams:
     """The telemetry schedule of every link, on the wall clock."""
 
-    def __init__(self, vehicle: VehicleView, links: int, unix_time: Callable[[], float]) -> None:
+    def __init__(self, vehicle: VehicleView, links: int, unix_time: Callable[[], float], first_item: int = 0) -> None:
+        """``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
         self._unix_time = unix_time
         system_time = StreamEntry(
@@ -33,7 +34,13 @@ class Streams:
             1.0,
             frozenset({mavlink.MAV_DATA_STREAM_EXTRA3}),
         )
-        entries = (*STREAMS, system_time)
+        current = StreamEntry(
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+            lambda vehicle: mission_current(vehicle, first_item),
+            1.0,
+            frozenset({mavlink.MAV_DATA_STREAM_EXTENDED_STATUS}),
+        )
+        entries = (*STREAMS, system_time, current)
         self._links = [{entry.message_id: _fresh(entry) for entry in entries} for _ in range(links)]
         self._next = -float("inf")
 

@@ -358,15 +358,15 @@ def navigation_output(vehicle: VehicleView) -> Any:
     )
 
 
-def mission_current(vehicle: VehicleView) -> Any:
-    """MISSION_CURRENT."""
+def mission_current(vehicle: VehicleView, first_item: int) -> Any:
+    """MISSION_CURRENT, with items numbered from ``first_item`` on."""
     now = vehicle.latest(t.NAVIGATION)
     flying = vehicle.mode == m.Mode.AUTO
     state = mavlink.MISSION_STATE_ACTIVE if flying else mavlink.MISSION_STATE_NOT_STARTED
     if not vehicle.mission:
         state = mavlink.MISSION_STATE_NO_MISSION
     return mavlink.MAVLink_mission_current_message(
-        now.item if now is not None else 0, len(vehicle.mission), state, 1 if flying else 2
+        first_item + (now.item if now is not None else 0), len(vehicle.mission), state, 1 if flying else 2
     )
 
 
@@ -476,7 +476,6 @@ STREAMS = (
     _entry("SYS_STATUS", sys_status, 1.0, _STATUS),
     _entry("BATTERY_STATUS", battery, 1.0, _MORE),
     _entry("EXTENDED_SYS_STATE", extended_sys_state, 1.0, _STATUS),
-    _entry("MISSION_CURRENT", mission_current, 1.0, _STATUS),
     _entry("NAV_CONTROLLER_OUTPUT", navigation_output, 1.0, _STATUS),
     _entry("HOME_POSITION", home_position, 0.5),
     _entry("WIND_COV", wind, 1.0, _MORE),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.dialect import mavlink
 from avionics.messages import Command, Event, Mode
+from avionics.quantities import BadInput
 from avionics.topics import Topic
 
 
@@ -127,14 +128,46 @@ PX4_STYLE = (
 """The modes of the default identity; `custom_mode_map.json` says the same to MAVProxy."""
 
 
+PLANE_STYLE = (
+    ModeNumbers(Mode.MANUAL, 0, 0, _MANUAL_INPUT),
+    ModeNumbers(Mode.STABILIZED, 5, 0, _MANUAL_INPUT | _STABILIZE),
+    ModeNumbers(Mode.ALTITUDE_HOLD, 6, mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, _MANUAL_INPUT | _STABILIZE),
+    ModeNumbers(Mode.AUTO, 10, mavlink.MAV_STANDARD_MODE_MISSION, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.RETURN, 11, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.LOITER, 12, 0, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.LAND, 26, mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
+)
+"""ArduPlane's numbers of the modes that are nearest to ours: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND."""
+
+PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD), (13, Mode.AUTO), (15, Mode.LOITER))
+"""ArduPlane's CIRCLE, STABILIZE, CRUISE, TAKEOFF and GUIDED, which circles until it is sent somewhere."""
+
+_CAPABILITIES: int = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+)
+
+
 class Identity(NamedTuple):
-    """Who the vehicle says that it is."""
+    """Who the vehicle says that it is: all that differs from one profile to the next, so that no service asks."""
 
     system: int = 1
     component: int = 1
     autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC
     type: int = mavlink.MAV_TYPE_FLAPPING_WING
     modes: tuple[ModeNumbers, ...] = PX4_STYLE
+    aliases: tuple[tuple[int, Mode], ...] = ()
+    """further custom modes that may be asked for; the vehicle never says that it is in one"""
+    capabilities: int = _CAPABILITIES
+    """MAV_PROTOCOL_CAPABILITY bits. All parameters are floats, so that the two encodings do not differ"""
+    first_item: int = 0
+    """-; number on the wire of the first mission item that is flown: 1 where item 0 is home"""
     version: tuple[int, int, int] = (0, 1, 0)
     """major, minor, patch"""
     uid: int = 0x77696E67
@@ -145,12 +178,38 @@ class Identity(NamedTuple):
         return next(entry for entry in self.modes if entry.mode == mode)
 
     def by_custom_mode(self, custom_mode: int) -> Mode | None:
-        """The mode with this custom mode, or None."""
-        return next((entry.mode for entry in self.modes if entry.custom_mode == custom_mode), None)
+        """The mode that this custom mode asks for, or None."""
+        known = {**dict(self.aliases), **{entry.custom_mode: entry.mode for entry in self.modes}}
+        return known.get(custom_mode)
 
     def by_standard_mode(self, standard_mode: int) -> Mode | None:
         """The mode with this MAV_STANDARD_MODE, or None."""
         return next((entry.mode for entry in self.modes if 0 < entry.standard_mode == standard_mode), None)
+
+
+PROFILES: dict[str, Identity] = {
+    "generic": Identity(),
+    "ardupilot": Identity(
+        autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        type=mavlink.MAV_TYPE_FIXED_WING,
+        modes=PLANE_STYLE,
+        aliases=PLANE_ALIASES,
+        first_item=1,
+    ),
+}
+"""What may be chosen: ourselves, or an aeroplane of ArduPilot's for the tools that know nothing else."""
+
+
+def load_identity(name: str) -> Identity:
+    """The profile of this name.
+
+    Raises:
+        BadInput: there is none; the text names those that there are.
+    """
+    try:
+        return PROFILES[name]
+    except KeyError:
+        raise BadInput(f"identity {name!r} is none of {', '.join(PROFILES)}") from None
 
 
 class LinkGains(NamedTuple):

@@ -18,6 +18,7 @@ from avionics.board.hil import HilBoard
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
+from avionics.link.vehicle import load_identity
 from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
 from avionics.missions.script import plan_commands, scripted_start
@@ -58,6 +59,7 @@ def build_parser() -> options.Parser:
     parser.add_argument("--board", required=True, metavar="hil:URL", help="where sensors and servos are")
     options.add_mission(parser)
     options.add_gcs(parser)
+    options.add_identity(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
@@ -74,6 +76,7 @@ def run(arguments: Sequence[str]) -> int:
         BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address.
     """
     chosen = build_parser().parse_args(arguments)
+    identity = load_identity(chosen.identity)
     vehicle = load_vehicle(chosen.vehicle)
     plan = load_flight_plan(chosen.mission)
     kept = None
@@ -93,7 +96,7 @@ def run(arguments: Sequence[str]) -> int:
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
-        link = GroundLink(chosen.gcs, onboard.view, storage=kept)
+        link = GroundLink(chosen.gcs, onboard.view, identity, storage=kept)
         stack.callback(link.close)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)

@@ -19,6 +19,7 @@ from rich.live import Live
 
 from avionics.board.parameter_file import ParameterFile
 from avionics.link.transport import open_transport
+from avionics.link.vehicle import load_identity
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
@@ -114,6 +115,7 @@ def build_parser() -> options.Parser:
     options.add_sticks(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
+    options.add_identity(parser)
     options.add_parameters(parser, options.NO_PARAMETERS)
     options.add_json(parser)
     return parser
@@ -164,6 +166,7 @@ def check(chosen: argparse.Namespace) -> Plan:
         ParameterFile(Path(chosen.parameters), vehicle).check_owner()
     if chosen.sticks is not None:
         load_script(chosen.sticks)
+    load_identity(chosen.identity)
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)
@@ -231,7 +234,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *in_world])
-    links = [word for url in chosen.gcs for word in ("--gcs", url)]
+    links = ["--identity", chosen.identity, *(word for url in chosen.gcs for word in ("--gcs", url))]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
     flight += ["--start"] if chosen.sticks is None else []

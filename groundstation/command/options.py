@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from avionics.link.vehicle import PROFILES
 from avionics.quantities import BadInput
 from sim_bridge.flight.faults import FAULTS, Fault, parse_fault
 from sim_bridge.sensors.receiver import Sticks
@@ -97,6 +98,16 @@ def add_gcs(parser: argparse.ArgumentParser) -> None:
     """Offer ``--gcs``, any number of times."""
     parser.add_argument(
         "--gcs", action="append", default=[], metavar="URL", help="a link for a ground station; may be repeated"
+    )
+
+
+def add_identity(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--identity``."""
+    parser.add_argument(
+        "--identity",
+        default="generic",
+        metavar="P",
+        help=f"who the vehicle says that it is, to ground stations: {' or '.join(PROFILES)} (generic)",
     )
 
 

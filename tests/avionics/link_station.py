@@ -16,7 +16,7 @@ from link_vehicle import FakeVehicle
 from pymavlink import mavutil
 
 from avionics.link.ground import GroundLink
-from avionics.link.vehicle import LinkGains
+from avionics.link.vehicle import Identity, LinkGains
 
 PATIENCE = 10.0
 """s; a test fails after this long without an answer"""
@@ -55,11 +55,13 @@ def running(link: GroundLink, vehicle: FakeVehicle) -> Iterator[None]:
 
 
 @contextmanager
-def stock_client(gains: LinkGains | None = None) -> Iterator[tuple[Any, FakeVehicle]]:
+def stock_client(
+    gains: LinkGains | None = None, identity: Identity | None = None
+) -> Iterator[tuple[Any, FakeVehicle]]:
     """A vehicle on ``udpin`` and mavutil as its ground station."""
     port = free_port()
     vehicle = FakeVehicle()
-    with running(GroundLink([f"udpin:127.0.0.1:{port}"], vehicle, gains=gains), vehicle):
+    with running(GroundLink([f"udpin:127.0.0.1:{port}"], vehicle, identity, gains), vehicle):
         client = mavutil.mavlink_connection(
             f"udpout:127.0.0.1:{port}", source_system=255, source_component=190, dialect="development"
         )

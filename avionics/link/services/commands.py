@@ -145,14 +145,15 @@ class CommandService:
             return Verdict(_DENIED, (), "there is no mission to start")
         first = request.params[0] if request.params[0] > 0.0 else 0.0
         reason = self._missions.current_refusal(_whole(first))
-        return Verdict(_DENIED, (), reason) if reason else self._auto_from(request, int(first))
+        return Verdict(_DENIED, (), reason) if reason else self._auto_from(request, self._missions.item(int(first)))
 
     def _set_current(self, request: Request) -> Verdict:
         number = _whole(request.params[0])
         reason = self._missions.current_refusal(number)
         if reason:
             return Verdict(_DENIED, (), reason)
-        return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, float(number)))
+        item = float(self._missions.item(number))
+        return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, item))
 
     def _circle(self, request: Request) -> Verdict:
         """Here in the mode LOITER, or at the place of a LOITER_UNLIM or DO_REPOSITION."""

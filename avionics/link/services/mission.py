@@ -13,7 +13,7 @@ from avionics import topics
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import Addressee, Slot, read_message, write_message
-from avionics.link.services.plans import MOST_ITEMS, PARTS, PlanPart
+from avionics.link.services.plans import MOST_ITEMS, PlanPart, plan_parts
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, VehicleView
@@ -65,9 +65,12 @@ class MissionService:
         }
     )
 
-    def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
+    def __init__(self, vehicle: VehicleView, gains: LinkGains, first_item: int = 0) -> None:
+        """``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
         self._gains = gains
+        self._first = first_item
+        self._parts = plan_parts(first_item)
         self._upload: _Upload | None = None
         self._pending: list[_Pending] = []
         self._done: tuple[Sender, int, int] | None = None
@@ -96,7 +99,7 @@ class MissionService:
 
     def _begin(self, message: Any, sender: Sender, now: float) -> list[Output]:
         mission_type = message.mission_type
-        part = PARTS.get(mission_type)
+        part = self._parts.get(mission_type)
         if part is None:
             return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, mission_type)]
         if self._upload is not None and self._upload.sender != sender:
@@ -122,7 +125,7 @@ class MissionService:
             return []
         item = read_message(message)
         try:
-            upload.part.probe(item, self._vehicle.home)
+            upload.part.probe(message.seq, item, self._vehicle.home)
         except ItemRefused as refused:
             return self._refuse(upload, refused, f"mission item {message.seq}: {refused}")
         upload.items.append(item)
@@ -156,27 +159,33 @@ class MissionService:
 
     def _clear(self, mission_type: int, sender: Sender, now: float) -> list[Output]:
         """One list, or all: then the mission's answer speaks for them."""
-        if mission_type != _ALL and mission_type not in PARTS:
+        if mission_type != _ALL and mission_type not in self._parts:
             return [_ack(sender, _ACCEPTED, mission_type)]
         outputs: list[Output] = []
         if mission_type == _ALL:
-            others = [part for part in PARTS.values() if part.mission_type != _MISSION]
+            others = [part for part in self._parts.values() if part.mission_type != _MISSION]
             time_us = self._vehicle.time_us
             outputs += [Command(time_us, part.kind, "", 0.0, part.none, sender.name) for part in others]
-        part = PARTS[_MISSION if mission_type == _ALL else mission_type]
+        part = self._parts[_MISSION if mission_type == _ALL else mission_type]
         return [*outputs, *self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))]
 
     def _set_current(self, sequence: int, sender: Sender) -> list[Output]:
-        command = Command(self._vehicle.time_us, CommandKind.SET_CURRENT_ITEM, "", float(sequence), None, sender.name)
+        item = float(self.item(sequence))
+        command = Command(self._vehicle.time_us, CommandKind.SET_CURRENT_ITEM, "", item, None, sender.name)
         reason = self.current_refusal(sequence) or self._vehicle.refusal(command)
         if reason:
             return list(refusal_text(reason, sender))
-        return [command, Reply(telemetry.mission_current(self._vehicle))]
+        return [command, Reply(telemetry.mission_current(self._vehicle, self._first))]
+
+    def item(self, sequence: int) -> int:
+        """Which item of the mission has this number on the wire; home stands for the first."""
+        return max(sequence - self._first, 0)
 
     def current_refusal(self, sequence: int) -> str:
-        """Why item ``sequence`` cannot be flown next; empty when it can."""
+        """Why the item with this number on the wire cannot be flown next; empty when it can."""
         count = len(self._vehicle.mission)
-        return "" if 0 <= sequence < count else f"there is no mission item {sequence}, only {counted(count, 'item')}"
+        known = sequence >= 0 and self.item(sequence) < count
+        return "" if known else f"there is no mission item {sequence}, only {counted(count, 'item')}"
 
     def _cancelled(self, message: Any, sender: Sender) -> list[Output]:
         if self._upload is not None and self._upload.sender == sender and message.type != _ACCEPTED:
@@ -196,13 +205,14 @@ class MissionService:
         if message.seq >= len(items):
             return [_ack(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
         navigation = self._vehicle.latest(topics.NAVIGATION)
-        flown = message.mission_type == _MISSION and navigation is not None and navigation.item == message.seq
+        mission = message.mission_type == _MISSION and navigation is not None
+        flown = mission and navigation.item + self._first == message.seq
         slot = Slot(message.seq, flown, message.mission_type)
         to = Addressee(sender.system, sender.component)
         return [Reply(write_message(items[message.seq], slot, to, as_int), sender)]
 
     def _items(self, mission_type: int) -> tuple[WireItem, ...]:
-        part = PARTS.get(mission_type)
+        part = self._parts.get(mission_type)
         return () if part is None else part.encode(part.on_board(self._vehicle), self._vehicle.home)
 
     # --- what is due
@@ -245,7 +255,7 @@ class MissionService:
         before, self._item = self._item, item
         if item < before or self._vehicle.mode != Mode.AUTO:
             return []
-        return [Reply(mavlink.MAVLink_mission_item_reached_message(before))]
+        return [Reply(mavlink.MAVLink_mission_item_reached_message(before + self._first))]
 
 
 def _request(upload: _Upload) -> Reply:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from avionics.guidance.mission import NO_FENCE, MissionItem
+from avionics.guidance.mission import NO_FENCE, ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import (
     decode_fence,
@@ -16,7 +17,7 @@ from avionics.link.mission_codec import (
     encode_rally,
 )
 from avionics.link.vehicle import Home, VehicleView
-from avionics.link.wire_item import WireItem
+from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import CommandKind
 
 MOST_ITEMS = 500
@@ -34,8 +35,8 @@ class PlanPart(NamedTuple):
     on_board: Callable[[VehicleView], Any]
     decode: Callable[[Sequence[WireItem], Home | None], Any]
     encode: Callable[[Any, Home | None], tuple[WireItem, ...]]
-    probe: Callable[[WireItem, Home | None], Any]
-    """decodes one item as soon as it comes, to refuse it at once"""
+    probe: Callable[[int, WireItem, Home | None], Any]
+    """decodes one item, with its number, as soon as it comes, to refuse it at once"""
 
 
 def _decode_mission(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
@@ -46,7 +47,7 @@ def _encode_mission(mission: tuple[MissionItem, ...], home: Home | None) -> tupl
     return tuple(encode_item(item, home) for item in mission)
 
 
-PARTS: dict[int, PlanPart] = {
+_PARTS: dict[int, PlanPart] = {
     part.mission_type: part
     for part in (
         PlanPart(
@@ -56,7 +57,7 @@ PARTS: dict[int, PlanPart] = {
             lambda vehicle: vehicle.mission,
             _decode_mission,
             _encode_mission,
-            decode_item,
+            lambda number, item, home: decode_item(item, home),
         ),
         PlanPart(
             mavlink.MAV_MISSION_TYPE_FENCE,
@@ -65,7 +66,7 @@ PARTS: dict[int, PlanPart] = {
             lambda vehicle: vehicle.fence,
             decode_fence,
             encode_fence,
-            lambda item, home: None,
+            lambda number, item, home: None,
         ),
         PlanPart(
             mavlink.MAV_MISSION_TYPE_RALLY,
@@ -74,7 +75,53 @@ PARTS: dict[int, PlanPart] = {
             lambda vehicle: vehicle.rally,
             decode_rally,
             encode_rally,
-            lambda item, home: decode_rally((item,), home),
+            lambda number, item, home: decode_rally((item,), home),
         ),
     )
 }
+
+
+def plan_parts(first_item: int) -> dict[int, PlanPart]:
+    """The lists by MAV_MISSION_TYPE; the mission's begins with home where ``first_item`` is 1."""
+    mission = _PARTS[mavlink.MAV_MISSION_TYPE_MISSION]
+    if first_item == 0:
+        return _PARTS
+    return {
+        **_PARTS,
+        mission.mission_type: mission._replace(
+            decode=_decode_from_home, encode=_encode_from_home, probe=_probe_from_home
+        ),
+    }
+
+
+def _shifted(item: MissionItem, by: int) -> MissionItem:
+    return item._replace(jump_to=item.jump_to + by) if item.kind is ItemKind.JUMP else item
+
+
+def _decode_from_home(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
+    """The items after home, which is the vehicle's to know."""
+    return tuple(_decode_after_home(item, home) for item in items[1:])
+
+
+def _probe_from_home(number: int, item: WireItem, home: Home | None) -> MissionItem | None:
+    return _decode_after_home(item, home) if number > 0 else None
+
+
+def _decode_after_home(item: WireItem, home: Home | None) -> MissionItem:
+    decoded = _shifted(decode_item(item, home), -1)
+    if decoded.kind is ItemKind.JUMP and decoded.jump_to < 0:
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "DO_JUMP: item 0 is home, which is not flown")
+    return decoded
+
+
+def _encode_from_home(mission: tuple[MissionItem, ...], home: Home | None) -> tuple[WireItem, ...]:
+    if not mission:
+        return ()
+    return (_home_item(home), *_encode_mission(tuple(_shifted(item, 1) for item in mission), home))
+
+
+def _home_item(home: Home | None) -> WireItem:
+    """Home as a waypoint above the sea; zeros while it is not known."""
+    latitude, longitude, altitude = home or (0.0, 0.0, 0.0)
+    place = (math.degrees(latitude), math.degrees(longitude), altitude)
+    return WireItem(mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0), *place)

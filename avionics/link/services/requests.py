@@ -12,13 +12,6 @@ from avionics.link.services.service import Output, Sender
 from avionics.link.streams import Streams
 from avionics.link.vehicle import Identity, VehicleView
 
-_CAPABILITIES = (
-    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
-    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
-)
 _MAVLINK_2 = 200
 _DEVELOPMENT = 0
 """FIRMWARE_VERSION_TYPE_DEV."""
@@ -30,7 +23,7 @@ def autopilot_version(identity: Identity) -> Any:
     version = major << 24 | minor << 16 | patch << 8 | _DEVELOPMENT
     none = [0] * 8
     return mavlink.MAVLink_autopilot_version_message(
-        _CAPABILITIES, version, 0, 0, 0, none, none, none, 0, 0, identity.uid
+        identity.capabilities, version, 0, 0, 0, none, none, none, 0, 0, identity.uid
     )
 
 
