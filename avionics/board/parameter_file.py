@@ -44,8 +44,16 @@ class Loaded(NamedTuple):
 
 def default_path(vehicle: str) -> Path:
     """The file of this vehicle in the user's folder of states: ``WINGBEAT_STATE``, or the platform's."""
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", vehicle).strip("._-") or "vehicle"
-    return _state_folder() / "parameters" / f"{name}.json"
+    return _state_folder() / "parameters" / f"{_file_name(vehicle)}.json"
+
+
+def key_path(vehicle: str) -> Path:
+    """Where this vehicle's signing key is kept, in the same folder of states."""
+    return _state_folder() / "signing" / f"{_file_name(vehicle)}.key"
+
+
+def _file_name(vehicle: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", vehicle).strip("._-") or "vehicle"
 
 
 def _state_folder() -> Path:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from avionics import messages as m
 from avionics.link.dialect import mavlink
-from avionics.link.framing import Frame, build_frame
+from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, checksum
 
 FULL_DEFLECTION = math.pi / 2
 """rad; an angle of this size is a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder alike."""
@@ -237,6 +237,14 @@ class FrameWriter:
         self._sequence = (self._sequence + 1) & 0xFF
         packed: bytes = message.pack(self._mav)
         return packed
+
+    def pack_signed(self, message: Any, sign: Callable[[bytes], bytes]) -> bytes:
+        """As `pack`, with the flag that says so and behind it what ``sign`` gives for the frame."""
+        frame = bytearray(self.pack(message))
+        frame[2] |= SIGNED
+        crc = checksum(bytes(frame[1:-2]) + CRC_EXTRA[message.get_msgId()])
+        frame[-2:] = crc.to_bytes(2, "little")
+        return bytes(frame) + sign(bytes(frame))
 
     def sensors(self, frame: m.SensorFrame) -> bytes:
         """All messages of one tick, HIL_SENSOR last."""

@@ -42,6 +42,8 @@ STANDARD_MESSAGES = frozenset(_NAMES.split())
 """Copied from the standard dialects; both the flight computer and the ground station read with this module."""
 
 _SOURCES = ("minimal", "standard", "common", "development")
+_PASSED_ON = (*_SOURCES, "ardupilotmega", "uAvionix", "icarous", "loweheiser", "cubepilot", "csAirLink")
+"""Dialects whose messages are checked and passed on from link to link, whether or not they are read here."""
 _OWN_XML = Path(__file__).with_name("wingbeat.xml")
 
 _RETIRED = """
@@ -153,8 +155,26 @@ def generate(folder: Path) -> Path:
         options = mavgen.Opts(str(output), wire_protocol="2.0", language="Python3", validate=False)
         with contextlib.redirect_stdout(io.StringIO()):
             mavgen.mavgen(options, [str(definition)])
+            table = _wire_table([*(standard_definitions() / f"{name}.xml" for name in _PASSED_ON), definition])
+        with output.open("a", encoding="utf-8") as module:
+            module.write(f"\n\nwire_table = {table!r}\n")
         output.replace(target)
     return target
+
+
+def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int]]:
+    """CRC_EXTRA, and where target system and component stand in the payload (-1: nowhere), by message id."""
+    from pymavlink.generator import mavparse
+
+    messages = [message for path in definitions for message in mavparse.MAVXML(str(path), "2.0").message]
+    return {
+        message.id: (
+            message.crc_extra,
+            message.target_system_ofs if message.message_flags & mavparse.FLAG_HAVE_TARGET_SYSTEM else -1,
+            message.target_component_ofs if message.message_flags & mavparse.FLAG_HAVE_TARGET_COMPONENT else -1,
+        )
+        for message in messages
+    }
 
 
 def load_dialect() -> Any:
@@ -174,7 +194,7 @@ def _load(path: Path) -> Any:
         raise ImportError(f"cannot load {path}")
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
-    if not hasattr(module, "MAVLink_wingbeat_end_message") or not hasattr(module, "MAVLink"):
+    if not hasattr(module, "MAVLink_wingbeat_end_message") or not hasattr(module, "wire_table"):
         raise ImportError(f"{path} is incomplete")
     return module
 

@@ -18,11 +18,18 @@ _HEADER_V1 = 6
 _HEADER_V2 = 10
 _CHECKSUM = 2
 _SIGNATURE = 13
-_SIGNED = 0x01
+SIGNED = 0x01
+"""flag of a frame with a signature"""
 _PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
 
 CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
 """CRC_EXTRA of every known message, as the byte that is appended before the checksum."""
+
+_ALL_CRC_EXTRA: dict[int, bytes] = {number: bytes([wire[0]]) for number, wire in mavlink.wire_table.items()}
+_ALL_CRC_EXTRA |= CRC_EXTRA
+
+TARGETS: dict[int, tuple[int, int]] = {number: wire[1:] for number, wire in mavlink.wire_table.items()}
+"""Where target system and component stand in a payload, -1 for nowhere; of every message that can be passed on."""
 
 LONGEST: dict[int, int] = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
 """Bytes of every known message's payload."""
@@ -77,8 +84,12 @@ _DECODER = mavlink.MAVLink(None)
 class FrameReader:
     """Cuts frames out of one stream; ``bad_bytes``, ``frames`` and ``unknown`` count what went by."""
 
-    def __init__(self, version_1: bool = True) -> None:
-        """``version_1`` False takes MAVLink 1's marker for noise, as the bridge does, which never speaks it."""
+    def __init__(self, version_1: bool = True, foreign: bool = False) -> None:
+        """``version_1`` False takes MAVLink 1's marker for noise, as the bridge does, which never speaks it.
+
+        ``foreign`` True gives also frames of messages that can be passed on, and not be decoded here.
+        """
+        self._crc_extra = _ALL_CRC_EXTRA if foreign else CRC_EXTRA
         self._markers = (MARKER_V2, MARKER_V1) if version_1 else (MARKER_V2,)
         self.bad_bytes = 0
         self.frames = 0
@@ -130,9 +141,9 @@ class FrameReader:
         flags = buffer[position + 2]
         message_id = int.from_bytes(buffer[position + 7 : position + 10], "little")
         body = position + _HEADER_V2 + buffer[position + 1]
-        stop = body + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0)
-        extra = CRC_EXTRA.get(message_id)
-        if flags > _SIGNED:
+        stop = body + _CHECKSUM + (_SIGNATURE if flags & SIGNED else 0)
+        extra = self._crc_extra.get(message_id)
+        if flags > SIGNED:
             return self._bad_byte()
         if extra is None:
             return self._unknown(buffer, position, stop)
@@ -151,10 +162,10 @@ class FrameReader:
         message_id = buffer[position + 5]
         body = position + _HEADER_V1 + buffer[position + 1]
         stop = body + _CHECKSUM
-        extra = CRC_EXTRA.get(message_id)
+        extra = self._crc_extra.get(message_id)
         if extra is None:
             return self._unknown(buffer, position, stop)
-        if buffer[position + 1] > LONGEST[message_id]:
+        if buffer[position + 1] > LONGEST.get(message_id, 255):
             return self._bad_byte()  # MAVLink 1 knows no extensions, so its payloads never grow
         if stop > len(buffer):
             return 0

@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from avionics.link.codec import FrameWriter
+from avionics.link.channel import Channel, LinkCounts
 from avionics.link.dialect import mavlink
-from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.framing import Frame, decode
+from avionics.link.routing import Router
 from avionics.link.services.commands import CommandService
 from avionics.link.services.ftp import FtpService
 from avionics.link.services.heartbeat import HeartbeatService
@@ -20,110 +21,27 @@ from avionics.link.services.manual import ManualService
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import ModeService
 from avionics.link.services.parameters import ParameterService
+from avionics.link.services.radio import RadioService
 from avionics.link.services.requests import Requests
-from avionics.link.services.service import Output, Reply, Sender, Service
+from avionics.link.services.service import Output, Reply, Room, Sender, Service
+from avionics.link.services.signing import SigningService
 from avionics.link.services.silence import SilenceService
 from avionics.link.services.statustext import StatustextService
 from avionics.link.services.timesync import TimesyncService
+from avionics.link.signing import Signing
 from avionics.link.streams import Streams
-from avionics.link.transport import Packet, Peer, Transport, open_transport
+from avionics.link.transport import Peer, Transport, open_transport
 from avionics.link.vehicle import Identity, LinkGains, Storage, VehicleView
 from avionics.messages import ChannelOverride, CommandKind, Event, Input, PilotInput, Severity
 
-PAUSE = 0.2
-"""s; a frame does not pause for longer, even on a slow radio"""
 
-NOISE_EVERY = 1.0
-"""s; between two events about noise on a link"""
+class Files(NamedTuple):
+    """What the link has on disk; its owner is at the edge."""
 
-
-class LinkCounts(NamedTuple):
-    """What went over one link."""
-
-    url: str
-    frames: int
-    """received with a correct checksum"""
-    bad_bytes: int
-    """received that were no part of a frame"""
-    unknown: int
-    """frames received of messages that are not known here"""
-    refused: int
-    """frames received with a correct checksum whose content does not fit the message"""
-    dropped: int
-    """frames that could not be sent"""
-
-
-class _Link:
-    """One transport with a reader for each peer."""
-
-    def __init__(self, transport: Transport, identity: Identity) -> None:
-        self.transport = transport
-        self.name = str(transport.url)
-        self.writer = FrameWriter(identity.system, identity.component)
-        self.refused = 0
-        self._readers: dict[Peer, FrameReader] = {}
-        self._shared = FrameReader()
-        self._last_data = 0.0
-        self._settled = True
-        self._noise_told = 0
-        self._noise_due = 0.0
-
-    def noise(self, now: float) -> int:
-        """Bytes that were no part of a frame since this was last said, at most once in `NOISE_EVERY`."""
-        if now < self._noise_due:
-            return 0
-        self._noise_due = now + NOISE_EVERY
-        told, self._noise_told = self._noise_told, self.counts().bad_bytes
-        return self._noise_told - told
-
-    def receive(self, now: float) -> list[tuple[Frame, Peer]]:
-        """All frames that have arrived, with their senders' addresses."""
-        heard: list[tuple[Frame, Peer]] = []
-        packets = self.transport.receive(now)
-        if not packets:
-            return heard if self._settled or now - self._last_data < PAUSE else self._settle()
-        self._last_data, self._settled = now, False
-        for packet in packets:
-            frames = self._cut(packet)
-            if frames:
-                self.transport.welcome(packet.peer)
-                heard += [(frame, packet.peer) for frame in frames]
-        return heard
-
-    def _settle(self) -> list[tuple[Frame, Peer]]:
-        """Nothing more came: what looks like the beginning of a frame was noise."""
-        self._settled = True
-        return [(frame, peer) for peer, reader in self._readers.items() for frame in reader.give_up()]
-
-    def _cut(self, packet: Packet) -> list[Frame]:
-        if self.transport.datagrams:
-            return self._shared.feed(packet.data) + self._shared.give_up()
-        if not packet.data:
-            self._shared.bad_bytes += self._forget(packet.peer)
-            return []
-        if packet.peer not in self._readers:
-            self._readers[packet.peer] = FrameReader()
-        return self._readers[packet.peer].feed(packet.data)
-
-    def _forget(self, peer: Peer) -> int:
-        reader = self._readers.pop(peer, None)
-        if reader is None:
-            return 0
-        self._shared.frames += reader.frames
-        self._shared.unknown += reader.unknown
-        return reader.bad_bytes
-
-    def counts(self) -> LinkCounts:
-        """What has gone over the link."""
-        readers = [self._shared, *self._readers.values()]
-        return LinkCounts(
-            self.name,
-            sum(reader.frames for reader in readers),
-            sum(reader.bad_bytes for reader in readers),
-            sum(reader.unknown for reader in readers),
-            self.refused,
-            self.transport.dropped,
-        )
+    storage: Storage | None = None
+    """parameters"""
+    signing: Signing | None = None
+    """the key and what was signed"""
 
 
 class GroundLink:
@@ -131,30 +49,40 @@ class GroundLink:
 
     def __init__(
         self,
-        urls: Sequence[str],
+        urls: Sequence[str | Transport],
         vehicle: VehicleView,
         identity: Identity | None = None,
         gains: LinkGains | None = None,
         unix_time: Callable[[], float] = time.time,
-        storage: Storage | None = None,
+        files: Files = Files(),  # noqa: B008 (immutable)
     ) -> None:
-        """Open all links; without a ``storage`` no parameters are kept.
+        """Open all links; without ``files`` no parameters and no key are kept.
 
         Raises:
             BadInput: not a link address, a port in use, a missing device; no link stays open then.
         """
         self._identity = identity or Identity()
         self._vehicle = vehicle
-        self._links = [_Link(transport, self._identity) for transport in _open_all(urls)]
-        self._unix_time = unix_time
-        self._streams = Streams(vehicle, len(self._links), unix_time, self._identity.first_item)
+        self._signing = files.signing or Signing(unix_time)
+        self._links = [
+            Channel(number, transport, self._identity, self._signing)
+            for number, transport in enumerate(_open_all(urls))
+        ]
+        ours = (self._identity.system, self._identity.component)
+        self._router = Router([link.transport.url.forward for link in self._links], ours)
+        self._streams = Streams(vehicle, self._rooms(), unix_time, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
-        self._services = self._build_services(gains or LinkGains(), storage)
+        self._texts = StatustextService(vehicle, unix_time)
+        self._services = self._build_services(gains or LinkGains(), files.storage)
         self._by_message: dict[str, list[Service]] = {}
         for service in self._services:
             for name in service.handles:
                 self._by_message.setdefault(name, []).append(service)
         self._journal: list[Event] = []
+        self._announced: set[str] = set()
+
+    def _rooms(self) -> list[Room]:
+        return [link.budget.room for link in self._links]
 
     def _build_services(self, gains: LinkGains, storage: Storage | None) -> list[Service]:
         vehicle, identity = self._vehicle, self._identity
@@ -164,14 +92,16 @@ class GroundLink:
             HeartbeatService(vehicle, identity, gains),
             self._silence,
             CommandService(vehicle, identity, requests, missions, storage),
-            ParameterService(vehicle, gains),
+            ParameterService(vehicle, gains, self._rooms()),
             missions,
             ModeService(vehicle, identity),
             requests,
-            StatustextService(vehicle, self._unix_time),
+            self._texts,
             TimesyncService(vehicle),
             FtpService(),
             ManualService(vehicle, identity.system),
+            SigningService(vehicle, self._signing, self._confidential),
+            RadioService(lambda link, free, now: self._links[link].budget.note_radio(free, now)),
         ]
 
     @property
@@ -192,24 +122,52 @@ class GroundLink:
         """
         inputs: list[Input] = []
         for number, link in enumerate(self._links):
+            link.budget.advance(now)
             for frame, peer in link.receive(now):
+                self._pass_on(frame, number, peer, now)
                 sender = Sender(frame.system, frame.component, number, peer, link.name)
                 self._deliver(self._answer(frame, sender, now), inputs)
-            noise = link.noise(now)
-            if noise:
-                text = f"{noise} bytes on {link.name} were no MAVLink"
-                self._journal.append(Event(self._vehicle.time_us, Severity.WARNING, "link", text))
+            self._complain(link, now)
         for service in self._services:
             outputs = service.step(now)
             if outputs:
                 self._deliver(outputs, inputs)
         return inputs
 
+    def _pass_on(self, frame: Frame, number: int, peer: Peer, now: float) -> None:
+        for hop in self._router.hops(frame, number, peer, now):
+            self._links[hop.link].forward(frame.raw, hop.peer)
+
+    def _complain(self, link: Channel, now: float) -> None:
+        """What goes wrong on a link, into the log; what is no mere noise also to the ground, once."""
+        for complaint in link.complaints(now):
+            self._journal.append(self._event(Severity.WARNING, complaint.text))
+            if complaint.kind != "noise":
+                self._announce(Severity.WARNING, f"{complaint.kind} frames are refused on {link.name}")
+        if self._signing.failure:
+            self._announce(Severity.WARNING, f"signing: time stamps are not kept: {self._signing.failure}")
+
+    def _announce(self, severity: Severity, text: str) -> None:
+        """Say something to the ground and to the log, but never twice."""
+        if text not in self._announced:
+            self._announced.add(text)
+            event = self._event(severity, text)
+            self._texts.tell(event)
+            self._journal.append(event)
+
+    def _event(self, severity: Severity, text: str) -> Event:
+        return Event(self._vehicle.time_us, severity, "link", text)
+
+    def _confidential(self, sender: Sender) -> bool:
+        return self._links[sender.link].confidential(sender.peer)
+
     def stream(self, now: float) -> None:
         """Send the telemetry that is due at wall-clock time ``now`` in s."""
         for number, message in self._streams.due(now):
-            link = self._links[number]
-            link.transport.send(link.writer.pack(message))
+            self._links[number].send(message)
+        for number in self._streams.take_thinned():
+            text = f"{self._links[number].name} is too slow for all that is asked: its streams are thinned"
+            self._announce(Severity.NOTICE, text)
 
     def take_events(self) -> list[Event]:
         """What the links did since the last call, for the log (`topics.LINK_EVENTS`)."""
@@ -217,13 +175,15 @@ class GroundLink:
         return events
 
     def close(self) -> None:
-        """Release all ports and devices."""
+        """Release all ports and devices, and keep the time stamps."""
+        self._signing.close()
         for link in self._links:
             link.transport.close()
 
     def _answer(self, frame: Frame, sender: Sender, now: float) -> list[Output]:
-        if frame.system == self._identity.system and frame.component == self._identity.component:
-            return []  # our own voice, echoed by a loop of links
+        if frame.message_id not in mavlink.mavlink_map:
+            self._links[sender.link].unknown += 1
+            return []
         try:
             message = decode(frame)
         except mavlink.MAVError:
@@ -247,25 +207,23 @@ class GroundLink:
                 self._note(output)
             elif output.to is None:
                 for link in self._links:
-                    link.transport.send(link.writer.pack(output.message))
+                    link.send(output.message)
             else:
-                link = self._links[output.to.link]
-                link.transport.send(link.writer.pack(output.message), output.to.peer)
+                self._links[output.to.link].send(output.message, output.to.peer)
 
     def _note(self, output: Input) -> None:
         if isinstance(output, PilotInput | ChannelOverride):
             return
         lost = output.kind is CommandKind.LINK_LOST
         text = f"{output.kind.name} {output.name} from {output.source}".replace("  ", " ")
-        severity = Severity.WARNING if lost else Severity.INFO
-        self._journal.append(Event(self._vehicle.time_us, severity, "link", text))
+        self._journal.append(self._event(Severity.WARNING if lost else Severity.INFO, text))
 
 
-def _open_all(urls: Sequence[str]) -> list[Transport]:
+def _open_all(urls: Sequence[str | Transport]) -> list[Transport]:
     opened: list[Transport] = []
     try:
         for url in urls:
-            opened.append(open_transport(url))
+            opened.append(open_transport(url) if isinstance(url, str) else url)
     except BaseException:
         for transport in opened:
             transport.close()

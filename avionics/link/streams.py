@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from avionics.link.budget import Rank
 from avionics.link.dialect import mavlink
+from avionics.link.services.service import Room
 from avionics.link.telemetry import STREAMS, StreamEntry, boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
 
 FASTEST = 0.005
 """s; no message is sent more often"""
+LONGEST_WAIT = 5.0
+"""s; after which a thinned stream is sent once, whatever its rank"""
+_LOOK_AGAIN = 0.005
+"""s; until a stream that found no room is looked at again"""
 
 
 @dataclass
@@ -19,29 +25,36 @@ class _Schedule:
     entry: StreamEntry
     interval: float
     due: float
+    sent: float = -float("inf")
 
 
 class Streams:
     """The telemetry schedule of every link, on the wall clock."""
 
-    def __init__(self, vehicle: VehicleView, links: int, unix_time: Callable[[], float], first_item: int = 0) -> None:
-        """``first_item`` is `Identity.first_item`."""
+    def __init__(
+        self, vehicle: VehicleView, rooms: Sequence[Room], unix_time: Callable[[], float], first_item: int = 0
+    ) -> None:
+        """``rooms`` says how much each link takes now, ``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
         self._unix_time = unix_time
         system_time = StreamEntry(
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
             self._system_time,
             1.0,
+            Rank.SECOND,
             frozenset({mavlink.MAV_DATA_STREAM_EXTRA3}),
         )
         current = StreamEntry(
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
             lambda vehicle: mission_current(vehicle, first_item),
             1.0,
+            Rank.FIRST,
             frozenset({mavlink.MAV_DATA_STREAM_EXTENDED_STATUS}),
         )
-        entries = (*STREAMS, system_time, current)
-        self._links = [{entry.message_id: _fresh(entry) for entry in entries} for _ in range(links)]
+        entries = sorted((*STREAMS, system_time, current), key=lambda entry: entry.rank.value)
+        self._rooms = rooms
+        self._links = [{entry.message_id: _fresh(entry) for entry in entries} for _ in rooms]
+        self._thinned: set[int] = set()
         self._next = -float("inf")
 
     def _system_time(self, vehicle: VehicleView) -> Any:
@@ -91,11 +104,26 @@ class Streams:
         self._next = float("inf")
         for link, schedules in enumerate(self._links):
             for schedule in schedules.values():
-                if now >= schedule.due:
+                if now >= schedule.due and self._has_room(link, schedule, now):
+                    schedule.sent = now
                     schedule.due = max(schedule.due + schedule.interval, now + 0.5 * schedule.interval)
                     for message in _as_list(schedule.entry.build(self._vehicle)):
                         yield link, message
-                self._next = min(self._next, schedule.due)
+                self._next = min(self._next, schedule.due if schedule.due > now else now + _LOOK_AGAIN)
+
+    def _has_room(self, link: int, schedule: _Schedule, now: float) -> bool:
+        """Whether the link takes a stream of this rank; one that waited long enough goes first."""
+        overdue = now - schedule.sent > max(LONGEST_WAIT, 2.0 * schedule.interval)
+        if self._rooms[link](0.0 if overdue else schedule.entry.rank.value) > 0.0:
+            return True
+        if now - schedule.due > schedule.interval:
+            self._thinned.add(link)
+        return False
+
+    def take_thinned(self) -> set[int]:
+        """Links on which a stream had to be left out since the last call."""
+        thinned, self._thinned = self._thinned, set()
+        return thinned
 
 
 def _default(entry: StreamEntry) -> float:

@@ -21,6 +21,7 @@ Peer = Hashable
 MOST_PEERS = 16
 """A link serves no more than this many; the one that was silent longest makes room."""
 _CHUNK = 65536
+_MOST_DATAGRAMS = 1000
 _BACKLOG = 1 << 18
 
 
@@ -39,6 +40,8 @@ class Transport(Protocol):
     """frames do not continue from one packet to the next"""
     dropped: int
     """frames that could not be sent"""
+    portion: int
+    """bytes that one `receive` begins to take at most; the rest waits where it is"""
 
     def receive(self, now: float) -> list[Packet]:
         """All that has arrived; ``now`` is wall-clock time in s."""
@@ -103,6 +106,7 @@ class UdpServer:
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
         self.dropped = 0
+        self.portion = _CHUNK
         self._heard: dict[Any, float] = {}
         self._now = 0.0
         self._socket = _bound(url, socket.SOCK_DGRAM)
@@ -111,7 +115,7 @@ class UdpServer:
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
         self._now = now
-        return _datagrams(self._socket)
+        return _datagrams(self._socket, self.portion)
 
     def welcome(self, peer: Peer) -> None:
         """Remember where a valid frame came from."""
@@ -137,13 +141,14 @@ class UdpClient:
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
         self.dropped = 0
+        self.portion = _CHUNK
         family, self._address = _resolve(url, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
-        return _datagrams(self._socket)
+        return _datagrams(self._socket, self.portion)
 
     def welcome(self, peer: Peer) -> None:
         """Nothing to remember: there is one ground station."""
@@ -157,15 +162,17 @@ class UdpClient:
         self._socket.close()
 
 
-def _datagrams(port: socket.socket) -> list[Packet]:
+def _datagrams(port: socket.socket, portion: int) -> list[Packet]:
     packets: list[Packet] = []
-    while len(packets) < 1000:
+    taken = 0
+    while taken < portion and len(packets) < _MOST_DATAGRAMS:
         try:
-            data, address = port.recvfrom(_CHUNK)
+            data, address = port.recvfrom(min(portion, _CHUNK))
         except ConnectionError:
             continue  # an earlier datagram found nobody there: not the next one's fault
         except OSError:
             break
+        taken += len(data)
         if data:
             packets.append(Packet(data, address))
     return packets
@@ -189,10 +196,10 @@ class _Connection:
         self.gone = False
         self._queue = b""
 
-    def receive(self) -> bytes:
-        """What has arrived; sets ``gone`` when the peer closed."""
+    def receive(self, portion: int) -> bytes:
+        """At most so much of what has arrived; sets ``gone`` when the peer closed."""
         try:
-            data = self.socket.recv(_CHUNK)
+            data = self.socket.recv(portion)
         except (BlockingIOError, InterruptedError):
             return b""
         except OSError:
@@ -230,6 +237,7 @@ class TcpServer:
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
         self.dropped = 0
+        self.portion = _CHUNK
         self._socket = _bound(url, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._connections: dict[Any, _Connection] = {}
@@ -240,7 +248,7 @@ class TcpServer:
         packets: list[Packet] = []
         for peer, connection in tuple(self._connections.items()):
             connection.flush()
-            data = connection.receive()
+            data = connection.receive(self.portion)
             if connection.gone:
                 connection.socket.close()
                 del self._connections[peer]
@@ -281,6 +289,7 @@ class TcpClient:
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
         self.dropped = 0
+        self.portion = _CHUNK
         self._family, self._address = _resolve(url, socket.SOCK_STREAM)
         self._connecting: socket.socket | None = None
         self._connection: _Connection | None = None
@@ -292,7 +301,7 @@ class TcpClient:
             self._connect(now)
             return []
         self._connection.flush()
-        data = self._connection.receive()
+        data = self._connection.receive(self.portion)
         if self._connection.gone:
             self._connection.socket.close()
             self._connection = None
@@ -364,12 +373,13 @@ class SerialTransport:
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
         self.dropped = 0
+        self.portion = _CHUNK
         self._port = _open_serial(url)
 
     def receive(self, now: float) -> list[Packet]:
         """What has arrived; a device that was pulled out stays silent."""
         try:
-            data = bytes(self._port.read(_CHUNK))
+            data = bytes(self._port.read(self.portion))
         except (OSError, TypeError):
             return []
         return [Packet(data, self.url.host)] if data else []

@@ -1,4 +1,9 @@
-"""The addresses of links: ``udpin:HOST:PORT``, ``udpout:``, ``tcp:``, ``tcpin:`` and ``serial:DEV,BAUD``."""
+"""The addresses of links: ``udpin:HOST:PORT``, ``udpout:``, ``tcp:``, ``tcpin:`` and ``serial:DEV,BAUD``.
+
+Behind a ``?`` may stand what a vehicle does on that link: ``rate=57600`` (it is no faster than a serial line of so
+many baud), ``unsigned=accept`` (unsigned frames count although a signing key is set) and ``forward=no`` (nothing is
+passed on from or to other links); several are joined by ``&``.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,10 @@ from avionics.quantities import BadInput
 
 SOCKET_KINDS = ("udpin", "udpout", "tcp", "tcpin")
 FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE,BAUD"
+OPTIONS = "rate=BAUD, unsigned=accept, forward=no"
+_FASTEST = 10_000_000
+_UNSIGNED = {"accept": True, "refuse": False}
+_FORWARD = {"yes": True, "no": False}
 
 
 class LinkUrl(NamedTuple):
@@ -19,28 +28,62 @@ class LinkUrl(NamedTuple):
     """host name or address, or the serial device"""
     port: int
     """port number, or the baud rate of a serial device"""
+    rate: int = 0
+    """baud; that the link carries, 0 for a serial device's own or no limit"""
+    unsigned: bool = False
+    """unsigned frames count although a signing key is set"""
+    forward: bool = True
+    """other links' frames are passed on to this one, and its to them"""
+
+    @property
+    def baud(self) -> int:
+        """What the link carries at most, 0 for no limit."""
+        return self.rate or (self.port if self.kind == "serial" else 0)
 
     def __str__(self) -> str:
         if self.kind == "serial":
-            return f"serial:{self.host},{self.port}"
-        return (
-            f"{self.kind}:[{self.host}]:{self.port}" if ":" in self.host else f"{self.kind}:{self.host}:{self.port}"
-        )
+            place = f"serial:{self.host},{self.port}"
+        else:
+            host = f"[{self.host}]" if ":" in self.host else self.host
+            place = f"{self.kind}:{host}:{self.port}"
+        chosen = [f"rate={self.rate}"] * bool(self.rate)
+        chosen += ["unsigned=accept"] * self.unsigned + ["forward=no"] * (not self.forward)
+        return f"{place}?{'&'.join(chosen)}" if chosen else place
 
 
 def parse_url(text: str) -> LinkUrl:
     """Take a link's address apart.
 
     Raises:
-        BadInput: it has none of the five forms; the text names them.
+        BadInput: it has none of the five forms, or an unknown option; the text names them.
     """
     kind, _, rest = text.strip().partition(":")
     separator = "," if kind == "serial" else ":"
-    place, found, number = rest.rpartition(separator)
+    place, found, tail = rest.rpartition(separator)
+    number, asked, options = tail.partition("?")
     if (kind not in SOCKET_KINDS and kind != "serial") or not found or not place.strip("[]"):
         raise BadInput(f"link {text!r} is not one of {FORMS}")
-    highest = 10_000_000 if kind == "serial" else 65535
-    if not (number.isascii() and number.isdigit()) or not 0 < int(number) <= highest:
+    highest = _FASTEST if kind == "serial" else 65535
+    if not _within(number, highest):
         what = "baud rate" if kind == "serial" else "port"
         raise BadInput(f"link {text!r}: the {what} must be a number from 1 to {highest}; forms: {FORMS}")
-    return LinkUrl(kind, place if kind == "serial" else place.strip("[]"), int(number))
+    url = LinkUrl(kind, place if kind == "serial" else place.strip("[]"), int(number))
+    return _with_options(url, options, text) if asked else url
+
+
+def _within(number: str, highest: int) -> bool:
+    return number.isascii() and number.isdigit() and 0 < int(number) <= highest
+
+
+def _with_options(url: LinkUrl, options: str, text: str) -> LinkUrl:
+    for option in options.split("&"):
+        name, _, value = option.partition("=")
+        if name == "rate" and _within(value, _FASTEST):
+            url = url._replace(rate=int(value))
+        elif name == "unsigned" and value in _UNSIGNED:
+            url = url._replace(unsigned=_UNSIGNED[value])
+        elif name == "forward" and value in _FORWARD:
+            url = url._replace(forward=_FORWARD[value])
+        else:
+            raise BadInput(f"link {text!r}: {option!r} is none of {OPTIONS}")
+    return url

@@ -15,9 +15,10 @@ from avionics import parameters
 from avionics.board.board import BoardSilent
 from avionics.board.cores import pin_to_core
 from avionics.board.hil import HilBoard
-from avionics.board.parameter_file import Loaded, ParameterFile, default_path
+from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
 from avionics.guidance.mission import Mission
-from avionics.link.ground import GroundLink
+from avionics.link.ground import Files, GroundLink
+from avionics.link.key_file import KeyFile, load_signing
 from avionics.link.vehicle import load_identity
 from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
@@ -60,6 +61,7 @@ def build_parser() -> options.Parser:
     options.add_mission(parser)
     options.add_gcs(parser)
     options.add_identity(parser)
+    options.add_signing_key(parser, "kept in the user's folder")
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
@@ -84,6 +86,7 @@ def run(arguments: Sequence[str]) -> int:
         kept = ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
+    signing = load_signing(_key_file(chosen, vehicle.name))
     path = chosen.log or new_recording(vehicle.name)
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
@@ -96,7 +99,7 @@ def run(arguments: Sequence[str]) -> int:
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
-        link = GroundLink(chosen.gcs, onboard.view, identity, storage=kept)
+        link = GroundLink(chosen.gcs, onboard.view, identity, files=Files(kept, signing))
         stack.callback(link.close)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)
@@ -132,6 +135,17 @@ def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, flown: F
         "ended": ended,
         "events": [event_record(event) for event in onboard.view.events(0)],
     }
+
+
+def _key_file(chosen: argparse.Namespace, vehicle: str) -> KeyFile | None:
+    """The signing key's: the one that was named, which must be there, or the vehicle's own."""
+    if chosen.signing_key == options.NO_KEY:
+        return None
+    if chosen.signing_key is None:
+        return KeyFile(key_path(vehicle))
+    if not Path(chosen.signing_key).exists():
+        raise BadInput(f"signing key {chosen.signing_key}: there is no such file")
+    return KeyFile(Path(chosen.signing_key))
 
 
 def _tell(onboard: Onboard, loaded: Loaded) -> None:

@@ -116,6 +116,7 @@ def build_parser() -> options.Parser:
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
     options.add_identity(parser)
+    options.add_signing_key(parser, options.NO_KEY)
     options.add_parameters(parser, options.NO_PARAMETERS)
     options.add_json(parser)
     return parser
@@ -238,6 +239,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
     flight += ["--start"] if chosen.sticks is None else []
+    flight += ["--signing-key", chosen.signing_key or options.NO_KEY]
     flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
     children.start(
         "the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links, *in_flight]

@@ -16,6 +16,7 @@ from sim_bridge.sensors.receiver import Sticks
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
 NO_PARAMETERS = "none"
+NO_KEY = "none"
 
 
 class Parser(argparse.ArgumentParser):
@@ -108,6 +109,15 @@ def add_identity(parser: argparse.ArgumentParser) -> None:
         default="generic",
         metavar="P",
         help=f"who the vehicle says that it is, to ground stations: {' or '.join(PROFILES)} (generic)",
+    )
+
+
+def add_signing_key(parser: argparse.ArgumentParser, default: str) -> None:
+    """Offer ``--signing-key``; ``default`` says in words which file is used without it."""
+    parser.add_argument(
+        "--signing-key",
+        metavar="FILE|none",
+        help=f"key of MAVLink's message signing: 64 hexadecimal digits, or 'passphrase' and a text ({default})",
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from avionics.board.parameter_file import ParameterFile
-from avionics.link.ground import GroundLink
+from avionics.link.ground import Files, GroundLink
 from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, ImuSample, SensorFrame
 from avionics.recorder import NullRecorder
 from avionics.vehicles import load_vehicle
@@ -59,7 +59,7 @@ def aboard(path: Path) -> Iterator[str]:
     file = ParameterFile(path, RAVEN)
     onboard = Onboard(file.load().vehicle, (), NullRecorder())
     onboard.keep_parameters(file)
-    link = GroundLink([f"udpin:127.0.0.1:{port}"], onboard.view, storage=file)
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], onboard.view, files=Files(file))
     board = Bench()
     thread = threading.Thread(target=onboard.fly, args=(board, link))
     thread.start()

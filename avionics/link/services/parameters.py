@@ -8,16 +8,23 @@ to everyone.
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from avionics.link.budget import PARAMETERS
 from avionics.link.dialect import mavlink
-from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.service import Output, Reply, Room, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, Parameter, VehicleView
 from avionics.messages import Command, CommandKind
 
 _ROUNDING = 2e-7
 """-; relative: PARAM_VALUE carries 24 bits"""
+
+
+VALUE_BYTES = 50.0
+"""of a signed PARAM_VALUE"""
 
 
 class _Pending(NamedTuple):
@@ -31,9 +38,11 @@ class ParameterService:
 
     handles = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
 
-    def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
+    def __init__(self, vehicle: VehicleView, gains: LinkGains, rooms: Sequence[Room]) -> None:
+        """``rooms`` says how much each link takes now."""
         self._vehicle = vehicle
         self._gains = gains
+        self._rooms = rooms
         self._index = {parameter.name: number for number, parameter in enumerate(vehicle.parameters)}
         self._lists: dict[Sender, int] = {}
         self._pending: list[_Pending] = []
@@ -93,8 +102,11 @@ class ParameterService:
         waiting = [each.number for each in self._pending]
         told += [number for number in changed if number not in told and number not in waiting]
         replies: list[Output] = [Reply(self._value(number)) for number in told]
+        taken: Counter[int] = Counter()
         for sender, begin in tuple(self._lists.items()):
-            replies += self._part(sender, begin)
+            part = self._part(sender, begin, taken[sender.link])
+            taken[sender.link] += len(part)
+            replies += part
         return replies
 
     def _changed(self) -> list[int]:
@@ -105,8 +117,10 @@ class ParameterService:
         self._shown = now
         return [number for number, (a, b) in enumerate(zip(before, now, strict=True)) if a.value != b.value]
 
-    def _part(self, sender: Sender, begin: int) -> list[Output]:
-        end = min(begin + self._gains.parameters_per_step, len(self._index))
+    def _part(self, sender: Sender, begin: int, taken: int) -> list[Output]:
+        room = self._rooms[sender.link](PARAMETERS) / VALUE_BYTES - taken
+        fits = math.ceil(min(max(room, 0.0), self._gains.parameters_per_step))
+        end = min(begin + fits, len(self._index))
         self._lists[sender] = end
         if end == len(self._index):
             del self._lists[sender]

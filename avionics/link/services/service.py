@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from avionics.link.transport import Peer
@@ -29,6 +30,9 @@ class Reply(NamedTuple):
 
 
 Output = Reply | Input
+
+Room = Callable[[float], float]
+"""Bytes that a link takes now while a share of its depth is left (`avionics.link.budget`)."""
 
 
 class Service(Protocol):

@@ -6,7 +6,7 @@ stamps of the telemetry are in a simulation that is faster than real time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from avionics.link.dialect import mavlink
@@ -58,6 +58,11 @@ class StatustextService:
         self._unix_time = unix_time
         self._told = 0
         self._identifier = 0
+        self._own: list[Event] = []
+
+    def tell(self, event: Event) -> None:
+        """Send also what is no event of the vehicle."""
+        self._own.append(event)
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """Takes no message."""
@@ -66,10 +71,11 @@ class StatustextService:
     def step(self, now: float) -> list[Output]:
         """SYSTEM_TIME and STATUSTEXT of the events that are new."""
         events = self._vehicle.events(self._told)
-        if not events:
+        if not events and not self._own:
             return []
         self._told += len(events)
-        latest: Sequence[Any] = events[-MOST_AT_ONCE:]
+        latest = [*events, *self._own][-MOST_AT_ONCE:]
+        self._own = []
         return [Reply(message) for event in latest for message in (self._time(event), *self._chunks(event))]
 
     def _time(self, event: Event) -> Any:

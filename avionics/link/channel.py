@@ -1,0 +1,205 @@
+"""One link: a transport with a reader for each peer, who may speak on it, and how fast it is."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+from collections import Counter
+from typing import Any, NamedTuple
+
+from avionics.link.budget import BULK, Budget
+from avionics.link.codec import FrameWriter
+from avionics.link.dialect import mavlink
+from avionics.link.framing import Frame, FrameReader
+from avionics.link.signing import Finding, Signing
+from avionics.link.transport import Packet, Peer, Transport
+from avionics.link.vehicle import Identity
+
+PAUSE = 0.2
+"""s; a frame does not pause for longer, even on a slow radio"""
+NOISE_EVERY = 1.0
+"""s; between two events about noise on a link"""
+PORTION = 2048
+"""bytes; looked at between two ticks on one link, so that a flood costs no tick"""
+VITAL = frozenset({"HEARTBEAT", "COMMAND_ACK"})
+"""What is sent however much a link owes."""
+
+
+class LinkCounts(NamedTuple):
+    """What went over one link."""
+
+    url: str
+    frames: int
+    """received with a correct checksum"""
+    bad_bytes: int
+    """received that were no part of a frame"""
+    unknown: int
+    """frames received of messages that are not known here"""
+    refused: int
+    """frames received with a correct checksum whose content does not fit the message"""
+    dropped: int
+    """frames that could not be sent"""
+    unsigned: int
+    """frames refused because they carried no signature"""
+    forged: int
+    """frames refused because of a wrong signature"""
+    replayed: int
+    """frames refused because they were said before"""
+    forwarded: int
+    """frames of other links that were passed on to this one"""
+    withheld: int
+    """frames of other links that were not, because this one was full"""
+
+
+class Complaint(NamedTuple):
+    """What is wrong on a link, for people."""
+
+    kind: str
+    """-; the same for all that is worth saying once"""
+    text: str
+
+
+class Channel:
+    """A link of the vehicle."""
+
+    def __init__(self, number: int, transport: Transport, identity: Identity, signing: Signing) -> None:
+        """``number`` is the link's among the vehicle's, and in its signatures."""
+        transport.portion = PORTION
+        self.transport = transport
+        self.name = str(transport.url)
+        self.budget = Budget(transport.url.baud)
+        self.refused = 0
+        self.unknown = 0
+        self._number = number
+        self._ours = (identity.system, identity.component)
+        self._signing = signing
+        self._writer = FrameWriter(identity.system, identity.component)
+        self._readers: dict[Peer, FrameReader] = {}
+        self._shared = FrameReader(foreign=True)
+        self._last_data = 0.0
+        self._settled = True
+        self._findings: Counter[Finding] = Counter()
+        self._told: Counter[str] = Counter()
+        self._noise_due = 0.0
+        self._dropped = self._forwarded = self._withheld = 0
+
+    # --- in
+
+    def receive(self, now: float) -> list[tuple[Frame, Peer]]:
+        """The frames that have arrived and count, with their senders' addresses."""
+        heard: list[tuple[Frame, Peer]] = []
+        packets = self.transport.receive(now)
+        if not packets:
+            return heard if self._settled or now - self._last_data < PAUSE else self._settle()
+        self._last_data, self._settled = now, False
+        for packet in packets:
+            frames = [frame for frame in self._cut(packet) if self._admits(frame)]
+            if frames:
+                self.transport.welcome(packet.peer)
+                heard += [(frame, packet.peer) for frame in frames]
+        return heard
+
+    def _settle(self) -> list[tuple[Frame, Peer]]:
+        """Nothing more came: what looks like the beginning of a frame was noise."""
+        self._settled = True
+        late = [(frame, peer) for peer, reader in self._readers.items() for frame in reader.give_up()]
+        return [(frame, peer) for frame, peer in late if self._admits(frame)]
+
+    def _cut(self, packet: Packet) -> list[Frame]:
+        if self.transport.datagrams:
+            return self._shared.feed(packet.data) + self._shared.give_up()
+        if not packet.data:
+            self._shared.bad_bytes += self._forget(packet.peer)
+            return []
+        if packet.peer not in self._readers:
+            self._readers[packet.peer] = FrameReader(foreign=True)
+        return self._readers[packet.peer].feed(packet.data)
+
+    def _forget(self, peer: Peer) -> int:
+        reader = self._readers.pop(peer, None)
+        if reader is None:
+            return 0
+        self._shared.frames += reader.frames
+        self._shared.unknown += reader.unknown
+        return reader.bad_bytes
+
+    def _admits(self, frame: Frame) -> bool:
+        """Not our own voice, echoed by a loop of links, and signed where it must be."""
+        if (frame.system, frame.component) == self._ours:
+            return False
+        if not self._signing.active:
+            return True
+        finding = self._signing.examine(frame)
+        radio = frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS
+        if finding is Finding.SIGNED or (finding is Finding.UNSIGNED and (radio or self.transport.url.unsigned)):
+            return True
+        self._findings[finding] += 1
+        return False
+
+    def confidential(self, peer: Peer) -> bool:
+        """Whether nobody else hears what this peer says: a wire, or the same computer."""
+        if self.transport.url.kind == "serial":
+            return True
+        with contextlib.suppress(ValueError, TypeError, IndexError):
+            return ipaddress.ip_address(peer[0]).is_loopback  # type: ignore[index]
+        return False
+
+    # --- out
+
+    def send(self, message: Any, peer: Peer | None = None) -> None:
+        """Send a message of ours to one peer, or to all; dropped only where far too much is owed."""
+        if self.budget.broke() and message.get_type() not in VITAL:
+            self._dropped += 1
+            return
+        self._transmit(self._pack(message), peer)
+
+    def _pack(self, message: Any) -> bytes:
+        if not self._signing.active:
+            return self._writer.pack(message)
+        return self._writer.pack_signed(message, lambda frame: self._signing.sign(frame, self._number))
+
+    def forward(self, raw: bytes, peer: Peer | None) -> None:
+        """Pass a frame of another link on as it is, while there is room."""
+        if self.budget.room(BULK) < len(raw):
+            self._withheld += 1
+            return
+        self._forwarded += 1
+        self._transmit(raw, peer)
+
+    def _transmit(self, data: bytes, peer: Peer | None) -> None:
+        self.budget.spend(len(data))
+        self.transport.send(data, peer)
+
+    # --- what is to be said of it
+
+    def complaints(self, now: float) -> list[Complaint]:
+        """What has gone wrong since this was last said, at most once in `NOISE_EVERY`."""
+        if now < self._noise_due:
+            return []
+        self._noise_due = now + NOISE_EVERY
+        present = Counter({"noise": self.counts().bad_bytes})
+        present.update({finding.value: number for finding, number in self._findings.items()})
+        news, self._told = present - self._told, present
+        return [Complaint(kind, self._words(kind, number)) for kind, number in news.items()]
+
+    def _words(self, kind: str, number: int) -> str:
+        if kind == "noise":
+            return f"{number} bytes on {self.name} were no MAVLink"
+        return f"{number} frames on {self.name} refused: {kind}"
+
+    def counts(self) -> LinkCounts:
+        """What has gone over the link."""
+        readers = [self._shared, *self._readers.values()]
+        return LinkCounts(
+            self.name,
+            sum(reader.frames for reader in readers),
+            sum(reader.bad_bytes for reader in readers),
+            self.unknown + sum(reader.unknown for reader in readers),
+            self.refused,
+            self.transport.dropped + self._dropped,
+            self._findings[Finding.UNSIGNED],
+            self._findings[Finding.FORGED],
+            self._findings[Finding.REPLAYED],
+            self._forwarded,
+            self._withheld,
+        )

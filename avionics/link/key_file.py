@@ -1,0 +1,107 @@
+"""The signing key in a file of the user's, and beside it the time stamps that were used.
+
+The file holds one line: 64 hexadecimal digits, or ``passphrase`` and a text, whose SHA-256 is the key as in MAVProxy
+and QGroundControl. Nobody but its owner may read it. Neither file ever enters a log.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from avionics.link.signing import KEY_BYTES, Signing, Stamps
+from avionics.quantities import BadInput
+
+_PASSPHRASE = "passphrase "
+_OTHERS = 0o077
+
+
+class KeyFile:
+    """One key file; `avionics.link.signing.KeyStore`."""
+
+    def __init__(self, path: Path) -> None:
+        """Nothing is read or written yet."""
+        self.path = path
+        self._stamps = path.with_name(path.name + ".stamps")
+
+    def load_key(self) -> bytes | None:
+        """The key; None where there is no file.
+
+        Raises:
+            BadInput: the file cannot be read, is not a key, or others may read it.
+        """
+        try:
+            text = self.path.read_text(encoding="utf-8").strip()
+            others = os.name == "posix" and self.path.stat().st_mode & _OTHERS
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInput(f"signing key {self.path}: cannot be read ({type(error).__name__})") from None
+        if others:
+            raise BadInput(f"signing key {self.path} can be read by others: chmod 600 {self.path}")
+        return self._key(text)
+
+    def _key(self, text: str) -> bytes:
+        if text.startswith(_PASSPHRASE) and len(text) > len(_PASSPHRASE):
+            return hashlib.sha256(text.removeprefix(_PASSPHRASE).encode()).digest()
+        with contextlib.suppress(ValueError):
+            if len(key := bytes.fromhex(text)) == KEY_BYTES:
+                return key
+        raise BadInput(f"signing key {self.path}: not {2 * KEY_BYTES} hexadecimal digits, and no passphrase")
+
+    def load_stamps(self) -> Stamps:
+        """The time stamps kept with the key; none where there is no file.
+
+        Raises:
+            BadInput: the file is damaged: without it old frames could be repeated.
+        """
+        try:
+            document = json.loads(self._stamps.read_text(encoding="utf-8"))
+            streams = {(int(a), int(b), int(c)): int(stamp) for a, b, c, stamp in document["streams"]}
+            return Stamps(int(document["ours"]), streams)
+        except FileNotFoundError:
+            return Stamps()
+        except (OSError, ValueError, TypeError, KeyError):
+            raise BadInput(f"time stamps of the signing key, {self._stamps}, are damaged: remove the file") from None
+
+    def save_key(self, key: bytes | None) -> None:
+        """Write the key for its owner's eyes alone, or remove it."""
+        if key is None:
+            self.path.unlink(missing_ok=True)
+        else:
+            _write(self.path, key.hex() + "\n")
+
+    def save_stamps(self, stamps: Stamps) -> None:
+        """Write the time stamps."""
+        streams = [[*stream, stamp] for stream, stamp in stamps.streams.items()]
+        _write(self._stamps, json.dumps({"ours": stamps.ours, "streams": streams}) + "\n")
+
+
+def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.time) -> Signing:
+    """What the link signs with: the key of the file, if there is one, and never a time stamp twice.
+
+    Raises:
+        BadInput: the file or its time stamps cannot be used.
+    """
+    if file is None:
+        return Signing(unix_time)
+    return Signing(unix_time, file.load_key(), file.load_stamps(), file)
+
+
+def _write(path: Path, text: str) -> None:
+    """The old file or the new one, never a part; `mkstemp` makes it its owner's alone."""
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(scratch).replace(path)
+    except BaseException:
+        Path(scratch).unlink(missing_ok=True)
+        raise

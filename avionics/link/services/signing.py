@@ -1,0 +1,58 @@
+"""SETUP_SIGNING: another key, or none. It has no answer but a STATUSTEXT.
+
+A key is taken only while disarmed, only when the message names this vehicle, and only where nobody else hears it: on
+a serial line or from this computer. Once a key is set, the links let through only what is signed with it, so that
+nobody else can change it. The key is in no log and in no text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from avionics.link.services.service import Output, Sender
+from avionics.link.services.statustext import refusal_text
+from avionics.link.signing import LATEST, Signing
+from avionics.link.vehicle import VehicleView
+
+Confidential = Callable[[Sender], bool]
+
+
+class SigningService:
+    """Takes SETUP_SIGNING."""
+
+    handles = frozenset({"SETUP_SIGNING"})
+
+    def __init__(self, vehicle: VehicleView, signing: Signing, confidential: Confidential) -> None:
+        """``confidential`` says whether nobody else hears what a sender says."""
+        self._vehicle = vehicle
+        self._signing = signing
+        self._confidential = confidential
+
+    def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        """Take the key, or say why not."""
+        reason = self._refusal(message, sender)
+        return list(refusal_text(reason or self._take(message), sender))
+
+    def _refusal(self, message: Any, sender: Sender) -> str:
+        if message.target_system == 0:
+            return "signing: the key must be sent to one vehicle"
+        if self._vehicle.armed:
+            return "signing: armed"
+        if not self._confidential(sender):
+            return "signing: a key is taken by wire or from this computer, or with --signing-key"
+        return "signing: the time stamp is too late" if message.initial_timestamp > LATEST else ""
+
+    def _take(self, message: Any) -> str:
+        key = bytes(message.secret_key)
+        try:
+            self._signing.set_key(key if any(key) else None, message.initial_timestamp)
+        except OSError as error:
+            return f"signing: the key cannot be kept: {error.strerror}"
+        if not self._signing.active:
+            return "signing: off, unsigned frames count"
+        return "signing: on" if self._signing.kept else "signing: on, until the next start"
+
+    def step(self, now: float) -> list[Output]:
+        """Nothing is due without having been asked."""
+        return []

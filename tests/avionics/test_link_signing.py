@@ -1,0 +1,333 @@
+"""Message signing: pymavlink signs and checks on the other end, over real sockets and into real files."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from link_station import PATIENCE, free_port
+from link_vehicle import FakeVehicle
+
+from avionics.link.dialect import mavlink
+from avionics.link.ground import Files, GroundLink
+from avionics.link.key_file import KeyFile, load_signing
+from avionics.link.signing import EPOCH, FRESH, RESERVE, TICKS_PER_SECOND, Signing
+from avionics.messages import CommandKind
+from avionics.quantities import BadInput
+
+KEY = bytes(range(32))
+OTHER = bytes(range(1, 33))
+NOW = EPOCH + 3.0e8
+TICKS = round(3.0e8 * TICKS_PER_SECOND)
+
+
+class Station:
+    """A socket, and pymavlink's own signing on it."""
+
+    def __init__(self, port: int, key: bytes | None, stamp: int = TICKS, system: int = 255) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(("127.0.0.1", port))
+        self.socket.setblocking(False)
+        self.mav: Any = mavlink.MAVLink(None, system, 190)
+        self.heard: list[Any] = []
+        self.use(key, stamp)
+
+    def use(self, key: bytes | None, stamp: int = TICKS) -> None:
+        signing = self.mav.signing
+        signing.secret_key, signing.sign_outgoing, signing.timestamp = key, key is not None, stamp
+
+    def say(self, message: Any) -> bytes:
+        data = bytes(message.pack(self.mav))
+        self.socket.send(data)
+        return data
+
+    def hear(self) -> list[Any]:
+        """Everything that is signed as it must be; pymavlink raises for anything else."""
+        while True:
+            try:
+                data = self.socket.recv(2048)
+            except BlockingIOError:
+                return self.heard
+            self.heard.append(self.mav.decode(bytearray(data)))
+
+
+class Ground:
+    """A vehicle's link, polled until it has taken what was sent."""
+
+    def __init__(self, link: GroundLink, vehicle: FakeVehicle) -> None:
+        self.link, self.vehicle = link, vehicle
+        self.now = 0.0
+
+    def take(self, station: Station) -> list[Any]:
+        """Poll until the datagrams on the way have been taken; the inputs."""
+        before, inputs = self.link.counts[0].frames, []
+        deadline = time.monotonic() + PATIENCE
+        while self.link.counts[0].frames == before:
+            assert time.monotonic() < deadline
+            inputs += self.link.poll(self.now)
+        self.vehicle.apply(inputs)
+        inputs += self.link.poll(self.now)
+        self.now += 2.0
+        self.link.poll(self.now)
+        station.hear()
+        return inputs
+
+
+@contextmanager
+def grounded(signing: Signing | None, options: str = "") -> Iterator[tuple[Ground, int]]:
+    port, vehicle = free_port(), FakeVehicle()
+    link = GroundLink(
+        [f"udpin:127.0.0.1:{port}{options}"], vehicle, unix_time=lambda: NOW, files=Files(signing=signing)
+    )
+    try:
+        yield Ground(link, vehicle), port
+    finally:
+        link.close()
+
+
+def arm() -> Any:
+    return mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+
+
+def setup(key: bytes, stamp: int = 0, target: int = 1) -> Any:
+    return mavlink.MAVLink_setup_signing_message(target, 1, list(key), stamp)
+
+
+def texts(station: Station) -> str:
+    return " | ".join(message.text for message in station.heard if message.get_type() == "STATUSTEXT")
+
+
+def kinds(inputs: list[Any]) -> list[CommandKind]:
+    return [each.kind for each in inputs]
+
+
+def test_signed_frames_are_obeyed_and_answered_with_signed_ones() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        station = Station(port, KEY)
+        station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+        acks = [message for message in station.heard if message.get_type() == "COMMAND_ACK"]
+        assert [ack.result for ack in acks] == [mavlink.MAV_RESULT_ACCEPTED]
+        assert all(message.get_signed() for message in station.heard)
+        stamps = [message.get_msgbuf()[-12:-6] for message in station.heard]
+        numbers = [int.from_bytes(stamp, "little") for stamp in stamps]
+        assert numbers == sorted(set(numbers)) and numbers[0] >= TICKS
+
+
+@pytest.mark.parametrize("key", [None, OTHER])
+def test_what_is_not_signed_with_the_key_is_refused_counted_and_told_once(key: bytes | None) -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        stranger, owner = Station(port, key), Station(port, KEY, system=254)
+        for _ in range(3):
+            stranger.say(arm())
+            assert ground.take(stranger) == []
+        counts = ground.link.counts[0]
+        assert (counts.unsigned, counts.forged, counts.replayed) == ((3, 0, 0) if key is None else (0, 3, 0))
+        assert stranger.heard == [] and not ground.vehicle.armed
+        kind = "unsigned" if key is None else "wrong signature"
+        logged = [event.text for event in ground.link.take_events()]
+        assert f"1 frames on {counts.url} refused: {kind}" in logged
+        owner.say(arm())
+        ground.take(owner)
+        assert ground.vehicle.armed
+        said = f"{kind} frames are refused on {counts.url}"
+        assert logged.count(said) == 1 and said not in texts(owner), "told before the owner was heard"
+
+
+def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        owner, forger = Station(port, KEY), Station(port, OTHER, system=254)
+        owner.say(arm())
+        ground.take(owner)
+        for _ in range(3):
+            forger.say(arm())
+            ground.take(owner)
+        assert texts(owner).replace(" | ", "").count("wrong signature frames are refused") == 1
+
+
+def test_a_replayed_frame_is_refused_and_an_older_one_too() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        station = Station(port, KEY)
+        first = station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+        for _ in range(2):
+            station.socket.send(first)
+            assert ground.take(station) == []
+        station.use(KEY, TICKS - 5)
+        station.say(arm())
+        assert ground.take(station) == []
+        assert ground.link.counts[0].replayed == 3
+
+
+def test_a_sender_that_was_never_heard_may_be_a_minute_late_and_no_more() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        for system, behind, heard in ((1, FRESH + 10, 0), (2, FRESH - 10, 1)):
+            station = Station(port, KEY, TICKS - behind, system + 10)
+            station.say(arm())
+            assert len(ground.take(station)) == heard
+
+
+def test_a_forged_time_stamp_does_not_silence_the_owner() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        owner, forger = Station(port, KEY), Station(port, OTHER, TICKS + 10**9)
+        forger.say(arm())
+        assert ground.take(owner) == []
+        owner.say(arm())
+        assert kinds(ground.take(owner)) == [CommandKind.ARM]
+
+
+def test_a_radio_and_a_link_that_the_user_trusts_need_no_signature() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        radio = Station(port, None, system=51)
+        radio.say(mavlink.MAVLink_radio_status_message(1, 1, 99, 1, 1, 0, 0))
+        ground.take(radio)
+        assert ground.link.counts[0].unsigned == 0
+    with grounded(Signing(lambda: NOW, KEY), "?unsigned=accept") as (ground, port):
+        stranger, forger = Station(port, None), Station(port, OTHER)
+        stranger.say(arm())
+        assert kinds(ground.take(stranger)) == [CommandKind.ARM]
+        forger.say(arm())
+        assert ground.take(forger) == [] and ground.link.counts[0].forged == 1
+
+
+# --- SETUP_SIGNING -------------------------------------------------------------------------------------------
+
+
+def test_setup_signing_sets_changes_and_removes_the_key(tmp_path: Path) -> None:
+    file = KeyFile(tmp_path / "state" / "bird.key")
+    with grounded(load_signing(file, lambda: NOW)) as (ground, port):
+        station = Station(port, None)
+        station.say(setup(KEY, TICKS))
+        ground.take(station)
+        assert file.load_key() == KEY and texts(station).startswith("signing: on")
+        assert file.path.stat().st_mode & 0o777 == 0o600
+        station.say(setup(OTHER))
+        ground.take(station)
+        assert file.load_key() == KEY and ground.link.counts[0].unsigned == 1
+        station.use(KEY, TICKS + 5)
+        station.say(setup(OTHER))
+        ground.take(Station(port, OTHER))
+        assert file.load_key() == OTHER
+        station.use(OTHER, TICKS + 10)
+        station.say(setup(bytes(32)))
+        ground.take(Station(port, None))
+        assert not file.path.exists()
+        station.use(None)
+        station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+        told = repr(ground.link.take_events()) + texts(station)
+        assert KEY.hex() not in told and OTHER.hex() not in told and str(list(KEY)) not in told
+
+
+@pytest.mark.parametrize(
+    ("armed", "target", "stamp", "word"),
+    [(True, 1, 0, "armed"), (False, 0, 0, "one vehicle"), (False, 1, (1 << 47) + 1, "too late")],
+)
+def test_a_key_is_refused(armed: bool, target: int, stamp: int, word: str) -> None:
+    with grounded(None) as (ground, port):
+        ground.vehicle.armed = armed
+        station = Station(port, None)
+        station.say(setup(KEY, stamp, target))
+        ground.take(station)
+        assert word in texts(station)
+        station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+
+
+def test_a_key_is_taken_only_where_nobody_else_hears_it() -> None:
+    with grounded(None) as (ground, _):
+        channel = ground.link._links[0]
+        assert channel.confidential(("127.0.0.1", 5)) and channel.confidential(("::1", 5, 0, 0))
+        assert not channel.confidential(("192.168.1.20", 5)) and not channel.confidential("somebody")
+
+
+# --- files ---------------------------------------------------------------------------------------------------
+
+
+def key_file(folder: Path, text: str) -> KeyFile:
+    path = folder / "bird.key"
+    path.touch(0o600)
+    path.write_text(text)
+    return KeyFile(path)
+
+
+@pytest.mark.parametrize("clean", [True, False])
+def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp_path: Path, clean: bool) -> None:
+    file = key_file(tmp_path, KEY.hex())
+    first = load_signing(file, lambda: NOW)
+    with grounded(first) as (ground, port):
+        station = Station(port, KEY)
+        frames = []
+        for _ in range(4):
+            frames.append(station.say(arm()))
+            ground.take(station)
+        used = max(int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.heard)
+        kept = file.load_stamps()
+        if not clean:
+            ground.link._signing = Signing(lambda: NOW)  # a crash: nothing is written any more
+    if clean:
+        kept = file.load_stamps()
+    assert kept.ours >= used
+    # Afterwards the vehicle's clock is years behind: it has no battery.
+    again = load_signing(file, lambda: EPOCH)
+    with grounded(again) as (ground, port):
+        station = Station(port, KEY, TICKS + RESERVE + 100)
+        for frame in frames:
+            station.socket.send(frame)
+            assert ground.take(station) == []
+        assert ground.link.counts[0].replayed == len(frames)
+        station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+        after = [int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.heard]
+        assert min(after) > used
+
+
+def test_a_passphrase_is_the_key_that_mavproxy_makes_of_it(tmp_path: Path) -> None:
+    import hashlib
+
+    file = key_file(tmp_path, "passphrase the goose is loose\n")
+    assert file.load_key() == hashlib.sha256(b"the goose is loose").digest()
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "word"),
+    [("", 0o600, "hexadecimal"), ("00ff", 0o600, "hexadecimal"), (KEY.hex(), 0o640, "chmod 600"),
+     (KEY.hex(), 0o604, "chmod 600")],
+)  # fmt: skip
+def test_a_key_file_that_cannot_be_used_is_refused_in_one_line_without_the_key(
+    tmp_path: Path, text: str, mode: int, word: str
+) -> None:
+    file = key_file(tmp_path, text)
+    file.path.chmod(mode)
+    with pytest.raises(BadInput) as refused:
+        file.load_key()
+    assert word in str(refused.value) and "\n" not in str(refused.value)
+    assert KEY.hex() not in str(refused.value)
+
+
+def test_damaged_time_stamps_are_refused(tmp_path: Path) -> None:
+    file = key_file(tmp_path, KEY.hex())
+    file.path.with_name("bird.key.stamps").write_text('{"ours": 3')
+    with pytest.raises(BadInput, match="damaged"):
+        load_signing(file)
+
+
+def test_a_folder_that_cannot_be_written_stops_no_flight_and_is_told(tmp_path: Path) -> None:
+    file = key_file(tmp_path, KEY.hex())
+    signing = load_signing(file, lambda: NOW)
+    file.path.with_name("bird.key.stamps").mkdir()
+    with grounded(signing) as (ground, port):
+        station = Station(port, KEY)
+        station.say(arm())
+        assert kinds(ground.take(station)) == [CommandKind.ARM]
+        assert "time stamps are not kept" in texts(station).replace(" | ", "")
+
+
+def test_the_key_shows_nowhere(tmp_path: Path) -> None:
+    signing = Signing(lambda: NOW, KEY)
+    assert repr(signing) == "Signing(on)"
