@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.link.channel import Channel, LinkCounts
@@ -28,6 +29,7 @@ from avionics.link.services.signing import SigningService
 from avionics.link.services.silence import SilenceService
 from avionics.link.services.statustext import StatustextService
 from avionics.link.services.timesync import TimesyncService
+from avionics.link.shelf import Shelf
 from avionics.link.signing import Signing
 from avionics.link.streams import Streams
 from avionics.link.transport import Peer, Transport, open_transport
@@ -42,6 +44,8 @@ class Files(NamedTuple):
     """parameters"""
     signing: Signing | None = None
     """the key and what was signed"""
+    logs: Path | None = None
+    """a folder of them, which can be read over FTP"""
 
 
 class GroundLink:
@@ -73,7 +77,7 @@ class GroundLink:
         self._streams = Streams(vehicle, self._rooms(), unix_time, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._texts = StatustextService(vehicle, unix_time)
-        self._services = self._build_services(gains or LinkGains(), files.storage)
+        self._services = self._build_services(gains or LinkGains(), files)
         self._by_message: dict[str, list[Service]] = {}
         for service in self._services:
             for name in service.handles:
@@ -84,21 +88,21 @@ class GroundLink:
     def _rooms(self) -> list[Room]:
         return [link.budget.room for link in self._links]
 
-    def _build_services(self, gains: LinkGains, storage: Storage | None) -> list[Service]:
+    def _build_services(self, gains: LinkGains, files: Files) -> list[Service]:
         vehicle, identity = self._vehicle, self._identity
         requests = Requests(vehicle, identity, self._streams)
         missions = MissionService(vehicle, gains, identity.first_item)
         return [
             HeartbeatService(vehicle, identity, gains),
             self._silence,
-            CommandService(vehicle, identity, requests, missions, storage),
+            CommandService(vehicle, identity, requests, missions, files.storage),
             ParameterService(vehicle, gains, self._rooms()),
             missions,
             ModeService(vehicle, identity),
             requests,
             self._texts,
             TimesyncService(vehicle),
-            FtpService(),
+            FtpService(Shelf(vehicle, files.storage, files.logs), self._rooms()),
             ManualService(vehicle, identity.system),
             SigningService(vehicle, self._signing, self._confidential),
             RadioService(lambda link, free, now: self._links[link].budget.note_radio(free, now)),

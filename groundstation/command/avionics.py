@@ -99,7 +99,7 @@ def run(arguments: Sequence[str]) -> int:
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
-        link = GroundLink(chosen.gcs, onboard.view, identity, files=Files(kept, signing))
+        link = GroundLink(chosen.gcs, onboard.view, identity, files=Files(kept, signing, path.parent))
         stack.callback(link.close)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)

@@ -428,15 +428,11 @@ def test_rates_follow_the_request() -> None:
         assert expect(client, "MESSAGE_INTERVAL").interval_us == -1
 
 
-def test_time_and_files() -> None:
+def test_time() -> None:
     with stock_client() as (client, vehicle):
         client.mav.timesync_send(0, 123)
         answer = expect(client, "TIMESYNC")
         assert (answer.ts1, answer.tc1) == (123, vehicle.time_us * 1000)
-        request = bytes([7, 0, 0, 4, 9, 0, 0, 0, 0, 0, 0, 0]) + b"@PARAM/pa"
-        client.mav.file_transfer_protocol_send(0, 1, 1, list(request.ljust(251, b"\0")))
-        payload = expect(client, "FILE_TRANSFER_PROTOCOL").payload
-        assert (payload[0], payload[3], payload[5], payload[12]) == (8, 129, 4, 10)
 
 
 def test_the_sticks_arrive_with_nose_up_positive() -> None:

@@ -1,49 +1,305 @@
-"""MAVLink FTP: there are no files on board yet, and saying so at once spares a ground station its time-outs."""
+"""MAVLink FTP, for reading: folders are listed, files opened, read, read in bursts, and their checksum taken.
+
+Whatever else is asked gets a NAK at once, which spares a ground station its time-outs. A request that comes again
+gets the same answer again; bursts and checksums go on in `step`, a little each time. Each sender numbers its
+sessions itself: some ask for a number and never look which one they were given.
+"""
 
 from __future__ import annotations
 
 import struct
-from typing import Any
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple
 
+from avionics.link.budget import BULK
 from avionics.link.dialect import mavlink
-from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.service import Output, Reply, Room, Sender
+from avionics.link.shelf import Content, Shelf
 
 _HEADER = struct.Struct("<HBBBBBBI")
 """sequence, session, opcode, size, requested opcode, burst complete, padding, offset"""
-_ACK, _NAK = 128, 129
-_TERMINATE, _RESET = 1, 2
-_OPENING = (4, 5, 11, 14)
-"""open for reading, open for writing, open for writing an existing file, checksum of a file"""
-_LIST = 3
-_END_OF_LIST, _FILE_NOT_FOUND, _UNKNOWN_COMMAND = 6, 10, 7
 _PAYLOAD = 251
+ROOM = _PAYLOAD - _HEADER.size
+"""bytes of data in one message"""
+FRAME_BYTES = 280.0
+"""of one message on the wire, signed"""
+MOST_SESSIONS = 8
+REPEATED = 3.0
+"""s; in which the same request is one that comes again, and not a new one"""
+IDLE = 60.0
+"""s; after which a session may be taken by another"""
+BURST = 100
+"""messages; then the station asks for the next burst, if it is still there"""
+BURST_PER_STEP = 10
+CHECKED_PER_STEP = 65536
+"""bytes"""
+
+
+class _Op(IntEnum):
+    TERMINATE = 1
+    RESET = 2
+    LIST = 3
+    OPEN = 4
+    READ = 5
+    CHECKSUM = 14
+    BURST = 15
+    ACK = 128
+    NAK = 129
+
+
+_WRITING = frozenset(range(6, 14))
+
+
+class _Error(IntEnum):
+    FAIL = 1
+    INVALID_SIZE = 3
+    INVALID_SESSION = 4
+    NO_SESSIONS = 5
+    END_OF_FILE = 6
+    UNKNOWN_COMMAND = 7
+    FILE_PROTECTED = 9
+    FILE_NOT_FOUND = 10
+
+
+class _Refused(Exception):
+    def __init__(self, error: _Error) -> None:
+        super().__init__(error.name)
+        self.error = error
+
+
+class _Request(NamedTuple):
+    sequence: int
+    session: int
+    opcode: int
+    size: int
+    offset: int
+    data: bytes
+
+    @property
+    def path(self) -> str:
+        return self.data.split(b"\0")[0].decode("utf-8", errors="replace")
+
+
+@dataclass
+class _Session:
+    content: Content
+    used: float
+
+
+class _Answered(NamedTuple):
+    request: _Request
+    reply: Reply
+    time: float
+
+
+@dataclass
+class _Burst:
+    request: _Request
+    offset: int
+    sequence: int
+    left: int = BURST
+
+
+@dataclass
+class _Checksum:
+    request: _Request
+    content: Content
+    offset: int = 0
+    # Without the usual inversions, which zlib has built in.
+    crc: int = 0xFFFFFFFF
 
 
 class FtpService:
-    """Answers every FTP request: an empty folder, and no file in it."""
+    """Answers FILE_TRANSFER_PROTOCOL."""
 
     handles = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
+    def __init__(self, shelf: Shelf, rooms: Sequence[Room]) -> None:
+        """``rooms`` says how much each link takes now."""
+        self._shelf = shelf
+        self._rooms = rooms
+        self._sessions: dict[tuple[Sender, int], _Session] = {}
+        self._bursts: dict[Sender, _Burst] = {}
+        self._checksums: dict[Sender, _Checksum] = {}
+        self._answered: dict[Sender, _Answered] = {}
+        self._answers: dict[int, Callable[[_Request, Sender, float], bytes]] = {
+            _Op.TERMINATE: self._terminate,
+            _Op.RESET: self._reset,
+            _Op.LIST: self._list,
+            _Op.OPEN: self._open,
+            _Op.READ: self._read,
+        }
+
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """One answer to one request."""
-        request = bytes(message.payload)
-        sequence, session, opcode, _, _, _, _, offset = _HEADER.unpack_from(request)
-        if opcode >= _ACK:
+        """One answer to one request, at once or, of a burst and a checksum, bit by bit."""
+        request = _read_request(bytes(message.payload))
+        if request.opcode >= _Op.ACK:
             return []
-        reply, data = _answer(opcode)
-        header = _HEADER.pack((sequence + 1) & 0xFFFF, session, reply, len(data), opcode, 0, 0, offset)
-        payload = (header + data).ljust(_PAYLOAD, b"\0")
-        answer = mavlink.MAVLink_file_transfer_protocol_message(0, sender.system, sender.component, list(payload))
-        return [Reply(answer, sender)]
+        known = self._answered.get(sender)
+        if known is not None and known.request == request and now - known.time < REPEATED:
+            return [known.reply]
+        self._bursts.pop(sender, None)
+        try:
+            reply = self._answer(request, sender, now)
+        except _Refused as refused:
+            reply = _reply(request, sender, _Op.NAK, bytes([refused.error]))
+        if reply is None:
+            return []
+        self._remember(sender, _Answered(request, reply, now))
+        return [reply]
+
+    def _remember(self, sender: Sender, answered: _Answered) -> None:
+        self._answered.pop(sender, None)
+        if len(self._answered) >= MOST_SESSIONS:
+            del self._answered[next(iter(self._answered))]
+        self._answered[sender] = answered
+
+    def _answer(self, request: _Request, sender: Sender, now: float) -> Reply | None:
+        if request.size > ROOM:
+            raise _Refused(_Error.INVALID_SIZE)
+        if request.opcode == _Op.BURST:
+            self._session(sender, request, now)
+            self._bursts[sender] = _Burst(request, request.offset, request.sequence + 1)
+            return None
+        if request.opcode == _Op.CHECKSUM:
+            if sender not in self._checksums and len(self._checksums) >= MOST_SESSIONS:
+                raise _Refused(_Error.NO_SESSIONS)
+            self._checksums[sender] = _Checksum(request, self._find(request))
+            return None
+        answer = self._answers.get(request.opcode)
+        if answer is None:
+            raise _Refused(_Error.FILE_PROTECTED if request.opcode in _WRITING else _Error.UNKNOWN_COMMAND)
+        return _reply(request, sender, _Op.ACK, answer(request, sender, now))
+
+    def _terminate(self, request: _Request, sender: Sender, now: float) -> bytes:
+        self._sessions.pop((sender, request.session), None)
+        return b""
+
+    def _reset(self, request: _Request, sender: Sender, now: float) -> bytes:
+        """The sender's own sessions: another station may be reading."""
+        self._sessions = {key: each for key, each in self._sessions.items() if key[0] != sender}
+        return b""
+
+    def _list(self, request: _Request, sender: Sender, now: float) -> bytes:
+        entries = self._shelf.entries(request.path)
+        if entries is None:
+            raise _Refused(_Error.FILE_NOT_FOUND)
+        data = b""
+        for entry in entries[request.offset :]:
+            line = entry.encode() + b"\0"
+            if len(data) + len(line) > ROOM:
+                break
+            data += line
+        if not data:
+            raise _Refused(_Error.END_OF_FILE)
+        return data
+
+    def _open(self, request: _Request, sender: Sender, now: float) -> bytes:
+        content = self._find(request)
+        self._make_room((sender, request.session), now)
+        self._sessions[sender, request.session] = _Session(content, now)
+        return struct.pack("<I", content.size)
+
+    def _make_room(self, key: tuple[Sender, int], now: float) -> None:
+        """An idle session makes room for another; one that its sender opens anew is replaced."""
+        if key in self._sessions or len(self._sessions) < MOST_SESSIONS:
+            return
+        oldest = min(self._sessions, key=lambda each: self._sessions[each].used)
+        if now - self._sessions[oldest].used < IDLE:
+            raise _Refused(_Error.NO_SESSIONS)
+        del self._sessions[oldest]
+
+    def _find(self, request: _Request) -> Content:
+        content = self._shelf.open(request.path)
+        if content is None:
+            raise _Refused(_Error.FILE_NOT_FOUND)
+        return content
+
+    def _session(self, sender: Sender, request: _Request, now: float) -> _Session:
+        session = self._sessions.get((sender, request.session))
+        if session is None:
+            raise _Refused(_Error.INVALID_SESSION)
+        session.used = now
+        return session
+
+    def _read(self, request: _Request, sender: Sender, now: float) -> bytes:
+        content = self._session(sender, request, now).content
+        return _part(content, request.offset, request.size or ROOM)
+
+    # --- what goes on bit by bit
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
-        return []
+        """The next part of every burst and checksum."""
+        if not self._bursts and not self._checksums:
+            return []
+        outputs: list[Output] = []
+        for sender, burst in tuple(self._bursts.items()):
+            room = self._rooms[sender.link](BULK) / FRAME_BYTES - len(outputs)
+            outputs += self._go_on(sender, burst, now, int(min(max(room, 0.0), BURST_PER_STEP)))
+        for sender, checksum in tuple(self._checksums.items()):
+            outputs += self._check(sender, checksum)
+        return outputs
+
+    def _go_on(self, sender: Sender, burst: _Burst, now: float, most: int) -> list[Output]:
+        outputs: list[Output] = []
+        while most > len(outputs) and sender in self._bursts:
+            outputs.append(self._next_part(sender, burst, now))
+        return outputs
+
+    def _next_part(self, sender: Sender, burst: _Burst, now: float) -> Reply:
+        """One message; the last of a burst says so, and behind the end of the file there is a NAK."""
+        request = burst.request._replace(sequence=burst.sequence - 1, offset=burst.offset)
+        try:
+            content = self._session(sender, request, now).content
+            data = _part(content, burst.offset, request.size or ROOM)
+        except _Refused as refused:
+            del self._bursts[sender]
+            return _reply(request, sender, _Op.NAK, bytes([refused.error]))
+        burst.offset += len(data)
+        burst.sequence += 1
+        burst.left -= 1
+        last = burst.left == 0 or burst.offset >= content.size
+        if last:
+            del self._bursts[sender]
+        return _reply(request, sender, _Op.ACK, data, last)
+
+    def _check(self, sender: Sender, checksum: _Checksum) -> list[Output]:
+        content = checksum.content
+        left = content.size - checksum.offset
+        try:
+            data = content.read(checksum.offset, min(CHECKED_PER_STEP, left)) if left > 0 else b""
+        except OSError:
+            del self._checksums[sender]
+            return [_reply(checksum.request, sender, _Op.NAK, bytes([_Error.FAIL]))]
+        checksum.crc = zlib.crc32(data, checksum.crc)
+        checksum.offset += len(data)
+        if data and checksum.offset < content.size:
+            return []
+        del self._checksums[sender]
+        return [_reply(checksum.request, sender, _Op.ACK, struct.pack("<I", checksum.crc ^ 0xFFFFFFFF))]
 
 
-def _answer(opcode: int) -> tuple[int, bytes]:
-    if opcode in (_TERMINATE, _RESET):
-        return _ACK, b""
-    if opcode == _LIST:
-        return _NAK, bytes([_END_OF_LIST])
-    return _NAK, bytes([_FILE_NOT_FOUND if opcode in _OPENING else _UNKNOWN_COMMAND])
+def _part(content: Content, offset: int, size: int) -> bytes:
+    try:
+        data = content.read(offset, min(size, ROOM)) if offset < content.size else b""
+    except OSError:
+        raise _Refused(_Error.FAIL) from None
+    if not data:
+        raise _Refused(_Error.END_OF_FILE)
+    return data
+
+
+def _read_request(payload: bytes) -> _Request:
+    sequence, session, opcode, size, _, _, _, offset = _HEADER.unpack_from(payload)
+    return _Request(sequence, session, opcode, size, offset, payload[_HEADER.size : _HEADER.size + size])
+
+
+def _reply(request: _Request, sender: Sender, opcode: int, data: bytes, last: bool = False) -> Reply:
+    sequence = (request.sequence + 1) & 0xFFFF
+    header = _HEADER.pack(sequence, request.session, opcode, len(data), request.opcode, last, 0, request.offset)
+    payload = (header + data).ljust(_PAYLOAD, b"\0")
+    message = mavlink.MAVLink_file_transfer_protocol_message(0, sender.system, sender.component, list(payload))
+    return Reply(message, sender)
