@@ -224,8 +224,11 @@ class LinkGains(NamedTuple):
     """s; for which a ground station must have been heard before its silence is a loss"""
     ask_again: float = 1.0
     """s; until an unanswered request of a mission transfer is repeated"""
-    give_up: int = 5
-    """-; requests without an answer until a mission transfer is abandoned"""
+    give_up: int = 15
+    """-; requests without an answer until a mission transfer is abandoned: where three of ten frames are lost on each
+    way, one transfer in a hundred with hundreds of items"""
+    yield_after: int = 3
+    """-; requests without an answer until another station may begin a transfer of its own"""
     confirm: float = 1.0
     """s; for the flight core to take a parameter or a mission"""
     parameters_per_step: int = 20

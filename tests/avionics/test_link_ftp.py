@@ -69,9 +69,7 @@ def stock_ftp(logs: Path) -> Iterator[Any]:
         client = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=255, dialect="development")
         try:
             greet(client)
-            ftp = mavftp.MAVFTP(client, target_system=1, target_component=1)
-            ftp.ftp_settings.idle_detection_time = 0.6  # it waits so long after the end of a list
-            yield ftp
+            yield mavftp.MAVFTP(client, target_system=1, target_component=1)
         finally:
             client.close()
 

@@ -102,7 +102,7 @@ class MissionService:
         part = self._parts.get(mission_type)
         if part is None:
             return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, mission_type)]
-        if self._upload is not None and self._upload.sender != sender:
+        if self._busy_with_another(sender):
             denied = _ack(sender, mavlink.MAV_MISSION_DENIED, mission_type)
             return [denied, *refusal_text("another mission upload runs", sender)]
         if message.count > MOST_ITEMS:
@@ -112,6 +112,11 @@ class MissionService:
             return self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
         self._upload = _Upload(sender, part, message.count, now + self._gains.ask_again)
         return [_request(self._upload)]
+
+    def _busy_with_another(self, sender: Sender) -> bool:
+        """Whether somebody else's upload goes on; one that has fallen silent makes room."""
+        upload = self._upload
+        return upload is not None and upload.sender != sender and upload.asked <= self._gains.yield_after
 
     def _deadline(self, now: float) -> float:
         return now + self._gains.confirm
