@@ -134,6 +134,7 @@ class Channel:
         if finding is Finding.SIGNED or (finding is Finding.UNSIGNED and (radio or self.transport.url.unsigned)):
             return True
         self._findings[finding] += 1
+        self._signing.refused[finding] += 1
         return False
 
     def confidential(self, peer: Peer) -> bool:
@@ -186,6 +187,12 @@ class Channel:
         if kind == "noise":
             return f"{number} bytes on {self.name} were no MAVLink"
         return f"{number} frames on {self.name} refused: {kind}"
+
+    def summary(self) -> str:
+        """One line of all that is not zero."""
+        url, *numbers = self.counts()
+        named = zip(LinkCounts._fields[1:], numbers, strict=True)
+        return f"{url}: {', '.join(f'{name} {number}' for name, number in named if number) or 'nothing heard'}"
 
     def counts(self) -> LinkCounts:
         """What has gone over the link."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import NamedTuple, Protocol
@@ -86,6 +87,8 @@ class Signing:
         self._streams = dict(stamps.streams)
         self._store = store
         self._reserved = Stamps(self._last, dict(self._streams))
+        self.refused: Counter[Finding] = Counter()
+        """frames that were not let in, on all links"""
         self.failure = ""
         """why time stamps are not kept, empty while they are"""
 

@@ -186,6 +186,7 @@ _BAROMETER = mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
 _PITOT = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 _GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
 _BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+_CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _IMU = _GYRO | _ACCELEROMETER | _MAGNETOMETER
 _RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 _SENSORS = (
@@ -208,20 +209,29 @@ _FAULTS = (
 )
 
 
+def _ready(vehicle: VehicleView) -> bool:
+    """Armed, or about to be if it were asked."""
+    return vehicle.armed or not vehicle.refusal(m.Command(vehicle.time_us, m.CommandKind.ARM))
+
+
 def sys_status(vehicle: VehicleView) -> Any:
-    """SYS_STATUS: which sensors have spoken, which of them a failsafe speaks against; mV, cA, percent."""
+    """SYS_STATUS: which sensors have spoken, which of them a failsafe speaks against; mV, cA, percent.
+
+    The bit of the check before arming is well where the flight core would arm.
+    """
     present = sum(bits for topic, bits in _SENSORS if vehicle.latest(topic) is not None)
     state = vehicle.latest(t.HEALTH)
     failures = state.failsafe if state is not None else 0
     sick = sum(bits for flag, bits in _FAULTS if failures & flag)
     # A ground station takes a fence that is not reported healthy for a breach, even where there is none.
     fence = 0 if failures & m.Failsafe.FENCE else mavlink.MAV_SYS_STATUS_GEOFENCE
+    check = _CHECK if _ready(vehicle) else 0
     power = vehicle.latest(t.POWER)
     rejected = state.rejected_samples if state is not None else 0
     return mavlink.MAVLink_sys_status_message(
-        present,
-        present,
-        present & ~sick | fence,
+        present | _CHECK,
+        present | _CHECK,
+        present & ~sick | fence | check,
         0,
         _u16(power.voltage * 1e3) if power is not None else _UNKNOWN_U16,
         _i16(power.current * 100.0) if power is not None else -1,

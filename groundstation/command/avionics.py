@@ -11,14 +11,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from avionics import parameters
+from avionics import parameters, topics
 from avionics.board.board import BoardSilent
 from avionics.board.cores import pin_to_core
 from avionics.board.hil import HilBoard
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
 from avionics.guidance.mission import Mission
 from avionics.link.ground import Files, GroundLink
-from avionics.link.key_file import KeyFile, load_signing
+from avionics.link.key_file import load_signing
 from avionics.link.vehicle import load_identity
 from avionics.messages import Command, Severity
 from avionics.missions.files import load_flight_plan
@@ -38,6 +38,7 @@ from sim_bridge.flight.flight import fault_commands
 STOPPED = "stopped with Ctrl-C"
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
+    "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs serial:/dev/ttyUSB0,57600 --identity ardupilot",
     "wingbeat avionics --board hil:serial:/dev/ttyACM0,921600 --vehicle my_bird.toml",
 )
 JSON_KEYS = {
@@ -86,7 +87,7 @@ def run(arguments: Sequence[str]) -> int:
         kept = ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
-    signing = load_signing(_key_file(chosen, vehicle.name))
+    signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle.name)))
     path = chosen.log or new_recording(vehicle.name)
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
@@ -100,7 +101,7 @@ def run(arguments: Sequence[str]) -> int:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
         link = GroundLink(chosen.gcs, onboard.view, identity, files=Files(kept, signing, path.parent))
-        stack.callback(link.close)
+        stack.callback(_close, link, recorder)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)
         flown, ended = _fly(chosen.board, onboard, link, account)
@@ -137,15 +138,11 @@ def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, flown: F
     }
 
 
-def _key_file(chosen: argparse.Namespace, vehicle: str) -> KeyFile | None:
-    """The signing key's: the one that was named, which must be there, or the vehicle's own."""
-    if chosen.signing_key == options.NO_KEY:
-        return None
-    if chosen.signing_key is None:
-        return KeyFile(key_path(vehicle))
-    if not Path(chosen.signing_key).exists():
-        raise BadInput(f"signing key {chosen.signing_key}: there is no such file")
-    return KeyFile(Path(chosen.signing_key))
+def _close(link: GroundLink, recorder: Recorder) -> None:
+    """Release the ports; what went over them is the last that is logged."""
+    link.close()
+    for event in link.take_events():
+        recorder.record(topics.LINK_EVENTS, event)
 
 
 def _tell(onboard: Onboard, loaded: Loaded) -> None:

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.live import Live
 
 from avionics.board.parameter_file import ParameterFile
+from avionics.link.key_file import load_signing
 from avionics.link.transport import open_transport
 from avionics.link.vehicle import load_identity
 from avionics.missions.files import load_flight_plan
@@ -168,6 +169,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     if chosen.sticks is not None:
         load_script(chosen.sticks)
     load_identity(chosen.identity)
+    load_signing(options.key_file(chosen.signing_key, None))
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from avionics.link.key_file import KeyFile
+from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
 from avionics.quantities import BadInput
 from sim_bridge.flight.faults import FAULTS, Fault, parse_fault
@@ -98,7 +100,11 @@ def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
 def add_gcs(parser: argparse.ArgumentParser) -> None:
     """Offer ``--gcs``, any number of times."""
     parser.add_argument(
-        "--gcs", action="append", default=[], metavar="URL", help="a link for a ground station; may be repeated"
+        "--gcs",
+        action="append",
+        default=[],
+        metavar="URL",
+        help=f"a link for a ground station; may be repeated. Behind a ? may follow {OPTIONS}, joined by &",
     )
 
 
@@ -119,6 +125,21 @@ def add_signing_key(parser: argparse.ArgumentParser, default: str) -> None:
         metavar="FILE|none",
         help=f"key of MAVLink's message signing: 64 hexadecimal digits, or 'passphrase' and a text ({default})",
     )
+
+
+def key_file(chosen: str | None, default: Path | None) -> KeyFile | None:
+    """The file that ``--signing-key`` means, ``default`` where it was not given, None for none.
+
+    Raises:
+        BadInput: one was named, and is not there.
+    """
+    if chosen is None:
+        return None if default is None else KeyFile(default)
+    if chosen == NO_KEY:
+        return None
+    if not Path(chosen).exists():
+        raise BadInput(f"signing key {chosen}: there is no such file")
+    return KeyFile(Path(chosen))
 
 
 def add_world(parser: argparse.ArgumentParser, duration: float) -> None:

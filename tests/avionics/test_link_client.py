@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from link_station import PATIENCE, expect, free_port, greet, running, settle, stock_client
 from link_vehicle import FakeVehicle
+from link_wires import Voice, Wire
 from pymavlink import mavutil
 
 from avionics import messages as m
@@ -73,6 +74,9 @@ def test_the_telemetry_arrives_in_the_standards_units() -> None:
         assert expect(client, "SERVO_OUTPUT_RAW").servo1_raw == round(1500 + 500 * 0.5 / (math.pi / 2))
         mirror = expect(client, "NAMED_VALUE_FLOAT", lambda each: each.name == "flap_freq")
         assert mirror.value == pytest.approx(4.2)
+        wind = expect(client, "WIND_COV")
+        assert (wind.wind_x, wind.wind_y, wind.wind_alt) == (3.0, -1.0, 560.0)
+        assert math.isnan(wind.wind_z) and math.isnan(wind.var_horiz)
         assert abs(expect(client, "SYSTEM_TIME").time_unix_usec / 1e6 - time.time()) < 60.0
 
 
@@ -191,6 +195,79 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
         assert circles[0].payload.altitude == pytest.approx(40.0)
         kills = [each for each in vehicle.inputs if getattr(each, "kind", None) is m.CommandKind.KILL]
         assert len(kills) == 1
+
+
+@pytest.mark.parametrize(
+    ("wanted", "kind"),
+    [(148, "AUTOPILOT_VERSION"), (242, "HOME_POSITION"), (300, "PROTOCOL_VERSION"), (435, "AVAILABLE_MODES"),
+     (436, "CURRENT_MODE"), (437, "AVAILABLE_MODES_MONITOR"), (0, "HEARTBEAT"), (1, "SYS_STATUS"),
+     (2, "SYSTEM_TIME"), (30, "ATTITUDE"), (31, "ATTITUDE_QUATERNION"), (32, "LOCAL_POSITION_NED"),
+     (33, "GLOBAL_POSITION_INT"), (24, "GPS_RAW_INT"), (36, "SERVO_OUTPUT_RAW"), (42, "MISSION_CURRENT"),
+     (74, "VFR_HUD"), (147, "BATTERY_STATUS"), (231, "WIND_COV"), (244, "MESSAGE_INTERVAL"),
+     (245, "EXTENDED_SYS_STATE")],
+)  # fmt: skip
+def test_each_message_of_the_table_can_be_asked_for_once(wanted: int, kind: str) -> None:
+    answers = answers_to(512, wanted, 30)
+    assert answers[0].get_type() == "COMMAND_ACK" and answers[0].result == mavlink.MAV_RESULT_ACCEPTED
+    times = len(m.Mode) if kind == "AVAILABLE_MODES" else 1
+    assert [each.get_type() for each in answers[1:]] == [kind] * times
+
+
+@pytest.mark.parametrize(
+    ("old", "kind"), [(519, "PROTOCOL_VERSION"), (520, "AUTOPILOT_VERSION"), (410, "HOME_POSITION")]
+)
+def test_the_old_requests_are_answered_too(old: int, kind: str) -> None:
+    assert [each.get_type() for each in answers_to(old, 1)] == ["COMMAND_ACK", kind]
+
+
+def answers_to(number: int, *params: float) -> list[Any]:
+    """All that a COMMAND_LONG is answered with, without what comes by itself."""
+    wire = Wire("udpin:127.0.0.1:1")
+    link = GroundLink([wire], FakeVehicle())
+    link.poll(0.0)
+    wire.take()
+    padded = (*params, *(0.0,) * (7 - len(params)))
+    wire.say(Voice(255).frame(ours.MAVLink_command_long_message(1, 1, number, 0, *padded)))
+    link.poll(0.1)
+    return wire.heard()
+
+
+@pytest.mark.parametrize(
+    ("frame", "z", "altitude"),
+    [(0, 560.0, 40.0), (5, 580.0, 60.0), (3, 45.0, 45.0), (6, 45.0, 45.0), (6, math.nan, 40.0)],
+)
+def test_a_reposition_by_integers_names_the_place_to_a_centimetre(frame: int, z: float, altitude: float) -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.command_int_send(1, 1, frame, 192, 0, 0, -1, 1, 25, 1, 481010000, 116010000, z)
+        assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+        settle(client)
+        (asked,) = [each.payload for each in vehicle.inputs if each.kind is m.CommandKind.LOITER_AT]
+        assert (asked.north, asked.east) == pytest.approx((111.319, 74.344), abs=0.01)
+        assert (asked.altitude, asked.radius) == (pytest.approx(altitude), -25.0)
+
+
+@pytest.mark.parametrize(
+    ("frame", "x", "y", "z"),
+    [(2, 481010000, 116010000, 40.0), (6, 81010000, 116010000, 40.0), (6, 2**31 - 2, 1, 40.0)],
+)
+def test_a_reposition_to_nowhere_is_refused_and_says_why(frame: int, x: int, y: int, z: float) -> None:
+    with stock_client() as (client, vehicle):
+        client.mav.command_int_send(1, 1, frame, 192, 0, 0, -1, 1, 25, 0, x, y, z)
+        assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_DENIED
+        assert expect(client, "STATUSTEXT").text
+        settle(client)
+        assert vehicle.inputs == []
+
+
+def test_the_check_before_arming_shows_whether_it_would_arm() -> None:
+    vehicle = FakeVehicle()
+    bit = ours.MAV_SYS_STATUS_PREARM_CHECK
+    assert telemetry.sys_status(vehicle).onboard_control_sensors_health & bit
+    vehicle.refusals[m.CommandKind.ARM] = "no fix"
+    status = telemetry.sys_status(vehicle)
+    assert status.onboard_control_sensors_present & bit and not status.onboard_control_sensors_health & bit
+    vehicle.armed = True
+    assert telemetry.sys_status(vehicle).onboard_control_sensors_health & bit
 
 
 def test_a_command_for_another_vehicle_is_not_ours() -> None:

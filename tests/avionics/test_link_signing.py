@@ -150,6 +150,19 @@ def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
         assert texts(owner).replace(" | ", "").count("wrong signature frames are refused") == 1
 
 
+def test_the_counters_travel_while_there_is_a_key() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        owner, forger = Station(port, KEY), Station(port, OTHER, system=254)
+        owner.say(arm())
+        ground.take(owner)
+        for _ in range(3):
+            forger.say(arm())
+            ground.take(owner)
+        told = {each.name: each.value for each in owner.heard if each.get_type() == "NAMED_VALUE_INT"}
+        assert (told["sig_unsign"], told["sig_replay"]) == (0, 0) and told["sig_forged"] >= 2
+    assert any("forged 3" in event.text for event in ground.link.take_events())
+
+
 def test_a_replayed_frame_is_refused_and_an_older_one_too() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         station = Station(port, KEY)

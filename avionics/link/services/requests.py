@@ -54,6 +54,8 @@ class Requests:
         if number == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
             index = int(argument) if math.isfinite(argument) else 0
             return modes.available_modes(self._identity, index) or None
+        if number == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES_MONITOR:
+            return [mavlink.MAVLink_available_modes_monitor_message(0)]  # the modes never change
         if number == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:
             return [modes.current_mode(self._vehicle, self._identity)]
         if number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:

@@ -10,12 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from avionics.link.services.service import Output, Sender
+from avionics.link.dialect import mavlink
+from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
-from avionics.link.signing import LATEST, Signing
+from avionics.link.signing import LATEST, Finding, Signing
+from avionics.link.telemetry import boot_ms
 from avionics.link.vehicle import VehicleView
 
 Confidential = Callable[[Sender], bool]
+TELL_EVERY = 5.0
+"""s; between two accounts of what was refused"""
+COUNTERS = {Finding.UNSIGNED: b"sig_unsign", Finding.FORGED: b"sig_forged", Finding.REPLAYED: b"sig_replay"}
 
 
 class SigningService:
@@ -28,6 +33,7 @@ class SigningService:
         self._vehicle = vehicle
         self._signing = signing
         self._confidential = confidential
+        self._due = -float("inf")
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """Take the key, or say why not."""
@@ -54,5 +60,13 @@ class SigningService:
         return "signing: on" if self._signing.kept else "signing: on, until the next start"
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
-        return []
+        """How many frames were refused, now and then while there is a key, as NAMED_VALUE_INT."""
+        if not self._signing.active or now < self._due:
+            return []
+        self._due = now + TELL_EVERY
+        time_ms = boot_ms(self._vehicle.time_us)
+        refused = self._signing.refused
+        return [
+            Reply(mavlink.MAVLink_named_value_int_message(time_ms, name, refused[finding]))
+            for finding, name in COUNTERS.items()
+        ]
