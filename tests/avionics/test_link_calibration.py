@@ -6,6 +6,7 @@ import pytest
 from link_vehicle import FakeVehicle
 
 from avionics import topics as t
+from avionics.link.budget import Budget
 from avionics.link.dialect import mavlink
 from avionics.link.services.calibration import CalibrationRequests
 from avionics.link.services.parameters import ParameterService
@@ -125,7 +126,7 @@ def test_all_zeros_cancel() -> None:
 
 def test_a_parameter_that_a_calibration_changed_is_sent_to_everyone_once() -> None:
     vehicle = FakeVehicle()
-    service = ParameterService(vehicle, LinkGains())
+    service = ParameterService(vehicle, LinkGains(), [Budget(0).room])
     assert service.step(0.0) == []
     vehicle.parameters = [vehicle.parameters[0], vehicle.parameters[1]._replace(value=0.5), *vehicle.parameters[2:]]
     (sent,) = service.step(0.1)

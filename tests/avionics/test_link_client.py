@@ -207,7 +207,7 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
      (245, "EXTENDED_SYS_STATE")],
 )  # fmt: skip
 def test_each_message_of_the_table_can_be_asked_for_once(wanted: int, kind: str) -> None:
-    answers = answers_to(512, wanted, 30)
+    answers = answers_to(512, wanted, 30 if kind == "MESSAGE_INTERVAL" else 0)
     assert answers[0].get_type() == "COMMAND_ACK" and answers[0].result == mavlink.MAV_RESULT_ACCEPTED
     times = len(m.Mode) if kind == "AVAILABLE_MODES" else 1
     assert [each.get_type() for each in answers[1:]] == [kind] * times
