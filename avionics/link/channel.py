@@ -188,11 +188,17 @@ class Channel:
             return f"{number} bytes on {self.name} were no MAVLink"
         return f"{number} frames on {self.name} refused: {kind}"
 
+    @property
+    def heard_anything(self) -> bool:
+        """Whether any byte has come."""
+        counts = self.counts()
+        return bool(counts.frames or counts.bad_bytes)
+
     def summary(self) -> str:
         """One line of all that is not zero."""
         url, *numbers = self.counts()
         named = zip(LinkCounts._fields[1:], numbers, strict=True)
-        return f"{url}: {', '.join(f'{name} {number}' for name, number in named if number) or 'nothing heard'}"
+        return f"{url}: {', '.join(f'{name} {number}' for name, number in named if number)}"
 
     def counts(self) -> LinkCounts:
         """What has gone over the link."""

@@ -183,7 +183,8 @@ class GroundLink:
         self._signing.close()
         for link in self._links:
             link.transport.close()
-            self._journal.append(self._event(Severity.INFO, link.summary()))
+            if link.heard_anything:
+                self._journal.append(self._event(Severity.INFO, link.summary()))
 
     def _answer(self, frame: Frame, sender: Sender, now: float) -> list[Output]:
         if frame.message_id not in mavlink.mavlink_map:

@@ -133,3 +133,18 @@ def test_the_mode_map_that_is_shipped_says_what_the_vehicle_says() -> None:
     shipped = json.loads(MODE_MAP.read_text())
     assert shipped == {"16": {str(entry.custom_mode): entry.mode.name for entry in PX4_STYLE}}
     assert {entry.mode for entry in PX4_STYLE} == set(Mode)
+
+
+def test_mavproxy_sets_a_key_and_goes_on_signed(station: tuple[MavProxy, FakeVehicle]) -> None:
+    """The key is sent once, in the clear, to a vehicle on the same computer."""
+    console, vehicle = station
+    console.see(f"Received {len(vehicle.parameters)} parameters")
+    console.say("signing setup the goose is loose")
+    console.see("signing: on, until the next start")
+    console.say("param set PITCH_P 1.25")
+    console.ask("param show PITCH_P", r"PITCH_P +1\.25")
+    assert vehicle.parameters[0].value == 1.25
+    console.say("signing disable")
+    console.say("arm throttle")
+    console.see("unsigned frames are refused")
+    assert not vehicle.armed
