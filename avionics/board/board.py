@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
-from avionics.messages import ActuatorCommand, SensorFrame
+from avionics.messages import ActuatorCommand, SensorFrame, Severity
 
 
 class BoardSilent(RuntimeError):
@@ -26,3 +27,20 @@ class Board(Protocol):
 
     def close(self) -> None:
         """Release the hardware."""
+
+
+def say_nothing(severity: Severity, text: str) -> None:
+    """Nobody is told."""
+
+
+def wait_idly() -> None:
+    """Nothing else is to do."""
+
+
+class Surroundings(NamedTuple):
+    """What a board calls while it is read; both return at once."""
+
+    say: Callable[[Severity, str], None] = say_nothing
+    """something to tell people: the device is gone, is back, loses messages"""
+    idle: Callable[[], None] = wait_idly
+    """called some twenty times a second while no frame comes, so that ground links do not fall silent with it"""

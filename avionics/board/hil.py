@@ -1,7 +1,8 @@
 """A board behind a MAVLink bridge: a simulated world, or a microcontroller with the sensors and servos.
 
-The other side sends a tick's messages and closes it with HIL_SENSOR; HIL_ACTUATOR_CONTROLS, carrying the time of that
-HIL_SENSOR, releases the next tick.
+The other side sends a tick's messages and closes it with HIL_SENSOR; HIL_ACTUATOR_CONTROLS, carrying the time of
+that HIL_SENSOR, releases the next tick of a simulated world. A microcontroller on a serial line waits for nobody:
+README.md has its side. Its device may be pulled out and plugged in again; what its line loses is counted and said.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from avionics.board.board import BoardSilent
+from avionics.board.arrivals import Arrivals, Tally
+from avionics.board.board import BoardSilent, Surroundings
+from avionics.board.line_watch import LineWatch, Losses
+from avionics.board.serial_line import SerialLine
 from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
@@ -42,15 +46,30 @@ class Patience(NamedTuple):
     """s; for the rest of something that began like a message"""
 
 
+SERIAL_PATIENCE = Patience(first=10.0, frame=30.0)
+"""of a microcontroller: it has nothing to get ready, but somebody may have to put the plug back"""
+IDLE = Surroundings()
+
+
+def open_line(url: LinkUrl, patience: float) -> Stream | None:
+    """Reach the other side; None when it did not answer for ``patience`` s.
+
+    Raises:
+        BadInput: no address of a board, or the device is missing.
+    """
+    return SerialLine(url.host, url.port) if url.kind == "serial" else open_stream(url, patience)
+
+
 class HilBoard:
-    """A `Board` behind a bridge; ``bad_bytes`` and ``frames`` count what came over it."""
+    """A `Board` behind a bridge; ``tally``, ``bad_bytes`` and ``frames`` count what came over it."""
 
     def __init__(
         self,
         url: str,
         patience: Patience | None = None,
-        connect: Connect = open_stream,
+        connect: Connect = open_line,
         clock: Callable[[], float] = time.monotonic,
+        around: Surroundings = IDLE,
     ) -> None:
         """Connect to ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``serial:DEVICE,BAUD``, with or without ``hil:``.
 
@@ -58,14 +77,20 @@ class HilBoard:
             BadInput: not an address of these kinds, or the device is missing.
             BoardSilent: nobody answered at that address.
         """
-        self._patience = patience or Patience()
-        self._clock = clock
         parsed = parse_url(url.removeprefix("hil:"))
-        self._name = str(parsed)
+        serial = parsed.kind == "serial"
+        self._patience = patience or (SERIAL_PATIENCE if serial else Patience())
+        self._clock = clock
+        self._around = around
+        self._name = f"the {'board' if serial else 'world'} at {parsed}"
         stream = connect(parsed, self._patience.connect)
         if stream is None:
-            raise BoardSilent(f"the world at {parsed} did not answer for {self._patience.connect:g} s")
+            raise BoardSilent(f"{self._name} did not answer for {self._patience.connect:g} s")
         self._stream = stream
+        self._line = stream if isinstance(stream, SerialLine) else None
+        self._replugged = 0
+        self._watch = LineWatch(self._name, around.say)
+        self._arrivals = Arrivals()
         self._reader = FrameReader(version_1=False)
         self._writer = codec.FrameWriter(1, 1)
         self._assembler = codec.FrameAssembler()
@@ -87,25 +112,33 @@ class HilBoard:
         """Messages received."""
         return self._reader.frames
 
+    @property
+    def tally(self) -> Tally:
+        """Frames received, messages lost, frames late, of a board on a serial line; a lockstep loses nothing."""
+        return self._arrivals.tally
+
     def read(self) -> SensorFrame | None:
         """Wait for the next sensor frame; None when the world ended or hung up.
+
+        A serial device that is pulled out is waited for like one that is silent.
 
         Raises:
             BoardSilent: no sensor frame within the bounded wait.
         """
         limit = self._patience.first if self._last_time_us is None else self._patience.frame
-        deadline = self._clock() + limit
+        began = self._clock()
         while True:
             while self._waiting:
                 frame = self._take(self._waiting.popleft())
                 if frame is not None:
-                    self._last_time_us = frame.time_us
+                    self._note(frame.time_us, began)
                     return frame
             if self._over:
                 return None
-            if self._clock() >= deadline:
+            if self._clock() - began >= limit:
                 raise self._silent(limit)
             self._receive()
+            self._look_after(began)
 
     def _take(self, frame: Frame) -> SensorFrame | None:
         if frame.message_id == codec.END:
@@ -113,7 +146,20 @@ class HilBoard:
             self.ended = ENDINGS.get(decode(frame).reason, "the world ended")
             self._waiting.clear()
             return None
+        self._arrivals.message(frame)
         return self._assembler.add(frame)
+
+    def _note(self, time_us: int, began: float) -> None:
+        """Count a frame of the board's ``time_us``, waited for since ``began`` (s)."""
+        self._last_time_us = time_us
+        if self._line is None:
+            return
+        now, restarts = self._clock(), self.tally.restarts
+        self._arrivals.tick(time_us, now)
+        self._watch.heard(now - began)
+        if self.tally.restarts > restarts:
+            self._watch.began_anew()
+        self._watch.report(now, Losses(self.tally.lost, self.tally.late, self.bad_bytes, self._line.dropped))
 
     def _receive(self) -> None:
         data = self._stream.read(self._patience.noise)
@@ -124,12 +170,26 @@ class HilBoard:
             self._waiting.extend(self._reader.feed(data))
         else:
             self._waiting.extend(self._reader.give_up())
+            self._around.idle()
+
+    def _look_after(self, began: float) -> None:
+        """A serial device without frames since ``began`` (s): say so, and begin anew when it is plugged in again."""
+        line = self._line
+        if line is None:
+            return
+        if not self._waiting:
+            self._watch.waiting(line.plugged, self._clock() - began)
+        if line.replugged != self._replugged:
+            self._replugged = line.replugged
+            self._assembler = codec.FrameAssembler()
+            self._arrivals.resume()
+            self._say_hello()
 
     def _silent(self, limit: float) -> BoardSilent:
         since = ": it never sent one"
         if self._last_time_us is not None:
             since = f" after the one of t = {self._last_time_us / 1e6:.3f} s"
-        return BoardSilent(f"the world at {self._name} sent no sensor frame for {limit:g} s{since}")
+        return BoardSilent(f"{self._name} sent no sensor frame for {limit:g} s{since}")
 
     def write(self, command: ActuatorCommand) -> None:
         """Send the actuators, which releases the next frame; a world that hung up is noticed by `read`."""

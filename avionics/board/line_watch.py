@@ -1,0 +1,73 @@
+"""Says what becomes of a serial board, once each time: gone, back, silent, began anew, losing messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from avionics.messages import Severity
+
+SILENCE = 1.0
+"""s; without a frame before it is said"""
+REPORT = 10.0
+"""s; between two reports of losses, while there are any"""
+
+
+class Losses(NamedTuple):
+    """What a line lost since the start."""
+
+    lost: int
+    """-; messages or frames that never came whole"""
+    late: int
+    """-; frames that came late"""
+    bad_bytes: int
+    """-; that were no part of a frame"""
+    dropped: int
+    """-; writes that the device did not take"""
+
+
+class LineWatch:
+    """Remembers what has been said."""
+
+    def __init__(self, name: str, say: Callable[[Severity, str], None]) -> None:
+        """``name`` is whom the words are about."""
+        self._name = name
+        self._say = say
+        self._plugged = True
+        self._silent = False
+        self._reported = Losses(0, 0, 0, 0)
+        self._report_at = 0.0
+
+    def waiting(self, plugged: bool, silence: float) -> None:
+        """No frame for ``silence`` s."""
+        if self._plugged and not plugged:
+            self._say(Severity.ERROR, f"{self._name} is gone: unplugged?")
+        elif plugged and not self._plugged:
+            self._say(Severity.NOTICE, f"{self._name} is plugged in again")
+        elif plugged and silence >= SILENCE and not self._silent:
+            self._silent = True
+            self._say(Severity.ERROR, f"{self._name} sends no sensor frame for {silence:.0f} s")
+        self._plugged = plugged
+
+    def heard(self, after: float) -> None:
+        """A frame came ``after`` s without one."""
+        if self._silent:
+            self._silent = False
+            self._say(Severity.NOTICE, f"{self._name} sends sensor frames again, after {after:.1f} s")
+
+    def began_anew(self) -> None:
+        """The board restarted."""
+        self._say(Severity.WARNING, f"{self._name} began anew")
+
+    def report(self, now: float, losses: Losses) -> None:
+        """Say what was lost since the last report, at most every `REPORT` seconds."""
+        if losses == self._reported or now < self._report_at:
+            return
+        lost, late, bad, dropped = (after - before for after, before in zip(losses, self._reported, strict=True))
+        parts = (
+            (lost, "messages lost"), (late, "frames late"), (bad, "bytes of noise"), (dropped, "writes not taken")
+        )  # fmt: skip
+        self._say(
+            Severity.WARNING, f"{self._name}: " + ", ".join(f"{count} {what}" for count, what in parts if count)
+        )
+        self._reported, self._report_at = losses, now + REPORT

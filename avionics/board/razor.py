@@ -1,0 +1,242 @@
+"""A Razor 9DOF on a serial line as a board: its IMU and nothing else, for a bench without a simulator.
+
+The firmware sends no time, so a frame's time is told by its place in the firmware's raster of 20 ms, which follows
+the frames' arrivals slowly: a frame that waited in a buffer is not taken for a late sample.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from avionics.board import razor_protocol as protocol
+from avionics.board.board import BoardSilent, Surroundings
+from avionics.board.line_watch import LineWatch, Losses
+from avionics.board.razor_protocol import OUTPUTS, Angles, Reader, Reading
+from avionics.board.serial_line import SerialLine
+from avionics.messages import ActuatorCommand, ImuSample, SensorFrame
+from avionics.quantities import BadInput
+
+BAUD = 57600
+"""the firmware's"""
+OUTPUT = "oscb"
+"""the most it can tell in the fewest bytes, and the sole one in which a lost byte is always found"""
+FORMS = "razor:DEVICE[,BAUD[,OUTPUT]]"
+WITH_SENSORS = tuple(name for name, output in OUTPUTS.items() if name not in ("ob", "ot"))
+"""outputs that a board can live on"""
+IDLE = Surroundings()
+
+
+class RazorUrl(NamedTuple):
+    """An address of a Razor, taken apart."""
+
+    device: str
+    """-; serial device"""
+    baud: int = BAUD
+    """-; baud rate"""
+    output: str = OUTPUT
+    """-; one of `WITH_SENSORS`"""
+
+
+class Patience(NamedTuple):
+    """How long the board waits."""
+
+    first: float = 6.0
+    """s; for the first frame: opening the device restarts some boards, and their boot loader takes 2 s"""
+    frame: float = 5.0
+    """s; for every later one"""
+    ask: float = 0.5
+    """s; without a frame until the output is asked for again"""
+    token: float = 0.1
+    """s; for a synch token until the next request"""
+    look: float = 0.02
+    """s; of one look at the line"""
+    gone: float = 0.0
+    """s; for a device that was pulled out to be plugged in again"""
+
+
+def parse_address(text: str) -> RazorUrl:
+    """Take ``razor:DEVICE[,BAUD[,OUTPUT]]`` apart.
+
+    Raises:
+        BadInput: no device, no such baud rate, or an output that carries no sensors; the text names what there is.
+    """
+    device, *options = text.strip().removeprefix("razor:").split(",")
+    if not device or len(options) > 2:
+        raise BadInput(f"board {text!r} is not {FORMS}")
+    baud = options[0] if options else str(BAUD)
+    output = options[1] if len(options) > 1 else OUTPUT
+    if not (baud.isascii() and baud.isdigit()) or not 0 < int(baud) <= 10_000_000:
+        raise BadInput(f"board {text!r}: the baud rate must be a number from 1 to 10000000; form: {FORMS}")
+    if output not in WITH_SENSORS:
+        raise BadInput(f"board {text!r}: the output must be one of {', '.join(WITH_SENSORS)}; form: {FORMS}")
+    return RazorUrl(device, int(baud), output)
+
+
+class FrameClock:
+    """Sensor time of frames that carry none: a raster of steps that follows the arrivals.
+
+    An alpha-beta filter of the arrivals; an arrival far from its raster is believed at once, because frames are
+    missing then.
+    """
+
+    step = 0.02
+    """s; between two frames, the firmware's, to begin with"""
+    alpha, beta = 0.05, 0.001
+    """shares of an arrival's error that enter time and step: arrivals scatter by most of a step, crystals do not"""
+    shortest, longest = 0.004, 0.1
+    """s; between which the step is believed"""
+    slip = 2.5
+    """steps; by which an arrival may differ from its raster"""
+
+    def __init__(self) -> None:
+        self._began: float | None = None
+        self._time = 0.0
+
+    def time_us(self, arrival: float, skipped: int = 0) -> int:
+        """Sensor time (us) of the next frame, which came at ``arrival`` (s), ``skipped`` damaged ones before it."""
+        if self._began is None:
+            self._began = arrival - self.step
+        expected = self._time + (1 + skipped) * self.step
+        error = arrival - self._began - expected
+        if error > self.slip * self.step:
+            self._time += error + self.step
+        else:
+            error = max(error, -self.slip * self.step)
+            self._time = max(expected + self.alpha * error, self._time + 0.001)
+            self.step = min(max(self.step + self.beta * error, self.shortest), self.longest)
+        return round(self._time * 1e6)
+
+
+class RazorBoard:
+    """A `Board` with an IMU alone; ``angles`` are the Razor's own where its output has them, ``count`` what came.
+
+    What the flight computer writes to it goes nowhere: there are no actuators.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        patience: Patience = Patience(),  # noqa: B008  # immutable
+        clock: Callable[[], float] = time.monotonic,
+        around: Surroundings = IDLE,
+    ) -> None:
+        """Open ``razor:DEVICE[,BAUD[,OUTPUT]]``.
+
+        Raises:
+            BadInput: not such an address, or the device cannot be opened.
+        """
+        device, baud, output = parse_address(address)
+        self._patience, self._clock, self._around = patience, clock, around
+        self._name = f"the Razor at {device}"
+        self._line = SerialLine(device, baud, clock)
+        self._watch = LineWatch(self._name, around.say)
+        self._reader = Reader(OUTPUTS[output])
+        self._frame_clock = FrameClock()
+        self._waiting: deque[tuple[Reading, float, int]] = deque()
+        self._number = 0
+        self._asked_at = self._heard_at = self._token_at = -float("inf")
+        self._strange = 0
+        self._last_time_us: int | None = None
+        self.angles: Angles | None = None
+        self.restarts = 0
+
+    @property
+    def count(self) -> protocol.Count:
+        """Frames, losses and noise so far."""
+        return self._reader.count
+
+    @property
+    def step(self) -> float:
+        """s; between two frames, as the arrivals tell."""
+        return self._frame_clock.step
+
+    def read(self) -> SensorFrame | None:
+        """Wait for the next frame; never None, a Razor has no end.
+
+        Raises:
+            BoardSilent: no frame within the bounded wait, or the device is gone; the text says which.
+        """
+        began = self._clock()
+        while not self._waiting:
+            self._ask(self._clock())
+            self._receive()
+            if not self._waiting:
+                self._look_after(self._clock() - began)
+        reading, arrival, skipped = self._waiting.popleft()
+        now = self._clock()
+        self._watch.heard(now - began)
+        count = self.count
+        self._watch.report(now, Losses(count.lost, 0, count.bad_bytes, self._line.dropped))
+        return self._sensor_frame(reading, self._frame_clock.time_us(arrival, skipped))
+
+    def _ask(self, now: float) -> None:
+        """Ask for the output where none comes, and for a token behind each binary frame."""
+        reader = self._reader
+        began_anew = reader.count.strange > self._strange
+        if began_anew or now - max(self._asked_at, self._heard_at) >= self._patience.ask:
+            if began_anew:
+                self._watch.began_anew()
+            self._strange, self._asked_at, self._token_at = reader.count.strange, now, now
+            self.restarts += began_anew
+            reader.forget()
+            self._line.write(protocol.start_request(reader.output, self._next()))
+        elif reader.waiting >= reader.output.size > 0 and now - self._token_at >= self._patience.token:
+            self._token_at = now
+            self._line.write(protocol.synch_request(self._next()))
+
+    def _next(self) -> int:
+        self._number += 1
+        return self._number
+
+    def _receive(self) -> None:
+        data = self._line.read(self._patience.look)
+        if not data:
+            self._around.idle()
+            return
+        before = self.count
+        readings = self._reader.feed(data)
+        arrival, after = self._clock(), self.count
+        if after.tokens > before.tokens:
+            self._token_at = -float("inf")
+        skipped = after.lost - before.lost
+        for reading in readings:
+            self._heard_at = arrival
+            self._waiting.append((reading, arrival, skipped))
+            skipped = 0
+
+    def _look_after(self, silence: float) -> None:
+        patience = self._patience
+        self._watch.waiting(self._line.plugged, silence)
+        if not self._line.plugged and silence >= patience.gone:
+            raise BoardSilent(f"{self._name} is gone: unplugged?")
+        limit = patience.first if self._last_time_us is None else patience.frame
+        if silence >= max(limit, patience.gone):
+            raise BoardSilent(f"{self._name} sent no frame for {silence:.0f} s: {self._why()}")
+
+    def _why(self) -> str:
+        """What may be the matter when no frame comes."""
+        if self._last_time_us is not None:
+            return f"the last was of t = {self._last_time_us * 1e-6:.3f} s"
+        if self._reader.synched:
+            return "it answers, but does not know this output, or streams nothing"
+        if self._reader.heard:
+            return "something comes, but no answer to #s: is its receive line connected, the baud rate right?"
+        return "it never said anything: is it a Razor, the baud rate right?"
+
+    def _sensor_frame(self, reading: Reading, time_us: int) -> SensorFrame:
+        self._last_time_us = time_us
+        if reading.angles is not None:
+            self.angles = reading.angles
+        accel, gyro = reading.accel or (0.0, 0.0, 0.0), reading.gyro or (0.0, 0.0, 0.0)
+        return SensorFrame(time_us, ImuSample(time_us, *accel, *gyro, *(reading.mag or (0.0, 0.0, 0.0))))
+
+    def write(self, command: ActuatorCommand) -> None:
+        """There are no actuators."""
+
+    def close(self) -> None:
+        """Stop the stream and release the device."""
+        self._line.write(b"#o0")
+        self._line.close()

@@ -1,0 +1,118 @@
+"""A serial device that may be pulled out and plugged in again; nothing here waits longer than it was told."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import serial
+
+from avionics.quantities import BadInput
+
+_CHUNK = 65536
+WRITE_PATIENCE = 0.002
+"""s; for which a full buffer of the device holds a write up. Not 0: pyserial then spins until there is room"""
+
+
+class SerialLine:
+    """The bytes of a serial device; satisfies `avionics.link.transport.Stream`.
+
+    `read` never says that the peer has gone: a device that was pulled out is opened again as soon as it is back.
+    """
+
+    retry = 0.1
+    """s; between two attempts to open a device that is gone"""
+
+    def __init__(
+        self,
+        device: str,
+        baud: int,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Open the device.
+
+        Raises:
+            BadInput: it is missing, in use, or does not take this baud rate.
+        """
+        self.name = f"serial:{device},{baud}"
+        self.dropped = 0
+        """writes that the device did not take whole"""
+        self.replugged = 0
+        """times that the device came back"""
+        self._device, self._baud = device, baud
+        self._clock, self._sleep = clock, sleep
+        try:
+            self._port: Any = self._opened()
+        except (OSError, ValueError) as error:
+            raise BadInput(f"cannot open serial device {device} at {baud} baud: {_reason(error)}") from None
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the device is there."""
+        return self._port is not None
+
+    def read(self, timeout: float) -> bytes | None:
+        """Bytes as soon as there are some; empty after ``timeout`` s without any, or while the device is gone."""
+        if self._port is None and not self._reopened(timeout):
+            return b""
+        try:
+            if self._port.timeout != timeout:
+                self._port.timeout = timeout
+            first = bytes(self._port.read(1))
+            return first + bytes(self._port.read(min(self._port.in_waiting, _CHUNK))) if first else b""
+        except (OSError, TypeError):
+            self._let_go()
+            return b""
+
+    def write(self, data: bytes) -> bool:
+        """Send; False when the device is gone or did not take all of it within `WRITE_PATIENCE`."""
+        sent = self._port is not None and self._sent(data)
+        self.dropped += not sent
+        return sent
+
+    def _sent(self, data: bytes) -> bool:
+        try:
+            return bool(self._port.write(data) == len(data))
+        except serial.SerialTimeoutException:
+            return False
+        except OSError:
+            self._let_go()
+            return False
+
+    def close(self) -> None:
+        """Release the device."""
+        if self._port is not None:
+            self._let_go()
+
+    def _opened(self) -> Any:
+        exclusive = True if os.name == "posix" else None
+        return serial.Serial(self._device, self._baud, timeout=0, write_timeout=WRITE_PATIENCE, exclusive=exclusive)
+
+    def _reopened(self, timeout: float) -> bool:
+        deadline = self._clock() + timeout
+        while True:
+            with contextlib.suppress(OSError, ValueError):
+                self._port = self._opened()
+                self.replugged += 1
+                return True
+            left = deadline - self._clock()
+            if left <= 0.0:
+                return False
+            self._sleep(min(left, self.retry))
+
+    def _let_go(self) -> None:
+        with contextlib.suppress(OSError):
+            self._port.close()
+        self._port = None
+
+
+def _reason(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return "another program has it"
+    return os.strerror(number) if isinstance(number, int) else str(error)

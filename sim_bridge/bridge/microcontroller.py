@@ -1,0 +1,213 @@
+"""The reference peer of a serial board: a microcontroller that carries sensors and servos, played by a world.
+
+It keeps its own clock and waits for nobody: every tick it sends what its sensors read, takes the newest actuator
+frame that has come, and goes to the rest position when none has come for a time. avionics/board/README.md is its
+specification.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from avionics.board.serial_line import SerialLine
+from avionics.link import codec
+from avionics.link.dialect import mavlink
+from avionics.link.framing import FrameReader
+from avionics.link.transport import Stream
+from avionics.link.urls import LinkUrl, parse_url
+from avionics.messages import ActuatorCommand, SensorFrame
+from avionics.quantities import BadInput
+from sim_bridge.bridge.pace import Pacer
+from sim_bridge.bridge.server import EndReason
+from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
+
+REST_AFTER = 0.5
+"""s; without an actuator frame after which drives and servos go to the rest position"""
+REST = NEUTRAL
+"""the rest position: disarmed, drives off, wings, elevator and rudder told 0"""
+PTY = "pty"
+"""address of a pseudo terminal that is made for the occasion"""
+
+
+class Tally(NamedTuple):
+    """What the microcontroller counts."""
+
+    frames: int = 0
+    """-; sensor frames sent"""
+    dropped: int = 0
+    """-; of them not taken by the line"""
+    commands: int = 0
+    """-; actuator frames obeyed"""
+    stale: int = 0
+    """-; actuator frames older than one that was obeyed, or of a time that has not come"""
+    rejected: int = 0
+    """-; actuator frames with a control that is not a finite number"""
+    rests: int = 0
+    """-; times that the rest position was taken"""
+    bad_bytes: int = 0
+    """-; that were no part of a message"""
+    sent: int = 0
+    """bytes; of sensor frames"""
+    ended: str = ""
+    """why it ended, one line"""
+
+
+class Microcontroller:
+    """Sensors out, actuators in, one tick after the other."""
+
+    def __init__(self, stream: Stream, world: World) -> None:
+        self._stream = stream
+        self._world = world
+        self._reader = FrameReader(version_1=False)
+        self._writer = codec.FrameWriter(1, 200)
+        self._heard_us: int | None = None
+        self._now_us = 0
+        self._tally = Tally()
+        self.command = REST
+        """what drives and servos are told now"""
+
+    @property
+    def tally(self) -> Tally:
+        """The counts so far."""
+        return self._tally._replace(bad_bytes=self._reader.bad_bytes)
+
+    def tick(self) -> SensorFrame:
+        """One tick: obey, sense, send.
+
+        Raises:
+            SimulationSilent: from now on the world sends no more sensor frames.
+        """
+        self._listen()
+        self._watch()
+        frame = self._world.step(self.command)
+        self._now_us = frame.time_us
+        data = self._writer.sensors(frame)
+        taken = self._stream.write(data)
+        count = self._tally
+        self._tally = count._replace(
+            frames=count.frames + 1, dropped=count.dropped + (not taken), sent=count.sent + len(data)
+        )
+        return frame
+
+    def say_end(self) -> None:
+        """Tell the flight computer that a simulated world is over, which no real board does."""
+        end = mavlink.MAVLink_wingbeat_end_message(self._now_us, int(EndReason.FINISHED))
+        self._stream.write(self._writer.pack(end))
+
+    def _listen(self) -> None:
+        for frame in self._reader.feed(self._stream.read(0.0) or b""):
+            if frame.message_id != codec.HIL_ACTUATOR_CONTROLS:
+                continue
+            reply = codec.decode_actuators(frame.payload)
+            if reply is None:
+                self._tally = self._tally._replace(rejected=self._tally.rejected + 1)
+            else:
+                self._obey(reply.command)
+
+    def _obey(self, command: ActuatorCommand) -> None:
+        """Take an actuator frame that answers a later tick than the last one did."""
+        old = self._heard_us is not None and command.time_us <= self._heard_us
+        if old or command.time_us > self._now_us:
+            self._tally = self._tally._replace(stale=self._tally.stale + 1)
+            return
+        self.command, self._heard_us = command, command.time_us
+        self._tally = self._tally._replace(commands=self._tally.commands + 1)
+
+    def _watch(self) -> None:
+        """Rest when the newest actuator frame answers a tick of too long ago."""
+        if self._heard_us is not None and self._now_us - self._heard_us > REST_AFTER * 1e6:
+            self.command, self._heard_us = REST, None
+            self._tally = self._tally._replace(rests=self._tally.rests + 1)
+
+
+class SerialPeer:
+    """Plays a world over a serial line, in the world's time; the serial counterpart of `BridgeServer`."""
+
+    def __init__(self, url: str, speed: float | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        """Open ``serial:DEVICE,BAUD``, or make a pseudo terminal (``pty``) whose name is then `address`.
+
+        Args:
+            url: where.
+            speed: times real time; None for 1, because a microcontroller waits for nobody.
+            clock: wall clock in s.
+
+        Raises:
+            BadInput: not such an address, or the device cannot be opened.
+        """
+        self._stream: Stream = Pty() if url == PTY else _opened(parse_url(url))
+        self.address = self._stream.name
+        """``serial:DEVICE,BAUD`` for the other end of a pseudo terminal, else the address that was given"""
+        self._pacer = Pacer(1.0 if speed is None else speed, clock)
+
+    def serve(self, world: World) -> Tally:
+        """Tick until the world is finished or falls silent."""
+        board = Microcontroller(self._stream, world)
+        ended = "the simulation finished"
+        try:
+            while not world.finished:
+                self._pacer.hold(board.tick().time_us)
+            board.say_end()
+        except SimulationSilent as silence:
+            ended = str(silence)
+        return board.tally._replace(ended=ended)
+
+    def close(self) -> None:
+        """Release the device."""
+        self._stream.close()
+
+
+def _opened(url: LinkUrl) -> SerialLine:
+    if url.kind != "serial":
+        raise BadInput(f"{url}: a microcontroller is on serial:DEVICE,BAUD")
+    return SerialLine(url.host, url.port)
+
+
+class Pty:
+    """One end of a pseudo terminal; the flight computer opens the other, ``device``, like any serial device."""
+
+    def __init__(self) -> None:
+        """Make one.
+
+        Raises:
+            BadInput: this platform has none.
+        """
+        if sys.platform == "win32":
+            raise BadInput("this platform has no pseudo terminals")
+        import tty
+
+        self._master, self._slave = os.openpty()
+        # Held open, so that a reader who comes and goes does not end the line; raw, so that no byte is changed.
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.device = os.ttyname(self._slave)
+        self.name = f"serial:{self.device},921600"
+
+    def read(self, timeout: float) -> bytes | None:
+        """Bytes as soon as there are some; empty after ``timeout`` s without any, None once it is closed."""
+        if self._master < 0:
+            return None
+        try:
+            ready, _, _ = select.select([self._master], [], [], timeout)
+            return os.read(self._master, 65536) if ready else b""
+        except OSError:
+            return b""
+
+    def write(self, data: bytes) -> bool:
+        """Send without waiting; False when the other end has left its buffer full."""
+        try:
+            return os.write(self._master, data) == len(data)
+        except OSError:
+            return False
+
+    def close(self) -> None:
+        """Pull the plug."""
+        for end in (self._master, self._slave):
+            with contextlib.suppress(OSError):
+                os.close(end)
+        self._master = self._slave = -1
