@@ -117,6 +117,12 @@ class HilBoard:
         """Frames received, messages lost, frames late, of a board on a serial line; a lockstep loses nothing."""
         return self._arrivals.tally
 
+    @property
+    def losses(self) -> Losses:
+        """What the line lost since the start."""
+        dropped = 0 if self._line is None else self._line.dropped
+        return Losses(self.tally.lost, self.tally.late, self.bad_bytes, dropped)
+
     def read(self) -> SensorFrame | None:
         """Wait for the next sensor frame; None when the world ended or hung up.
 
@@ -159,7 +165,7 @@ class HilBoard:
         self._watch.heard(now - began)
         if self.tally.restarts > restarts:
             self._watch.began_anew()
-        self._watch.report(now, Losses(self.tally.lost, self.tally.late, self.bad_bytes, self._line.dropped))
+        self._watch.report(now, self.losses)
 
     def _receive(self) -> None:
         data = self._stream.read(self._patience.noise)

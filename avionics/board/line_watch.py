@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from avionics.messages import Severity
+from avionics.quantities import counted
 
 SILENCE = 1.0
 """s; without a frame before it is said"""
@@ -29,8 +30,9 @@ class Losses(NamedTuple):
 class LineWatch:
     """Remembers what has been said."""
 
-    def __init__(self, name: str, say: Callable[[Severity, str], None]) -> None:
-        """``name`` is whom the words are about."""
+    def __init__(self, name: str, say: Callable[[Severity, str], None], unit: str = "message") -> None:
+        """``name`` is whom the words are about, ``unit`` what is lost one by one."""
+        self._unit = unit
         self._name = name
         self._say = say
         self._plugged = True
@@ -65,9 +67,11 @@ class LineWatch:
             return
         lost, late, bad, dropped = (after - before for after, before in zip(losses, self._reported, strict=True))
         parts = (
-            (lost, "messages lost"), (late, "frames late"), (bad, "bytes of noise"), (dropped, "writes not taken")
-        )  # fmt: skip
-        self._say(
-            Severity.WARNING, f"{self._name}: " + ", ".join(f"{count} {what}" for count, what in parts if count)
+            (lost, "message", "lost"),
+            (late, "frame", "late"),
+            (bad, "byte", "of noise"),
+            (dropped, "write", "refused"),
         )
+        told = ", ".join(f"{counted(number, what)} {how}" for number, what, how in parts if number)
+        self._say(Severity.WARNING, f"{self._name}: {told}")
         self._reported, self._report_at = losses, now + REPORT

@@ -49,7 +49,7 @@ class Patience(NamedTuple):
     """s; for every later one"""
     ask: float = 0.5
     """s; without a frame until the output is asked for again"""
-    token: float = 0.1
+    token: float = 0.03
     """s; for a synch token until the next request"""
     look: float = 0.02
     """s; of one look at the line"""
@@ -111,10 +111,7 @@ class FrameClock:
 
 
 class RazorBoard:
-    """A `Board` with an IMU alone; ``angles`` are the Razor's own where its output has them, ``count`` what came.
-
-    What the flight computer writes to it goes nowhere: there are no actuators.
-    """
+    """A `Board` with an IMU alone; what the flight computer writes to it goes nowhere: there are no actuators."""
 
     def __init__(
         self,
@@ -131,8 +128,8 @@ class RazorBoard:
         device, baud, output = parse_address(address)
         self._patience, self._clock, self._around = patience, clock, around
         self._name = f"the Razor at {device}"
-        self._line = SerialLine(device, baud, clock)
-        self._watch = LineWatch(self._name, around.say)
+        self._line = SerialLine(device, baud)
+        self._watch = LineWatch(self._name, around.say, "frame")
         self._reader = Reader(OUTPUTS[output])
         self._frame_clock = FrameClock()
         self._waiting: deque[tuple[Reading, float, int]] = deque()
@@ -141,12 +138,21 @@ class RazorBoard:
         self._strange = 0
         self._last_time_us: int | None = None
         self.angles: Angles | None = None
+        """the Razor's own, where its output has them"""
         self.restarts = 0
+        """times that it began anew in the middle"""
+        self.ended = ""
+        """why `read` gave None: it never does"""
 
     @property
     def count(self) -> protocol.Count:
         """Frames, losses and noise so far."""
         return self._reader.count
+
+    @property
+    def losses(self) -> Losses:
+        """What the line lost since the start."""
+        return Losses(self.count.lost, 0, self.count.bad_bytes, self._line.dropped)
 
     @property
     def step(self) -> float:
@@ -168,14 +174,13 @@ class RazorBoard:
         reading, arrival, skipped = self._waiting.popleft()
         now = self._clock()
         self._watch.heard(now - began)
-        count = self.count
-        self._watch.report(now, Losses(count.lost, 0, count.bad_bytes, self._line.dropped))
+        self._watch.report(now, self.losses)
         return self._sensor_frame(reading, self._frame_clock.time_us(arrival, skipped))
 
     def _ask(self, now: float) -> None:
         """Ask for the output where none comes, and for a token behind each binary frame."""
         reader = self._reader
-        began_anew = reader.count.strange > self._strange
+        began_anew = reader.count.strange > self._strange and self._heard_at > self._asked_at
         if began_anew or now - max(self._asked_at, self._heard_at) >= self._patience.ask:
             if began_anew:
                 self._watch.began_anew()
@@ -209,9 +214,9 @@ class RazorBoard:
 
     def _look_after(self, silence: float) -> None:
         patience = self._patience
-        self._watch.waiting(self._line.plugged, silence)
         if not self._line.plugged and silence >= patience.gone:
             raise BoardSilent(f"{self._name} is gone: unplugged?")
+        self._watch.waiting(self._line.plugged, silence)
         limit = patience.first if self._last_time_us is None else patience.frame
         if silence >= max(limit, patience.gone):
             raise BoardSilent(f"{self._name} sent no frame for {silence:.0f} s: {self._why()}")
@@ -220,7 +225,7 @@ class RazorBoard:
         """What may be the matter when no frame comes."""
         if self._last_time_us is not None:
             return f"the last was of t = {self._last_time_us * 1e-6:.3f} s"
-        if self._reader.synched:
+        if self.count.tokens:
             return "it answers, but does not know this output, or streams nothing"
         if self._reader.heard:
             return "something comes, but no answer to #s: is its receive line connected, the baud rate right?"
@@ -237,6 +242,6 @@ class RazorBoard:
         """There are no actuators."""
 
     def close(self) -> None:
-        """Stop the stream and release the device."""
-        self._line.write(b"#o0")
+        """Leave it as it is after power-on, which streams angles as text, and release the device."""
+        self._line.write(b"#ot#o1")
         self._line.close()

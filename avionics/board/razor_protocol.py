@@ -205,7 +205,7 @@ class Reader:
         """The frames between two tokens."""
         size = self.output.size
         if b"#YPR=" in segment or len(segment) % size:
-            self._lost(-(-len(segment) // size), len(segment), int(b"#YPR=" in segment))
+            self._lost(max(1, round(len(segment) / size)), len(segment), int(b"#YPR=" in segment))
             return []
         return [reading for at in range(0, len(segment), size) for reading in self._frame(segment[at : at + size])]
 

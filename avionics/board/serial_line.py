@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import select
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,8 +15,6 @@ import serial
 from avionics.quantities import BadInput
 
 _CHUNK = 65536
-WRITE_PATIENCE = 0.002
-"""s; for which a full buffer of the device holds a write up. Not 0: pyserial then spins until there is room"""
 
 
 class SerialLine:
@@ -24,16 +23,7 @@ class SerialLine:
     `read` never says that the peer has gone: a device that was pulled out is opened again as soon as it is back.
     """
 
-    retry = 0.1
-    """s; between two attempts to open a device that is gone"""
-
-    def __init__(
-        self,
-        device: str,
-        baud: int,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
+    def __init__(self, device: str, baud: int, sleep: Callable[[float], None] = time.sleep) -> None:
         """Open the device.
 
         Raises:
@@ -45,7 +35,7 @@ class SerialLine:
         self.replugged = 0
         """times that the device came back"""
         self._device, self._baud = device, baud
-        self._clock, self._sleep = clock, sleep
+        self._sleep = sleep
         try:
             self._port: Any = self._opened()
         except (OSError, ValueError) as error:
@@ -58,7 +48,8 @@ class SerialLine:
 
     def read(self, timeout: float) -> bytes | None:
         """Bytes as soon as there are some; empty after ``timeout`` s without any, or while the device is gone."""
-        if self._port is None and not self._reopened(timeout):
+        if self._port is None and not self._reopened():
+            self._sleep(timeout)
             return b""
         try:
             if self._port.timeout != timeout:
@@ -70,19 +61,23 @@ class SerialLine:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Send; False when the device is gone or did not take all of it within `WRITE_PATIENCE`."""
+        """Send without waiting; False when the device is gone or did not take all of it."""
         sent = self._port is not None and self._sent(data)
         self.dropped += not sent
         return sent
 
     def _sent(self, data: bytes) -> bool:
         try:
-            return bool(self._port.write(data) == len(data))
+            return self._has_room() and bool(self._port.write(data) == len(data))
         except serial.SerialTimeoutException:
             return False
-        except OSError:
+        except (OSError, ValueError):
             self._let_go()
             return False
+
+    def _has_room(self) -> bool:
+        """Whether a write would be taken: pyserial spins on a full buffer until there is room, on POSIX."""
+        return os.name != "posix" or bool(select.select([], [self._port.fileno()], [], 0.0)[1])
 
     def close(self) -> None:
         """Release the device."""
@@ -91,19 +86,14 @@ class SerialLine:
 
     def _opened(self) -> Any:
         exclusive = True if os.name == "posix" else None
-        return serial.Serial(self._device, self._baud, timeout=0, write_timeout=WRITE_PATIENCE, exclusive=exclusive)
+        return serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=exclusive)
 
-    def _reopened(self, timeout: float) -> bool:
-        deadline = self._clock() + timeout
-        while True:
-            with contextlib.suppress(OSError, ValueError):
-                self._port = self._opened()
-                self.replugged += 1
-                return True
-            left = deadline - self._clock()
-            if left <= 0.0:
-                return False
-            self._sleep(min(left, self.retry))
+    def _reopened(self) -> bool:
+        with contextlib.suppress(OSError, ValueError):
+            self._port = self._opened()
+            self.replugged += 1
+            return True
+        return False
 
     def _let_go(self) -> None:
         with contextlib.suppress(OSError):

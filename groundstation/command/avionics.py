@@ -9,13 +9,17 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from avionics import parameters, topics
-from avionics.board.board import BoardSilent
+from avionics.board import boards
+from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.cores import pin_to_core
 from avionics.board.hil import HilBoard
+from avionics.board.line_watch import Losses
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
+from avionics.board.razor import RazorBoard
+from avionics.board.razor_protocol import Angles
 from avionics.guidance.mission import Mission
 from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import load_signing
@@ -27,6 +31,7 @@ from avionics.quantities import BadInput, counted
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
+from groundstation.command.bench import BoundedBoard, showing
 from groundstation.command.onboard import Onboard
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
@@ -35,11 +40,16 @@ from logs.names import new_recording
 from logs.recorder import McapRecorder
 from sim_bridge.flight.flight import fault_commands
 
+ANGLES = ("roll", "pitch", "yaw")
+WITHOUT_LOCKSTEP = ("hil:serial:", "razor:")
+"""boards that wait for nobody: they share no core with a world"""
 STOPPED = "stopped with Ctrl-C"
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs serial:/dev/ttyUSB0,57600 --identity ardupilot",
     "wingbeat avionics --board hil:serial:/dev/ttyACM0,921600 --vehicle my_bird.toml",
+    "wingbeat avionics --board razor:/dev/ttyUSB0",
+    "wingbeat avionics --board razor:/dev/ttyUSB0,57600,ox --duration 10 --json",
 )
 JSON_KEYS = {
     "vehicle": "name",
@@ -49,6 +59,9 @@ JSON_KEYS = {
     "frames": "sensor frames read",
     "time": "s; since boot, of the last sensor frame",
     "ended": "why it ended, one line",
+    "attitude": "{roll, pitch, yaw, tilt_sigma, heading_sigma}; rad, of the flight computer at the end",
+    "own_attitude": "{roll, pitch, yaw} that the board told last, rad, or null",
+    "losses": "{lost, late, bad_bytes, dropped}; messages or frames, frames, bytes and writes, of a serial line",
     "events": "list of {time, severity, source, text}; s since boot",
 }
 
@@ -58,7 +71,8 @@ def build_parser() -> options.Parser:
     summary = "The flight computer alone: sensors and servos over a board, ground stations over MAVLink."
     parser = options.build_parser("avionics", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
-    parser.add_argument("--board", required=True, metavar="hil:URL", help="where sensors and servos are")
+    parser.add_argument("--board", required=True, metavar="ADDRESS", help=board_help())
+    parser.add_argument("--duration", type=options.positive, metavar="S", help="end after so many seconds of frames")
     options.add_mission(parser)
     options.add_gcs(parser)
     options.add_identity(parser)
@@ -72,14 +86,36 @@ def build_parser() -> options.Parser:
     return parser
 
 
+class Outcome(NamedTuple):
+    """What came of a flight."""
+
+    flown: Flown
+    """how far"""
+    ended: str
+    """why it ended, one line"""
+    silent: bool
+    """whether because the board fell silent"""
+    own: Angles | None
+    """what the board itself told of its attitude last"""
+    losses: Losses
+    """of its line"""
+
+
+def board_help() -> str:
+    """The forms of a board's address, in one sentence."""
+    return "where sensors and servos are: " + "; ".join(f"{kind.form} {kind.help}" for kind in boards.KINDS)
+
+
 def run(arguments: Sequence[str]) -> int:
     """Fly until the board says that the world is over, and say on stderr what happens aboard.
 
     Raises:
-        BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address.
+        BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address, a
+            board that fell silent.
     """
     chosen = build_parser().parse_args(arguments)
     identity = load_identity(chosen.identity)
+    boards.check_address(chosen.board)
     vehicle = load_vehicle(chosen.vehicle)
     plan = load_flight_plan(chosen.mission)
     kept = None
@@ -104,11 +140,13 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(_close, link, recorder)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)
-        flown, ended = _fly(chosen.board, onboard, link, account)
-    account.say(f"over after {flown.time:.1f} s: {ended}; recorded in {path}")
-    if chosen.json:
-        print_document(_document(chosen, onboard, path, flown, ended))
-    if ended == STOPPED:
+        outcome = _fly(chosen, onboard, link, account)
+    if chosen.json and (outcome.flown.frames or not outcome.silent):
+        print_document(_document(chosen, onboard, path, outcome))
+    if outcome.silent:
+        raise BadInput(outcome.ended)
+    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {path}")
+    if outcome.ended == STOPPED:
         raise KeyboardInterrupt
     return 0
 
@@ -124,16 +162,20 @@ def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path
     ]
 
 
-def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, flown: Flown, ended: str) -> dict[str, Any]:
+def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, outcome: Outcome) -> dict[str, Any]:
     """The keys of `JSON_KEYS`."""
+    attitude = onboard.view.autopilot.memory.attitude
     return {
         "vehicle": chosen.vehicle,
         "board": chosen.board,
         "links": chosen.gcs,
         "log": str(path),
-        "frames": flown.frames,
-        "time": flown.time,
-        "ended": ended,
+        "frames": outcome.flown.frames,
+        "time": outcome.flown.time,
+        "ended": outcome.ended,
+        "attitude": {key: getattr(attitude, key) for key in (*ANGLES, "tilt_sigma", "heading_sigma")},
+        "own_attitude": outcome.own,
+        "losses": outcome.losses,
         "events": [event_record(event) for event in onboard.view.events(0)],
     }
 
@@ -159,24 +201,46 @@ def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
     return (scripted_start() if chosen.start else ()) + fault_commands(chosen.fault)
 
 
-def _fly(address: str, onboard: Onboard, link: GroundLink, account: Account) -> tuple[Flown, str]:
+def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account: Account) -> Outcome:
     """Fly; returns how far, and why it ended."""
-    pin_to_core()
-    flown = Flown()
+    if not chosen.board.startswith(WITHOUT_LOCKSTEP):
+        pin_to_core()
+
+    def idle() -> None:
+        onboard.idle()
+        told.tell_events()
+
+    def say(severity: Severity, text: str) -> None:
+        onboard.view.tell(severity, "board", text)
+
     try:
-        board = HilBoard(address)
-        told = ToldBoard(board, onboard.view, account)
-        try:
-            onboard.fly(told, link)
-        finally:
-            flown = told.flown
-            told.tell_events()
-            board.close()
-        return flown, board.ended
+        board = boards.open_board(chosen.board, Surroundings(say, idle))
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
-    except KeyboardInterrupt:
-        return flown, STOPPED
+    told = ToldBoard(board, onboard.view, account)
+    ended, silent = _flown(chosen, board, told, onboard, link)
+    board.close()
+    own = board.angles if isinstance(board, RazorBoard) else None
+    return Outcome(told.flown, ended, silent, own, board.losses)
+
+
+def _flown(
+    chosen: argparse.Namespace, board: HilBoard | RazorBoard, told: ToldBoard, onboard: Onboard, link: GroundLink
+) -> tuple[str, bool]:
+    """Fly on an open board; returns why it ended, and whether because the board fell silent."""
+    with contextlib.ExitStack() as stack:
+        stack.callback(told.tell_events)
+        show = None
+        if isinstance(board, RazorBoard) and not chosen.json:
+            show = showing(stack, chosen.board, board, told, onboard.view)
+        bounded = BoundedBoard(told, chosen.duration, show)
+        try:
+            onboard.fly(bounded, link)
+        except BoardSilent as silence:
+            return str(silence), True
+        except KeyboardInterrupt:
+            return STOPPED, False
+        return bounded.ended or board.ended, False
 
 
 def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:

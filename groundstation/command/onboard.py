@@ -46,6 +46,8 @@ class Onboard:
         self._script = sorted(script, key=lambda command: command.time_us)
         self._polled_at = float("-inf")
         self._file: ParameterFile | None = None
+        self._link: GroundLink | None = None
+        self._inputs: list[Input] = []
         self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -59,17 +61,23 @@ class Onboard:
             BoardSilent: the sensors stopped answering.
         """
         step = self.view.autopilot.step
-        inputs: list[Input] = []
+        self._link = link
         try:
             while (frame := board.read()) is not None:
-                board.write(step(frame, [*self._due(frame.time_us), *inputs]))
+                board.write(step(frame, [*self._due(frame.time_us), *self._inputs]))
+                self._inputs = []
                 self._stopwatch.tick(frame.time_us, self._recorder.record)
-                inputs = [] if link is None else self._poll(link)
+                self.idle()
                 if self._file is not None:
                     self._keep(self._file, self.view.armed)
         finally:
             if self._file is not None:
                 self._keep(self._file, armed=False)
+
+    def idle(self) -> None:
+        """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""
+        if self._link is not None:
+            self._inputs += self._poll(self._link)
 
     def _keep(self, file: ParameterFile, armed: bool) -> None:
         try:

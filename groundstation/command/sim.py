@@ -20,6 +20,7 @@ from logs.names import new_recording
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge import topics
+from sim_bridge.bridge.microcontroller import PTY, SerialPeer
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
@@ -32,11 +33,16 @@ EXAMPLES = (
     "wingbeat sim",
     "wingbeat sim --vehicle arizona_100cm --listen tcp:0.0.0.0:4560 --speed 1 --wind 3",
     "wingbeat sim --aerodynamics quasi_steady",
+    "wingbeat sim --listen pty",
     "wingbeat sim --fault pitot_blocked@30 --fault gps_lost@40-50",
 )
 COMPILING = "compiling the physics, once: about half a minute"
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
 HURRIED = "; who arms by hand needs --speed 1"
+LISTEN = (
+    f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD plays a microcontroller that waits for nobody,"
+    " pty does so on a pseudo terminal that is made for it"
+)
 DURATION = 600.0
 """s; longest simulation"""
 
@@ -47,7 +53,7 @@ def build_parser() -> options.Parser:
     parser = options.build_parser("sim", summary, EXAMPLES)
     options.add_vehicle(parser)
     options.add_aerodynamics(parser)
-    parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=f"tcp:HOST:PORT ({DEFAULT_URL})")
+    parser.add_argument("--listen", default=DEFAULT_URL, metavar="URL", help=LISTEN)
     options.add_world(parser, DURATION)
     options.add_faults(parser)
     options.add_sticks(parser)
@@ -74,13 +80,14 @@ def run(arguments: Sequence[str]) -> int:
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
     scenario = scenario._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
     with contextlib.ExitStack() as stack:
-        server = BridgeServer(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
+        server = _server(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
+        listening = server.address if isinstance(server, SerialPeer) else chosen.listen
         stack.callback(server.close)
         path = chosen.log or new_recording(f"{vehicle.name}-world")
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
         stack.callback(recorder.close)
         if alone:
-            print(f"{vehicle.title}, waiting for a flight computer on {chosen.listen}", file=sys.stderr, flush=True)
+            print(f"{vehicle.title}, waiting for a flight computer on {listening}", file=sys.stderr, flush=True)
         if not physics_compiled():
             print(COMPILING, file=sys.stderr, flush=True)
             Plant(vehicle).compile()
@@ -90,7 +97,7 @@ def run(arguments: Sequence[str]) -> int:
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
         world = SimulatedWorld(vehicle, scenario, telling(seen.record) if alone else seen.record)
         if alone:
-            hurried = HURRIED if math.isinf(chosen.speed) else ""
+            hurried = HURRIED if math.isinf(chosen.speed) and isinstance(server, BridgeServer) else ""
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
         ended = _serve(server, world)
         if alone:
@@ -117,9 +124,17 @@ def _say_end(world: SimulatedWorld, ended: str, path: Path) -> None:
         print(f"fault {name} never came: the flight was over before", file=sys.stderr)
 
 
-def _serve(server: BridgeServer, world: SimulatedWorld) -> str:
+def _server(address: str, speed: float | None) -> BridgeServer | SerialPeer:
+    """In lockstep over TCP, or in the world's own time over a serial line."""
+    if address == PTY or address.startswith("serial:"):
+        return SerialPeer(address, speed)
+    return BridgeServer(address, speed)
+
+
+def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld) -> str:
     """Serve one flight; returns why it ended."""
-    pin_to_core()
+    if isinstance(server, BridgeServer):
+        pin_to_core()
     try:
         return server.serve(world).ended
     except FlightComputerSilent as silence:

@@ -1,0 +1,56 @@
+"""The kinds of boards, by the first word of their address."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from avionics.board.board import Surroundings
+from avionics.board.hil import HilBoard
+from avionics.board.razor import RazorBoard, parse_address
+from avionics.link.urls import parse_url
+from avionics.quantities import BadInput
+
+
+class Kind(NamedTuple):
+    """One form of an address."""
+
+    form: str
+    """how it is written"""
+    help: str
+    """what is at the other end"""
+
+
+KINDS = (
+    Kind("hil:tcp:HOST:PORT", "a simulated world, wingbeat sim"),
+    Kind("hil:tcpin:HOST:PORT", "a simulated world that connects to here"),
+    Kind("hil:serial:DEVICE,BAUD", "a microcontroller with sensors and servos, see avionics/board/README.md"),
+    Kind("razor:DEVICE[,BAUD[,OUTPUT]]", "a Razor 9DOF on a bench: 57600 baud, output oscb, osct, osrb, osrt or ox"),
+)
+
+
+def open_board(address: str, around: Surroundings) -> HilBoard | RazorBoard:
+    """Reach the board at ``address``, one of the forms in `KINDS`.
+
+    Raises:
+        BadInput: none of them, or the device cannot be opened.
+        BoardSilent: nobody answered there.
+    """
+    check_address(address)
+    if address.startswith("razor:"):
+        return RazorBoard(address, around=around)
+    return HilBoard(address, around=around)
+
+
+def check_address(address: str) -> None:
+    """Nothing is opened.
+
+    Raises:
+        BadInput: not an address of a board.
+    """
+    kind, _, rest = address.partition(":")
+    if kind == "razor":
+        parse_address(address)
+    elif kind == "hil" and rest.partition(":")[0] in ("tcp", "tcpin", "serial"):
+        parse_url(rest)
+    else:
+        raise BadInput(f"board {address!r} is not one of {', '.join(one.form for one in KINDS)}")

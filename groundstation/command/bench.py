@@ -1,0 +1,74 @@
+"""What ``wingbeat avionics`` adds to a board: an end after a time, and a Razor's attitude on the terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from typing import Protocol
+
+from avionics.board.razor import RazorBoard
+from avionics.messages import ActuatorCommand, SensorFrame
+from avionics.view import FlightView
+from groundstation.command.told import ToldBoard
+from groundstation.views.bench import Bench, BenchView
+from groundstation.views.terminal import open_console
+
+TIME_IS_UP = "the time is up"
+
+
+class Show(Protocol):
+    """Shows something after a tick."""
+
+    def __call__(self) -> None:
+        """Show it, if it is time to."""
+
+
+class BoundedBoard:
+    """A `Board` of frames for ``duration`` seconds of sensor time; ``show`` is called after each tick."""
+
+    def __init__(self, told: ToldBoard, duration: float | None, show: Show | None) -> None:
+        self._told = told
+        # Half a millisecond: the times of frames are rounded to microseconds.
+        self._duration = math.inf if duration is None else duration - 5e-4
+        self._show = show
+        self._first: float | None = None
+        self.ended = ""
+        """why `read` gave None, empty when the board itself did"""
+
+    def read(self) -> SensorFrame | None:
+        """See `Board.read`."""
+        if self._elapsed() >= self._duration:
+            self.ended = TIME_IS_UP
+            return None
+        frame = self._told.read()
+        if self._first is None:
+            self._first = self._told.flown.time
+        return frame
+
+    def _elapsed(self) -> float:
+        """s; from the first frame to the last."""
+        return 0.0 if self._first is None else self._told.flown.time - self._first
+
+    def write(self, command: ActuatorCommand) -> None:
+        """See `Board.write`."""
+        self._told.write(command)
+        if self._show is not None:
+            self._show()
+
+    def close(self) -> None:
+        """See `Board.close`."""
+        self._told.close()
+
+
+def showing(stack: contextlib.ExitStack, address: str, board: RazorBoard, told: ToldBoard, view: FlightView) -> Show:
+    """Take the terminal, until ``stack`` is closed, to show the attitude."""
+    screen = stack.enter_context(BenchView(open_console()))
+
+    def show() -> None:
+        if screen.due:
+            attitude = view.autopilot.memory.attitude
+            screen.show(
+                Bench(address, told.flown.frames, board.step, attitude, board.angles, board.losses, board.restarts)
+            )
+
+    return show

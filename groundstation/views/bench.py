@@ -1,0 +1,124 @@
+"""The attitude of a board on a bench: the flight computer's beside the board's own."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import NamedTuple
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from avionics.board.line_watch import Losses
+from avionics.board.razor_protocol import Angles
+from avionics.messages import Attitude
+from groundstation.views import wording
+
+REFRESH = 0.1
+"""s; between two pictures"""
+LINE_EVERY = 1.0
+"""s; between two lines where there is no terminal"""
+LAYOUT = "+z.1f"
+
+
+class Bench(NamedTuple):
+    """What is shown."""
+
+    board: str
+    """address"""
+    frames: int
+    """-; since the start"""
+    step: float
+    """s; between two frames"""
+    attitude: Attitude
+    """the flight computer's"""
+    own: Angles | None
+    """the board's, None where it tells none"""
+    losses: Losses
+    """of the line"""
+    restarts: int
+    """-; times that the board began anew"""
+
+
+def render(bench: Bench) -> Group:
+    """The picture: a table of three angles and a line about the line."""
+    return Group(Text(bench.board, style="bold"), _table(bench), Text(_line(bench), style="dim"))
+
+
+def _table(bench: Bench) -> Table:
+    table = Table(box=None, padding=(0, 2))
+    table.add_column("")
+    for head in ("flight computer", "± one sigma", "board's own", "difference"):
+        table.add_column(head, justify="right")
+    for name, sigma in (("roll", "tilt_sigma"), ("pitch", "tilt_sigma"), ("yaw", "heading_sigma")):
+        mine = getattr(bench.attitude, name)
+        own = None if bench.own is None else getattr(bench.own, name)
+        apart = None if own is None else math.remainder(own - mine, math.tau)
+        table.add_row(
+            name,
+            wording.angle(mine, LAYOUT),
+            wording.angle(getattr(bench.attitude, sigma), ".1f"),
+            wording.angle(own, LAYOUT),
+            wording.angle(apart, LAYOUT),
+        )
+    return table
+
+
+def _line(bench: Bench) -> str:
+    lost = bench.losses
+    parts = (
+        f"{1.0 / bench.step:.1f} Hz",
+        f"{bench.frames} frames",
+        f"{lost.lost} lost",
+        f"{bench.restarts} restarts",
+    )
+    return ", ".join(parts)
+
+
+def plain_line(bench: Bench) -> str:
+    """The same on one line."""
+    mine, own = bench.attitude, bench.own
+    angles = "  ".join(f"{name} {wording.angle(getattr(mine, name), LAYOUT):>7}" for name in Angles._fields)
+    if own is not None:
+        angles += "  own " + " ".join(f"{wording.angle(angle, LAYOUT):>7}" for angle in own)
+    return f"{mine.time_us * 1e-6:7.1f} s  {angles}  {_line(bench)}"
+
+
+class BenchView:
+    """Shows a `Bench` now and then: a picture on a terminal, lines elsewhere; to be used in a ``with``."""
+
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        self._console = console
+        self._clock = clock
+        self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
+        self._next = -math.inf
+
+    def __enter__(self) -> BenchView:
+        """Take the terminal."""
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the last picture standing."""
+        if self._live is not None:
+            self._live.stop()
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for the next picture or line."""
+        return self._clock() >= self._next
+
+    def show(self, bench: Bench) -> None:
+        """Show it now."""
+        self._next = self._clock() + (LINE_EVERY if self._live is None else REFRESH)
+        if self._live is None:
+            self._console.print(plain_line(bench), soft_wrap=True)
+        else:
+            self._live.update(render(bench), refresh=True)
