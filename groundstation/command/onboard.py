@@ -17,6 +17,7 @@ from avionics.link.ground import GroundLink
 from avionics.messages import Command, Input, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
+from avionics.timebase import NOMINAL_US
 from avionics.vehicles import FlightVehicle
 from avionics.view import FlightView
 
@@ -37,6 +38,8 @@ class Onboard:
     ) -> None:
         """Build the autopilot; each command of ``script`` is applied at the first tick that has reached its time.
 
+        That is the time since this flight computer's first tick: a board may have been on for long.
+
         Raises:
             BadInput: the mission cannot be flown.
         """
@@ -44,6 +47,7 @@ class Onboard:
         self._clock = clock
         self._stopwatch = Stopwatch(time.perf_counter_ns)
         self._script = sorted(script, key=lambda command: command.time_us)
+        self._boot_us: int | None = None
         self._polled_at = float("-inf")
         self._file: ParameterFile | None = None
         self._link: GroundLink | None = None
@@ -87,8 +91,10 @@ class Onboard:
             self.view.tell(Severity.ERROR, "parameters", text)
 
     def _due(self, time_us: int) -> list[Command]:
+        if self._boot_us is None:
+            self._boot_us = time_us - NOMINAL_US
         due: list[Command] = []
-        while self._script and self._script[0].time_us <= time_us:
+        while self._script and self._script[0].time_us <= time_us - self._boot_us:
             due.append(self._script.pop(0))
         return due
 

@@ -16,6 +16,7 @@ from rich.text import Text
 from avionics.board.line_watch import Losses
 from avionics.board.razor_protocol import Angles
 from avionics.messages import Attitude
+from avionics.quantities import counted
 from groundstation.views import wording
 
 REFRESH = 0.1
@@ -70,13 +71,8 @@ def _table(bench: Bench) -> Table:
 
 def _line(bench: Bench) -> str:
     lost = bench.losses
-    parts = (
-        f"{1.0 / bench.step:.1f} Hz",
-        f"{bench.frames} frames",
-        f"{lost.lost} lost",
-        f"{bench.restarts} restarts",
-    )
-    return ", ".join(parts)
+    rate = f"{1.0 / bench.step:.1f} Hz"
+    return f"{rate}, {counted(bench.frames, 'frame')}, {lost.lost} lost, {counted(bench.restarts, 'restart')}"
 
 
 def plain_line(bench: Bench) -> str:

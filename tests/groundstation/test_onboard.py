@@ -101,6 +101,13 @@ def test_the_script_is_applied_at_its_tick_whatever_the_wall_clock_says() -> Non
     ]
 
 
+def test_the_script_counts_from_the_first_frame_of_a_board_that_was_on_before() -> None:
+    board = Rest(START_US // TICK_US + 5)
+    board.time_us = 3_600_000_000
+    memory = fly(board, scripted_start())
+    assert [entry["time_us"] for entry in inputs(memory)] == [3_600_000_000 + START_US] * 2
+
+
 def test_what_the_ground_sends_enters_at_the_next_tick_and_is_logged() -> None:
     ground = Ground()
     memory = fly(Rest(20), link=ground)
