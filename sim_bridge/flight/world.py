@@ -50,6 +50,8 @@ REST_TIME = 3.0
 """s; the flight is over when the vehicle has lain still on the ground for so long"""
 REST_SPEED = 0.3
 """m/s; slower than this is still"""
+RECORD_PERIOD_US = 4000
+"""us; the truth is recorded no more often, however short the steps"""
 STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -87,6 +89,37 @@ class Scenario(NamedTuple):
     """what fails, see `sim_bridge.flight.faults`"""
     waits_for_arming: bool = False
     """whether the launcher throws nothing but an armed vehicle, and says what he does"""
+    launch_time: float = LAUNCH_TIME
+    """s; when the launcher may throw; infinite for not before `SimulatedWorld.release`"""
+    rest_time: float = REST_TIME
+    """s; the flight is over when the vehicle has lain still on the ground for so long"""
+
+
+class StepClock(NamedTuple):
+    """Time in steps; those of one length are counted and not added up, so that no error grows."""
+
+    since: float
+    """s; when the steps of this length began"""
+    done: int
+    """-; of such steps before the one under way, -1 before the first"""
+    length: float
+    """s; of a step"""
+
+    @property
+    def start(self) -> float:
+        """s; of the step under way."""
+        return self.since + self.done * self.length
+
+    @property
+    def end(self) -> float:
+        """s; of the step under way, or of the first that will come."""
+        return self.since + (max(self.done, 0) + 1) * self.length
+
+    def step(self, length: float) -> StepClock:
+        """The clock in the next step, of ``length`` s."""
+        if length == self.length:
+            return self._replace(done=self.done + 1)
+        return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
 def publish_nothing(topic: Topic, message: Any) -> None:
@@ -99,8 +132,14 @@ class SimulatedWorld:
     Satisfies `sim_bridge.bridge.world.World`.
     """
 
-    def __init__(self, vehicle: SimulatedVehicle, scenario: Scenario, publish: Publish = publish_nothing) -> None:
-        """Put the vehicle into the launcher's hand, facing the wind.
+    def __init__(
+        self,
+        vehicle: SimulatedVehicle,
+        scenario: Scenario,
+        publish: Publish = publish_nothing,
+        rate: float = TICK_RATE,
+    ) -> None:
+        """Put the vehicle into the launcher's hand, facing the wind; ``rate`` in Hz is that of the sensors' ticks.
 
         Raises:
             BadInput: seed or wind out of range, no such turbulence or fault, or bodies that make no vehicle.
@@ -117,13 +156,18 @@ class SimulatedWorld:
         corner, pilot = scenario.sensor_corner, scenario.pilot
         if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
             pilot = standing_by
-        self.suite = SensorSuite(sensor_spec(vehicle.sections), scenario.seed, scenario.home, corner, pilot)
+        spec = sensor_spec(vehicle.sections)
+        self.suite = SensorSuite(spec, scenario.seed, scenario.home, corner, pilot, rate)
         self._edge = vehicle.sections["power_sensor"].edge
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
         self._gust = STILL
         self._publish = publish
-        self._tick = -1
+        self._tick = 0
+        self._period = 1.0 / rate
+        self._clock = StepClock(0.0, -1, self._period)
+        self._records, self._next_record_us = 0, 0
+        self._launch_from = scenario.launch_time
         self._targets = (0.0, 0.0)
         self._means = NO_MEANS
         self._current_before = 0.0
@@ -136,7 +180,7 @@ class SimulatedWorld:
     @property
     def tick_us(self) -> int:
         """us; between two sensor frames."""
-        return round(TICK * 1e6)
+        return round(self._period * 1e6)
 
     @property
     def origin(self) -> tuple[float, float, float]:
@@ -146,8 +190,8 @@ class SimulatedWorld:
 
     @property
     def time_us(self) -> int:
-        """us; of the last frame, or of the first that will come."""
-        return (max(self._tick, 0) + 1) * self.tick_us
+        """us; at the end of the last step, or of the first that will come."""
+        return round(self._clock.end * 1e6)
 
     @property
     def thrown(self) -> bool:
@@ -158,8 +202,12 @@ class SimulatedWorld:
     def finished(self) -> bool:
         """The vehicle lies still on the ground, or the time is up."""
         now = self.time_us * 1e-6
-        resting = self._rest_since is not None and now - self._rest_since >= REST_TIME
+        resting = self._rest_since is not None and now - self._rest_since >= self.scenario.rest_time
         return resting or now >= self.scenario.duration
+
+    def release(self) -> None:
+        """Tell the launcher that he may throw from now on, as soon as the air is steady."""
+        self._launch_from = min(self._launch_from, self.time_us * 1e-6)
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
         """Advance one tick with ``command`` held, record the truth and read the sensors at its end.
@@ -167,7 +215,15 @@ class SimulatedWorld:
         Raises:
             SimulationSilent: from the time of that fault on.
         """
-        self._tick += 1
+        return self.sample(self.advance(command, self._period))
+
+    def advance(self, command: ActuatorCommand, duration: float) -> Observation:
+        """Advance ``duration`` s with ``command`` held and record the truth; what is there to be sensed at its end.
+
+        Raises:
+            SimulationSilent: from the time of that fault on.
+        """
+        self._clock = self._clock.step(duration)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
             self._say(Severity.WARNING, text)
         air = self._air()
@@ -177,7 +233,13 @@ class SimulatedWorld:
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
         self._watch_rest()
         self._record()
-        return sensor_frame(self.faults.sense(self.suite.sample(self._observe(air), self._tick), self._tick))
+        return self._observe(air)
+
+    def sample(self, observation: Observation) -> SensorFrame:
+        """Read the sensors, one tick of theirs after the last time."""
+        raw = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
+        self._tick += 1
+        return sensor_frame(raw)
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
@@ -210,13 +272,17 @@ class SimulatedWorld:
         return TruthLoads(self.time_us, *wings.tolist(), *self.plant.scratch.plate_load.tolist())
 
     def _record(self) -> None:
+        if self.time_us < self._next_record_us:
+            return
+        self._next_record_us = self.time_us + RECORD_PERIOD_US
         self._publish(topics.STATE, self.truth())
         self._publish(topics.WING, self.truth_wing())
-        if self._tick % 2 == 0:
+        if self._records % 2 == 0:
             self._publish(topics.LOADS, self.truth_loads())
+        self._records += 1
 
     def _launcher(self) -> int:
-        now = self._tick * TICK
+        now = self._clock.start
         if now < self._thrown_at:
             return k.HELD
         return k.THROWN if now < self._thrown_at + self.vehicle.launch.duration else k.FREE
@@ -229,18 +295,18 @@ class SimulatedWorld:
         if armed == (self._armed_since < math.inf):
             return
         self._armed_since = now if armed else math.inf
-        left = max(LAUNCH_TIME - now, ARMED_TIME)
+        left = max(self._launch_from - now, ARMED_TIME)
         text = f"armed: the launcher throws in {left:.0f} s" if armed else "disarmed: the launcher waits"
         self._say(Severity.NOTICE, text)
 
     def _watch_launcher(self, armed: bool) -> None:
         """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
-        now = self._tick * TICK
+        now = self._clock.start
         if self.thrown:
             return
         if self.scenario.waits_for_arming:
             self._watch_arming(armed, now)
-        ready = max(LAUNCH_TIME, self._armed_since + ARMED_TIME)
+        ready = max(self._launch_from, self._armed_since + ARMED_TIME)
         if now < ready:
             return
         north, east, down = self._gust.velocity
@@ -273,7 +339,9 @@ class SimulatedWorld:
         y, wind = self.plant.y, self._wind
         over_ground = _rotate(self._rotation(), y[7:10].tolist())
         through = (over_ground[0] - wind[0], over_ground[1] - wind[1], over_ground[2] - wind[2])
-        self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, -float(y[2]), through, TICK)
+        self._gusts, self._gust = dryden.step(
+            self._turbulence, self._gusts, -float(y[2]), through, self._clock.length
+        )
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
         travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
@@ -283,7 +351,7 @@ class SimulatedWorld:
         throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
         return k.Controls(
             before[0], self._targets[0], before[1], self._targets[1], throttle,
-            _clip(command.elevator, tail), _clip(command.rudder, tail), TICK, 1.0,
+            _clip(command.elevator, tail), _clip(command.rudder, tail), self._clock.length, 1.0,
         )  # fmt: skip
 
     def _watch_rest(self) -> None:

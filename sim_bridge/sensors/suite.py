@@ -1,7 +1,8 @@
-"""The vehicle's whole instrumentation: an Observation in, a RawFrame out, at a base tick of 200 Hz."""
+"""The vehicle's whole instrumentation: an Observation in, a RawFrame out, at a base tick of 200 Hz or as asked."""
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple, get_type_hints
@@ -24,21 +25,37 @@ from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 
 TICK_RATE = 200.0
 """Hz; IMU and encoders are sampled at every tick"""
-MAGNETOMETER_TICKS = 3
-"""66.7 Hz: the most the HMC5883L gives is 75 Hz; its last reading is repeated in between"""
-PRESSURE_TICKS = 4
-"""50 Hz"""
-POWER_TICKS = 2
-"""100 Hz; torque cells too"""
-GPS_TICKS = 40
-"""5 Hz"""
-RECEIVER_TICKS = 4
-"""50 Hz"""
+MAGNETOMETER_RATE = 75.0
+"""Hz; the most the HMC5883L gives; its last reading is repeated in between"""
+PRESSURE_RATE = 50.0
+"""Hz"""
+POWER_RATE = 100.0
+"""Hz; torque cells too"""
+GPS_RATE = 5.0
+"""Hz"""
+RECEIVER_RATE = 50.0
+"""Hz"""
 
 LARGEST = 1e6
 """SI; no value of an observation is larger while the simulation makes sense"""
 
 _IMU_ON_THE_WIRE = struct.Struct("<9f")
+
+
+class Ticks(NamedTuple):
+    """Ticks from one sample to the next of the sensors that are slower than the tick."""
+
+    magnetometer: int
+    pressures: int
+    power: int
+    gps: int
+    receiver: int
+
+
+def ticks_of(rate: float) -> Ticks:
+    """What a tick rate in Hz allows each sensor: whole ticks, and no more samples than the sensor gives."""
+    sensors = (MAGNETOMETER_RATE, PRESSURE_RATE, POWER_RATE, GPS_RATE, RECEIVER_RATE)
+    return Ticks(*(max(1, math.ceil(rate / sensor - 1e-9)) for sensor in sensors))
 
 
 class SensorSpec(NamedTuple):
@@ -79,26 +96,34 @@ class SensorSuite:
     """All sensors of one vehicle on one flight: the same spec, seed, home and observations give the same frames."""
 
     def __init__(
-        self, spec: SensorSpec, seed: int, home: Home, corner: float = 0.0, pilot: Pilot | None = None
+        self,
+        spec: SensorSpec,
+        seed: int,
+        home: Home,
+        corner: float = 0.0,
+        pilot: Pilot | None = None,
+        rate: float = TICK_RATE,
     ) -> None:
         """Build every sensor with a random stream of its own; a ``pilot`` brings a transmitter and its receiver.
 
-        With a ``corner`` above 0 each error of a unit is that many standard deviations, its sign by chance.
+        With a ``corner`` above 0 each error of a unit is that many standard deviations, its sign by chance. ``rate``
+        in Hz is that of the ticks.
 
         Raises:
             BadInput: seed negative.
         """
-        tick = 1.0 / TICK_RATE
+        tick = 1.0 / rate
+        self._ticks = ticks_of(rate)
         # The number is the stream's name: a new sensor takes the next free one, so the others' noise stays.
         self._accelerometer = Accelerometer(spec.accelerometer, sensor_seed(seed, 0, corner), tick)
         self._gyroscope = Gyroscope(spec.gyroscope, sensor_seed(seed, 1, corner), tick)
         self._magnetometer = Magnetometer(spec.magnetometer, sensor_seed(seed, 2, corner), home.magnetic)
         self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3, corner), tick)
-        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), PRESSURE_TICKS * tick)
+        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), self._ticks.pressures * tick)
         self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5, corner))
         self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6, corner))
         self._torque_installed = spec.torque_cell.installed
-        self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, GPS_TICKS * tick)
+        self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, self._ticks.gps * tick)
         self.encoder = Encoder(spec.encoder)
         self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
         self._field_frd: Vector | None = None
@@ -122,7 +147,7 @@ class SensorSuite:
         return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
 
     def sample(self, observation: Observation, tick: int) -> RawFrame:
-        """What the sensors deliver at the ``tick``-th tick (from 0, one after the other) of 200 Hz.
+        """What the sensors deliver at the ``tick``-th tick (from 0, one after the other).
 
         Raises:
             SimulationDiverged: a value of the observation is not finite, or above 1e6 in its unit.
@@ -134,15 +159,15 @@ class SensorSuite:
             time_us,
             self._imu(observation, tick),
             RawEncoder(time_us, *self.encoder.read(observation.flap_left, observation.flap_right)),
-            self._pressures(observation) if tick % PRESSURE_TICKS == 0 else None,
-            RawAdc(time_us, *self._power_sensor.read(observation)) if tick % POWER_TICKS == 0 else None,
-            self._torque(observation) if self._torque_installed and tick % POWER_TICKS == 0 else None,
+            self._pressures(observation) if tick % self._ticks.pressures == 0 else None,
+            RawAdc(time_us, *self._power_sensor.read(observation)) if tick % self._ticks.power == 0 else None,
+            self._torque(observation) if self._torque_installed and tick % self._ticks.power == 0 else None,
             self._fix(observation, tick),
-            self._receiver.read(observation) if tick % RECEIVER_TICKS == 0 else None,
+            self._receiver.read(observation) if tick % self._ticks.receiver == 0 else None,
         )
 
     def _imu(self, observation: Observation, tick: int) -> RawImu:
-        if self._field_frd is None or tick % MAGNETOMETER_TICKS == 0:
+        if self._field_frd is None or tick % self._ticks.magnetometer == 0:
             self._field_frd = self._magnetometer.read(observation.quaternion)
         values = _IMU_ON_THE_WIRE.pack(
             *self._accelerometer.read(observation.specific_force_frd),
@@ -160,7 +185,7 @@ class SensorSuite:
         return RawTorque(observation.time_us, *counts)
 
     def _fix(self, observation: Observation, tick: int) -> RawGps | None:
-        if tick % GPS_TICKS == 0:
+        if tick % self._ticks.gps == 0:
             self._gps.measure(observation)
         return self._gps.arrived(observation.time_us)
 
