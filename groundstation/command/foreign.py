@@ -1,0 +1,146 @@
+"""``wingbeat sim --px4`` and ``--ardupilot``: autopilots that are not ours on our world."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NamedTuple
+
+from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle
+from sim_bridge.bridge.foreign import ardupilot, px4
+from sim_bridge.bridge.foreign.flight import Rig
+from sim_bridge.bridge.foreign.outputs import Channels, Pulses, parse_channels, parse_pulses
+from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage
+
+REST_TIME = 20.0
+"""s; on the ground before the simulation ends: an autopilot must notice the landing and disarm"""
+HOST = "127.0.0.1"
+
+SETUP = """
+PX4 (--px4): the world is the simulator that its simulator_mavlink module connects to.
+  start    PX4_SYS_AUTOSTART=1030 PX4_SIM_MODEL=gazebo-classic_plane build/px4_sitl_default/bin/px4
+  outputs  of airframe 1030 as they are: --channels aileron=7,elevator=8,throttle=5,rudder=3; or ours:
+           PWM_MAIN_FUNC1 201, FUNC2 202, FUNC3 101, FUNC4 203 with CA_SV_CS_COUNT 3, CA_SV_CS0_TYPE 15,
+           CA_SV_CS0_TRQ_R 1, CA_SV_CS1_TYPE 3, CA_SV_CS1_TRQ_P 1, CA_SV_CS2_TYPE 4, CA_SV_CS2_TRQ_Y 1
+  speeds   FW_AIRSPD_STALL 4, FW_AIRSPD_MIN 5.5, FW_AIRSPD_TRIM 7, FW_AIRSPD_MAX 11
+  throw    RWTO_TKOFF 0, FW_LAUN_DETCN_ON 0 (the launcher waits for the throttle, not it for the throw)
+  power    FW_THR_TRIM 0.28, FW_THR_MAX 1, FW_T_CLMB_MAX 2.3, FW_T_SINK_MAX 3.2, FW_R_LIM 28
+ArduPlane (--ardupilot): the world is the physics of its JSON model.
+  start    arduplane --model JSON:127.0.0.1 --home LATITUDE,LONGITUDE,ALTITUDE,HEADING
+  outputs  SERVO1 to SERVO4 aileron, elevator, throttle, rudder, 1100 to 1900 us (else --channels, --pwm)
+  speeds   AIRSPEED_MIN 5.5, AIRSPEED_CRUISE 7, AIRSPEED_MAX 11 (older: ARSPD_FBW_MIN, TRIM_ARSPD_CM, ARSPD_FBW_MAX)
+  throw    mode TAKEOFF with TKOFF_THR_MINACC 0, TKOFF_THR_MINSPD 0; or throttle up in any mode
+  power    TRIM_THROTTLE 28, THR_MAX 100, TECS_CLMB_MAX 2.3, TECS_SINK_MAX 3.2, ROLL_LIMIT_DEG 28
+  step     SIM_RATE_HZ 400 is enough, and lighter than the usual 1200
+Throttle is flapping; the aileron is the roll command of the vehicle's own tail mixer: a plane's roll loop banks
+it by the rudder (aileron=0 leaves it out); speeds and powers are those of robo_raven_ii_d. The launcher throws when the
+autopilot is armed with the throttle of level flight for half a second. An autopilot that starts over finds a new
+vehicle in the hand, and a new recording.
+"""
+
+
+class Foreign(NamedTuple):
+    """What of the command line is for autopilots that are not ours."""
+
+    px4: bool
+    """PX4 and not ArduPilot"""
+    url: str
+    channels: Channels
+    pulses: Pulses
+
+
+def add_foreign(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--px4``, ``--ardupilot`` and how their outputs are wired."""
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--px4", action="store_true", help=f"serve PX4's simulator interface: TCP {px4.PORT}")
+    kinds.add_argument(
+        "--ardupilot", action="store_true", help=f"serve ArduPilot's JSON interface: UDP {ardupilot.PORT}"
+    )
+    parser.add_argument(
+        "--instance", type=int, default=0, metavar="N", help="of PX4 (port + N) or ArduPilot (port + 10 N) (0)"
+    )
+    parser.add_argument(
+        "--channels", metavar="NAME=N,...", help=f"outputs of PX4 or ArduPilot, -N reversed, 0 none ({Channels()})"
+    )
+    parser.add_argument("--pwm", metavar="LOW:HIGH", help="ends of ArduPilot's pulses in us (1100:1900)")
+
+
+def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | None:
+    """What the command line asks for; None for our own flight computer.
+
+    Raises:
+        BadInput: options of foreign autopilots without one, or options that cannot be.
+    """
+    if not (chosen.px4 or chosen.ardupilot):
+        if chosen.instance or chosen.channels or chosen.pwm:
+            raise BadInput("--instance, --channels and --pwm are for --px4 and --ardupilot")
+        return None
+    if chosen.px4 and chosen.pwm:
+        raise BadInput("--pwm is for --ardupilot: PX4 sends shares of the travel")
+    if not 0 <= chosen.instance <= 255:
+        raise BadInput(f"instance must be 0 to 255, not {chosen.instance}")
+    channels = parse_channels(chosen.channels) if chosen.channels else Channels()
+    pulses = parse_pulses(chosen.pwm) if chosen.pwm else Pulses()
+    return Foreign(chosen.px4, listen or default_url(chosen.px4, chosen.instance), channels, pulses)
+
+
+def default_url(of_px4: bool, instance: int) -> str:
+    """Where an instance of PX4 or ArduPilot looks for its simulator."""
+    if of_px4:
+        return f"tcp:{HOST}:{px4.PORT + instance}"
+    return f"udpin:{HOST}:{ardupilot.PORT + ardupilot.INSTANCE_PORTS * instance}"
+
+
+class Service:
+    """The port of a foreign autopilot, taken; `serve` flies."""
+
+    def __init__(self, foreign: Foreign, vehicle: str, speed: float | None) -> None:
+        """Take the port.
+
+        Raises:
+            BadInput: the flight computer has no file of that vehicle, or the port is in use.
+        """
+        self.is_px4 = foreign.px4
+        self._foreign = foreign
+        rig = Rig(load_vehicle(vehicle), foreign.channels)
+        interface = Interface(foreign.url, speed)
+        self._server: px4.Px4Server | ardupilot.ArduPilotServer = (
+            px4.Px4Server(interface, rig, tell)
+            if foreign.px4
+            else ardupilot.ArduPilotServer(interface, rig, foreign.pulses, tell)
+        )
+        self._pace = (
+            "as fast as it answers (--speed 1: real time)" if speed is None else f"at {speed:g} times real time"
+        )
+
+    def say_what_is_waited_for(self) -> None:
+        """A few lines for the terminal."""
+        who = "PX4's simulator_mavlink" if self._foreign.px4 else "ArduPilot's --model JSON"
+        tell(f"waiting on {self._foreign.url} for {who}; then {self._pace}")
+        tell(f"outputs: {self._foreign.channels}; wingbeat sim --help says which parameters make it fly")
+        tell(
+            "the vehicle is thrown when it is armed with the throttle of level flight for half a second; Ctrl-C ends"
+        )
+
+    def serve(self, next_stage: NextStage) -> None:
+        """Fly until the simulation is finished or nobody comes back.
+
+        Raises:
+            BadInput: nobody came, or an autopilot fell silent.
+        """
+        try:
+            tally = self._server.serve(next_stage)
+        except AutopilotSilent as silence:
+            raise BadInput(str(silence)) from None
+        counts = (f"{name.replace('_', ' ')} {count}" for name, count in zip(tally._fields, tally[:-1], strict=False))
+        tell(f"{tally.ended}: {', '.join(counts)}")
+
+    def close(self) -> None:
+        """Release the port."""
+        self._server.close()
+
+
+def tell(text: str) -> None:
+    """Say a line on the terminal."""
+    print(text, file=sys.stderr, flush=True)

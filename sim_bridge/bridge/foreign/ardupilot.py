@@ -1,0 +1,288 @@
+"""ArduPilot on our world: its JSON simulator interface, UDP datagrams to port 9002 and back to where they came from.
+
+ArduPilot keeps the time: each new servo packet moves the world by one step of its frame rate and is answered once. A
+repeated frame count is a packet sent again, because its answer was lost: it is answered again and nothing moves. A
+frame count of 0 is an ArduPilot that has started: the vehicle is put back into the launcher's hand.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, NamedTuple
+
+from avionics.link.urls import parse_url
+from avionics.messages import ReceiverSample, Severity
+from avionics.quantities import BadInput
+from sim_bridge.bridge.foreign import ardupilot_wire as wire
+from sim_bridge.bridge.foreign.flight import ForeignFlight, Rig
+from sim_bridge.bridge.foreign.outputs import Pulses, from_pulses
+from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage, Tell
+from sim_bridge.bridge.pace import Pacer
+from sim_bridge.bridge.world import SimulationSilent
+from sim_bridge.observation import Observation
+
+PORT = 9002
+"""of instance 0"""
+INSTANCE_PORTS = 10
+"""from one instance's port to the next one's"""
+SENSOR_PERIOD_US = 5000
+"""us; sensors are read at 200 Hz, for the recording and the receiver: ArduPilot makes its own of the true state"""
+
+
+class Patience(NamedTuple):
+    """How long the world waits for ArduPilot, on the wall clock."""
+
+    stall: float = 1.0
+    """s; without a packet before the terminal is told who is silent"""
+    connect: float = 600.0
+    """s; without a packet before it is given up"""
+
+
+class Tally(NamedTuple):
+    """What went over the interface."""
+
+    flights: int = 0
+    """-; from the launcher's hand, one for each start of ArduPilot"""
+    frames: int = 0
+    """-; steps taken and answered"""
+    repeats: int = 0
+    """-; packets sent again, answered again"""
+    lost: int = 0
+    """-; frame counts that never came"""
+    stale: int = 0
+    """-; packets that were overtaken by a later one, dropped"""
+    malformed: int = 0
+    """-; datagrams that are no servo packets, refused"""
+    strangers: int = 0
+    """-; packets of a second autopilot, refused"""
+    ended: str = ""
+    """why it ended, one line"""
+
+
+class Order(Enum):
+    """Where a packet stands in the sequence."""
+
+    START = 0
+    NEXT = 1
+    REPEAT = 2
+    STALE = 3
+
+
+def order_of(last: int | None, count: int) -> Order:
+    """Where frame ``count`` stands after frame ``last``, None when there was none."""
+    if last is None or (count == 0 and last != 0):
+        return Order.START
+    if count == last:
+        return Order.REPEAT
+    return Order.NEXT if count > last else Order.STALE
+
+
+class ArduPilotServer:
+    """Owns the port; `serve` flies until the simulation is finished or ArduPilot stays away."""
+
+    def __init__(
+        self,
+        interface: Interface,
+        rig: Rig,
+        pulses: Pulses,
+        tell: Tell,
+        patience: Patience | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Listen.
+
+        Raises:
+            BadInput: the interface's address is not ``udpin:HOST:PORT``, or the port is in use.
+        """
+        self._socket = _bound(interface.url)
+        self._speed = interface.speed
+        self._rig = rig
+        self._pulses = pulses
+        self._tell = tell
+        self._patience = patience or Patience()
+        self._clock = clock
+        self._peer: Any = None
+        self._last: int | None = None
+        self._answer = b""
+        self._stalled = False
+        self.tally = Tally()
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on."""
+        return int(self._socket.getsockname()[1])
+
+    def serve(self, next_stage: NextStage) -> Tally:
+        """Answer packets until the simulation is finished, or none comes any more.
+
+        Raises:
+            AutopilotSilent: ArduPilot never came.
+        """
+        flight: ArduPilotFlight | None = None
+        heard_at = self._clock()
+        while flight is None or not flight.finished:
+            received = self._receive()
+            if received is None:
+                if self._clock() - heard_at >= self._patience.connect:
+                    return self._abandoned()
+                self._tell_silence(flight)
+                continue
+            servos, order = received
+            heard_at = self._clock()
+            if order is Order.START:
+                flight = self._begin(next_stage, servos)
+            if flight is not None:
+                try:
+                    self._respond(flight, servos, order)
+                except SimulationSilent as silence:
+                    return self._fall_silent(str(silence))
+        return self.tally._replace(ended="the simulation finished")
+
+    def _receive(self) -> tuple[wire.Servos, Order] | None:
+        """The next packet worth anything and its order, None after a while without one."""
+        deadline = self._clock() + self._patience.stall
+        while (left := deadline - self._clock()) > 0.0:
+            self._socket.settimeout(max(left, 1e-3))
+            try:
+                data, address = self._socket.recvfrom(2048)
+            except TimeoutError:
+                return None
+            except OSError:
+                continue  # an answer found nobody there
+            taken = self._taken(data, address)
+            if taken is not None:
+                return taken
+        return None
+
+    def _taken(self, data: bytes, address: Any) -> tuple[wire.Servos, Order] | None:
+        try:
+            servos = wire.decode_servos(data)
+        except wire.Malformed as reason:
+            self._refuse("malformed", f"a datagram from {_named(address)} is no servo packet: {reason}")
+            return None
+        same = address == self._peer
+        order = order_of(self._last if same or servos.frame_count else None, servos.frame_count)
+        if not same and order is not Order.START:
+            self._refuse("strangers", f"a second autopilot at {_named(address)} is refused")
+            return None
+        self._peer = address
+        return servos, order
+
+    def _refuse(self, what: str, text: str) -> None:
+        if getattr(self.tally, what) == 0:
+            self._tell(f"{text} (told once, counted on)")
+        self._count(**{what: 1})
+
+    def _begin(self, next_stage: NextStage, servos: wire.Servos) -> ArduPilotFlight:
+        again = "starts over" if self.tally.flights else "has come"
+        self._tell(
+            f"ArduPilot at {_named(self._peer)} {again} with {servos.frame_rate} frames/s:"
+            " the vehicle is in the launcher's hand"
+        )
+        self._count(flights=1)
+        self._last = None
+        return ArduPilotFlight(ForeignFlight(next_stage(), self._rig, self._tell), Pacer(self._speed, self._clock))
+
+    def _respond(self, flight: ArduPilotFlight, servos: wire.Servos, order: Order) -> None:
+        if self._stalled:
+            self._stalled = False
+            flight.flight.say("ArduPilot is back")
+        if order is Order.STALE:
+            self._count(stale=1)
+            return
+        if order is Order.REPEAT:
+            self._count(repeats=1)
+        else:
+            lost = servos.frame_count - self._last - 1 if self._last is not None else 0
+            self._count(frames=1, lost=lost)
+            self._last = servos.frame_count
+            self._answer = flight.step(servos, self._rig, self._pulses)
+        self._send()
+
+    def _send(self) -> None:
+        with contextlib.suppress(OSError):  # who is gone is told by his silence
+            self._socket.sendto(self._answer, self._peer)
+
+    def _tell_silence(self, flight: ArduPilotFlight | None) -> None:
+        if self._stalled or flight is None:
+            return
+        self._stalled = True
+        text = f"ArduPilot at {_named(self._peer)} is silent after frame {self._last}; waiting for it"
+        flight.flight.say(text, Severity.WARNING)
+
+    def _abandoned(self) -> Tally:
+        text = f"{self._socket_name} for {self._patience.connect:g} s"
+        if self.tally.flights == 0:
+            refused = self.tally.malformed
+            seen = f" ({refused} datagrams were no servo packets)" if refused else ""
+            raise AutopilotSilent(f"no ArduPilot spoke to {text}{seen}")
+        return self.tally._replace(ended=f"ArduPilot said nothing to {text}")
+
+    @property
+    def _socket_name(self) -> str:
+        return _named(self._socket.getsockname())
+
+    def _fall_silent(self, reason: str) -> Tally:
+        """Leave what still comes without an answer, until no more does."""
+        while self._receive() is not None:
+            pass
+        return self.tally._replace(ended=reason)
+
+    def _count(self, **more: int) -> None:
+        self.tally = self.tally._replace(**{name: getattr(self.tally, name) + n for name, n in more.items()})
+
+    def close(self) -> None:
+        """Release the port."""
+        self._socket.close()
+
+
+class ArduPilotFlight:
+    """One flight: a servo packet in, the state after its step out."""
+
+    def __init__(self, flight: ForeignFlight, pacer: Pacer) -> None:
+        self.flight = flight
+        self._pacer = pacer
+        self._next_sample_us = 0
+        self._receiver: ReceiverSample | None = None
+
+    @property
+    def finished(self) -> bool:
+        """The simulation is over."""
+        return self.flight.world.finished
+
+    def step(self, servos: wire.Servos, rig: Rig, pulses: Pulses) -> bytes:
+        """Move by one step of the frame rate and say where the vehicle is."""
+        outputs = from_pulses(rig.channels, pulses, servos.widths)
+        observation = self.flight.advance(outputs, 1.0 / servos.frame_rate)
+        self._read_sensors(observation)
+        self._pacer.hold(observation.time_us)
+        world = self.flight.world
+        return wire.encode_state(observation, world.truth(), world.truth_wing(), self._receiver)
+
+    def _read_sensors(self, observation: Observation) -> None:
+        if observation.time_us < self._next_sample_us:
+            return
+        self._next_sample_us = max(self._next_sample_us + SENSOR_PERIOD_US, observation.time_us)
+        heard = self.flight.sample(observation).receiver
+        self._receiver = self._receiver if heard is None else heard
+
+
+def _bound(url: str) -> socket.socket:
+    where = parse_url(url)
+    if where.kind != "udpin":
+        raise BadInput(f"{url}: ArduPilot's physics listens on udpin:HOST:PORT")
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(where.host, where.port, type=socket.SOCK_DGRAM)[0]
+        port = socket.socket(family, kind)
+        port.bind(address)
+    except OSError as error:
+        raise BadInput(f"{url}: cannot listen there: {error.strerror or error}") from None
+    return port
+
+
+def _named(address: Any) -> str:
+    return f"{address[0]}:{address[1]}"

@@ -1,0 +1,112 @@
+"""One flight of a foreign autopilot: its outputs mixed, the world advanced, what happened recorded and told."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import NamedTuple
+
+from avionics import topics
+from avionics.messages import Event, SensorFrame, Severity
+from avionics.topics import Topic
+from avionics.vehicles.loader import FlightVehicle
+from sim_bridge import topics as truth_topics
+from sim_bridge.bridge.foreign import launch, mixer
+from sim_bridge.bridge.foreign.outputs import Channels, Outputs
+from sim_bridge.bridge.foreign.world import ForeignWorld, Stage, Tell
+from sim_bridge.observation import Observation
+
+LONGEST_STEP = 0.005
+"""s; a stroke of 4 Hz is cut into 50 of them"""
+RECORD_PERIOD_US = 4000
+"""us; commands are recorded no more often, however short the steps"""
+
+_SENSORS: tuple[tuple[str, Topic], ...] = (
+    ("imu", topics.IMU),
+    ("encoder", topics.ENCODER),
+    ("pressures", topics.PRESSURES),
+    ("adc", topics.ADC),
+    ("torque", topics.TORQUE_RAW),
+    ("gps", topics.GPS),
+    ("receiver", topics.RECEIVER),
+)
+
+
+class Told(Enum):
+    """How far the flight has come, as the terminal knows it."""
+
+    HELD = 0
+    THROWN = 1
+    FLYING = 2
+    LANDED = 3
+
+
+class Rig(NamedTuple):
+    """How a plane's autopilot is wired to the vehicle."""
+
+    vehicle: FlightVehicle
+    channels: Channels = Channels()
+
+
+class ForeignFlight:
+    """From the launcher's hand to the end of the simulation, or until the autopilot starts over."""
+
+    def __init__(self, stage: Stage, rig: Rig, tell: Tell) -> None:
+        self.world: ForeignWorld = stage.world
+        self._publish = stage.publish
+        self._tell = tell
+        self._gains = mixer.gains_of(rig.vehicle)
+        self._launch = launch.Gains(rig.vehicle.gains.altitude.throttle_trim)
+        self._mixed = mixer.State()
+        self._ready = launch.State()
+        self._told = Told.HELD
+        self._next_record_us = 0
+
+    def advance(self, outputs: Outputs, duration: float) -> Observation:
+        """Advance ``duration`` s with ``outputs`` held, in steps short enough for the stroke.
+
+        Raises:
+            SimulationSilent: from the time of that fault on.
+        """
+        steps = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
+        for _ in range(steps):
+            observation = self._step(outputs, duration / steps)
+        self._watch_flight(outputs)
+        return observation
+
+    def sample(self, observation: Observation) -> SensorFrame:
+        """Read the sensors and record what they read."""
+        frame = self.world.sample(observation)
+        for field, topic in _SENSORS:
+            reading = getattr(frame, field)
+            if reading is not None:
+                self._publish(topic, reading)
+        return frame
+
+    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Tell the terminal and the recording."""
+        self._publish(truth_topics.EVENTS, Event(self.world.time_us, severity, "world", text))
+        self._tell(f"{self.world.time_us * 1e-6:7.1f} s  {text}")
+
+    def _step(self, outputs: Outputs, dt: float) -> Observation:
+        start_us = self.world.time_us
+        self._mixed, flap, command = mixer.step(self._gains, self._mixed, start_us, dt, outputs)
+        self._ready, ready = launch.step(self._launch, self._ready, dt, outputs)
+        if ready:
+            self.world.release()
+        observation = self.world.advance(command, dt)
+        if observation.time_us >= self._next_record_us:
+            self._next_record_us = observation.time_us + RECORD_PERIOD_US
+            self._publish(topics.FLAP, flap)
+            self._publish(topics.ACTUATORS, command)
+        return observation
+
+    def _watch_flight(self, outputs: Outputs) -> None:
+        if self._told is Told.HELD and self.world.thrown:
+            self._told = Told.THROWN
+            self.say(f"thrown, with a throttle of {100.0 * outputs.throttle:.0f} %")
+        elif self._told is Told.THROWN and not self.world.truth().on_ground:
+            self._told = Told.FLYING
+        elif self._told is Told.FLYING and self.world.truth().on_ground:
+            self._told = Told.LANDED
+            self.say("on the ground")

@@ -1,0 +1,359 @@
+"""PX4 on our world: its simulator interface, which waits for a simulator that listens on TCP 4560.
+
+PX4 connects, asks for HIL_STATE_QUATERNION and says HEARTBEAT; its start-up waits for a HIL_SENSOR. Until its first
+HIL_ACTUATOR_CONTROLS, and whenever it is disarmed, the world runs in real time and does not wait. Armed, each sensor
+frame waits a moment for its answer, because PX4 does not promise one for every frame.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics.link import codec
+from avionics.link.dialect import mavlink
+from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.transport import Listener, Stream
+from avionics.messages import SensorFrame, Severity
+from sim_bridge.bridge.foreign import px4_wire as wire
+from sim_bridge.bridge.foreign.flight import ForeignFlight, Rig
+from sim_bridge.bridge.foreign.outputs import Outputs, from_controls
+from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage, Stage, Tell
+from sim_bridge.bridge.pace import Pacer
+from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
+from sim_bridge.bridge.world import SimulationSilent
+from sim_bridge.sensors.suite import ticks_of
+
+PORT = 4560
+"""of instance 0; the next instance's is the next"""
+IMU_RATE = 250.0
+"""Hz; of HIL_SENSOR"""
+TICK = 1.0 / IMU_RATE
+FIELD_TICKS = ticks_of(IMU_RATE).magnetometer
+
+
+class Patience(NamedTuple):
+    """How long the world waits for PX4, on the wall clock."""
+
+    connect: float = 600.0
+    """s; for a connection, and for the next one after it hung up"""
+    hello: float = 10.0
+    """s; for its HEARTBEAT"""
+    moment: float = 0.010
+    """s; for the answer to a sensor frame, once it is armed"""
+    stall: float = 1.0
+    """s; without a message before the terminal is told who is silent"""
+    silence: float = 60.0
+    """s; without a message before it is given up"""
+
+
+class Tally(NamedTuple):
+    """What went over the interface."""
+
+    flights: int = 0
+    """-; from the launcher's hand, one for each connection"""
+    frames: int = 0
+    """-; HIL_SENSOR sent"""
+    answers: int = 0
+    """-; HIL_ACTUATOR_CONTROLS obeyed"""
+    misses: int = 0
+    """-; sensor frames that waited in vain"""
+    late: int = 0
+    """-; answers to an older sensor frame than the last, obeyed as well"""
+    rejected: int = 0
+    """-; answers with a control that is no finite number, dropped"""
+    strangers: int = 0
+    """-; connections that were no PX4"""
+    bad_bytes: int = 0
+    """-; bytes that were no part of a message"""
+    ended: str = ""
+    """why it ended, one line"""
+
+    def plus(self, other: Tally) -> Tally:
+        """The sum, with the other's reason."""
+        sums = {name: getattr(self, name) + getattr(other, name) for name in self._fields[:-1]}
+        return Tally(**sums, ended=other.ended)
+
+
+class Px4Server:
+    """Owns the port; `serve` flies one connection after another, each from the launcher's hand."""
+
+    def __init__(
+        self,
+        interface: Interface,
+        rig: Rig,
+        tell: Tell,
+        patience: Patience | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Listen.
+
+        Raises:
+            BadInput: the interface's address is not ``tcp:HOST:PORT``, or the port is in use.
+        """
+        self._listener = Listener(interface.url)
+        self._speed = interface.speed
+        self._rig = rig
+        self._tell = tell
+        self._patience = patience or Patience()
+        self._clock = clock
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on."""
+        return self._listener.port
+
+    def serve(self, next_stage: NextStage) -> Tally:
+        """Fly until a simulation is finished, or nobody comes back.
+
+        Raises:
+            AutopilotSilent: nobody came, or a PX4 fell silent in flight.
+        """
+        total = Tally()
+        while True:
+            stream = self._listener.accept(self._patience.connect)
+            if stream is None:
+                return self._abandoned(total)
+            session = Px4Session(stream, self._rig, self._tell, self._patience, self._clock)
+            try:
+                if session.greet():
+                    session.fly(next_stage(), self._speed)
+            finally:
+                stream.close()
+                total = total.plus(session.tally)
+            if not session.hung_up:
+                return total
+
+    def _abandoned(self, total: Tally) -> Tally:
+        text = f"{self._listener.url} for {self._patience.connect:g} s"
+        if total.flights == 0:
+            others = f" ({total.strangers} connections were no PX4)" if total.strangers else ""
+            raise AutopilotSilent(f"no PX4 connected to {text}{others}")
+        return total._replace(ended=f"no PX4 came back to {text}")
+
+    def close(self) -> None:
+        """Release the port."""
+        self._listener.close()
+
+
+class Px4Session:
+    """One connection."""
+
+    def __init__(self, stream: Stream, rig: Rig, tell: Tell, patience: Patience, clock: Callable[[], float]) -> None:
+        self.tally = Tally()
+        self.hung_up = False
+        self._stream = stream
+        self._rig = rig
+        self._tell = tell
+        self._patience = patience
+        self._clock = clock
+        self._reader = FrameReader(version_1=False)
+        self._writer = codec.FrameWriter(1, 200)
+        self._autopilot: int | None = None
+        self._outputs = Outputs()
+        self._echo = Echo()
+        self._truth_interval_us = 0
+        self._next_truth_us = 0
+        self._heard_at = clock()
+        self._heard_us = 0
+        self._stalled = False
+
+    def greet(self) -> bool:
+        """Wait for the HEARTBEAT of a PX4; whoever is something else is told, and hung up on."""
+        deadline = self._clock() + self._patience.hello
+        while self._autopilot is None and not self.hung_up and self._clock() < deadline:
+            self._listen(0.05)
+        if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
+            self._tell(f"PX4 connected from {self._stream.name}: the vehicle is in the launcher's hand")
+            return True
+        said = "sent no HEARTBEAT" if self._autopilot is None else f"is MAV_AUTOPILOT {self._autopilot}, not PX4 (12)"
+        self._tell(f"whoever connected from {self._stream.name} {said}: hung up")
+        self._count(strangers=1, bad_bytes=self._reader.bad_bytes)
+        self.hung_up = True
+        return False
+
+    def fly(self, stage: Stage, speed: float | None) -> None:
+        """Exchange sensor frames and controls until the simulation is finished or PX4 hangs up.
+
+        Raises:
+            AutopilotSilent: PX4 is connected and says nothing any more.
+        """
+        flight = ForeignFlight(stage, self._rig, self._tell)
+        pace = Pace(speed, self._clock)
+        self._count(flights=1)
+        self._heard_at = self._clock()
+        ended = "the simulation finished"
+        try:
+            while not flight.world.finished and not self.hung_up:
+                frame = flight.sample(flight.advance(self._outputs, TICK))
+                pace.hold(frame.time_us, waiting=self._waits)
+                self._send(frame, flight)
+                armed = self._outputs.armed
+                self._await_answer(frame.time_us)
+                if self._outputs.armed != armed:
+                    flight.say("disarmed" if armed else "armed")
+                self._watch_silence(flight)
+        except SimulationSilent as silence:
+            self._await_hanging_up()
+            self.hung_up, ended = False, str(silence)
+        if self.hung_up:
+            ended = "PX4 hung up"
+            flight.say(f"PX4 at {self._stream.name} hung up; when it is back it starts from the hand again")
+        self._count(bad_bytes=self._reader.bad_bytes)
+        self.tally = self.tally._replace(ended=ended)
+
+    @property
+    def _waits(self) -> bool:
+        """PX4 keeps our time, has begun to answer and is armed: its answer is worth waiting for."""
+        return bool(self._echo.lockstep and self._outputs.armed)
+
+    def _send(self, frame: SensorFrame, flight: ForeignFlight) -> None:
+        parts = []
+        if self._truth_interval_us and frame.time_us >= self._next_truth_us:
+            # Frames and the interval need not fit: the mean rate is the one asked for.
+            self._next_truth_us = max(self._next_truth_us + self._truth_interval_us, frame.time_us)
+            truth = encode_truth(flight.world.truth(), flight.world.origin)
+            parts.append(self._writer.frame(HIL_STATE_QUATERNION, truth))
+        if frame.gps is not None:
+            parts.append(self._writer.frame(codec.HIL_GPS, codec.encode_gps(frame.gps)))
+        if frame.receiver is not None and not frame.receiver.lost:
+            parts.append(self._writer.pack(wire.rc_channels(frame.receiver)))
+        sensors = wire.encode_sensors(frame, self.tally.frames % FIELD_TICKS == 0, self._rig.vehicle.gains.air_data)
+        # HIL_SENSOR sets PX4's clock, so what belongs to this time is there before it.
+        parts.append(self._writer.frame(wire.HIL_SENSOR, sensors))
+        self.hung_up |= not self._stream.write(b"".join(parts))
+        self._count(frames=1)
+
+    def _await_answer(self, time_us: int) -> None:
+        waits = self._waits
+        deadline = self._clock() + (self._patience.moment if waits else 0.0)
+        self._echo = self._echo.sent(time_us)
+        self._listen(0.0)
+        while waits and not self._echo.prompt and not self.hung_up and self._clock() < deadline:
+            self._listen(deadline - self._clock())
+        if waits and not self._echo.prompt and not self.hung_up:
+            self._count(misses=1)
+
+    def _listen(self, timeout: float) -> None:
+        data = self._stream.read(max(timeout, 0.0))
+        if data is None:
+            self.hung_up = True
+            return
+        for frame in self._reader.feed(data) if data else []:
+            self._heard_at = self._clock()
+            if frame.message_id == wire.HIL_ACTUATOR_CONTROLS:
+                self._obey(wire.decode_controls(frame.payload))
+            else:
+                self._converse(frame)
+
+    def _obey(self, controls: wire.Controls) -> None:
+        outputs = from_controls(self._rig.channels, controls.values, controls.armed)
+        if outputs is None:
+            self._count(rejected=1)
+            return
+        self._outputs = outputs
+        self._echo = self._echo.heard(controls)
+        self._count(answers=1, late=int(self._echo.lockstep and not self._echo.prompt))
+
+    def _converse(self, frame: Frame) -> None:
+        """What is no command to the servos: HEARTBEAT, and a request for truth."""
+        message = decode(frame)
+        if message.get_type() == "HEARTBEAT":
+            self._autopilot = message.autopilot
+        elif message.get_type() == "COMMAND_LONG":
+            result = mavlink.MAV_RESULT_ACCEPTED if self._request(message) else mavlink.MAV_RESULT_UNSUPPORTED
+            ack = mavlink.MAVLink_command_ack_message(message.command, result)
+            self.hung_up |= not self._stream.write(self._writer.pack(ack))
+
+    def _request(self, message: Any) -> bool:
+        """SET_MESSAGE_INTERVAL of HIL_STATE_QUATERNION: us, 0 for every frame, -1 for none."""
+        if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL or message.param1 != HIL_STATE_QUATERNION:
+            return False
+        interval = message.param2
+        if not math.isfinite(interval) or interval > 1e9:
+            return False
+        self._truth_interval_us = 0 if interval < 0.0 else max(round(interval), round(TICK * 1e6))
+        self._next_truth_us = 0
+        return True
+
+    def _watch_silence(self, flight: ForeignFlight) -> None:
+        silent = self._clock() - self._heard_at
+        if self._stalled and silent < self._patience.stall:
+            self._stalled = False
+            flight.say("PX4 answers again")
+        if silent < self._patience.stall or not self._echo.begun:
+            return
+        last = f"it answered last at t = {self._echo.at_us * 1e-6:.3f} s"
+        if not self._stalled:
+            self._stalled = True
+            flight.say(f"PX4 at {self._stream.name} is silent; {last}", Severity.WARNING)
+        if silent >= self._patience.silence:
+            raise AutopilotSilent(f"PX4 at {self._stream.name} has been silent for {silent:.0f} s; {last}")
+
+    def _await_hanging_up(self) -> None:
+        deadline = self._clock() + self._patience.hello
+        while not self.hung_up and self._clock() < deadline:
+            self._listen(0.05)
+
+    def _count(self, **more: int) -> None:
+        self.tally = self.tally._replace(**{name: getattr(self.tally, name) + n for name, n in more.items()})
+
+
+class Echo(NamedTuple):
+    """Which sensor frame PX4's last answer belongs to.
+
+    PX4's time begins at 0 with its first HIL_SENSOR, or it is that of the sensors, depending on its version: the
+    distance is the least that was seen between the time last sent and the time that came back.
+    """
+
+    sent_us: int = 0
+    """us; of the last sensor frame"""
+    at_us: int = 0
+    """us; of the sensor frame last answered"""
+    distance_us: int | None = None
+    """us; from PX4's time to ours"""
+    lockstep: bool = False
+    """PX4 says that it keeps our time"""
+
+    @property
+    def begun(self) -> bool:
+        """An answer has come."""
+        return self.distance_us is not None
+
+    @property
+    def prompt(self) -> bool:
+        """The last answer belongs to the last frame."""
+        return self.begun and self.at_us >= self.sent_us
+
+    def sent(self, time_us: int) -> Echo:
+        """After a sensor frame of that time."""
+        return self._replace(sent_us=time_us)
+
+    def heard(self, controls: wire.Controls) -> Echo:
+        """After an answer."""
+        apart = self.sent_us - controls.time_us
+        distance = apart if self.distance_us is None else min(apart, self.distance_us)
+        return Echo(self.sent_us, controls.time_us + distance, distance, bool(controls.lockstep))
+
+
+class Pace:
+    """Real time while nobody waits for PX4, the speed that was asked for while somebody does."""
+
+    def __init__(self, speed: float | None, clock: Callable[[], float]) -> None:
+        self._speed = speed
+        self._clock = clock
+        self._waiting = False
+        self._pacer = Pacer(self._now(False), clock)
+
+    def _now(self, waiting: bool) -> float | None:
+        return 1.0 if self._speed is None and not waiting else self._speed
+
+    def hold(self, time_us: int, waiting: bool) -> None:
+        """Wait until simulated time ``time_us`` is due."""
+        if waiting != self._waiting:
+            # Another speed counts from here: what was flown at the last one is neither made up for nor waited for.
+            self._waiting = waiting
+            self._pacer = Pacer(self._now(waiting), self._clock)
+        self._pacer.hold(time_us)

@@ -1,0 +1,128 @@
+"""``wingbeat sim --px4`` and ``--ardupilot`` as a user meets them."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from foreign_bench import PlanePilot, ScriptedArduPlane, ScriptedPx4, free_port
+
+from avionics import topics
+from groundstation.command.foreign import default_url
+from groundstation.command.main import main
+from logs.reader import open_log
+from sim_bridge import topics as truth_topics
+from sim_bridge.bridge.foreign.outputs import Outputs
+
+
+class Command:
+    """The command in a thread, until it has its port."""
+
+    def __init__(self, *words: str) -> None:
+        self.code: list[int] = []
+        self._thread = threading.Thread(target=lambda: self.code.append(main(["sim", *words])), daemon=True)
+        self._thread.start()
+
+    def result(self) -> int:
+        self._thread.join(120.0)
+        return self.code[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--px4", "--ardupilot"], "not allowed with"),
+        (["--px4", "--pwm", "1000:2000"], "--pwm is for --ardupilot"),
+        (["--channels", "aileron=0"], "are for --px4 and --ardupilot"),
+        (["--ardupilot", "--channels", "flaps=1"], "flaps is not one of"),
+        (["--ardupilot", "--listen", "tcp:127.0.0.1:9002"], "udpin:HOST:PORT"),
+        (["--px4", "--listen", "udpin:127.0.0.1:4560"], "tcp:HOST:PORT"),
+        (["--px4", "--instance", "300"], "instance must be 0 to 255"),
+        (["--px4", "--vehicle", "hawkmoth"], "no vehicle hawkmoth"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sim", *words]) == 2
+    captured = capsys.readouterr()
+    assert complaint in captured.err and captured.err.count("\n") == 1 and captured.out == ""
+
+
+def test_each_instance_has_the_port_at_which_it_looks_for_its_simulator() -> None:
+    assert default_url(True, 0) == "tcp:127.0.0.1:4560" and default_url(True, 3) == "tcp:127.0.0.1:4563"
+    assert default_url(False, 0) == "udpin:127.0.0.1:9002" and default_url(False, 3) == "udpin:127.0.0.1:9032"
+
+
+def test_the_help_says_how_to_make_them_fly(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sim", "--help"]) == 0
+    text = capsys.readouterr().out
+    for word in ("PX4_SIM_MODEL", "FW_AIRSPD_TRIM", "PWM_MAIN_FUNC1", "JSON:127.0.0.1", "TKOFF_THR_MINACC"):
+        assert word in text
+
+
+def test_an_arduplane_that_starts_over_gets_a_new_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port, log = free_port(socket.SOCK_DGRAM), tmp_path / "flight.mcap"
+    command = Command("--ardupilot", "--listen", f"udpin:127.0.0.1:{port}", "--duration", "1", "--log", str(log))
+    first = ScriptedArduPlane(port)
+    reach(first)
+    first.fly(PlanePilot(5.0), 0.2)
+    second = ScriptedArduPlane(port)
+    second.fly(PlanePilot(5.0), 1.0)
+    assert command.result() == 0
+    said = capsys.readouterr().err
+    assert "waiting on udpin:" in said and "starts over" in said and "flights 2" in said
+    for path in (log, tmp_path / "flight-2.mcap"):
+        with open_log(path) as recorded:
+            names = {topic.name for topic in recorded.topics}
+            assert {topics.IMU.name, topics.ACTUATORS.name, truth_topics.STATE.name} <= names
+    first.close()
+    second.close()
+
+
+def reach(plane: ScriptedArduPlane) -> None:
+    """Send the first frame again until somebody answers, as ArduPilot does."""
+    plane.socket.settimeout(0.1)
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        plane.frame_count = 0
+        try:
+            plane.exchange((1500, 1500, 1100, 1500))
+        except OSError:
+            continue
+        plane.socket.settimeout(10.0)
+        return
+    raise AssertionError("nobody answered for two minutes")
+
+
+def test_a_px4_is_waited_for_flown_and_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    port, log = free_port(socket.SOCK_STREAM), tmp_path / "flight.mcap"
+    command = Command("--px4", "--listen", f"tcp:127.0.0.1:{port}", "--duration", "0.4", "--log", str(log))
+    px4 = connected(port)
+    px4.stream.settimeout(120.0)
+    px4.greet()
+    while fresh := px4.hear():
+        for message in fresh:
+            if message.get_type() == "HIL_SENSOR":
+                px4.answer(message.time_usec, Outputs(throttle=0.5, armed=1))
+    assert command.result() == 0
+    said = capsys.readouterr().err
+    assert "waiting on tcp:" in said and "armed" in said and "the simulation finished: flights 1, frames 10" in said
+    with open_log(log) as recorded:
+        assert topics.GPS.name in {topic.name for topic in recorded.topics}
+
+
+def connected(port: int) -> ScriptedPx4:
+    """Connect as soon as the port is there, as PX4 does."""
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        try:
+            return ScriptedPx4(port)
+        except OSError:
+            continue
+    raise AssertionError("nobody listened")
