@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from typing import NamedTuple
 
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
+from groundstation.command import options
 from sim_bridge.bridge.foreign import ardupilot, px4
 from sim_bridge.bridge.foreign.flight import Rig
 from sim_bridge.bridge.foreign.outputs import Channels, Pulses, parse_channels, parse_pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage
+from sim_bridge.flight.world import Scenario
+from sim_bridge.sensors.suite import TICK_RATE
 
 REST_TIME = 20.0
 """s; on the ground before the simulation ends: an autopilot must notice the landing and disarm"""
@@ -34,8 +38,8 @@ ArduPlane (--ardupilot): the world is the physics of its JSON model.
   power    TRIM_THROTTLE 28, THR_MAX 100, TECS_CLMB_MAX 2.3, TECS_SINK_MAX 3.2, ROLL_LIMIT_DEG 28
   step     SIM_RATE_HZ 400 is enough, and lighter than the usual 1200
 Throttle is flapping; the aileron is the roll command of the vehicle's own tail mixer: a plane's roll loop banks
-it by the rudder (aileron=0 leaves it out); speeds and powers are those of robo_raven_ii_d. The launcher throws when the
-autopilot is armed with the throttle of level flight for half a second. An autopilot that starts over finds a new
+it by the rudder (aileron=0 leaves it out); speeds and powers are those of robo_raven_ii_d. The launcher throws when
+the autopilot is armed with the throttle of level flight for half a second. An autopilot that starts over finds a new
 vehicle in the hand, and a new recording.
 """
 
@@ -43,11 +47,16 @@ vehicle in the hand, and a new recording.
 class Foreign(NamedTuple):
     """What of the command line is for autopilots that are not ours."""
 
-    px4: bool
+    of_px4: bool
     """PX4 and not ArduPilot"""
-    url: str
-    channels: Channels
+    interface: Interface
+    rig: Rig
     pulses: Pulses
+
+    @property
+    def rate(self) -> float:
+        """Hz; of the sensors' ticks."""
+        return px4.IMU_RATE if self.of_px4 else TICK_RATE
 
 
 def add_foreign(parser: argparse.ArgumentParser) -> None:
@@ -64,13 +73,15 @@ def add_foreign(parser: argparse.ArgumentParser) -> None:
         "--channels", metavar="NAME=N,...", help=f"outputs of PX4 or ArduPilot, -N reversed, 0 none ({Channels()})"
     )
     parser.add_argument("--pwm", metavar="LOW:HIGH", help="ends of ArduPilot's pulses in us (1100:1900)")
+    parser.epilog = f"{parser.epilog or ''}\n{SETUP}"
 
 
 def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | None:
     """What the command line asks for; None for our own flight computer.
 
     Raises:
-        BadInput: options of foreign autopilots without one, or options that cannot be.
+        BadInput: options of foreign autopilots without one, options that cannot be, or a vehicle without a file of
+            its flight computer.
     """
     if not (chosen.px4 or chosen.ardupilot):
         if chosen.instance or chosen.channels or chosen.pwm:
@@ -82,7 +93,11 @@ def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | 
         raise BadInput(f"instance must be 0 to 255, not {chosen.instance}")
     channels = parse_channels(chosen.channels) if chosen.channels else Channels()
     pulses = parse_pulses(chosen.pwm) if chosen.pwm else Pulses()
-    return Foreign(chosen.px4, listen or default_url(chosen.px4, chosen.instance), channels, pulses)
+    speed = None if math.isinf(chosen.speed) else chosen.speed
+    interface = Interface(listen or default_url(chosen.px4, chosen.instance), speed)
+    return Foreign(
+        chosen.px4, interface, Rig(load_vehicle(options.vehicle_files(chosen.vehicle)[1]), channels), pulses
+    )
 
 
 def default_url(of_px4: bool, instance: int) -> str:
@@ -92,53 +107,54 @@ def default_url(of_px4: bool, instance: int) -> str:
     return f"udpin:{HOST}:{ardupilot.PORT + ardupilot.INSTANCE_PORTS * instance}"
 
 
+def unhurried(scenario: Scenario) -> Scenario:
+    """The scenario of an autopilot that takes its time: the launcher waits for it, and landing does not end it."""
+    return scenario._replace(waits_for_arming=False, launch_time=math.inf, rest_time=REST_TIME)
+
+
 class Service:
     """The port of a foreign autopilot, taken; `serve` flies."""
 
-    def __init__(self, foreign: Foreign, vehicle: str, speed: float | None) -> None:
+    def __init__(self, foreign: Foreign) -> None:
         """Take the port.
 
         Raises:
-            BadInput: the flight computer has no file of that vehicle, or the port is in use.
+            BadInput: it is in use, or the address is not one for this autopilot.
         """
-        self.is_px4 = foreign.px4
         self._foreign = foreign
-        rig = Rig(load_vehicle(vehicle), foreign.channels)
-        interface = Interface(foreign.url, speed)
+        interface, rig = foreign.interface, foreign.rig
         self._server: px4.Px4Server | ardupilot.ArduPilotServer = (
             px4.Px4Server(interface, rig, tell)
-            if foreign.px4
+            if foreign.of_px4
             else ardupilot.ArduPilotServer(interface, rig, foreign.pulses, tell)
-        )
-        self._pace = (
-            "as fast as it answers (--speed 1: real time)" if speed is None else f"at {speed:g} times real time"
-        )
-
-    def say_what_is_waited_for(self) -> None:
-        """A few lines for the terminal."""
-        who = "PX4's simulator_mavlink" if self._foreign.px4 else "ArduPilot's --model JSON"
-        tell(f"waiting on {self._foreign.url} for {who}; then {self._pace}")
-        tell(f"outputs: {self._foreign.channels}; wingbeat sim --help says which parameters make it fly")
-        tell(
-            "the vehicle is thrown when it is armed with the throttle of level flight for half a second; Ctrl-C ends"
         )
 
     def serve(self, next_stage: NextStage) -> None:
-        """Fly until the simulation is finished or nobody comes back.
+        """Say what is waited for, and fly until the simulation is finished or nobody comes back.
 
         Raises:
             BadInput: nobody came, or an autopilot fell silent.
         """
+        self._say_what_is_waited_for()
         try:
             tally = self._server.serve(next_stage)
         except AutopilotSilent as silence:
             raise BadInput(str(silence)) from None
-        counts = (f"{name.replace('_', ' ')} {count}" for name, count in zip(tally._fields, tally[:-1], strict=False))
+        counts = (f"{name.replace('_', ' ')} {count}" for name, count in tally._asdict().items() if name != "ended")
         tell(f"{tally.ended}: {', '.join(counts)}")
 
     def close(self) -> None:
         """Release the port."""
         self._server.close()
+
+    def _say_what_is_waited_for(self) -> None:
+        interface, rig = self._foreign.interface, self._foreign.rig
+        who = "PX4's simulator_mavlink" if self._foreign.of_px4 else "ArduPilot's --model JSON"
+        fast = "as fast as it answers; --speed 1 is real time"
+        pace = fast if interface.speed is None else f"{interface.speed:g} times real time"
+        tell(f"{rig.vehicle.title}, waiting for {who} on {interface.url} ({pace})")
+        tell(f"outputs: {rig.channels}; wingbeat sim --help says which parameters make it fly")
+        tell("the vehicle is thrown when it is armed with the throttle of level flight for half a second")
 
 
 def tell(text: str) -> None:

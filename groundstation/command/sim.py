@@ -14,19 +14,21 @@ from typing import Any
 from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
-from groundstation.command import options
+from groundstation.command import foreign, options
 from logs.attached import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE
 from logs.names import new_recording
+from logs.placing import numbered
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge import topics
+from sim_bridge.bridge.foreign.world import Stage
 from sim_bridge.bridge.microcontroller import PTY, SerialPeer
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
 from sim_bridge.flight.faults import divided
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
-from sim_bridge.sensors.transmitter import load_script
+from sim_bridge.sensors.transmitter import Script, load_script
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 EXAMPLES = (
@@ -35,6 +37,8 @@ EXAMPLES = (
     "wingbeat sim --aerodynamics quasi_steady",
     "wingbeat sim --listen pty",
     "wingbeat sim --fault pitot_blocked@30 --fault gps_lost@40-50",
+    "wingbeat sim --px4 --speed 1",
+    "wingbeat sim --ardupilot --channels aileron=0",
 )
 COMPILING = "compiling the physics, once: about half a minute"
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
@@ -57,6 +61,7 @@ def build_parser() -> options.Parser:
     options.add_world(parser, DURATION)
     options.add_faults(parser)
     options.add_sticks(parser)
+    foreign.add_foreign(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
     return parser
@@ -70,7 +75,7 @@ def run(arguments: Sequence[str]) -> int:
             flight computer that does not come or answer.
     """
     chosen = build_parser().parse_args(arguments)
-    vehicle = simulated(chosen.vehicle, chosen.aerodynamics)
+    vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     alone = chosen.epoch_ns is None
     options.check_times(chosen.fault, chosen.duration)
     faults, of_flight = divided(chosen.fault)
@@ -79,6 +84,10 @@ def run(arguments: Sequence[str]) -> int:
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
     scenario = scenario._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
+    theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
+    if theirs is not None:
+        serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))
+        return 0
     with contextlib.ExitStack() as stack:
         server = _server(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         listening = server.address if isinstance(server, SerialPeer) else chosen.listen
@@ -103,6 +112,63 @@ def run(arguments: Sequence[str]) -> int:
         if alone:
             _say_end(world, ended, path)
     return 0
+
+
+class Flights:
+    """A vehicle in the launcher's hand and a recording, for each start of an autopilot that is not ours."""
+
+    def __init__(
+        self, vehicle: SimulatedVehicle, scenario: Scenario, sticks: Script | None, log: Path | None, rate: float
+    ) -> None:
+        """Prepare; ``rate`` in Hz is that of the sensors' ticks.
+
+        Raises:
+            BadInput: ``log`` exists.
+        """
+        if log is not None and log.exists():
+            raise BadInput(f"{log} exists already")
+        self._vehicle, self._sticks, self._log, self._rate = vehicle, sticks, log, rate
+        self._scenario = foreign.unhurried(scenario)
+        self._recorder: McapRecorder | None = None
+
+    def __call__(self) -> Stage:
+        """The next one, once the last one's recording is closed."""
+        self.close()
+        name = self._log or new_recording(f"{self._vehicle.name}-world")
+        path = next(path for path in numbered(name) if not path.exists())
+        self._recorder = McapRecorder(path)
+        foreign.tell(f"recording in {path}")
+        note_scenario(self._recorder, self._vehicle, self._scenario)
+        if self._sticks is not None:
+            self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())
+        seen = SceneRecorder(self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns)
+        world = SimulatedWorld(self._vehicle, self._scenario, telling(seen.record), self._rate)
+        return Stage(world, seen.record)
+
+    def compile(self) -> None:
+        """Have the physics ready, saying so where that takes its time."""
+        if not physics_compiled():
+            foreign.tell(COMPILING)
+            Plant(self._vehicle).compile()
+
+    def close(self) -> None:
+        """Finish the recording."""
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def serve_foreign(theirs: foreign.Foreign, flights: Flights) -> None:
+    """Fly PX4 or ArduPilot until a simulation is finished.
+
+    Raises:
+        BadInput: the port is in use, nobody comes, or an autopilot falls silent.
+    """
+    with contextlib.ExitStack() as stack:
+        service = foreign.Service(theirs)
+        stack.callback(service.close)
+        stack.callback(flights.close)
+        flights.compile()
+        service.serve(flights)
 
 
 def telling(publish: Publish) -> Publish:

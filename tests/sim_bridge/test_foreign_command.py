@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from foreign_bench import PlanePilot, ScriptedArduPlane, ScriptedPx4, free_port
+from foreign_bench import RAVEN, PlanePilot, ScriptedArduPlane, ScriptedPx4, free_port
 
 from avionics import topics
 from groundstation.command.foreign import default_url
@@ -16,6 +16,14 @@ from groundstation.command.main import main
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign.outputs import Outputs
+from sim_bridge.plant import Plant
+from sim_bridge.vehicles import load_vehicle
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    """The physics is ready before anybody waits for it."""
+    Plant(load_vehicle(RAVEN)).compile()
 
 
 class Command:
@@ -76,10 +84,10 @@ def test_an_arduplane_that_starts_over_gets_a_new_recording(
     second.fly(PlanePilot(5.0), 1.0)
     assert command.result() == 0
     said = capsys.readouterr().err
-    assert "waiting on udpin:" in said and "starts over" in said and "flights 2" in said
+    assert "--model JSON on udpin:" in said and "starts over" in said and "flights 2" in said
     for path in (log, tmp_path / "flight-2.mcap"):
         with open_log(path) as recorded:
-            names = {topic.name for topic in recorded.topics}
+            names = set(recorded.topics)
             assert {topics.IMU.name, topics.ACTUATORS.name, truth_topics.STATE.name} <= names
     first.close()
     second.close()
@@ -112,9 +120,13 @@ def test_a_px4_is_waited_for_flown_and_recorded(tmp_path: Path, capsys: pytest.C
                 px4.answer(message.time_usec, Outputs(throttle=0.5, armed=1))
     assert command.result() == 0
     said = capsys.readouterr().err
-    assert "waiting on tcp:" in said and "armed" in said and "the simulation finished: flights 1, frames 10" in said
+    assert (
+        "simulator_mavlink on tcp:" in said
+        and "armed" in said
+        and "the simulation finished: flights 1, frames 10" in said
+    )
     with open_log(log) as recorded:
-        assert topics.GPS.name in {topic.name for topic in recorded.topics}
+        assert topics.GPS.name in set(recorded.topics)
 
 
 def connected(port: int) -> ScriptedPx4:
