@@ -78,16 +78,17 @@ class ParameterService:
         if value is None:
             limits = f"{parameter.minimum:g} and {parameter.maximum:g} {parameter.unit}".rstrip()
             text = f"{parameter.name} must be within {limits}"
+            # The error before the value: MAVSDK takes a value that is not the one it set for a stale one and repeats.
             return [
-                Reply(self._value(index), sender),
                 _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, sender),
+                Reply(self._value(index), sender),
                 *refusal_text(text, sender),
             ]
         command = Command(self._vehicle.time_us, CommandKind.SET_PARAMETER, parameter.name, value, None, sender.name)
         reason = self._vehicle.refusal(command)
         if reason:
             refused = _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED, sender)
-            return [Reply(self._value(index), sender), refused, *refusal_text(reason, sender)]
+            return [refused, Reply(self._value(index), sender), *refusal_text(reason, sender)]
         self._pending.append(_Pending(index, value, now + self._gains.confirm))
         return [command]
 
