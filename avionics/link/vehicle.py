@@ -165,6 +165,8 @@ class Identity(NamedTuple):
     modes: tuple[ModeNumbers, ...] = PX4_STYLE
     aliases: tuple[tuple[int, Mode], ...] = ()
     """further custom modes that may be asked for; the vehicle never says that it is in one"""
+    guided: int | None = None
+    """the one of them that clients ask for before a takeoff, and that changes nothing on the ground"""
     capabilities: int = _CAPABILITIES
     """MAV_PROTOCOL_CAPABILITY bits. All parameters are floats, so that the two encodings do not differ"""
     first_item: int = 0
@@ -195,6 +197,7 @@ PROFILES: dict[str, Identity] = {
         type=mavlink.MAV_TYPE_FIXED_WING,
         modes=PLANE_STYLE,
         aliases=PLANE_ALIASES,
+        guided=15,
         first_item=1,
     ),
 }

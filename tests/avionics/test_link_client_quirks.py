@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from link_station import expect, stock_client
+import pytest
+from link_station import expect, settle, stock_client
 
+from avionics import topics
 from avionics.link.dialect import mavlink
+from avionics.link.vehicle import PROFILES
+from avionics.messages import CommandKind, Mode, Stage
+
+GUIDED = 15
 
 
 def test_the_error_comes_before_the_value_so_that_mavsdk_does_not_set_it_again() -> None:
@@ -13,3 +19,19 @@ def test_the_error_comes_before_the_value_so_that_mavsdk_does_not_set_it_again()
         kinds = [expect(client, ["PARAM_ERROR", "PARAM_VALUE"]).get_type() for _ in range(2)]
         assert kinds == ["PARAM_ERROR", "PARAM_VALUE"]
         assert vehicle.parameters[0].value == 0.8
+
+
+@pytest.mark.parametrize(("stage", "asked"), [(Stage.WAIT_LAUNCH, []), (Stage.EN_ROUTE, ["LOITER", "LOITER"])])
+def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage, asked: list[str]) -> None:
+    with stock_client(identity=PROFILES["ardupilot"]) as (client, vehicle):
+        navigation = vehicle.topics[topics.NAVIGATION.name]
+        vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=stage)
+        if stage == Stage.WAIT_LAUNCH:
+            vehicle.refusals[CommandKind.SET_MODE] = "not in flight"
+        client.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, GUIDED, 0, 0, 0, 0, 0)
+        assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+        client.mav.set_mode_send(1, 1, GUIDED)
+        assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+        settle(client)
+        assert [each.name for each in vehicle.inputs if each.kind is CommandKind.SET_MODE] == asked
+        assert vehicle.mode is (Mode.LOITER if asked else Mode.MANUAL)

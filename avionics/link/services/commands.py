@@ -15,7 +15,7 @@ from avionics.link.mission_codec import decode_item
 from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
-from avionics.link.services.modes import mode_command, requested_mode
+from avionics.link.services.modes import is_wait_for_takeoff, mode_command, requested_mode
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
@@ -121,6 +121,8 @@ class CommandService:
         base = request.params[0]
         if not (0 <= base <= 255 and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
             return Verdict(_DENIED, (), "set mode: only custom modes are understood")
+        if is_wait_for_takeoff(self._vehicle, self._identity, request.params[1]):
+            return Verdict(_ACCEPTED)
         return self._mode(request, requested_mode(self._identity, request.params[1], request.params[2]))
 
     def _set_standard_mode(self, request: Request) -> Verdict:

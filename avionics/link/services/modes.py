@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import Identity, VehicleView, px4_mode
-from avionics.messages import Command, CommandKind, Mode
+from avionics.messages import Command, CommandKind, Mode, Stage
 
+ON_GROUND = (Stage.ON_GROUND, Stage.WAIT_LAUNCH, Stage.LANDED)
 CURRENT_MODE_INTERVAL = 2.0
 """s; between two CURRENT_MODE messages when the mode stays"""
 
@@ -40,6 +42,12 @@ def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
     return identity.by_custom_mode(int(main)) or identity.by_custom_mode(px4_mode(int(main) & 0xFF, int(sub)))
 
 
+def is_wait_for_takeoff(vehicle: VehicleView, identity: Identity, custom_mode: float) -> bool:
+    """Whether GUIDED is asked for on the ground: the vehicle waits for commands there in any mode."""
+    navigation = vehicle.latest(topics.NAVIGATION)
+    return custom_mode == identity.guided and navigation is not None and navigation.stage in ON_GROUND
+
+
 def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender) -> Command:
     """The input that asks the flight core for a mode."""
     return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), None, sender.name)
@@ -62,6 +70,8 @@ class ModeService:
         mode = requested_mode(self._identity, message.custom_mode, 0) if custom else None
         if mode is None:
             return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text("no such mode", sender)]
+        if is_wait_for_takeoff(self._vehicle, self._identity, message.custom_mode):
+            return [Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)]
         command = mode_command(self._vehicle, mode, sender)
         reason = self._vehicle.refusal(command)
         if reason:
