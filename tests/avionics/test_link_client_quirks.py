@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 from link_station import expect, settle, stock_client
 
+import avionics.link
 from avionics import topics
 from avionics.link.dialect import mavlink
-from avionics.link.vehicle import PROFILES
+from avionics.link.vehicle import PROFILES, PX4_STYLE
 from avionics.messages import CommandKind, Mode, Stage
 
 GUIDED = 15
+MODE_MAP = Path(avionics.link.__path__[0]) / "custom_mode_map.json"
 
 
 def test_the_error_comes_before_the_value_so_that_mavsdk_does_not_set_it_again() -> None:
@@ -35,3 +40,9 @@ def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage
         settle(client)
         assert [each.name for each in vehicle.inputs if each.kind is CommandKind.SET_MODE] == asked
         assert vehicle.mode is (Mode.LOITER if asked else Mode.MANUAL)
+
+
+def test_the_mode_map_that_is_shipped_says_what_the_vehicle_says() -> None:
+    shipped = json.loads(MODE_MAP.read_text())
+    assert shipped == {"16": {str(entry.custom_mode): entry.mode.name for entry in PX4_STYLE}}
+    assert {entry.mode for entry in PX4_STYLE} == set(Mode)

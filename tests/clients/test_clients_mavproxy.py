@@ -1,0 +1,129 @@
+"""MAVProxy, headless, flies the vehicle by what a person types, with the mode map that is shipped."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import pytest
+from flown_vehicle import PROFILES, Profile, aircraft, assert_same, matrix, parameter_values, plan, say
+from ground_links import TRANSPORTS
+from mavproxy_console import Console, console, read_plan, write_plan
+
+from avionics.messages import Mode
+from sim_bridge.environment.home import COLLEGE_PARK
+
+
+@pytest.mark.parametrize(("transport", "identity"), matrix(always=("tcp", "ardupilot")))
+def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: str, tmp_path: Path) -> None:
+    profile = PROFILES[identity]
+    with (
+        TRANSPORTS[transport]() as link,
+        aircraft(link, profile, tmp_path),
+        console(link.mavproxy, tmp_path / "home") as mavproxy,
+    ):
+        see_telemetry(mavproxy, profile)
+        change_a_parameter(mavproxy)
+        exchange_a_mission(mavproxy, profile, tmp_path)
+        arm_and_disarm(mavproxy)
+        take_off(mavproxy, profile)
+        change_modes(mavproxy, profile)
+        land(mavproxy, profile)
+        assert "fence breach" not in mavproxy.printed
+
+
+def see_telemetry(mavproxy: Console, profile: Profile) -> None:
+    mavproxy.see("Detected vehicle 1:1")
+    mavproxy.see(f"Mode {profile.names[Mode.MANUAL]}")
+    mavproxy.see(f"Received {len(parameter_values())} parameters")
+    kind, autopilot = profile.heartbeat
+    mavproxy.ask("status HEARTBEAT", rf"HEARTBEAT \{{type : {kind}, autopilot : {autopilot}, base_mode : 65")
+    seen = mavproxy.ask("status GLOBAL_POSITION_INT", r"GLOBAL_POSITION_INT \{.*?lat : (-?\d+), lon : (-?\d+)")
+    place = [math.radians(int(degrees) * 1e-7) for degrees in seen.groups()]
+    assert place == pytest.approx([COLLEGE_PARK.latitude, COLLEGE_PARK.longitude], abs=2e-6)
+
+
+def change_a_parameter(mavproxy: Console) -> None:
+    before = parameter_values()["NAV_LOITER_TIME"]
+    mavproxy.ask("param show NAV_LOITER_TIME", rf"NAV_LOITER_TIME +{before:.1f}")
+    mavproxy.say("param set NAV_LOITER_TIME 20")
+    mavproxy.see("NAV_LOITER_TIME = 20 s")
+    mavproxy.say("param fetch NAV_LOITER_TIME")
+    mavproxy.see(r"NAV_LOITER_TIME = 20\.0")
+
+
+def exchange_a_mission(mavproxy: Console, profile: Profile, folder: Path) -> None:
+    wanted, there = plan(profile), folder / "there.txt"
+    write_plan(wanted, folder / "wanted.txt")
+    mavproxy.say(f"wp load {folder / 'wanted.txt'}")
+    mavproxy.see(f"Loaded {len(wanted)} waypoints in")
+    mavproxy.see(f"mission of {len(wanted) - profile.first_item} items")
+    mavproxy.say(f"wp save {there}")
+    mavproxy.see(f"Requesting {len(wanted)} waypoints")
+    mavproxy.see(f"Saved {len(wanted)} waypoints to")
+    assert_same(read_plan(there), wanted, profile.first_item)
+
+
+def arm_and_disarm(mavproxy: Console) -> None:
+    mavproxy.say("arm throttle")
+    mavproxy.see(r"\bARMED")
+    mavproxy.say("disarm")
+    mavproxy.see("DISARMED")
+
+
+def take_off(mavproxy: Console, profile: Profile) -> None:
+    mavproxy.say("arm throttle")
+    mavproxy.see(r"\bARMED")
+    mavproxy.say("takeoff 12")
+    mavproxy.see(f"{profile.names[Mode.AUTO]}> ")
+    mavproxy.see("launched")
+
+
+def change_modes(mavproxy: Console, profile: Profile) -> None:
+    """The prompt tells the vehicle's mode; what MAVProxy says of it comes seconds later."""
+    for mode in (Mode.LOITER, Mode.AUTO, Mode.RETURN):
+        mavproxy.say(f"mode {profile.names[mode]}")
+        mavproxy.see(f"{profile.names[mode]}> ")
+    mavproxy.say("disarm")
+    mavproxy.see("disarming refused: in flight")
+
+
+def land(mavproxy: Console, profile: Profile) -> None:
+    mavproxy.say(f"mode {profile.names[Mode.LAND]}")
+    mavproxy.see(f"{profile.names[Mode.LAND]}> ")
+    mavproxy.see("DISARMED")
+
+
+@pytest.mark.validate
+def test_mavproxy_sets_a_key_and_goes_on_signed(tmp_path: Path) -> None:
+    """The key is sent once, in the clear, to a vehicle on the same computer; then unsigned frames are refused."""
+    with (
+        TRANSPORTS["udp"]() as link,
+        aircraft(link, PROFILES["generic"], tmp_path),
+        console(link.mavproxy, tmp_path / "home") as mavproxy,
+    ):
+        mavproxy.see(f"Received {len(parameter_values())} parameters")
+        mavproxy.say("signing setup the goose is loose")
+        mavproxy.see("signing: on, until the next start")
+        change_a_parameter(mavproxy)
+        mavproxy.say("signing disable")
+        mavproxy.say("arm throttle")
+        mavproxy.see("unsigned frames are refused")
+        assert "ARMED" not in mavproxy.printed
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_how_long_from_the_first_connect_to_the_last_parameter(transport: str, tmp_path: Path) -> None:
+    with (
+        TRANSPORTS[transport]() as link,
+        aircraft(link, PROFILES["generic"], tmp_path, speed=1.0),
+        console(link.mavproxy, tmp_path / "home") as mavproxy,
+    ):
+        mavproxy.see("Detected vehicle 1:1")
+        began = time.monotonic()
+        count = int(mavproxy.see(r"Received (\d+) parameters")[1])
+        took = time.monotonic() - began
+    say(f"\nMAVProxy over {transport}: {count} parameters {took:.2f} s after the first connect, asked within 5 s")
+    assert count == len(parameter_values())
