@@ -94,7 +94,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["sim", "--listen", "udpin:127.0.0.1:4560"], "a world listens on tcp:HOST:PORT"),
         (["fly", "--fault", "gps_lost@-5"], "fault gps_lost: its time must be 0 s or more since boot, not -5"),
         (["fly", "--fault", "gps_lost@nan"], "must be 0 s or more since boot, not nan"),
-        (["fly", "--fault", "gps_lost@180"], "fault gps_lost@180: the flight ends at 180 s at the latest"),
+        (["fly", "--fault", "gps_lost@300"], "fault gps_lost@300: the flight ends at 300 s at the latest"),
         (["fly", "--duration", "20", "--fault", "gps_lost@30-40"], "fault gps_lost@30-40: the flight ends at 20 s"),
         (["sim", "--duration", "20", "--fault", "gps_lost@30"], "fault gps_lost@30: the flight ends at 20 s"),
         (["avionics"], "--board"),
