@@ -15,10 +15,10 @@ from typing import NamedTuple
 from avionics.board.arrivals import Arrivals, Tally
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.line_watch import LineWatch, Losses
-from avionics.board.serial_line import SerialLine
 from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.serial_line import SerialLine
 from avionics.link.transport import Stream, open_stream
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame

@@ -15,7 +15,7 @@ from avionics.board import razor_protocol as protocol
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.line_watch import LineWatch, Losses
 from avionics.board.razor_protocol import OUTPUTS, Angles, Reader, Reading
-from avionics.board.serial_line import SerialLine
+from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, ImuSample, SensorFrame
 from avionics.quantities import BadInput
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Hashable
 from typing import Any, NamedTuple, Protocol
 
+from avionics.link.serial_line import SerialLine
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.quantities import BadInput
 
@@ -38,10 +39,12 @@ class Transport(Protocol):
     url: LinkUrl
     datagrams: bool
     """frames do not continue from one packet to the next"""
-    dropped: int
-    """frames that could not be sent"""
     portion: int
     """bytes that one `receive` begins to take at most; the rest waits where it is"""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that could not be sent."""
 
     def receive(self, now: float) -> list[Packet]:
         """All that has arrived; ``now`` is wall-clock time in s."""
@@ -354,50 +357,41 @@ def _connected(attempt: socket.socket) -> bool:
     return True
 
 
-def _open_serial(url: LinkUrl) -> Any:
-    import serial
-
-    try:
-        return serial.Serial(
-            url.host, url.port, timeout=0, write_timeout=0, exclusive=True if os.name == "posix" else None
-        )
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{url}: cannot open serial device {url.host}: {error}") from None
-
-
 class SerialTransport:
-    """``serial``: a telemetry radio or a cable."""
+    """``serial``: a telemetry radio or a cable; one that was pulled out is silent until it is back."""
 
     datagrams = False
 
     def __init__(self, url: LinkUrl) -> None:
+        """Open the device.
+
+        Raises:
+            BadInput: it is missing, in use, or does not take this baud rate.
+        """
         self.url = url
-        self.dropped = 0
         self.portion = _CHUNK
-        self._port = _open_serial(url)
+        self._line = SerialLine(url.host, url.port)
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the device did not take whole."""
+        return self._line.dropped
 
     def receive(self, now: float) -> list[Packet]:
-        """What has arrived; a device that was pulled out stays silent."""
-        try:
-            data = bytes(self._port.read(self.portion))
-        except (OSError, TypeError):
-            return []
+        """What has arrived."""
+        data = self._line.read(0.0, self.portion)
         return [Packet(data, self.url.host)] if data else []
 
     def welcome(self, peer: Peer) -> None:
         """Nothing to remember: there is one wire."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        """Send; a frame that the device does not take whole is counted as dropped."""
-        try:
-            taken = self._port.write(data)
-        except OSError:
-            taken = 0
-        self.dropped += taken != len(data)
+        """Send without waiting; a frame that the device does not take whole is counted as dropped."""
+        self._line.write(data)
 
     def close(self) -> None:
         """Release the device."""
-        self._port.close()
+        self._line.close()
 
 
 # --- one lockstep partner ----------------------------------------------------------------------------------
@@ -460,35 +454,6 @@ class SocketStream:
         self._socket.close()
 
 
-class SerialStream:
-    """A serial line to a microcontroller that speaks the bridge's messages."""
-
-    def __init__(self, url: LinkUrl) -> None:
-        self.name = str(url)
-        self._port = _open_serial(url)
-        self._port.write_timeout = WRITE_PATIENCE
-
-    def read(self, timeout: float) -> bytes | None:
-        """Bytes as soon as there are some."""
-        try:
-            self._port.timeout = timeout
-            first = bytes(self._port.read(1))
-            return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
-        except (OSError, TypeError):
-            return None
-
-    def write(self, data: bytes) -> bool:
-        """Send all of it."""
-        try:
-            return bool(self._port.write(data) == len(data))
-        except OSError:
-            return False
-
-    def close(self) -> None:
-        """Release the device."""
-        self._port.close()
-
-
 class Listener:
     """Waits at a TCP port for one lockstep partner."""
 
@@ -532,7 +497,7 @@ def open_stream(url: str | LinkUrl, patience: float) -> Stream | None:
     """
     parsed = url if isinstance(url, LinkUrl) else parse_url(url)
     if parsed.kind == "serial":
-        return SerialStream(parsed)
+        return SerialLine(parsed.host, parsed.port)
     if parsed.kind == "tcpin":
         listener = Listener(parsed)
         try:

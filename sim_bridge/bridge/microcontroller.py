@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from avionics.board.serial_line import SerialLine
 from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader
+from avionics.link.serial_line import SerialLine
 from avionics.link.transport import Stream
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame

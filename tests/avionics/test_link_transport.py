@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import socket
 import time
+import tty
 from pathlib import Path
 from typing import Any
 
@@ -206,3 +207,20 @@ def test_an_unusable_cache_does_not_stop_the_link(
     else:
         (tmp_path / "dialect").write_text("not a folder")
     assert dialect.load_dialect().MAVLINK_MSG_ID_WINGBEAT_ENCODER == 53000
+
+
+def test_a_serial_peer_that_stops_reading_makes_nobody_wait() -> None:
+    """GIVEN a wire whose other end is full THEN what it does not take is counted, and what it says is heard."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    link = open_transport(f"serial:{os.ttyname(slave)},57600")
+    try:
+        for _ in range(2000):
+            link.send(bytes(100))
+        assert link.dropped > 0
+        os.write(master, b"still here")
+        assert b"".join(packet.data for packet in link.receive(0.0)) == b"still here"
+    finally:
+        link.close()
+        os.close(master)
+        os.close(slave)

@@ -15,8 +15,8 @@ from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.hil import HilBoard, Patience
-from avionics.board.serial_line import SerialLine
 from avionics.link import codec
+from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.missions import load_mission
 from avionics.quantities import BadInput

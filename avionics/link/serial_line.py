@@ -46,8 +46,8 @@ class SerialLine:
         """Whether the device is there."""
         return self._port is not None
 
-    def read(self, timeout: float) -> bytes | None:
-        """Bytes as soon as there are some; empty after ``timeout`` s without any, or while the device is gone."""
+    def read(self, timeout: float, most: int = _CHUNK) -> bytes:
+        """Bytes, at most ``most``, as soon as there are some; empty after ``timeout`` s, or while the device is gone."""
         if self._port is None and not self._reopened():
             self._sleep(timeout)
             return b""
@@ -55,7 +55,7 @@ class SerialLine:
             if self._port.timeout != timeout:
                 self._port.timeout = timeout
             first = bytes(self._port.read(1))
-            return first + bytes(self._port.read(min(self._port.in_waiting, _CHUNK))) if first else b""
+            return first + bytes(self._port.read(min(self._port.in_waiting, most - 1))) if first else b""
         except (OSError, TypeError):
             self._let_go()
             return b""
