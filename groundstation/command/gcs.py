@@ -11,7 +11,7 @@ from typing import Any
 from avionics.link.dialect import mavlink
 from avionics.quantities import BadInput, counted
 from groundstation.command import gcs_calibrate, gcs_excite, options
-from groundstation.link import client, modes, parameter_list, waypoints
+from groundstation.link import commands, missions, mode_change, modes, parameter_list, parameters, waypoints
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import AnyExchange, Connection
 from groundstation.link.vehicle_state import new_events
@@ -166,14 +166,16 @@ def _status(connection: Connection, chosen: argparse.Namespace) -> None:
 
 
 def _ask_mode_names(connection: Connection, chosen: argparse.Namespace) -> dict[int, str]:
-    exchange = _run(connection, client.request_mode_names(connection.target), "asking for modes", chosen)
+    exchange = _run(connection, mode_change.request_mode_names(connection.target), "asking for modes", chosen)
     return dict(exchange.names)
 
 
 def _arm(connection: Connection, chosen: argparse.Namespace) -> None:
     arming = chosen.verb == "arm"
     force = FORCE if getattr(chosen, "force", False) else 0.0
-    command = client.CommandExchange(connection.target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(arming), force))
+    command = commands.CommandExchange(
+        connection.target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (float(arming), force)
+    )
     _run(connection, command, chosen.verb, chosen)
     connection.listen(3.0, lambda state: state.armed == arming)
     if connection.state.armed != arming:
@@ -189,7 +191,7 @@ def _mode(connection: Connection, chosen: argparse.Namespace) -> None:
         raise BadInput(
             f"the vehicle has no mode {chosen.name!r}; it has {', '.join(sorted(known)) or 'none it names'}"
         )
-    change = client.change_mode(connection.target, known[wanted], modes.uses_main_and_sub(connection.state))
+    change = mode_change.change_mode(connection.target, known[wanted], modes.uses_main_and_sub(connection.state))
     _run(connection, change, f"mode {wanted}", chosen)
     _done(connection, chosen, f"mode {wanted}")
 
@@ -211,7 +213,7 @@ def _calibrate(connection: Connection, chosen: argparse.Namespace) -> None:
     said: list[str] = []
     heard = connection.state.said
 
-    def watch(exchange: client.CalibrationExchange) -> None:
+    def watch(exchange: commands.CalibrationExchange) -> None:
         nonlocal heard
         for event in new_events(connection.state, heard):
             said.append(event.text)
@@ -230,8 +232,8 @@ def _calibrate(connection: Connection, chosen: argparse.Namespace) -> None:
     _print_parameters(changed, chosen)
 
 
-def _download(connection: Connection, chosen: argparse.Namespace) -> list[client.Parameter]:
-    download = client.ParameterDownload(connection.target, connection.state.autopilot == modes.PX4)
+def _download(connection: Connection, chosen: argparse.Namespace) -> list[parameters.Parameter]:
+    download = parameters.ParameterDownload(connection.target, connection.state.autopilot == modes.PX4)
     return sorted(_run(connection, download, "parameters", chosen).values.values())
 
 
@@ -252,8 +254,8 @@ def _param_file(connection: Connection, chosen: argparse.Namespace) -> None:
 
 
 def _load(
-    connection: Connection, chosen: argparse.Namespace, held: dict[str, client.Parameter]
-) -> list[client.Parameter]:
+    connection: Connection, chosen: argparse.Namespace, held: dict[str, parameters.Parameter]
+) -> list[parameters.Parameter]:
     bytewise = connection.state.autopilot == modes.PX4
     unknown = sorted(set(chosen.values) - set(held))
     if unknown:
@@ -262,7 +264,7 @@ def _load(
     for name, value in chosen.values.items():
         _check_value(held[name], value, bytewise)
         if value != held[name].value:
-            write = client.ParameterWrite(connection.target, held[name], value, bytewise)
+            write = parameters.ParameterWrite(connection.target, held[name], value, bytewise)
             changed.append(_run(connection, write, name, chosen).answer or held[name])
     return changed
 
@@ -277,13 +279,13 @@ def _param(connection: Connection, chosen: argparse.Namespace) -> None:
         wanted = [parameter for parameter in listed if chosen.pattern.lower() in parameter.name.lower()]
         _print_parameters(wanted, chosen)
         return
-    read = client.ParameterRead(connection.target, chosen.name, bytewise)
+    read = parameters.ParameterRead(connection.target, chosen.name, bytewise)
     known = _run(connection, read, chosen.name, chosen).value
     if known is None:
         raise NoAnswer(f"no answer about parameter {chosen.name}")
     if chosen.action == "set":
         _check_value(known, chosen.value, bytewise)
-        write = client.ParameterWrite(connection.target, known, chosen.value, bytewise)
+        write = parameters.ParameterWrite(connection.target, known, chosen.value, bytewise)
         known = _run(connection, write, chosen.name, chosen).answer or known
     if chosen.json:
         print_document(tables.parameter_record(known))
@@ -291,14 +293,14 @@ def _param(connection: Connection, chosen: argparse.Namespace) -> None:
         print(f"{known.name} = {known.value:.7g}")
 
 
-def _check_value(known: client.Parameter, value: float, bytewise: bool) -> None:
+def _check_value(known: parameters.Parameter, value: float, bytewise: bool) -> None:
     try:
-        client.encode_value(value, known.kind, bytewise)
+        parameters.encode_value(value, known.kind, bytewise)
     except ValueError as error:
         raise BadInput(f"parameter {known.name}: {error}") from None
 
 
-def _print_parameters(wanted: Sequence[client.Parameter], chosen: argparse.Namespace) -> None:
+def _print_parameters(wanted: Sequence[parameters.Parameter], chosen: argparse.Namespace) -> None:
     if chosen.json:
         print_document({"parameters": [tables.parameter_record(parameter) for parameter in wanted]})
         return
@@ -332,7 +334,7 @@ def _upload(connection: Connection, chosen: argparse.Namespace) -> None:
         (mavlink.MAV_MISSION_TYPE_MISSION, "the mission", content.mission),
     ):
         if items:
-            upload = client.MissionUpload(connection.target, items, mission_type=mission_type)
+            upload = missions.MissionUpload(connection.target, items, mission_type=mission_type)
             _run(connection, upload, f"sending {name}", chosen)
     parts = ((content.mission, "mission item"), (content.fence, "fence item"), (content.rally, "rally point"))
     text = " and ".join(counted(len(part), name) for part, name in parts if part)
@@ -341,18 +343,18 @@ def _upload(connection: Connection, chosen: argparse.Namespace) -> None:
 
 def _download_items(
     connection: Connection, chosen: argparse.Namespace, mission_type: int, name: str
-) -> tuple[client.Item, ...]:
-    download = client.MissionDownload(connection.target, mission_type=mission_type)
+) -> tuple[missions.Item, ...]:
+    download = missions.MissionDownload(connection.target, mission_type=mission_type)
     return _run(connection, download, f"reading {name}", chosen).items
 
 
-def _write(connection: Connection, chosen: argparse.Namespace, items: tuple[client.Item, ...]) -> None:
+def _write(connection: Connection, chosen: argparse.Namespace, items: tuple[missions.Item, ...]) -> None:
     """A plain list, or a plan with fence, rally points and home."""
     if chosen.file.suffix != ".plan":
         waypoints.write(chosen.file, items)
         return
     connection.run(
-        client.CommandExchange(
+        commands.CommandExchange(
             connection.target, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(mavlink.MAVLINK_MSG_ID_HOME_POSITION),)
         )
     )
@@ -365,7 +367,7 @@ def _write(connection: Connection, chosen: argparse.Namespace, items: tuple[clie
     waypoints.write_plan(chosen.file, waypoints.Upload(items, fence, rally), home)
 
 
-def _report_mission(items: Sequence[client.Item], text: str, file: Path | None, chosen: argparse.Namespace) -> None:
+def _report_mission(items: Sequence[missions.Item], text: str, file: Path | None, chosen: argparse.Namespace) -> None:
     if chosen.json:
         records = [mission_record(number, item) for number, item in enumerate(items)]
         print_document({"items": records, "file": None if file is None else str(file)})

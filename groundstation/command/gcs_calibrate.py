@@ -9,7 +9,8 @@ from typing import Any
 from avionics.link.dialect import mavlink
 from avionics.messages import Calibration
 from groundstation.command import options
-from groundstation.link.client import CalibrationExchange, CommandExchange, Target
+from groundstation.link.commands import CalibrationExchange, CommandExchange
+from groundstation.link.exchange import Target
 
 PATIENCE = 600.0
 """s; six sides, or a circle flown, take a person some minutes"""

@@ -12,7 +12,8 @@ from avionics.link.wire_item import WireItem
 from avionics.missions.excitations import check_excitation, on_channels
 from avionics.quantities import BadInput
 from groundstation.command import options
-from groundstation.link.client import CommandExchange, Target
+from groundstation.link.commands import CommandExchange
+from groundstation.link.exchange import Target
 
 STEPS = {"doublet": Shape.DOUBLET, "3211": Shape.MULTISTEP_3211}
 SWEEPS = {"sweep": Shape.LINEAR_SWEEP, "log_sweep": Shape.LOGARITHMIC_SWEEP}

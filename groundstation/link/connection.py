@@ -11,7 +11,7 @@ from avionics.link.framing import FrameReader, decode
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.quantities import BadInput
 from groundstation.link.answers import LinkSilent, NoAnswer
-from groundstation.link.client import COMPONENT, SYSTEM, Exchange, Target
+from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target
 from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
 
 AnyExchange = TypeVar("AnyExchange", bound=Exchange)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from avionics.quantities import BadInput
-from groundstation.link.client import Parameter, Target
+from groundstation.link.exchange import Target
+from groundstation.link.parameters import Parameter
 
 HEADING = "# Vehicle-Id\tComponent-Id\tName\tValue\tType"
 

@@ -16,7 +16,7 @@ from avionics.link.wire_item import WireItem
 from avionics.missions import load_plan, plan_file, waypoint_file
 from avionics.missions.waypoint_file import HEADER
 from avionics.quantities import BadInput
-from groundstation.link.client import Item
+from groundstation.link.missions import Item
 
 
 class Upload(NamedTuple):

@@ -17,7 +17,8 @@ from avionics.link.excitation_codec import DECODERS, decode_excitation
 from avionics.link.mission_codec import LOCAL_FRAMES, wire_scale
 from avionics.link.wire_item import ItemRefused
 from avionics.quantities import counted
-from groundstation.link.client import Item, command_name
+from groundstation.link.commands import command_name
+from groundstation.link.missions import Item
 from groundstation.link.waypoints import wire_item
 from groundstation.views import tables, wording
 from groundstation.views.terminal import open_console

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 
-from groundstation.link import client, modes
+from groundstation.link import mode_change, modes
 from groundstation.link.connection import Connection
 from groundstation.link.vehicle_state import VehicleState, new_events
 from groundstation.views.flight_view import FlightView, Header, event_line, progress_line
@@ -49,7 +49,7 @@ def _listen(connection: Connection, duration: float, asked: bool) -> bool:
     """Listen, and ask for the names of the modes once there is a vehicle to ask."""
     connection.listen(duration)
     if not asked and connection.state.system is not None:
-        connection.begin(client.request_mode_names(connection.target))
+        connection.begin(mode_change.request_mode_names(connection.target))
         return True
     return asked
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from groundstation.link.client import Parameter
+from groundstation.link.parameters import Parameter
 
 PARAMETER_TYPES = {1: "uint8", 2: "int8", 3: "uint16", 4: "int16", 5: "uint32", 6: "int32", 9: "float"}
 

@@ -17,7 +17,7 @@ from avionics.missions import plan_file
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from groundstation.link import waypoints
-from groundstation.link.client import Item
+from groundstation.link.missions import Item
 
 HOME = Home(math.radians(38.99), math.radians(-76.94), 20.0)
 NORTH_100 = 38.99 + math.degrees(100.0 / 6_378_137.0)

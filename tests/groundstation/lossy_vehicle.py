@@ -11,7 +11,8 @@ from typing import Any
 
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader, decode
-from groundstation.link.client import Exchange, Item
+from groundstation.link.exchange import Exchange
+from groundstation.link.missions import Item
 
 STEP = 0.05
 

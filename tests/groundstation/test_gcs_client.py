@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from lossy_vehicle import LossyVehicle, converse
 
 from avionics.link.dialect import mavlink
-from groundstation.link import client
+from groundstation.link import commands, exchange, missions, mode_change, parameters
 
-TARGET = client.Target()
+TARGET = exchange.Target()
 LOSSES = pytest.mark.parametrize("loss", [0.0, 0.3])
 SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
 
@@ -23,14 +23,14 @@ SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
 @SEEDS
 def test_parameter_download_is_complete(loss: float, seed: int) -> None:
     vehicle = LossyVehicle(loss, seed)
-    download = converse(client.ParameterDownload(TARGET), vehicle)
+    download = converse(parameters.ParameterDownload(TARGET), vehicle)
     assert not download.failure
     assert {p.name: p.value for p in download.values.values()} == vehicle.values
 
 
 def test_a_perfect_link_needs_one_request() -> None:
     vehicle = LossyVehicle()
-    converse(client.ParameterDownload(TARGET), vehicle)
+    converse(parameters.ParameterDownload(TARGET), vehicle)
     assert vehicle.requests == ["PARAM_REQUEST_LIST"]
 
 
@@ -38,7 +38,7 @@ def test_retrying_is_said_with_the_counts() -> None:
     vehicle = LossyVehicle(0.5, seed=4)
     notes: set[str] = set()
 
-    exchange = client.ParameterDownload(TARGET)
+    exchange = parameters.ParameterDownload(TARGET)
     now = 0.0
     inbox: list[object] = []
     while not exchange.finished:
@@ -55,7 +55,7 @@ def test_retrying_is_said_with_the_counts() -> None:
 
 
 def test_silence_in_the_middle_says_how_far_it_got() -> None:
-    exchange = client.ParameterDownload(TARGET)
+    exchange = parameters.ParameterDownload(TARGET)
     exchange, _ = exchange.step(0.0, None)
     value = mavlink.MAVLink_param_value_message(b"GAIN", 1.0, 9, 120, 7)
     exchange, _ = exchange.step(0.1, value)
@@ -67,22 +67,22 @@ def test_silence_in_the_middle_says_how_far_it_got() -> None:
 @pytest.mark.parametrize(
     "exchange",
     [
-        client.ParameterDownload(TARGET),
-        client.ParameterRead(TARGET, "GAIN"),
-        client.ParameterWrite(TARGET, client.Parameter("GAIN", 1.0, 9, 0), 2.0),
-        client.MissionDownload(TARGET),
-        client.MissionUpload(TARGET, (client.Item(3, 16, (0, 0, 0, 0), 1, 2, 3.0),)),
-        client.CommandExchange(TARGET, 400),
-        client.change_mode(TARGET, 65536, True),
+        parameters.ParameterDownload(TARGET),
+        parameters.ParameterRead(TARGET, "GAIN"),
+        parameters.ParameterWrite(TARGET, parameters.Parameter("GAIN", 1.0, 9, 0), 2.0),
+        missions.MissionDownload(TARGET),
+        missions.MissionUpload(TARGET, (missions.Item(3, 16, (0, 0, 0, 0), 1, 2, 3.0),)),
+        commands.CommandExchange(TARGET, 400),
+        mode_change.change_mode(TARGET, 65536, True),
     ],
 )
-def test_a_dead_link_ends_in_one_line(exchange: client.Exchange) -> None:
+def test_a_dead_link_ends_in_one_line(exchange: exchange.Exchange) -> None:
     ended = converse(exchange, LossyVehicle(loss=1.0), limit=20.0)
     assert ended.failure and "\n" not in ended.failure
 
 
 def test_a_vehicle_without_mode_names_is_no_failure() -> None:
-    ended = converse(client.request_mode_names(TARGET), LossyVehicle(loss=1.0), limit=20.0)
+    ended = converse(mode_change.request_mode_names(TARGET), LossyVehicle(loss=1.0), limit=20.0)
     assert not ended.failure and not ended.names
 
 
@@ -90,8 +90,8 @@ def test_a_vehicle_without_mode_names_is_no_failure() -> None:
 @SEEDS
 def test_parameter_write_reads_back(loss: float, seed: int) -> None:
     vehicle = LossyVehicle(loss, seed)
-    known = converse(client.ParameterRead(TARGET, "GAIN_3"), vehicle).value
-    written = converse(client.ParameterWrite(TARGET, known, 0.1), vehicle)
+    known = converse(parameters.ParameterRead(TARGET, "GAIN_3"), vehicle).value
+    written = converse(parameters.ParameterWrite(TARGET, known, 0.1), vehicle)
     assert not written.failure
     assert vehicle.values["GAIN_3"] == 0.1
 
@@ -99,8 +99,8 @@ def test_parameter_write_reads_back(loss: float, seed: int) -> None:
 def test_a_clipped_value_is_told() -> None:
     vehicle = LossyVehicle()
     vehicle.limits["GAIN_3"] = 5.0
-    known = client.Parameter("GAIN_3", 3.0, 9, 3)
-    written = converse(client.ParameterWrite(TARGET, known, 99.0), vehicle)
+    known = parameters.Parameter("GAIN_3", 3.0, 9, 3)
+    written = converse(parameters.ParameterWrite(TARGET, known, 99.0), vehicle)
     assert written.failure == "the vehicle kept GAIN_3 = 5, not 99"
 
 
@@ -129,36 +129,38 @@ class Strict(LossyVehicle):
     ],
 )
 def test_a_value_out_of_range_is_refused_with_the_range_that_the_vehicle_tells(why: str, told: str) -> None:
-    written = converse(client.ParameterWrite(TARGET, client.Parameter("GAIN_3", 3.0, 9, 3), 99.0), Strict(why))
+    written = converse(
+        parameters.ParameterWrite(TARGET, parameters.Parameter("GAIN_3", 3.0, 9, 3), 99.0), Strict(why)
+    )
     assert written.failure.startswith("the vehicle refused to set GAIN_3 = 99: ") and written.failure.endswith(told)
     assert written.answer is None
 
 
 def test_an_unknown_parameter_is_told() -> None:
-    read = converse(client.ParameterRead(TARGET, "NOPE"), LossyVehicle())
+    read = converse(parameters.ParameterRead(TARGET, "NOPE"), LossyVehicle())
     assert read.failure == "the vehicle has no parameter NOPE"
 
 
-MISSION = tuple(client.Item(3, 16, (0.0, 1.0, 0.0, 90.0), 10 * n, -20 * n, 40.0 + n) for n in range(12))
+MISSION = tuple(missions.Item(3, 16, (0.0, 1.0, 0.0, 90.0), 10 * n, -20 * n, 40.0 + n) for n in range(12))
 
 
 @LOSSES
 @SEEDS
 def test_mission_round_trip(loss: float, seed: int) -> None:
     vehicle = LossyVehicle(loss, seed)
-    assert not converse(client.MissionUpload(TARGET, MISSION), vehicle).failure
+    assert not converse(missions.MissionUpload(TARGET, MISSION), vehicle).failure
     assert tuple(vehicle.mission) == MISSION
     vehicle.wanted_items = 0
-    assert converse(client.MissionDownload(TARGET), vehicle).items == MISSION
+    assert converse(missions.MissionDownload(TARGET), vehicle).items == MISSION
 
 
 def test_an_empty_mission_is_downloaded() -> None:
-    ended = converse(client.MissionDownload(TARGET), LossyVehicle())
+    ended = converse(missions.MissionDownload(TARGET), LossyVehicle())
     assert ended.items == () and not ended.failure
 
 
 def test_a_refused_mission_says_why() -> None:
-    upload = client.MissionUpload(TARGET, MISSION)
+    upload = missions.MissionUpload(TARGET, MISSION)
     upload, _ = upload.step(0.0, None)
     upload, _ = upload.step(0.1, mavlink.MAVLink_statustext_message(4, b"armed: land first"))
     upload, _ = upload.step(0.2, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_DENIED))
@@ -166,7 +168,7 @@ def test_a_refused_mission_says_why() -> None:
 
 
 def test_an_acknowledgement_of_an_older_transfer_is_ignored() -> None:
-    upload = client.MissionUpload(TARGET, MISSION)
+    upload = missions.MissionUpload(TARGET, MISSION)
     upload, _ = upload.step(0.0, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED))
     assert not upload.finished
 
@@ -176,14 +178,14 @@ def test_an_acknowledgement_of_an_older_transfer_is_ignored() -> None:
 def test_mode_change_is_confirmed_by_heartbeat(loss: float, seed: int) -> None:
     vehicle = LossyVehicle(loss, seed)
     wanted = 4 << 16 | 5 << 24
-    change = converse(client.change_mode(TARGET, wanted, True), vehicle)
+    change = converse(mode_change.change_mode(TARGET, wanted, True), vehicle)
     assert change.confirmed and vehicle.custom_mode == wanted
 
 
 def test_an_acknowledged_mode_that_never_comes_is_a_failure() -> None:
     vehicle = LossyVehicle()
     vehicle.says = ["no GPS fix"]
-    change = client.change_mode(TARGET, 7, False)
+    change = mode_change.change_mode(TARGET, 7, False)
     ended = converse(change, vehicle, limit=20.0)
     assert ended.failure == "the vehicle accepted the mode but did not change to it: no GPS fix"
 
@@ -192,15 +194,15 @@ def test_a_refused_command_gives_the_vehicles_words_even_behind_the_acknowledgem
     vehicle = LossyVehicle()
     vehicle.results[400] = mavlink.MAV_RESULT_DENIED
     vehicle.says = ["not level"]
-    ended = converse(client.CommandExchange(TARGET, 400, (1.0,)), vehicle)
+    ended = converse(commands.CommandExchange(TARGET, 400, (1.0,)), vehicle)
     assert ended.failure == "the vehicle refused COMPONENT_ARM_DISARM: not level"
     vehicle.says = []
-    ended = converse(client.CommandExchange(TARGET, 400, (1.0,)), vehicle)
+    ended = converse(commands.CommandExchange(TARGET, 400, (1.0,)), vehicle)
     assert ended.failure == "the vehicle refused COMPONENT_ARM_DISARM: denied"
 
 
 def test_a_command_in_progress_is_waited_for() -> None:
-    command = client.CommandExchange(TARGET, 241)
+    command = commands.CommandExchange(TARGET, 241)
     command, _ = command.step(0.0, None)
     command, _ = command.step(0.1, mavlink.MAVLink_command_ack_message(241, mavlink.MAV_RESULT_IN_PROGRESS))
     command, sent = command.step(9.0, None)
@@ -221,23 +223,24 @@ def test_integers_survive_both_encodings(kind: tuple[int, int, int], data: st.Da
     value = data.draw(st.integers(kind[1], kind[2]))
     if bytewise and math.isnan(struct.unpack("<f", struct.pack("<i", value if value < 2**31 else 0))[0]):
         return  # whether a NaN keeps its bytes is the processor's choice; encode_value refuses those that do not
-    wire = client.encode_value(value, kind[0], bytewise)
+    wire = parameters.encode_value(value, kind[0], bytewise)
     message = mavlink.MAVLink_param_value_message(b"X", wire, kind[0], 1, 0)
-    assert client.decode_parameter(message, bytewise).value == value
+    assert parameters.decode_parameter(message, bytewise).value == value
 
 
 @pytest.mark.parametrize(("value", "kind"), [(1.5, 1), (256, 1), (-1, 3), (2**31, 6)])
 def test_a_value_that_does_not_fit_its_type_is_refused(value: float, kind: int) -> None:
     with pytest.raises(ValueError, match=r"whole number|does not fit"):
-        client.encode_value(value, kind, bytewise=True)
+        parameters.encode_value(value, kind, bytewise=True)
 
 
 def test_other_traffic_changes_nothing() -> None:
     noise = [mavlink.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0), mavlink.MAVLink_command_ack_message(1, 0)]
-    exchanges: list[client.Exchange] = [
-        client.ParameterDownload(TARGET), client.MissionUpload(TARGET, MISSION), client.CommandExchange(TARGET, 400),
+    exchanges: list[exchange.Exchange] = [
+        parameters.ParameterDownload(TARGET), missions.MissionUpload(TARGET, MISSION),
+        commands.CommandExchange(TARGET, 400),
     ]  # fmt: skip
-    for exchange in exchanges:
+    for one in exchanges:
         for message in noise:
-            assert exchange.step(1.0, message) == (exchange, ())
-    assert math.isinf(client.Timer().sent_at)
+            assert one.step(1.0, message) == (one, ())
+    assert math.isinf(exchange.Timer().sent_at)

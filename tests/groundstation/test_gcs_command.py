@@ -11,7 +11,7 @@ from lossy_vehicle import LossyVehicle, on_the_air
 from avionics.link.dialect import mavlink
 from avionics.missions.reader import FOLDER as MISSIONS
 from groundstation.command.main import main
-from groundstation.link.client import Item
+from groundstation.link.missions import Item
 from groundstation.link.waypoints import read_upload
 
 Capture = pytest.CaptureFixture[str]

@@ -10,7 +10,7 @@ from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import encode_item
 from avionics.link.vehicle import Home
-from groundstation.link.client import Item
+from groundstation.link.missions import Item
 from groundstation.link.waypoints import item_of
 from groundstation.views.mission import mission_record, print_mission, told
 

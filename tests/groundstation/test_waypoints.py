@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from avionics.guidance.mission import ItemKind
 from avionics.quantities import BadInput
 from groundstation.link import waypoints
-from groundstation.link.client import Item
+from groundstation.link.missions import Item
 
 single = st.integers(-9999, 9999).map(lambda n: n / 8)
 items = st.builds(

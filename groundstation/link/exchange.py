@@ -1,0 +1,100 @@
+"""What every conversation with a MAVLink vehicle is made of: requests, their retries, how far it is.
+
+An exchange is a value. ``step(now, message)`` takes the time (s, monotonic) and one message, or None when only time
+went by, and returns the next value and the messages to send. Nothing here owns a clock or a socket, so a test plays
+a lossy vehicle against it in no time. The retry rules are those of the MAVLink services "Command", "Parameter" and
+"Mission" protocols.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol, Self
+
+Outgoing = tuple[Any, ...]
+
+RETRY = 0.7
+"""s; silence after which a request is repeated"""
+ATTEMPTS = 6
+"""requests without any answer before an exchange gives up"""
+EXPLANATION = 0.3
+"""s; a vehicle has to say why it refused"""
+LONG_WAIT = 15.0
+"""s; allowed to a vehicle that answered IN_PROGRESS"""
+
+SYSTEM = 255
+COMPONENT = 190
+
+
+class Target(NamedTuple):
+    """Whom an exchange talks to."""
+
+    system: int = 1
+    """-; MAVLink system id"""
+    component: int = 1
+    """-; MAVLink component id"""
+
+
+class Progress(NamedTuple):
+    """How far an exchange is."""
+
+    done: int
+    """-; parts received or sent"""
+    total: int
+    """-; parts altogether, 0 while unknown"""
+    note: str = ""
+    """-; for people, such as "got 43 of 120 parameters, retrying\""""
+
+
+class Exchange(Protocol):
+    """A conversation that ends by itself, well or with a ``failure``."""
+
+    @property
+    def failure(self) -> str:
+        """Why it failed, one line; empty while it did not."""
+
+    @property
+    def finished(self) -> bool:
+        """True once it ended, well or badly."""
+
+    def progress(self) -> Progress:
+        """How far it is."""
+
+    def step(self, now: float, message: Any | None) -> tuple[Self, Outgoing]:
+        """Take one message, or the passing of time; return the next value and what to send."""
+
+
+class Timer(NamedTuple):
+    """When the last request went out, and how many went without an answer."""
+
+    sent_at: float = float("-inf")
+    """s; monotonic"""
+    attempts: int = 0
+    """-; since the last answer"""
+
+    def due(self, now: float, wait: float = RETRY) -> bool:
+        """Whether it is time to ask (again)."""
+        return now - self.sent_at >= wait
+
+    def again(self, now: float) -> Timer:
+        """After a request was sent."""
+        return Timer(now, self.attempts + 1)
+
+    def answered(self, now: float) -> Timer:
+        """After an answer came: the next request waits its full time."""
+        return Timer(now, 0)
+
+    @property
+    def spent(self) -> bool:
+        """Whether all attempts are used."""
+        return self.attempts >= ATTEMPTS
+
+
+def text_of(message: Any) -> str:
+    """One clean line out of a STATUSTEXT."""
+    return chunk_of(message).strip()
+
+
+def chunk_of(message: Any) -> str:
+    """The printable text of a STATUSTEXT that may be a part of a longer one, its spaces kept."""
+    text = message.text if isinstance(message.text, str) else message.text.decode("utf-8", "replace")
+    return "".join(letter if letter.isprintable() else " " for letter in text.partition("\0")[0])
