@@ -32,6 +32,11 @@ TEXT_SCHEMA = {
     "type": "object",
     "properties": {"time_us": {"type": "integer"}, "text": {"type": "string"}},
 }
+DOCUMENT_SCHEMA = {
+    "title": "wingbeat.Document",
+    "type": "object",
+    "properties": {"time_us": {"type": "integer"}},
+}
 _LEVELS = {
     Severity.DEBUG: FoxgloveLog.DEBUG,
     Severity.INFO: FoxgloveLog.INFO,
@@ -48,6 +53,15 @@ class Stamped(NamedTuple):
     """us; since boot"""
     body: Protobuf
     """-; the message"""
+
+
+class Document(NamedTuple):
+    """A message with names and texts in it that only its sender knows, for a topic of JSON."""
+
+    time_us: int
+    """us; since boot"""
+    values: Mapping[str, Any]
+    """-; in the types of JSON"""
 
 
 class Codec(NamedTuple):
@@ -76,6 +90,10 @@ def _kind(topic: Topic) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
     if message is Text:
         schema = json.dumps(TEXT_SCHEMA).encode()
         return "json", "jsonschema", TEXT_SCHEMA["title"], schema, {}, _free(topic.channel, encode_text)  # type: ignore[return-value]
+    if message is Document:
+        schema = json.dumps(DOCUMENT_SCHEMA).encode()
+        title = str(DOCUMENT_SCHEMA["title"])
+        return "json", "jsonschema", title, schema, {}, _free(topic.channel, encode_document)
     if message is Event:
         return _protobuf(FoxgloveLog, _free(topic.channel, encode_event))
     if issubclass(message, Protobuf):
@@ -148,6 +166,16 @@ def _free(channel: int, encode: Callable[[Any], bytes]) -> Encoder:
 def encode_text(message: Text) -> bytes:
     """JSON of a document and its time."""
     return json.dumps({"time_us": message.time_us, "text": message.text}, separators=(",", ":")).encode()
+
+
+def encode_document(message: Document) -> bytes:
+    """JSON of a document's values and its time.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    document = {"time_us": message.time_us, **message.values}
+    return json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
 
 
 def decode_text(data: bytes) -> Text:

@@ -137,9 +137,14 @@ def varint(value: int) -> bytes:
 def layout_of(message: type[Any]) -> Layout:
     """Layout of a NamedTuple class: scalars from its annotations, units and descriptions from its docstrings.
 
+    A class that is itself made from a definition, as MAVLink's are, carries its layout as ``LAYOUT``.
+
     Raises:
         TypeError: a field is neither ``float`` nor annotated with `avionics.messages.Wire`.
     """
+    made: Layout | None = getattr(message, "LAYOUT", None)
+    if made is not None:
+        return made
     hints = get_type_hints(message, include_extras=True)
     texts = _field_texts(message.__module__).get(message.__name__, {})
     fields = tuple(

@@ -9,8 +9,14 @@ from typing import Any
 from avionics.link.dialect import mavlink
 from avionics.messages import Calibration
 from groundstation.command import options
+from groundstation.command.gcs_param import print_parameters
+from groundstation.command.gcs_session import Session, Verb, VerbParser
 from groundstation.link.commands import CalibrationExchange, CommandExchange
 from groundstation.link.exchange import Target
+from groundstation.link.vehicle_state import new_events
+from groundstation.views import tables
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
 
 PATIENCE = 600.0
 """s; six sides, or a circle flown, take a person some minutes"""
@@ -31,9 +37,13 @@ KINDS = {
 }
 
 
-def add_verbs(parser: argparse.ArgumentParser, parser_class: type[Any]) -> None:
+JSON_KEYS = {"calibrate": "kind; said: list of lines; parameters: list of {name, value, type} that changed"}
+
+
+def add_verbs(verbs: Any) -> None:
     """What can be calibrated."""
-    kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS), parser_class=parser_class)
+    parser = verbs.add_parser("calibrate", help="calibrate a sensor aboard")
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS), parser_class=VerbParser)
     added = {kind: kinds.add_parser(kind, help=text) for kind, text in KINDS.items()}
     added["airspeed"].add_argument("--in-flight", action="store_true", help="the scale, against the GPS")
     added["wings"].add_argument(
@@ -56,3 +66,37 @@ def request(target: Target, chosen: argparse.Namespace) -> CalibrationExchange:
         "battery": (Calibration.BATTERY, getattr(chosen, "voltage", 0.0)),
     }[chosen.kind]
     return CalibrationExchange(CommandExchange(target, mavlink.MAV_CMD_WINGBEAT_CALIBRATE, (float(kind), given)))
+
+
+def run(session: Session) -> None:
+    """Calibrate, and print what the vehicle says meanwhile and which parameters it changed."""
+    kind = session.chosen.kind
+    with ProgressBar(f"calibrate {kind}", quiet=session.json) as bar:
+        listener = _Listener(session, bar)
+        changed = session.connection.run(request(session.target, session.chosen), listener.hear, PATIENCE).changed
+    if session.json:
+        records = [tables.parameter_record(parameter) for parameter in changed]
+        print_document({"kind": kind, "said": listener.said, "parameters": records})
+    else:
+        print_parameters(session, changed)
+
+
+class _Listener:
+    """What the vehicle says while it is calibrated."""
+
+    def __init__(self, session: Session, bar: ProgressBar) -> None:
+        self.said: list[str] = []
+        self._session, self._bar = session, bar
+        self._heard = session.state.said
+
+    def hear(self, exchange: CalibrationExchange) -> None:
+        """Print what is new."""
+        for event in new_events(self._session.state, self._heard):
+            self.said.append(event.text)
+            if not self._session.json:
+                print(event.text, flush=True)
+        self._heard = self._session.state.said
+        self._bar.show(*exchange.progress())
+
+
+VERBS: dict[str, Verb] = {"calibrate": run}

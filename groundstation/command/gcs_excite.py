@@ -12,6 +12,7 @@ from avionics.link.wire_item import WireItem
 from avionics.missions.excitations import check_excitation, on_channels
 from avionics.quantities import BadInput
 from groundstation.command import options
+from groundstation.command.gcs_session import Session, Verb, VerbParser
 from groundstation.link.commands import CommandExchange
 from groundstation.link.exchange import Target
 
@@ -20,9 +21,13 @@ SWEEPS = {"sweep": Shape.LINEAR_SWEEP, "log_sweep": Shape.LOGARITHMIC_SWEEP}
 CHANNELS = {channel.name.lower(): channel for channel in Channel}
 
 
-def add_verbs(parser: argparse.ArgumentParser, parser_class: type[Any]) -> None:
+JSON_KEYS = {"excite": "done, mode, armed"}
+
+
+def add_verbs(verbs: Any) -> None:
     """The shapes and their numbers."""
-    shapes = parser.add_subparsers(dest="shape", required=True, metavar="SHAPE", parser_class=parser_class)
+    parser = verbs.add_parser("excite", help="fly an identification input")
+    shapes = parser.add_subparsers(dest="shape", required=True, metavar="SHAPE", parser_class=VerbParser)
     for word in STEPS:
         steps = shapes.add_parser(word, help="steps of one width")
         _add_single(steps)
@@ -55,6 +60,16 @@ def _add_pacing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--settle", type=options.not_negative, default=1.0, metavar="S", help="before and after (1)")
     parser.add_argument("--repeats", type=int, default=1, metavar="N", help="how often it is flown (1)")
     parser.add_argument("--loops", choices=("frozen", "active"), default="frozen", help="frozen, or flying on")
+
+
+def prepare(chosen: argparse.Namespace) -> None:
+    """Check the input before the vehicle is spoken to.
+
+    Raises:
+        BadInput: it cannot be flown.
+    """
+    if chosen.verb == "excite":
+        chosen.asked = excitation_of(chosen)
 
 
 def excitation_of(chosen: argparse.Namespace) -> Excitation:
@@ -92,3 +107,12 @@ def request(target: Target, asked: Excitation) -> CommandExchange:
     """The command that asks for the input."""
     item: WireItem = encode_excitation(asked)
     return CommandExchange(target, item.command, (*item.params, item.x, item.y, item.z))
+
+
+def run(session: Session) -> None:
+    """Ask for the input."""
+    session.ask(request(session.target, session.chosen.asked), f"excite {session.chosen.shape}")
+    session.done(f"excite {session.chosen.shape} accepted")
+
+
+VERBS: dict[str, Verb] = {"excite": run}

@@ -10,7 +10,7 @@ from groundstation.link.parameters import Parameter, decode_parameter
 
 
 class CommandExchange(NamedTuple):
-    """One COMMAND_LONG until its COMMAND_ACK (MAVLink command protocol)."""
+    """One COMMAND_LONG, or COMMAND_INT where it names a place, until its COMMAND_ACK (MAVLink command protocol)."""
 
     target: Target
     command: int
@@ -26,6 +26,8 @@ class CommandExchange(NamedTuple):
     failure: str = ""
     percent: int = 0
     """-; how far the vehicle says that it is, while it is in progress"""
+    frame: int | None = None
+    """-; MAV_FRAME of a place, whose latitude and longitude (1e-7 deg) are the fifth and sixth parameter"""
 
     @property
     def accepted(self) -> bool:
@@ -74,6 +76,11 @@ class CommandExchange(NamedTuple):
 
     def _request(self) -> Any:
         values = (*self.parameters, *(0.0,) * (7 - len(self.parameters)))
+        if self.frame is not None:
+            *first, x, y, z = values
+            return mavlink.MAVLink_command_int_message(
+                self.target.system, self.target.component, self.frame, self.command, 0, 0, *first, int(x), int(y), z
+            )
         return mavlink.MAVLink_command_long_message(
             self.target.system, self.target.component, self.command, self.timer.attempts, *values
         )

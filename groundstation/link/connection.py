@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from avionics.link.dialect import mavlink
-from avionics.link.framing import FrameReader, decode
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.quantities import BadInput
 from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target
+from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
 
 AnyExchange = TypeVar("AnyExchange", bound=Exchange)
+Ended = Callable[[Any], None]
+"""takes an exchange that has ended"""
 PAUSE = 0.01
 """s; between two looks at a silent link"""
 
@@ -48,11 +50,13 @@ class Connection:
         self._stays = stays
         self._clock = clock
         self._pause = pause
-        self._readers: dict[Peer, FrameReader] = {}
+        self._readers: dict[Peer, GroundReader] = {}
         self._packer = mavlink.MAVLink(None, SYSTEM, COMPONENT)
         self._beaten_at = float("-inf")
         self._component = 1
-        self._background: Exchange | None = None
+        self._background: list[tuple[Exchange, Ended]] = []
+        self._listeners: list[Callable[[Arrival], None]] = []
+        self._senders: list[Callable[[Any], None]] = []
 
     @property
     def target(self) -> Target:
@@ -65,7 +69,11 @@ class Connection:
         if not self._passive and now - self._beaten_at >= 1.0:
             self._beaten_at = now
             self.send(_heartbeat(self._stays))
-        messages = [message for packet in self._transport.receive(now) for message in self._decode(packet)]
+        arrivals = [arrival for packet in self._transport.receive(now) for arrival in self._read(packet, now)]
+        for arrival in arrivals:
+            for listener in self._listeners:
+                listener(arrival)
+        messages = [arrival.message for arrival in arrivals if arrival.message is not None]
         for message in messages:
             self.state = receive(self.state, message, now)
             if message.get_type() == "HEARTBEAT" and is_autopilot(message):
@@ -73,18 +81,40 @@ class Connection:
         self._advance_background(messages, now)
         return messages
 
-    def begin(self, exchange: Exchange) -> None:
-        """Let an exchange run beside whatever else happens; whether it succeeds is not asked."""
-        self._background = exchange
+    def overhear(self, listener: Callable[[Arrival], None], sent: Callable[[Any], None] | None = None) -> None:
+        """Let ``listener`` take every frame before anything else does, and ``sent`` every message of ours."""
+        self._listeners.append(listener)
+        if sent is not None:
+            self._senders.append(sent)
+
+    def now(self) -> float:
+        """s; of the clock that arrivals are stamped with."""
+        return self._clock()
+
+    def know_modes(self, names: Mapping[int, str]) -> None:
+        """Keep the names of the modes that the vehicle told."""
+        if names:
+            self.state = self.state._replace(mode_names=tuple(names.items()))
+
+    @property
+    def bad_bytes(self) -> int:
+        """Bytes heard that belonged to no frame."""
+        return sum(reader.bad_bytes for reader in self._readers.values())
+
+    def begin(self, exchange: Exchange, ended: Ended = lambda exchange: None) -> None:
+        """Let an exchange run beside whatever else happens; ``ended`` is told how it ended."""
+        self._background.append((exchange, ended))
 
     def _advance_background(self, messages: list[Any], now: float) -> None:
-        exchange = self._background
-        if exchange is None:
-            return
-        for message in (*messages, None):
-            exchange, outgoing = exchange.step(now, message)
-            self._send_all(outgoing)
-        self._background = None if exchange.finished else exchange
+        running, self._background = self._background, []
+        for exchange, ended in running:
+            for message in (*messages, None):
+                exchange, outgoing = exchange.step(now, message)
+                self._send_all(outgoing)
+            if exchange.finished:
+                ended(exchange)
+            else:
+                self._background.append((exchange, ended))
 
     def listen(self, duration: float, enough: Callable[[VehicleState], bool] = lambda state: False) -> None:
         """Hear what comes for ``duration`` (s), or until the state is ``enough``."""
@@ -93,24 +123,22 @@ class Connection:
             if not self.receive():
                 self.wait()
 
-    def _decode(self, packet: Packet) -> list[Any]:
-        reader = self._readers.setdefault(packet.peer, FrameReader())
+    def _read(self, packet: Packet, now: float) -> list[Arrival]:
+        reader = self._readers.setdefault(packet.peer, GroundReader())
         frames = reader.feed(packet.data)
         if self._transport.datagrams or not packet.data:
             frames += reader.give_up()
-        messages = []
-        for frame in frames:
-            try:
-                messages.append(decode(frame))
-            except mavlink.MAVError:
-                continue  # a frame with a sound checksum that is none of its message: another dialect's
-        if messages:
+        # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
+        arrivals = [Arrival(frame, read(frame), now) for frame in frames]
+        if any(arrival.message is not None for arrival in arrivals):
             self._transport.welcome(packet.peer)
-        return messages
+        return arrivals
 
     def send(self, message: Any) -> None:
         """Send one message to the vehicle."""
         self._transport.send(message.pack(self._packer))
+        for sent in self._senders:
+            sent(message)
 
     def wait(self) -> None:
         """Let a little time pass."""

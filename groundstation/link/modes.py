@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from avionics.link.dialect import mavlink
 from avionics.link.vehicle import PX4_STYLE
 from groundstation.link.vehicle_state import VehicleState
 
@@ -33,6 +34,18 @@ def mode_key(state: VehicleState) -> str:
         return ""
     names: Mapping[int, str] = {number: name for name, number in known_modes(state).items()}
     return names.get(state.custom_mode, f"mode_{state.custom_mode}")
+
+
+def type_name(vehicle_type: int | None) -> str:
+    """Name of a MAV_TYPE for people: ``flapping wing``."""
+    entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
+    return "vehicle" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").lower().replace("_", " ")
+
+
+def autopilot_name(autopilot: int | None) -> str:
+    """Name of a MAV_AUTOPILOT for people: ``ardupilotmega``."""
+    entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
+    return "autopilot" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower().replace("_", " ")
 
 
 def uses_main_and_sub(state: VehicleState) -> bool:

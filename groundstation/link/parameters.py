@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
 from groundstation.link.exchange import EXPLANATION, Outgoing, Progress, Target, Timer, chunk_of
+from groundstation.link.modes import PX4
+from groundstation.link.vehicle_state import VehicleState
 
 BATCH = 12
 """missing parameters asked for at once"""
@@ -63,6 +65,16 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
 def _name(message: Any) -> str:
     name = message.param_id
     return (name if isinstance(name, str) else name.decode("ascii", "replace")).partition("\0")[0]
+
+
+def is_bytewise(state: VehicleState) -> bool:
+    """Whether a vehicle sends whole numbers as the float's bytes: as its capabilities say, else as its kind does."""
+    capabilities = state.capabilities or 0
+    if capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE:
+        return True
+    if capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST:
+        return False
+    return state.autopilot == PX4
 
 
 class ParameterDownload(NamedTuple):
@@ -201,7 +213,7 @@ class ParameterWrite(NamedTuple):
         if kind == "PARAM_ERROR":
             return self._replace(error=message.error, timer=Timer(now, 1))
         answer = decode_parameter(message, self.bytewise)
-        if not _same(answer.value, self.value):
+        if not same(answer.value, self.value):
             return self._replace(kept=answer, timer=Timer(now, 1))
         return self._replace(answer=answer)
 
@@ -227,6 +239,6 @@ class ParameterWrite(NamedTuple):
         return mavlink.MAVLink_param_set_message(*self.target, self.known.name.encode(), wire, self.known.kind)
 
 
-def _same(first: float, second: float) -> bool:
-    """Equal after a round trip through the wire's single-precision float."""
+def same(first: float, second: float) -> bool:
+    """Whether two values are equal after a round trip through the wire's single-precision float."""
     return abs(first - second) <= 1e-6 * max(abs(first), abs(second), 1e-9)

@@ -94,12 +94,20 @@ class VehicleState(NamedTuple):
     """Hz; 0 when not flapping"""
     flap_angle: float | None = None
     """rad; mean of both wings, up is positive"""
+    flap_left: float | None = None
+    """rad; of the left wing, up is positive"""
+    flap_right: float | None = None
+    """rad; of the right wing, up is positive"""
+    flap_phase: float | None = None
+    """rad; 0 to 2 pi, 0 at the upward crossing of the stroke's middle"""
     flap_amplitude: float | None = None
     """rad; half the peak-to-peak stroke, mean of both wings"""
     stage: Stage | None = None
     """-; stage of the flight"""
     item: int | None = None
     """-; mission item being flown"""
+    items: int | None = None
+    """-; mission items aboard"""
     distance: float | None = None
     """m; to the item's place"""
     altitude_setpoint: float | None = None
@@ -108,6 +116,8 @@ class VehicleState(NamedTuple):
     """rad; course to fly"""
     exciting: bool | None = None
     """-; True while an identification input runs"""
+    capabilities: int | None = None
+    """-; MAV_PROTOCOL_CAPABILITY"""
     home: Home | None = None
     """where north and east are counted from"""
     events: tuple[Heard, ...] = ()
@@ -263,6 +273,9 @@ def _wing(state: VehicleState, message: Any) -> VehicleState:
     return state._replace(
         flap_frequency=message.frequency,
         flap_angle=0.5 * (message.angle_left + message.angle_right),
+        flap_left=message.angle_left,
+        flap_right=message.angle_right,
+        flap_phase=message.phase,
         flap_amplitude=0.5 * (message.amplitude_left + message.amplitude_right),
     )
 
@@ -283,7 +296,20 @@ def _excitation(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _mission_current(state: VehicleState, message: Any) -> VehicleState:
-    return state._replace(item=message.seq)
+    total = getattr(message, "total", 0)
+    return state._replace(item=message.seq, items=total if 0 < total < _UNKNOWN_U16 else state.items)
+
+
+def _version(state: VehicleState, message: Any) -> VehicleState:
+    return state._replace(capabilities=message.capabilities)
+
+
+def _navigation_output(state: VehicleState, message: Any) -> VehicleState:
+    """What other autopilots say of where they fly to; ours says it in its own message, and more exactly."""
+    if state.stage is not None:
+        return state
+    bearing = math.radians(message.target_bearing)
+    return state._replace(distance=float(message.wp_dist), heading_setpoint=bearing)
 
 
 def _system_time(state: VehicleState, message: Any) -> VehicleState:
@@ -331,6 +357,8 @@ RECEIVERS: dict[str, Receiver] = {
     "SYS_STATUS": _system_status,
     "SYSTEM_TIME": _system_time,
     "MISSION_CURRENT": _mission_current,
+    "AUTOPILOT_VERSION": _version,
+    "NAV_CONTROLLER_OUTPUT": _navigation_output,
     "STATUSTEXT": _status_text,
     "AVAILABLE_MODES": _available_mode,
     "WINGBEAT_WING_STATE": _wing,

@@ -5,11 +5,13 @@ Our own missions are metres from home, and are sent in the local frame.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
@@ -17,6 +19,7 @@ from avionics.missions import load_plan, plan_file, waypoint_file
 from avionics.missions.waypoint_file import HEADER
 from avionics.quantities import BadInput
 from groundstation.link.missions import Item
+from groundstation.link.modes import ARDUPILOT
 
 
 class Upload(NamedTuple):
@@ -29,48 +32,139 @@ class Upload(NamedTuple):
     """-; what of the file is not sent, for people"""
 
 
+class Convention(NamedTuple):
+    """What a kind of vehicle takes for a mission."""
+
+    home_first: bool
+    """-; item 0 is home, as ArduPilot has it: it is sent for the count's sake, and the vehicle puts its own there"""
+    cameras: bool
+    """-; it knows what to do with a camera's commands"""
+    local: bool
+    """-; it takes places in metres from home"""
+
+
+def convention_of(autopilot: int | None) -> Convention:
+    """The convention of a MAV_AUTOPILOT; what is not known is taken for PX4's, which is MAVLink's own."""
+    if autopilot == ARDUPILOT:
+        return Convention(home_first=True, cameras=True, local=False)
+    ours = autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+    return Convention(home_first=False, cameras=not ours, local=ours)
+
+
 def read(path: Path) -> tuple[Item, ...]:
     """The mission of a file as it stands in it, for whatever vehicle.
 
     Raises:
         BadInput: as of `read_upload`.
     """
-    return read_upload(path, ours=False).mission
+    if _is_own(path) or path.suffix == ".plan":
+        return read_upload(path, Convention(home_first=False, cameras=True, local=True)).mission
+    return tuple(item_of(line.item, line.autocontinue) for line in waypoint_file.read(path))
 
 
-def read_upload(path: Path, ours: bool) -> Upload:
-    """Mission, fence and rally points of a file; ``ours`` leaves out what our own flight computer has no use for.
+def needs_home(path: Path, convention: Convention) -> bool:
+    """Whether the vehicle's home has to be known before a file can be sent."""
+    return _is_own(path) and not convention.local
 
-    That is a camera's commands, and the home that a plain list begins with.
+
+def _is_own(path: Path) -> bool:
+    return path.suffix == ".toml" or not path.suffix
+
+
+def read_upload(path: Path, convention: Convention, home: Home | None = None) -> Upload:
+    """Mission, fence and rally points of a file, as a vehicle of this ``convention`` takes them.
+
+    Left out is what it has no use for: the home that a plain list begins with, a camera's commands. ``home`` is the
+    vehicle's, for the metres of our own files where places have to be on the globe.
 
     Raises:
         BadInput: unreadable, not such a list or plan, or a part that is malformed; the text says which.
     """
-    if path.suffix == ".toml" or not path.suffix:
-        return _own_mission(path)
+    if _is_own(path):
+        return _own_mission(path, convention, home)
     if path.suffix == ".plan":
-        return _planned(path, ours)
+        return _planned(path, convention)
     lines = waypoint_file.read(path)
-    sent = waypoint_file.without_home(lines) if ours else lines
+    listed = waypoint_file.home_of(lines)
+    if convention.home_first:
+        items = tuple(item_of(line.item, line.autocontinue) for line in lines)
+        return Upload(items) if listed is not None else Upload(_behind(None, items))
+    sent = waypoint_file.without_home(lines)
     notes = (f"the first line of {path.name} is home: it is not sent",) if len(sent) < len(lines) else ()
     return Upload(tuple(item_of(line.item, line.autocontinue) for line in sent), notes=notes)
 
 
-def _planned(path: Path, ours: bool) -> Upload:
+def _behind(home: Home | None, items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """The items behind a home as number 0, jumps moved with them."""
+    x, y, z = (
+        (0.0, 0.0, 0.0)
+        if home is None
+        else (math.degrees(home.latitude), math.degrees(home.longitude), home.altitude)
+    )
+    first = WireItem(mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0), x, y, z)
+    return (item_of(first), *(_moved(item, 1) for item in items))
+
+
+def _moved(item: Item, by: int) -> Item:
+    if item.command != mavlink.MAV_CMD_DO_JUMP:
+        return item
+    return item._replace(parameters=(item.parameters[0] + by, *item.parameters[1:]))
+
+
+def without_first(content: Upload, convention: Convention) -> Upload:
+    """Without the home that a mission of this ``convention`` begins with, jumps moved with it."""
+    if not convention.home_first:
+        return content
+    return content._replace(mission=tuple(_moved(item, -1) for item in content.mission[1:]))
+
+
+def _planned(path: Path, convention: Convention) -> Upload:
     file = plan_file.read(path)
-    mission, note = plan_file.without_cameras(file.mission) if ours else (file.mission, "")
+    mission, note = (file.mission, "") if convention.cameras else plan_file.without_cameras(file.mission)
     items = tuple(item_of(planned.item) for planned in plan_file.numbered(mission))
     fence, rally = (tuple(map(item_of, part)) for part in (file.fence, file.rally))
-    return Upload(items, fence, rally, (note,) if note else ())
-
-
-def _own_mission(path: Path) -> Upload:
-    plan = load_plan(path)
     return Upload(
-        tuple(item_of(encode_item(item, None)) for item in plan.mission),
-        tuple(map(item_of, encode_fence(plan.fence, None))),
-        tuple(map(item_of, encode_rally(plan.rally, None))),
+        _behind(file.home, items) if convention.home_first else items, fence, rally, (note,) if note else ()
     )
+
+
+def _own_mission(path: Path, convention: Convention, home: Home | None) -> Upload:
+    plan = load_plan(path)
+    home = None if convention.local else home
+    items = tuple(item_of(encode_item(item, home)) for item in plan.mission)
+    return Upload(
+        _behind(home, items) if convention.home_first else items,
+        tuple(map(item_of, encode_fence(plan.fence, home))),
+        tuple(map(item_of, encode_rally(plan.rally, home))),
+    )
+
+
+_SAME_FRAME = {
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+
+
+def differences(wanted: Sequence[Item], held: Sequence[Item]) -> list[tuple[int, Item | None, Item | None]]:
+    """Number, and both items, where two lists differ; None where one list has ended."""
+    pairs = enumerate(itertools.zip_longest(wanted, held))
+    return [(number, ours, theirs) for number, (ours, theirs) in pairs if not _equal(ours, theirs)]
+
+
+def _equal(ours: Item | None, theirs: Item | None) -> bool:
+    """Equal for all that a vehicle keeps: single precision, a NaN parameter kept as 0, frames with two numbers."""
+    if ours is None or theirs is None:
+        return False
+    frames = {_SAME_FRAME.get(item.frame, item.frame) for item in (ours, theirs)}
+    numbers = zip((*ours.parameters, ours.z), (*theirs.parameters, theirs.z), strict=True)
+    placed = abs(ours.x - theirs.x) <= 1 and abs(ours.y - theirs.y) <= 1
+    return ours.command == theirs.command and len(frames) == 1 and placed and all(_near(*pair) for pair in numbers)
+
+
+def _near(first: float, second: float) -> bool:
+    first, second = (0.0 if math.isnan(value) else value for value in (first, second))
+    return abs(first - second) <= 1e-3 + 1e-6 * abs(first)
 
 
 def item_of(item: WireItem, autocontinue: int = 1) -> Item:

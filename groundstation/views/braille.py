@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BLANK = 0x2800
+EMPTY = chr(_BLANK)
+"""a cell without a dot"""
 Point = tuple[float, float]
 
 

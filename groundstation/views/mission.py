@@ -178,14 +178,27 @@ def _excitation_record(asked: Excitation) -> dict[str, Any]:
     return {"shape": Shape(asked.shape).name, **amplitudes, **kept, "loops": "active" if asked.loops else "frozen"}
 
 
-def print_mission(items: Sequence[Item]) -> None:
-    """The vehicle's mission, one row an item."""
+def difference_lines(part: str, number: int, wanted: Item | None, held: Item | None) -> list[str]:
+    """Two lines, of the file and of the vehicle, about an item in which they differ."""
+    ours, theirs = ("nothing" if item is None else _line(item) for item in (wanted, held))
+    return [f"{part} {number}  file     {ours}", f"{'':{len(part) + len(str(number)) + 1}}  vehicle  {theirs}"]
+
+
+def _line(item: Item) -> str:
+    said = told(item)
+    return "  ".join(part for part in (said.does, _place(said), _altitude(said), _how(said, item)) if part)
+
+
+def print_mission(items: Sequence[Item], home_first: bool = False) -> None:
+    """The vehicle's mission, one row an item; ``home_first`` where number 0 is home."""
     if not items:
         print("the vehicle has no mission")
         return
     table = tables.plain_table(("", "right"), ("what", ""), ("place", ""), ("altitude", "right"), ("how", ""))
     for number, item in enumerate(items):
         said = told(item)
+        if home_first and number == 0:
+            said = said._replace(does="home")
         table.add_row(str(number), said.does, _place(said), _altitude(said), _how(said, item))
     open_console().print(table)
 

@@ -1,4 +1,4 @@
-"""A progress bar for work that takes over a second, on a terminal; silence everywhere else."""
+"""A progress bar for work that takes over a second, on a terminal; now and then a line on stderr everywhere else."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 APPEARS_AFTER = 1.0
 """s; shorter work stays silent"""
+LINE_EVERY = 1.0
+"""s; between two lines where there is no terminal"""
 
 
 class ProgressBar:
@@ -23,6 +25,8 @@ class ProgressBar:
         self._clock = clock
         self._began = clock()
         self._shown = not quiet and sys.stderr.isatty()
+        self._told = ""
+        self._told_at = self._began
         self._bar: Progress | None = None
         self._task = TaskID(0)
 
@@ -37,7 +41,10 @@ class ProgressBar:
 
     def show(self, done: float, total: float, note: str = "") -> None:
         """Tell how far the work is; ``total`` 0 while that is unknown."""
-        if not self._shown or self._clock() - self._began < APPEARS_AFTER:
+        if self._clock() - self._began < APPEARS_AFTER:
+            return
+        if not self._shown:
+            self._tell(note)
             return
         if self._bar is None:
             columns = (TextColumn("{task.description}"), BarColumn(40), TextColumn("{task.percentage:3.0f} %"))
@@ -45,3 +52,10 @@ class ProgressBar:
             self._task = self._bar.add_task(self._label, total=total or None)
             self._bar.start()
         self._bar.update(self._task, completed=done, total=total or None, description=note or self._label)
+
+    def _tell(self, note: str) -> None:
+        """A line where a bar cannot be: only what is new, and not too often."""
+        now = self._clock()
+        if note and note != self._told and now - self._told_at >= LINE_EVERY:
+            self._told, self._told_at = note, now
+            print(note, file=sys.stderr, flush=True)

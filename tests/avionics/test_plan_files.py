@@ -182,7 +182,10 @@ def test_a_plan_that_cannot_be_flown_is_refused_in_one_line(plan: Any, words: st
 
 def test_a_plan_for_another_vehicle_keeps_its_camera(tmp_path: Path) -> None:
     path = written(tmp_path, PLAN)
-    ours, theirs = waypoints.read_upload(path, ours=True), waypoints.read_upload(path, ours=False)
+    ours, theirs = (
+        waypoints.read_upload(path, waypoints.convention_of(0)),
+        waypoints.read_upload(path, waypoints.convention_of(12)),
+    )
     assert (len(ours.mission), len(theirs.mission)) == (7, 9)
     assert [item.command for item in theirs.mission].count(206) == 2
     # The jump leads to the survey's first waypoint in both.
@@ -203,7 +206,7 @@ OUR_MISSION = (
 
 def test_a_mission_written_as_a_plan_is_read_again(tmp_path: Path) -> None:
     items = tuple(waypoints.item_of(encode_item(item, HOME)) for item in OUR_MISSION)
-    with_fence = waypoints.read_upload(written(tmp_path, PLAN), ours=True)._replace(mission=items)
+    with_fence = waypoints.read_upload(written(tmp_path, PLAN), waypoints.convention_of(0))._replace(mission=items)
     path = tmp_path / "again.plan"
     waypoints.write_plan(path, with_fence, HOME)
     plan = load_flight_plan(path)
@@ -260,7 +263,7 @@ def test_a_list_names_the_item_that_is_not_flown(tmp_path: Path) -> None:
 
 def test_home_is_not_sent_to_our_vehicle(tmp_path: Path) -> None:
     path = written(tmp_path, LIST, "field.waypoints")
-    ours = waypoints.read_upload(path, ours=True)
+    ours = waypoints.read_upload(path, waypoints.convention_of(0))
     assert [item.command for item in ours.mission] == [22, 16, 19, 177, 20]
     assert ours.notes == ("the first line of field.waypoints is home: it is not sent",)
     assert ours.mission[3].parameters[0] == 1.0

@@ -12,7 +12,7 @@ from avionics.link.dialect import mavlink
 from avionics.missions.reader import FOLDER as MISSIONS
 from groundstation.command.main import main
 from groundstation.link.missions import Item
-from groundstation.link.waypoints import read_upload
+from groundstation.link.waypoints import convention_of, read_upload
 
 Capture = pytest.CaptureFixture[str]
 
@@ -91,7 +91,7 @@ def test_mission_download_and_upload(tmp_path: Path, capsys: Capture) -> None:
 
 def test_a_mission_is_shown_in_words_and_units_and_told_in_si(capsys: Capture) -> None:
     vehicle = LossyVehicle()
-    vehicle.mission = list(read_upload(MISSIONS / "circuit.toml", ours=True).mission)
+    vehicle.mission = list(read_upload(MISSIONS / "circuit.toml", convention_of(0)).mission)
     with on_the_air(vehicle) as url:
         assert gcs(url, "mission", "show", "--json") == 0
         items = json.loads(capsys.readouterr().out)["items"]

@@ -1,0 +1,159 @@
+"""``wingbeat gcs URL watch`` and ``record``: what a vehicle says, as lines and as a file."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+from pathlib import Path
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.quantities import BadInput, counted
+from groundstation.command import options
+from groundstation.command.gcs_session import Session, Verb, check_new
+from groundstation.link.answers import NoAnswer
+from groundstation.link.commands import CommandExchange
+from groundstation.link.fields import Field, parse_field
+from groundstation.link.frames import Arrival, message_class
+from groundstation.link.station import Station
+from groundstation.views import monitor, wording
+from groundstation.views.json_document import plain, print_document, print_line
+from groundstation.views.progress import ProgressBar
+
+JSON_KEYS = {
+    "watch": "one object a line: time (s of the vehicle, null before its first stamp) and every field asked for",
+    "record": "file, messages, duration (s), lost, loss",
+}
+
+
+def add_verbs(verbs: Any) -> None:
+    """Both verbs."""
+    watch = verbs.add_parser("watch", help="print fields as they come")
+    watch.add_argument(
+        "fields", nargs="+", metavar="MSG.FIELD", help="such as ATTITUDE.pitch BATTERY_STATUS.voltages[0]"
+    )
+    watch.add_argument("--count", type=int, metavar="N", help="end after so many lines")
+    watch.add_argument("--rate", type=options.positive, metavar="HZ", help="ask for the messages that often")
+    record = verbs.add_parser("record", help="record everything to a new file, until Ctrl-C")
+    record.add_argument("file", type=Path, metavar="OUT.mcap")
+    for parser in (watch, record):
+        parser.add_argument(
+            "--duration", type=options.positive, default=math.inf, metavar="S", help="end after so long"
+        )
+
+
+def prepare(chosen: argparse.Namespace) -> None:
+    """Check fields and files before the vehicle is spoken to.
+
+    Raises:
+        BadInput: an unknown field, a file that is there.
+    """
+    if chosen.verb == "watch":
+        chosen.asked = [parse_field(text) for text in chosen.fields]
+        if chosen.count is not None and chosen.count < 1:
+            raise BadInput("--count must be at least 1")
+    if chosen.verb == "record":
+        check_new(chosen.file)
+
+
+class _Watch:
+    """Prints a line whenever one of the messages comes."""
+
+    def __init__(self, session: Session, fields: list[Field]) -> None:
+        self.lines = 0
+        self._session, self._fields = session, fields
+        self._wanted = {field.message for field in fields}
+
+    def hear(self, arrival: Arrival) -> None:
+        """Take one frame; more than the lines asked for are not printed."""
+        message, most = arrival.message, self._session.chosen.count
+        if message is None or message.get_type() not in self._wanted or (most is not None and self.lines >= most):
+            return
+        if arrival.frame.system != self._session.state.system:
+            return
+        self.lines += 1
+        here = [(field, field.value(message)) for field in self._fields if field.message == message.get_type()]
+        now = self._session.state.time
+        if self._session.json:
+            print_line({"time": now, **{field.path: plain(_clean(value)) for field, value in here}})
+        else:
+            values = "  ".join(f"{field.path} {_shown(value)} {field.unit}".rstrip() for field, value in here)
+            print(f"{wording.clock(now):>8}  {values}", flush=True)
+
+
+def _clean(value: Any) -> Any:
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return text.partition("\0")[0] if isinstance(text, str) else text
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else f"{_clean(value)}"
+
+
+def watch(session: Session) -> None:
+    """Print fields until there are enough lines, the time is over, or Ctrl-C.
+
+    Raises:
+        NoAnswer: none of them came.
+    """
+    watcher = _Watch(session, session.chosen.asked)
+    if session.chosen.rate is not None:
+        _ask_rate(session, session.chosen.rate)
+    session.connection.overhear(watcher.hear)
+    most = session.chosen.count
+    session.connection.listen(session.chosen.duration, lambda state: most is not None and watcher.lines >= most)
+    if not watcher.lines:
+        names = ", ".join(sorted({field.message for field in session.chosen.asked}))
+        raise NoAnswer(f"the vehicle said nothing of {names} in {session.chosen.duration:g} s: ask with --rate")
+
+
+def _ask_rate(session: Session, rate: float) -> None:
+    """SET_MESSAGE_INTERVAL for each of the messages.
+
+    Raises:
+        NoAnswer: the vehicle refused.
+    """
+    for name in sorted({field.message for field in session.chosen.asked}):
+        number = float(message_class(name).id)  # type: ignore[union-attr]
+        wanted = (number, 1e6 / rate)
+        command = CommandExchange(session.target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, wanted)
+        session.ask(command, f"asking for {name}")
+
+
+def record(session: Session) -> None:
+    """Record until the time is over or Ctrl-C, and say what was recorded.
+
+    Raises:
+        BadInput: the disk refused.
+    """
+    station = Station(session.connection)
+    began, duration = session.connection.now(), session.chosen.duration
+    with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json) as bar:
+        while (elapsed := session.connection.now() - began) < duration:
+            if not station.poll():
+                session.connection.wait()
+            bar.show(elapsed, duration if math.isfinite(duration) else 0, _progress(station, elapsed))
+    quality = station.picture().quality
+    recording = session.recording
+    assert recording is not None
+    recording.close()
+    if recording.failure:
+        raise BadInput(recording.failure)
+    elapsed = session.connection.now() - began
+    if session.json:
+        ended = {"file": str(session.chosen.file), "messages": recording.messages, "duration": elapsed}
+        print_document({**ended, "lost": quality.lost, "loss": quality.loss})
+        return
+    print(
+        f"{counted(recording.messages, 'message')} in {wording.duration(elapsed)}, {quality.lost} lost:",
+        recording.path,
+    )
+
+
+def _progress(station: Station, elapsed: float) -> str:
+    quality = station.picture().quality
+    return f"recording {wording.duration(elapsed)}, {quality.heard} messages, {monitor.link_note(quality)}"
+
+
+VERBS: dict[str, Verb] = {"watch": watch, "record": record}

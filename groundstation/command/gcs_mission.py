@@ -1,0 +1,155 @@
+"""``wingbeat gcs URL mission``: show, download, upload and compare the mission with its fence and rally points."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.link.vehicle import Home
+from avionics.quantities import counted
+from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
+from groundstation.link import missions, waypoints
+from groundstation.views.json_document import print_document
+from groundstation.views.mission import difference_lines, mission_record, print_mission
+
+JSON_KEYS = {
+    "mission": "items: list of {number, does, north, east, latitude, longitude, altitude, altitude_above, duration,"
+    " heading, radius, turns, acceptance, jump_to, repeats, excitation}, SI and radians, null for none, beside"
+    " {frame, command, parameters, x, y, z, autocontinue} of MISSION_ITEM_INT; file where one was written",
+    "excitation": "of an item: {shape, elevator (rad), throttle, rudder (rad), width (s), settle (s), repeats,"
+    " low (Hz), high (Hz), loops}; width: of a step, of a sweep, or the period of a multisine",
+    "mission diff": "file; same; differences: list of {part, number, file, vehicle}, items as above or null",
+}
+PARTS = (
+    ("fence", mavlink.MAV_MISSION_TYPE_FENCE, "the fence", "fence item"),
+    ("rally", mavlink.MAV_MISSION_TYPE_RALLY, "the rally points", "rally point"),
+    ("mission", mavlink.MAV_MISSION_TYPE_MISSION, "the mission", "mission item"),
+)
+"""parts of an upload in the order in which they are sent, so that a mission is never without its fence"""
+
+
+def add_verbs(verbs: Any) -> None:
+    """The actions."""
+    parser = verbs.add_parser("mission", help="show, download, upload or compare the mission")
+    metavar = "show|download|upload|diff"
+    actions = parser.add_subparsers(dest="action", required=True, metavar=metavar, parser_class=VerbParser)
+    actions.add_parser("show", help="print the vehicle's mission")
+    for action, text in (
+        ("download", "write it to a new file"),
+        ("upload", "send a mission file"),
+        ("diff", "what differs from a file; exit code 1 if anything does"),
+    ):
+        actions.add_parser(action, help=text).add_argument("file", type=Path, metavar="FILE")
+
+
+def prepare(chosen: argparse.Namespace) -> None:
+    """Refuse files before the vehicle is spoken to.
+
+    Raises:
+        BadInput: malformed, or in the way.
+    """
+    if chosen.verb != "mission" or chosen.action == "show":
+        return
+    if chosen.action == "download":
+        check_new(chosen.file)
+    else:
+        waypoints.read(chosen.file)
+
+
+def run(session: Session) -> int | None:
+    """Do one action."""
+    return ACTION[session.chosen.action](session)
+
+
+def _content(session: Session) -> waypoints.Upload:
+    """The file as this vehicle takes it."""
+    convention = waypoints.convention_of(session.state.autopilot)
+    home = session.home() if waypoints.needs_home(session.chosen.file, convention) else None
+    content = waypoints.read_upload(session.chosen.file, convention, home)
+    for note in content.notes:
+        print(note, file=sys.stderr)
+    return content
+
+
+def _upload(session: Session) -> None:
+    """The mission; fence and rally points where the file has them."""
+    content = _content(session)
+    sent = []
+    for part, mission_type, name, noun in PARTS:
+        items = getattr(content, part)
+        if items:
+            session.ask(missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}")
+            sent.append(counted(len(items), noun))
+    _report(session, content.mission, f"sent {' and '.join(reversed(sent)) or 'nothing'}", None)
+
+
+def _read(session: Session, mission_type: int, name: str) -> tuple[missions.Item, ...]:
+    download = missions.MissionDownload(session.target, mission_type=mission_type)
+    return session.ask(download, f"reading {name}").items
+
+
+def _read_mission(session: Session) -> tuple[missions.Item, ...]:
+    return _read(session, mavlink.MAV_MISSION_TYPE_MISSION, "the mission")
+
+
+def _show(session: Session) -> None:
+    _report(session, _read_mission(session), "", None)
+
+
+def _download(session: Session) -> None:
+    """A plain list, or a plan with fence, rally points and home."""
+    file, items = session.chosen.file, _read_mission(session)
+    if file.suffix == ".plan":
+        home: Home = session.home()
+        fence = _read(session, mavlink.MAV_MISSION_TYPE_FENCE, "the fence")
+        rally = _read(session, mavlink.MAV_MISSION_TYPE_RALLY, "the rally points")
+        convention = waypoints.convention_of(session.state.autopilot)
+        waypoints.write_plan(file, waypoints.without_first(waypoints.Upload(items, fence, rally), convention), home)
+    else:
+        waypoints.write(file, items)
+    _report(session, items, f"{counted(len(items), 'item')} written to {file}", file)
+
+
+def _diff(session: Session) -> int:
+    """Compare what of the file is sent with what is aboard; home, which the vehicle sets itself, aside."""
+    convention = waypoints.convention_of(session.state.autopilot)
+    wanted = waypoints.without_first(_content(session), convention)
+    rows: list[tuple[str, int, missions.Item | None, missions.Item | None]] = []
+    for part, mission_type, name, _ in reversed(PARTS):
+        items = getattr(wanted, part)
+        if part == "mission" or items:
+            held = waypoints.Upload(_read(session, mission_type, name))
+            aboard = waypoints.without_first(held, convention).mission if part == "mission" else held.mission
+            rows += [(part, *row) for row in waypoints.differences(items, aboard)]
+    if session.json:
+        print_document(
+            {"file": str(session.chosen.file), "same": not rows, "differences": [_row(*row) for row in rows]}
+        )
+        return int(bool(rows))
+    for part, number, ours, theirs in rows:
+        print("\n".join(difference_lines(part, number, ours, theirs)))
+    print(f"{counted(len(rows), 'difference')} from {session.chosen.file}", file=sys.stderr)
+    return int(bool(rows))
+
+
+def _row(part: str, number: int, ours: missions.Item | None, theirs: missions.Item | None) -> dict[str, Any]:
+    file, vehicle = (None if item is None else mission_record(number, item) for item in (ours, theirs))
+    return {"part": part, "number": number, "file": file, "vehicle": vehicle}
+
+
+def _report(session: Session, items: Sequence[missions.Item], text: str, file: Path | None) -> None:
+    if session.json:
+        records = [mission_record(number, item) for number, item in enumerate(items)]
+        print_document({"items": records, "file": None if file is None else str(file)})
+    elif text:
+        print(text)
+    else:
+        print_mission(items, waypoints.convention_of(session.state.autopilot).home_first)
+
+
+ACTION: dict[str, Verb] = {"show": _show, "download": _download, "upload": _upload, "diff": _diff}
+VERBS: dict[str, Verb] = {"mission": run}

@@ -1,0 +1,42 @@
+"""``wingbeat gcs URL monitor``: the live screen on a terminal, lines where there is none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from groundstation.command.gcs_session import Session, Verb
+from groundstation.link.fields import parse_field
+from groundstation.link.station import Station
+from groundstation.views import monitor
+from groundstation.views.terminal import open_console
+
+JSON_KEYS = {"monitor": "one object a line, as status"}
+
+
+def add_verbs(verbs: Any) -> None:
+    """The verb, which is the one when none is given."""
+    parser = verbs.add_parser("monitor", help="live screen of the flight, until q or Ctrl-C; the verb without a verb")
+    parser.add_argument(
+        "--plot", action="append", default=[], metavar="MSG.FIELD", help="begin with a plot of it; may be repeated"
+    )
+
+
+def show(session: Session) -> int:
+    """Show the link: a screen on a terminal, lines elsewhere, one JSON object a second if asked."""
+    station = Station(session.connection)
+    if session.recording is not None:
+        recording = session.recording
+        station.recording = lambda: recording.path
+    plots = [parse_field(path).path for path in session.chosen.plot]
+    if session.json or not open_console().is_terminal:
+        monitor.watch_lines(station, session.json)
+        return 0
+    # Textual takes a third of a second to import, which only who looks at the screen pays.
+    from groundstation.screen.monitor import Monitor
+
+    screen = Monitor(station, plots)
+    screen.run()
+    return screen.return_code or 0
+
+
+VERBS: dict[str, Verb] = {"monitor": show}

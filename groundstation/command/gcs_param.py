@@ -1,0 +1,182 @@
+"""``wingbeat gcs URL param``: list, get, set, compare, save and load parameters."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from avionics.link.dialect import mavlink
+from avionics.quantities import BadInput, counted
+from groundstation.command import options
+from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
+from groundstation.link import parameter_list, parameters
+from groundstation.link.answers import NoAnswer
+from groundstation.views import tables
+from groundstation.views.json_document import print_document
+
+JSON_KEYS = {
+    "param list": "parameters: list of {name, value, type}",
+    "param get, set": "name, value, type",
+    "param diff": "file; same; differences: list of {name, file, vehicle}, null where one has it not",
+    "param save, load": "file; parameters: list of {name, value, type}, saved or changed",
+}
+ACTIONS = "list|get|set|diff|save|load"
+
+
+def add_verbs(verbs: Any) -> None:
+    """The actions."""
+    parser = verbs.add_parser("param", help="list, get, set, compare, save or load parameters")
+    actions = parser.add_subparsers(dest="action", required=True, metavar=ACTIONS, parser_class=VerbParser)
+    actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
+    actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")
+    setting = actions.add_parser("set", help="change one parameter")
+    setting.add_argument("name", metavar="NAME")
+    setting.add_argument("value", metavar="VALUE", type=options.number)
+    for action, text in (
+        ("diff", "what differs from a file; exit code 1 if anything does"),
+        ("save", "write all to a new file"),
+        ("load", "set those of a file that differ"),
+    ):
+        actions.add_parser(action, help=text).add_argument("file", type=Path, metavar="FILE")
+
+
+def prepare(chosen: argparse.Namespace) -> None:
+    """Read or refuse files before the vehicle is spoken to.
+
+    Raises:
+        BadInput: malformed, or in the way.
+    """
+    if chosen.verb == "param" and chosen.action in ("load", "diff"):
+        chosen.values = parameter_list.read(chosen.file)
+    if chosen.verb == "param" and chosen.action == "save":
+        check_new(chosen.file)
+
+
+def run(session: Session) -> int | None:
+    """Do one action."""
+    return ACTION[session.chosen.action](session)
+
+
+def bytewise(session: Session) -> bool:
+    """How the vehicle encodes whole numbers: as it says itself, or as its autopilot is known to."""
+    session.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, lambda state: state.capabilities is not None)
+    return parameters.is_bytewise(session.state)
+
+
+def _download(session: Session) -> list[parameters.Parameter]:
+    download = parameters.ParameterDownload(session.target, bytewise(session))
+    return sorted(session.ask(download, "parameters").values.values())
+
+
+def _list(session: Session) -> None:
+    pattern = session.chosen.pattern
+    wanted = [parameter for parameter in _download(session) if pattern.lower() in parameter.name.lower()]
+    print_parameters(session, wanted)
+    if not wanted and not session.json:
+        print(f"no parameter's name contains {pattern!r}", file=sys.stderr)
+
+
+def _read(session: Session, encoding: bool) -> parameters.Parameter:
+    name = session.chosen.name
+    known = session.ask(parameters.ParameterRead(session.target, name, encoding), name).value
+    if known is None:
+        raise NoAnswer(f"no answer about parameter {name}")
+    return known
+
+
+def _get(session: Session) -> None:
+    _print_one(session, _read(session, bytewise(session)))
+
+
+def _set(session: Session) -> None:
+    encoding, value = bytewise(session), session.chosen.value
+    known = _read(session, encoding)
+    _check_value(known, value, encoding)
+    write = parameters.ParameterWrite(session.target, known, value, encoding)
+    _print_one(session, session.ask(write, known.name).answer or known)
+
+
+def _print_one(session: Session, known: parameters.Parameter) -> None:
+    if session.json:
+        print_document(tables.parameter_record(known))
+    else:
+        print(f"{known.name} = {known.value:.7g}")
+
+
+def _diff(session: Session) -> int:
+    """Compare a file with the vehicle, both ways."""
+    held: dict[str, float] = {parameter.name: parameter.value for parameter in _download(session)}
+    wanted: dict[str, float] = session.chosen.values
+    names = [name for name in sorted({*held, *wanted}) if _differs(wanted.get(name), held.get(name))]
+    if session.json:
+        rows = [{"name": name, "file": wanted.get(name), "vehicle": held.get(name)} for name in names]
+        print_document({"file": str(session.chosen.file), "same": not names, "differences": rows})
+        return int(bool(names))
+    for name in names:
+        print(f"{name:<16}  file {_shown(wanted.get(name))}   vehicle {_shown(held.get(name))}")
+    print(f"{counted(len(names), 'difference')} from {session.chosen.file}", file=sys.stderr)
+    return int(bool(names))
+
+
+def _shown(value: float | None) -> str:
+    return "–" if value is None else f"{value:.7g}"
+
+
+def _differs(first: float | None, second: float | None) -> bool:
+    if first is None or second is None:
+        return True
+    return not parameters.same(first, second)
+
+
+def _save(session: Session) -> None:
+    held = _download(session)
+    parameter_list.write(session.chosen.file, session.target, held)
+    _report(session, held, f"{counted(len(held), 'parameter')} written to {session.chosen.file}")
+
+
+def _load(session: Session) -> None:
+    """Set those that differ; a name that the vehicle does not have is refused before any is set."""
+    encoding = bytewise(session)
+    held = {parameter.name: parameter for parameter in _download(session)}
+    unknown = sorted(set(session.chosen.values) - set(held))
+    if unknown:
+        raise BadInput(f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}")
+    for name, value in session.chosen.values.items():
+        _check_value(held[name], value, encoding)
+    changed = []
+    for name, value in session.chosen.values.items():
+        if _differs(value, held[name].value):
+            write = parameters.ParameterWrite(session.target, held[name], value, encoding)
+            changed.append(session.ask(write, name).answer or held[name])
+    _report(session, changed, f"{counted(len(changed), 'parameter')} changed")
+
+
+def _report(session: Session, held: Sequence[parameters.Parameter], text: str) -> None:
+    if session.json:
+        records = [tables.parameter_record(parameter) for parameter in held]
+        print_document({"file": str(session.chosen.file), "parameters": records})
+    else:
+        print(text)
+
+
+def _check_value(known: parameters.Parameter, value: float, encoding: bool) -> None:
+    try:
+        parameters.encode_value(value, known.kind, encoding)
+    except ValueError as error:
+        raise BadInput(f"parameter {known.name}: {error}") from None
+
+
+def print_parameters(session: Session, wanted: Sequence[parameters.Parameter]) -> None:
+    """Print parameters as lines, or as a document."""
+    if session.json:
+        print_document({"parameters": [tables.parameter_record(parameter) for parameter in wanted]})
+        return
+    for parameter in wanted:
+        print(f"{parameter.name:<16}  {parameter.value:.7g}")
+
+
+ACTION: dict[str, Verb] = {"list": _list, "get": _get, "set": _set, "diff": _diff, "save": _save, "load": _load}
+VERBS: dict[str, Verb] = {"param": run}

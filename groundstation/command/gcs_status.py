@@ -1,0 +1,40 @@
+"""``wingbeat gcs URL status``: what a vehicle says, once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from groundstation.command.gcs_session import Session, Verb
+from groundstation.link.traffic import Traffic
+from groundstation.views import monitor
+from groundstation.views.json_document import print_document
+
+JSON_KEYS = {
+    "status": "the telemetry by name, SI and radians, null where nothing was heard; mode, modes, stage, events;"
+    " link: {messages_per_s, bytes_per_s, loss, lost, doubled, heard, latency, bad_bytes}",
+}
+LISTENED = 2.0
+"""s; to telemetry"""
+
+
+def add_verbs(verbs: Any) -> None:
+    """The verb."""
+    verbs.add_parser("status", help="listen for two seconds, print what the vehicle says")
+
+
+def show(session: Session) -> None:
+    """Listen, and print the picture or the document."""
+    traffic = Traffic()
+    session.connection.overhear(traffic.hear)
+    names = session.ask_mode_names()
+    session.connection.listen(LISTENED)
+    state = session.state._replace(mode_names=tuple(names.items()))
+    quality = traffic.quality(session.connection.now())
+    if session.json:
+        bad_bytes = session.connection.bad_bytes
+        print_document({**monitor.state_record(state), "link": quality._replace(bad_bytes=bad_bytes)._asdict()})
+    else:
+        monitor.print_once(session.connection.url, state, quality)
+
+
+VERBS: dict[str, Verb] = {"status": show}

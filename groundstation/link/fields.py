@@ -1,0 +1,74 @@
+"""Fields of messages by their names: ``ATTITUDE.pitch``, ``BATTERY_STATUS.voltages[0]``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from groundstation.link.frames import message_class
+
+_PATTERN = re.compile(r"([A-Za-z0-9_]+)\.([A-Za-z0-9_]+)(?:\[(\d+)\])?")
+
+
+class Field(NamedTuple):
+    """Which number of which message."""
+
+    message: str
+    """-; name of the message"""
+    name: str
+    """-; of its field"""
+    element: int | None = None
+    """-; of an element of an array"""
+    unit: str = ""
+    """-; of the wire"""
+
+    @property
+    def path(self) -> str:
+        """As it is written."""
+        return f"{self.message}.{self.name}" + ("" if self.element is None else f"[{self.element}]")
+
+    def value(self, message: Any) -> Any:
+        """The field of a message of this kind: a number, a text, or a list."""
+        value = getattr(message, self.name)
+        return value if self.element is None else value[self.element]
+
+
+def parse_field(text: str) -> Field:
+    """The field that ``text`` names, in any case.
+
+    Raises:
+        BadInput: not MESSAGE.FIELD, an unknown message, or a field that it does not have; the text says which it has.
+    """
+    match = _PATTERN.fullmatch(text.strip())
+    if match is None:
+        raise BadInput(f"{text!r} is not MESSAGE.FIELD, such as ATTITUDE.pitch")
+    message, name, index = match[1].upper(), match[2].lower(), match[3]
+    kind = message_class(message)
+    if kind is None:
+        raise BadInput(f"there is no message {message}{_nearest(message)}")
+    names = {field.lower(): field for field in kind.fieldnames}
+    if name not in names:
+        raise BadInput(f"{message} has no field {match[2]!r}; it has {', '.join(kind.fieldnames)}")
+    length = _length(kind, names[name])
+    if (index is not None) != bool(length) or (index is not None and int(index) >= length):
+        wanted = f"an array of {length}: {message}.{names[name]}[0]" if length else "no array"
+        raise BadInput(f"{message}.{names[name]} is {wanted}")
+    unit = kind.fieldunits_by_name.get(names[name], "")
+    return Field(message, names[name], None if index is None else int(index), unit)
+
+
+def _length(kind: Any, name: str) -> int:
+    """Elements of an array of numbers; 0 for a single value or a text."""
+    if kind.fieldtypes[kind.fieldnames.index(name)] == "char":
+        return 0
+    return int(kind.array_lengths[kind.ordered_fieldnames.index(name)])
+
+
+def _nearest(message: str) -> str:
+    from avionics.link.dialect import mavlink
+
+    names = [kind.msgname for kind in mavlink.mavlink_map.values()]
+    near = difflib.get_close_matches(message, names, n=3)
+    return f"; near it are {', '.join(near)}" if near else ""

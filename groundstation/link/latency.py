@@ -1,0 +1,51 @@
+"""How long a question takes to the vehicle and back: TIMESYNC, and PING for who does not answer it."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from typing import Any
+
+from avionics.link.dialect import mavlink
+
+PERIOD = 1.0
+"""s; between two questions"""
+PENDING = 16
+"""questions whose answer may still come"""
+
+
+class Latency:
+    """Asks once a second; the median of the last answers is the latency."""
+
+    def __init__(self) -> None:
+        self._asked_at = float("-inf")
+        self._questions: deque[int] = deque(maxlen=PENDING)
+        self._trips: deque[tuple[float, float]] = deque(maxlen=7)
+        self._number = 0
+
+    def questions(self, now: float) -> tuple[Any, ...]:
+        """What to send at ``now`` (s, monotonic)."""
+        if now - self._asked_at < PERIOD:
+            return ()
+        self._asked_at = now
+        self._number += 1
+        stamp = round(now * 1e9)
+        self._questions.append(stamp)
+        sync = mavlink.MAVLink_timesync_message(0, stamp)
+        return sync, mavlink.MAVLink_ping_message(stamp // 1000, self._number, 0, 0)
+
+    def hear(self, message: Any, now: float) -> None:
+        """Take any message; only an answer to a question of ours counts."""
+        kind = message.get_type()
+        if kind == "TIMESYNC" and message.tc1 != 0 and message.ts1 in self._questions:
+            self._trips.append((now, now - message.ts1 * 1e-9))
+        elif kind == "PING" and message.target_system and self._is_ours(message):
+            self._trips.append((now, now - message.time_usec * 1e-6))
+
+    def _is_ours(self, ping: Any) -> bool:
+        return any(stamp // 1000 == ping.time_usec for stamp in self._questions)
+
+    def value(self, now: float) -> float | None:
+        """s; there and back, None where nobody answered for ten seconds."""
+        lately = [trip for at, trip in self._trips if now - at <= 10.0]
+        return statistics.median(lately) if lately else None

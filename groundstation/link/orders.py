@@ -1,0 +1,102 @@
+"""What a person orders a vehicle to do, as the conversation that does it; a command line and a screen share them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from avionics.link.dialect import mavlink
+from avionics.link.vehicle import Home
+from avionics.quantities import BadInput
+from groundstation.link import modes
+from groundstation.link.commands import CommandExchange
+from groundstation.link.connection import Connection
+from groundstation.link.exchange import Exchange, Target
+from groundstation.link.mode_change import ModeChange, change_mode
+from groundstation.link.vehicle_state import VehicleState
+
+FORCE = 21196.0
+"""MAVLink's magic number that disarms in flight"""
+CHANGE_MODE = 1.0
+"""MAV_DO_REPOSITION_FLAGS: change into the mode that flies to a place"""
+
+
+def arm(target: Target) -> CommandExchange:
+    """Let the wings move."""
+    return CommandExchange(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0, 0.0))
+
+
+def disarm(target: Target, force: bool = False) -> CommandExchange:
+    """Stop the wings; with ``force`` even in flight."""
+    return CommandExchange(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE if force else 0.0))
+
+
+def kill(target: Target) -> CommandExchange:
+    """Stop the wings wherever they are."""
+    return disarm(target, force=True)
+
+
+def return_home(connection: Connection) -> Exchange:
+    """Come back: the command, which every autopilot has."""
+    return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+
+def land(connection: Connection) -> Exchange:
+    """Land here."""
+    return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_LAND)
+
+
+def change_to(connection: Connection, name: str) -> ModeChange:
+    """Change to a mode by its name, in any case, with spaces, dashes or underscores.
+
+    Raises:
+        BadInput: the vehicle has no such mode; the text says which it has.
+    """
+    known, wanted = modes.known_modes(connection.state), canonical(name)
+    if wanted not in known:
+        raise BadInput(f"the vehicle has no mode {name!r}; it has {', '.join(sorted(known)) or 'none it names'}")
+    return change_mode(connection.target, known[wanted], modes.uses_main_and_sub(connection.state))
+
+
+def canonical(name: str) -> str:
+    """A mode's name as the tables spell it."""
+    return name.upper().replace(" ", "_").replace("-", "_")
+
+
+class Place(NamedTuple):
+    """Where to fly."""
+
+    latitude: float
+    """degrees; WGS-84"""
+    longitude: float
+    """degrees; WGS-84"""
+    altitude: float
+    """m; above home"""
+    radius: float = math.nan
+    """m; of the circle there, NaN for the vehicle's own"""
+
+
+def counts_from_the_sea(state: VehicleState) -> bool:
+    """Whether commands give altitudes above the sea, as PX4 takes them whatever the frame says."""
+    return state.autopilot == modes.PX4
+
+
+def takeoff(connection: Connection, altitude: float, home: Home | None) -> CommandExchange:
+    """Climb to ``altitude`` (m above home); ``home`` for who counts from the sea."""
+    if home is None:
+        return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 6 + (altitude,))
+    here = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, home.altitude + altitude)
+    return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_TAKEOFF, here)
+
+
+def go_to(connection: Connection, place: Place, home: Home | None) -> CommandExchange:
+    """Fly to ``place`` and circle there; ``home`` for who counts from the sea."""
+    frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT if home is None else mavlink.MAV_FRAME_GLOBAL
+    altitude = place.altitude + (0.0 if home is None else home.altitude)
+    x, y = (float(round(1e7 * angle)) for angle in (place.latitude, place.longitude))
+    # ArduPilot takes no NaN for a radius or a direction of circling; 0 is its own.
+    ardupilot = connection.state.autopilot == modes.ARDUPILOT
+    radius = 0.0 if ardupilot and math.isnan(place.radius) else place.radius
+    heading = 0.0 if ardupilot else math.nan
+    parameters = (-1.0, CHANGE_MODE, radius, heading, x, y, altitude)
+    return CommandExchange(connection.target, mavlink.MAV_CMD_DO_REPOSITION, parameters, frame=frame)

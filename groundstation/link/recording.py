@@ -1,0 +1,221 @@
+"""Everything that is heard on a link, in an MCAP file that opens like a vehicle's log.
+
+Each kind of message has a channel ``/mavlink/NAME``; what no dialect knows is in ``/mavlink/unknown`` as it came,
+what we sent in ``/ground/sent``; the vehicle's own topics are beside them as far as its telemetry gives them.
+Times are those of the vehicle: by its stamps, and between them by the ground's clock. A vehicle that boots anew
+begins a file.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.messages import Event
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from groundstation.link import mavlink_topics, modes, vehicle_topics
+from groundstation.link.frames import Arrival
+from groundstation.link.vehicle_state import VehicleState, new_events, receive
+from logs.codecs import Document
+from logs.names import RECORDINGS, new_recording
+from logs.recorder import McapRecorder
+
+PATIENCE = 3.0
+"""s; that a vehicle has to say who it is and what time it has, before the file is begun without"""
+REBOOT = 5.0
+"""s; a stamp that is this much behind is that of a vehicle which booted anew"""
+SENT = Topic("/ground/sent", Document, mavlink_topics.FIRST_CHANNEL, 0.0, deterministic=False)
+UNKNOWN = Topic("/mavlink/unknown", Document, mavlink_topics.FIRST_CHANNEL + 1, 0.0, deterministic=False)
+ROUTINE = frozenset(("HEARTBEAT", "TIMESYNC", "PING"))
+"""what we send every second, which is not kept"""
+STATEFUL = frozenset(("HEARTBEAT", "STATUSTEXT", "SYSTEM_TIME", "GLOBAL_POSITION_INT"))
+"""messages that others are read with"""
+
+
+class Where(NamedTuple):
+    """Where a recording goes, and when it begins."""
+
+    url: str
+    """-; of the link, noted in the file"""
+    file: Path | None = None
+    """of the first recording; one with a name of its own in ``folder`` when not given"""
+    folder: Path = RECORDINGS
+    after: float = 0.0
+    """s; shorter than this leaves no file; longer is kept from its beginning"""
+
+
+class VehicleTime:
+    """The vehicle's clock as the ground knows it: from one ``time_boot_ms`` to the next."""
+
+    def __init__(self) -> None:
+        self.offset: float | None = None
+        """s; of the vehicle's clock before the ground's"""
+        self._last: dict[int, float] = {}
+
+    def read(self, arrival: Arrival) -> bool:
+        """Take a stamp, where there is one; True when the vehicle has booted anew."""
+        stamp = boot_stamp(arrival.message)
+        if stamp is None:
+            return False
+        offset = stamp - arrival.at
+        anew = self.offset is not None and offset < self.offset - REBOOT
+        self.offset = offset
+        return anew
+
+    def of(self, arrival: Arrival) -> int:
+        """us since boot of a message: its stamp, or the ground's time; that never runs backwards in one channel."""
+        stamp = self._stamp(arrival)
+        number = arrival.frame.message_id
+        at = max(self.at(arrival.at), self._last.get(number, 0.0)) if stamp is None else stamp
+        self._last[number] = at
+        return round(at * 1e6)
+
+    def _stamp(self, arrival: Arrival) -> float | None:
+        """s since boot; of ``time_usec``, which counts from other moments too, only where it can be from boot."""
+        stamp = boot_stamp(arrival.message)
+        microseconds = getattr(arrival.message, "time_usec", None)
+        if stamp is not None or not microseconds:
+            return stamp
+        return microseconds * 1e-6 if abs(microseconds * 1e-6 - self.at(arrival.at)) < REBOOT else None
+
+    def at(self, now: float) -> float:
+        """s since boot, at ``now`` of the ground's clock."""
+        return max(now + (self.offset or 0.0), 0.0)
+
+
+def boot_stamp(message: Any | None) -> float | None:
+    """s since boot that a message was stamped with; None without such a stamp.
+
+    SYSTEM_TIME is passed over: our vehicle stamps with it what it says next, which may be older.
+    """
+    if message is None or message.get_type() == "SYSTEM_TIME":
+        return None
+    milliseconds = getattr(message, "time_boot_ms", None)
+    return milliseconds * 1e-3 if milliseconds else None
+
+
+class Recording:
+    """Takes every frame and every message of ours; never raises while it does."""
+
+    def __init__(self, where: Where, epoch_ns: Callable[[], int] = time.time_ns) -> None:
+        self.where = where
+        self.failure = ""
+        """-; why nothing is recorded, one line"""
+        self.messages = 0
+        """-; written, those that make up the vehicle's topics aside"""
+        self._epoch_ns = epoch_ns
+        self._recorder: McapRecorder | None = None
+        self._waiting: list[Arrival] = []
+        self._time = VehicleTime()
+        self._state = VehicleState()
+        self._said = 0
+        self._topics: dict[int, Topic] = {}
+
+    @property
+    def path(self) -> Path | None:
+        """The file that is written, None before the first."""
+        return None if self._recorder is None else self._recorder.path
+
+    def hear(self, arrival: Arrival) -> None:
+        """Take one frame."""
+        if self.failure:
+            return
+        ours = arrival.frame.system == self._state.system
+        if ours and self._time.read(arrival) and self._recorder is not None:
+            self._begin_anew()
+        if arrival.message is not None and arrival.message.get_type() in STATEFUL:
+            self._state = receive(self._state, arrival.message, arrival.at)
+        if self._recorder is not None:
+            self._record(arrival)
+            return
+        self._waiting.append(arrival)
+        if self._is_ready(arrival.at):
+            self._begin(arrival.at)
+
+    def sent(self, message: Any) -> None:
+        """Take one message of ours; those of every second are not kept."""
+        if self._recorder is None or message.get_type() in ROUTINE:
+            return
+        values = {"message": message.get_type(), **mavlink_topics.document(message)}
+        now = (self._epoch_ns() - self._recorder.start_epoch_ns) // 1000
+        self._recorder.record(SENT, Document(max(now, 0), values))
+
+    def close(self) -> None:
+        """Finish the file; what was too short for one is forgotten."""
+        if self._recorder is not None:
+            self._recorder.close()
+            self.failure = self.failure or self._recorder.failure
+
+    def _is_ready(self, now: float) -> bool:
+        waited = now - self._waiting[0].at
+        known = self._state.system is not None and self._time.offset is not None
+        return waited >= self.where.after and (known or waited >= PATIENCE)
+
+    def _begin(self, now: float) -> None:
+        try:
+            self._recorder = self._open(now)
+        except BadInput as reason:
+            self.failure = str(reason)
+            self._waiting = []
+            return
+        waiting, self._waiting = self._waiting, []
+        for arrival in waiting:
+            self._record(arrival)
+
+    def _open(self, now: float) -> McapRecorder:
+        state = self._state
+        name = "link" if state.system is None else f"{modes.type_name(state.vehicle_type)}-{state.system}"
+        path = self.where.file or new_recording(f"gcs-{name.replace(' ', '_')}", folder=self.where.folder)
+        if self._time.offset is None:
+            self._time.offset = -self._waiting[0].at
+        boot_ns = self._epoch_ns() - round(self._time.at(now) * 1e9)
+        recorder = McapRecorder(path, start_epoch_ns=boot_ns)
+        autopilot = modes.autopilot_name(state.autopilot)
+        notes = {"version": version("wingbeat"), "url": self.where.url, "vehicle": name, "autopilot": autopilot}
+        recorder.note("wingbeat.groundstation", notes)
+        return recorder
+
+    def _begin_anew(self) -> None:
+        """A file for every boot: what the vehicle's clock counts from is one moment in each."""
+        assert self._recorder is not None
+        self._recorder.close()
+        self._recorder = None
+        self._topics = {}
+        offset, self._time = self._time.offset, VehicleTime()
+        self._time.offset = offset
+        self.where = self.where._replace(file=None, after=0.0)
+
+    def _record(self, arrival: Arrival) -> None:
+        assert self._recorder is not None
+        self.messages += 1
+        time_us = self._time.of(arrival)
+        message, frame = arrival.message, arrival.frame
+        if message is None:
+            values = {"id": frame.message_id, "system": frame.system, "component": frame.component}
+            self._recorder.record(UNKNOWN, Document(time_us, {**values, "frame": frame.raw.hex()}))
+            return
+        topic = self._topic(frame.message_id, message)
+        self._recorder.record(topic, mavlink_topics.encode(topic, message, time_us))
+        if frame.system == self._state.system:
+            self._record_as_vehicle(message, time_us)
+
+    def _topic(self, number: int, message: Any) -> Topic:
+        topic = self._topics.get(number)
+        if topic is None:
+            channel = UNKNOWN.channel + 1 + len(self._topics)
+            topic = self._topics[number] = mavlink_topics.topic_of(type(message), channel)
+        return topic
+
+    def _record_as_vehicle(self, message: Any, time_us: int) -> None:
+        assert self._recorder is not None
+        entry = vehicle_topics.entry_of(message, time_us, self._state)
+        if entry is not None:
+            self._recorder.record(entry.topic, entry.message)
+        for heard in new_events(self._state, self._said):
+            at = time_us if heard.time is None else round(heard.time * 1e6)
+            self._recorder.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
+        self._said = self._state.said

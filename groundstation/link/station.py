@@ -1,0 +1,119 @@
+"""A ground station: a connection, what goes by on it, and what it asks a vehicle about by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from groundstation.link.connection import Connection
+from groundstation.link.exchange import Exchange
+from groundstation.link.frames import Arrival
+from groundstation.link.latency import Latency
+from groundstation.link.missions import Item, MissionDownload
+from groundstation.link.mode_change import ModeNames, request_mode_names
+from groundstation.link.traffic import Quality, Traffic
+from groundstation.link.vehicle_state import VehicleState
+
+NOTES_KEPT = 50
+
+
+class Note(NamedTuple):
+    """A line of the ground's own: what became of a command."""
+
+    time: float | None
+    """s; of the vehicle since boot"""
+    text: str
+    """-; one line"""
+    failed: bool = False
+    """-; True when it was refused or not answered"""
+
+
+class Picture(NamedTuple):
+    """Everything that a view shows, as it was at one moment."""
+
+    url: str = ""
+    state: VehicleState = VehicleState()
+    quality: Quality = Quality()
+    silence: float | None = None
+    """s; since the last message of the vehicle, None before the first"""
+    mission: tuple[Item, ...] = ()
+    """what is aboard, as far as it was asked for"""
+    notes: tuple[Note, ...] = ()
+    """of the ground, oldest first"""
+    busy: str = ""
+    """-; what is being asked of the vehicle, empty for nothing"""
+    recording: Path | None = None
+    """where what is heard goes"""
+
+
+class Station:
+    """Polled often by whoever shows it; `picture` is a value."""
+
+    def __init__(self, connection: Connection, clock: Callable[[], float] = time.monotonic) -> None:
+        self.connection = connection
+        self.traffic = Traffic()
+        self.recording: Callable[[], Path | None] = lambda: None
+        self._clock = clock
+        self._latency = Latency()
+        self._mission: tuple[Item, ...] = ()
+        self._notes: tuple[Note, ...] = ()
+        self._asked = False
+        self._running: list[tuple[str, Exchange]] = []
+        connection.overhear(self._hear)
+
+    def _hear(self, arrival: Arrival) -> None:
+        self.traffic.hear(arrival)
+        if arrival.message is not None:
+            self._latency.hear(arrival.message, arrival.at)
+
+    def poll(self) -> bool:
+        """Take what has come and ask what is due; whether anything came."""
+        heard = bool(self.connection.receive())
+        for question in self._latency.questions(self._clock()):
+            self.connection.send(question)
+        if not self._asked and self.connection.state.system is not None:
+            self._asked = True
+            self.connection.begin(request_mode_names(self.connection.target), self._ask_mission)
+        return heard
+
+    def _ask_mission(self, names: ModeNames) -> None:
+        self.read_mission()
+
+    def read_mission(self) -> None:
+        """Ask for the mission aboard; `Picture.mission` has it once it is whole."""
+        self.connection.begin(MissionDownload(self.connection.target), self._take_mission)
+
+    def _take_mission(self, download: MissionDownload) -> None:
+        if not download.failure:
+            self._mission = download.items
+
+    def command(self, label: str, exchange: Exchange, done: str) -> None:
+        """Begin a conversation that a person asked for; what becomes of it is noted."""
+        running = [entry for entry in self._running if entry[0] != label]
+        self._running = [*running, (label, exchange)]
+        self.connection.begin(exchange, lambda ended: self._end(label, ended, done))
+
+    def _end(self, label: str, ended: Exchange, done: str) -> None:
+        self._running = [entry for entry in self._running if entry[0] != label]
+        self.note(ended.failure or done, failed=bool(ended.failure))
+
+    def note(self, text: str, failed: bool = False) -> None:
+        """Add a line of the ground's own."""
+        self._notes = (*self._notes, Note(self.connection.state.time, text, failed))[-NOTES_KEPT:]
+
+    def picture(self) -> Picture:
+        """What is known now."""
+        now, state = self._clock(), self.connection.state
+        quality = self.traffic.quality(now)
+        return Picture(
+            self.connection.url,
+            state,
+            quality._replace(latency=self._latency.value(now), bad_bytes=self.connection.bad_bytes),
+            None if state.heard_at is None else now - state.heard_at,
+            self._mission,
+            self._notes,
+            ", ".join(label for label, _ in self._running),
+            self.recording(),
+        )

@@ -1,0 +1,139 @@
+"""The vehicle's own topics as far as telemetry gives them, so that a ground station's log opens like a vehicle's.
+
+What telemetry does not carry is NaN, a flag or count 0. Rates are telemetry's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from avionics import messages as m
+from avionics import topics as t
+from avionics.link.vehicle import PX4_STYLE
+from avionics.topics import Topic
+from groundstation.link.vehicle_state import VehicleState
+
+NAN = math.nan
+_NO_SPEED = 65535
+
+
+class Entry(NamedTuple):
+    """One message for the log."""
+
+    topic: Topic
+    message: Any
+
+
+Builder = Callable[[Any, int, VehicleState], Any]
+"""(MAVLink message, us since boot, what is known of the vehicle) to a message of the topic, None for none"""
+
+
+def _attitude(message: Any, time_us: int, state: VehicleState) -> m.Attitude:
+    turn = (message.roll, message.pitch, message.yaw, message.rollspeed, message.pitchspeed, message.yawspeed)
+    unknown = (NAN,) * 9
+    return m.Attitude(time_us, *turn, *_quaternion(message.roll, message.pitch, message.yaw), *unknown, 0, 0)
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """w, x, y, z of r_ned_from_frd, from the angles of yaw, pitch, roll in turn."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * angle), math.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def _altitude(message: Any, time_us: int, state: VehicleState) -> m.Altitude:
+    return m.Altitude(time_us, message.relative_alt * 1e-3, -message.vz * 1e-2, NAN, NAN, NAN, NAN)
+
+
+def _position(message: Any, time_us: int, state: VehicleState) -> m.Position:
+    place = (message.x, message.y, message.vx, message.vy)
+    globe = (state.latitude or 0.0, state.longitude or 0.0)
+    return m.Position(time_us, *place, NAN, NAN, *globe, NAN, 1)
+
+
+def _air_data(message: Any, time_us: int, state: VehicleState) -> m.AirData | None:
+    """Of our own vehicle alone: what others call airspeed there is indicated, not true."""
+    if state.autopilot != 0:
+        return None
+    return m.AirData(time_us, message.airspeed, NAN, NAN, NAN, NAN, NAN, NAN)
+
+
+def _gps(message: Any, time_us: int, state: VehicleState) -> m.GpsFix:
+    course, speed = math.radians(message.cog * 1e-2), message.vel * 1e-2
+    known = message.vel != _NO_SPEED and message.cog != _NO_SPEED
+    north, east = (speed * math.cos(course), speed * math.sin(course)) if known else (NAN, NAN)
+    horizontal, vertical = (mm * 1e-3 if mm else NAN for mm in (message.h_acc, message.v_acc))
+    satellites = 0 if message.satellites_visible == 255 else message.satellites_visible
+    return m.GpsFix(
+        time_us,
+        math.radians(message.lat * 1e-7),
+        math.radians(message.lon * 1e-7),
+        message.alt * 1e-3,
+        north,
+        east,
+        NAN,
+        horizontal,
+        vertical,
+        message.fix_type,
+        satellites,
+    )
+
+
+def _navigation(message: Any, time_us: int, state: VehicleState) -> m.NavigationStatus:
+    known = {numbers.custom_mode: numbers.mode for numbers in PX4_STYLE}
+    mode: Any = known.get(state.custom_mode or 0, 0)
+    return m.NavigationStatus(
+        time_us,
+        mode,
+        message.stage,
+        int(bool(state.armed)),
+        message.item,
+        message.distance,
+        message.cross_track,
+        message.altitude_setpoint,
+        message.heading_setpoint,
+        message.frozen,
+    )
+
+
+def _same_names(kind: Any) -> Builder:
+    """A message of our dialect whose fields have the names of the topic's."""
+
+    def build(message: Any, time_us: int, state: VehicleState) -> Any:
+        return kind(time_us, *(getattr(message, name) for name in kind._fields[1:]))
+
+    return build
+
+
+def _as_heard(topic: Topic) -> Topic:
+    return topic._replace(rate=topic.telemetry_rate, deterministic=False)
+
+
+EVENTS = _as_heard(t.EVENTS)
+BUILDERS: dict[str, tuple[Topic, Builder]] = {
+    "ATTITUDE": (_as_heard(t.ATTITUDE), _attitude),
+    "GLOBAL_POSITION_INT": (_as_heard(t.ALTITUDE), _altitude),
+    "LOCAL_POSITION_NED": (_as_heard(t.POSITION), _position),
+    "VFR_HUD": (_as_heard(t.AIR_DATA), _air_data),
+    "GPS_RAW_INT": (_as_heard(t.GPS), _gps),
+    "WINGBEAT_WING_STATE": (_as_heard(t.WING), _same_names(m.WingState)),
+    "WINGBEAT_POWER": (_as_heard(t.POWER), _same_names(m.PowerState)),
+    "WINGBEAT_NAVIGATION": (_as_heard(t.NAVIGATION), _navigation),
+    "WINGBEAT_EXCITATION": (_as_heard(t.EXCITATION), _same_names(m.ExcitationStatus)),
+}
+"""MAVLink message to the topic that it gives, and how"""
+
+
+def entry_of(message: Any, time_us: int, state: VehicleState) -> Entry | None:
+    """What a MAVLink message gives of the vehicle's own topics, if anything."""
+    found = BUILDERS.get(message.get_type())
+    if found is None:
+        return None
+    built = found[1](message, time_us, state)
+    return None if built is None else Entry(found[0], built)

@@ -1,0 +1,65 @@
+"""Questions before something that cannot be undone, and the choice of a mode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Label, OptionList
+
+
+class Confirmation(ModalScreen[bool]):
+    """Asks one question; only ``y`` is a yes."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [("y", "answer(True)", "Yes"), ("n,escape", "answer(False)", "No")]
+
+    def __init__(self, question: str, warning: str = "") -> None:
+        super().__init__()
+        self._question, self._warning = question, warning
+
+    def compose(self) -> ComposeResult:
+        """The question, what it means, and the keys."""
+        with Vertical(classes="dialog"):
+            yield Label(self._question, classes="question")
+            if self._warning:
+                yield Label(self._warning, classes="warning")
+            yield Label("[b]y[/b] yes    [b]n[/b] no", classes="keys")
+
+    def action_answer(self, answer: bool) -> None:
+        """Close with the answer."""
+        self.dismiss(answer)
+
+
+class ModeChoice(ModalScreen[str | None]):
+    """The modes that the vehicle has."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [("escape", "leave", "Leave it")]
+
+    def __init__(self, names: Sequence[str], present: str) -> None:
+        super().__init__()
+        self._names, self._present = list(names), present
+
+    def compose(self) -> ComposeResult:
+        """A list of names, the present one chosen."""
+        with Vertical(classes="dialog"):
+            yield Label("flight mode", classes="question")
+            yield OptionList(*self._names)
+
+    def on_mount(self) -> None:
+        """Begin at the present mode."""
+        modes = self.query_one(OptionList)
+        if self._present in self._names:
+            modes.highlighted = self._names.index(self._present)
+        modes.focus()
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Close with the name."""
+        self.dismiss(self._names[event.option_index])
+
+    def action_leave(self) -> None:
+        """Close without a choice."""
+        self.dismiss(None)

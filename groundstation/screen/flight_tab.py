@@ -1,0 +1,57 @@
+"""The first tab: horizon and tapes, what was said below them, the panels beside them."""
+
+from __future__ import annotations
+
+from rich.console import RenderableType
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+
+from groundstation.link.station import Picture
+from groundstation.screen.panel import Panel
+from groundstation.views import panels
+from groundstation.views.horizon import horizon
+from groundstation.views.tape import AIRSPEED, ALTITUDE, tape
+
+
+class FlightTab(Horizontal):
+    """Everything that is watched in flight."""
+
+    def compose(self) -> ComposeResult:
+        """Instruments to the left, panels to the right."""
+        with Vertical(id="left"):
+            with Horizontal(id="instruments"):
+                yield Panel(airspeed, id="airspeed")
+                yield Panel(attitude, id="horizon")
+                yield Panel(altitude, id="altitude")
+            yield Panel(heading, id="heading")
+            yield Panel(panels.sayings, "messages", id="sayings")
+        with Vertical(id="right"):
+            yield Panel(panels.flapping, "wings", id="flapping")
+            yield Panel(panels.power, "power", id="power")
+            yield Panel(panels.mission, "mission", id="mission")
+            yield Panel(panels.link, "link", id="link")
+
+    def show(self, picture: Picture) -> None:
+        """Draw what is known now."""
+        for panel in self.query(Panel):
+            panel.show(picture)
+
+
+def airspeed(picture: Picture, columns: int, rows: int) -> RenderableType:
+    """The tape of airspeed."""
+    return tape(AIRSPEED, picture.state.airspeed, None, columns, rows)
+
+
+def altitude(picture: Picture, columns: int, rows: int) -> RenderableType:
+    """The tape of altitude, with its setpoint."""
+    return tape(ALTITUDE, picture.state.altitude, picture.state.altitude_setpoint, columns, rows)
+
+
+def attitude(picture: Picture, columns: int, rows: int) -> RenderableType:
+    """The artificial horizon."""
+    return horizon(picture.state.roll, picture.state.pitch, columns, rows)
+
+
+def heading(picture: Picture, columns: int, rows: int) -> RenderableType:
+    """Roll, pitch, heading and climb as numbers."""
+    return panels.heading(picture, columns)

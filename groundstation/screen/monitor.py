@@ -1,0 +1,190 @@
+"""The live screen: three tabs, a line of state above them, the keys below."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Iterable
+from typing import ClassVar
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.widgets import Footer, TabbedContent, TabPane
+
+from groundstation.link import modes
+from groundstation.link.exchange import Exchange
+from groundstation.link.orders import arm, change_to, disarm, kill, land, return_home
+from groundstation.link.station import Picture, Station
+from groundstation.screen.dialogs import Confirmation, ModeChoice
+from groundstation.screen.flight_tab import FlightTab
+from groundstation.screen.messages_tab import MessagesTab
+from groundstation.screen.panel import Panel
+from groundstation.screen.plots_tab import PlotsTab
+from groundstation.views import panels
+
+POLL = 0.01
+"""s; between two looks at the link"""
+REFRESH = 0.1
+"""s; between two pictures of the flight"""
+SLOW = 5
+"""pictures of the flight for one of the messages and plots"""
+
+
+class Monitor(App[None]):
+    """Shows a station and takes a person's keys."""
+
+    TITLE = "wingbeat gcs"
+    CSS_PATH = "monitor.tcss"
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("1", "tab('flight')", "Flight"),
+        Binding("2", "tab('messages')", "Messages"),
+        Binding("3", "tab('plots')", "Plots"),
+        Binding("a", "arm", "Arm"),
+        Binding("d", "disarm", "Disarm"),
+        Binding("m", "mode", "Mode"),
+        Binding("r", "return_home", "Return"),
+        Binding("l", "land", "Land"),
+        Binding("K", "kill", "Kill"),
+        Binding("p", "plot", "Plot"),
+        Binding("x", "drop_plot", "Drop plot", show=False),
+        Binding("u", "read_mission", "Read mission", show=False),
+        Binding("escape", "blur", "", show=False),
+        Binding("q", "quit", "Quit"),
+    ]
+
+    def __init__(
+        self, station: Station, plots: Iterable[str] = (), clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__()
+        self.station = station
+        self._plots = tuple(plots)
+        self._clock = clock
+        self._count = 0
+        self._noted = 0
+
+    def compose(self) -> ComposeResult:
+        """The line of state, the tabs, the keys."""
+        yield Panel(lambda picture, columns, rows: panels.status_line(picture, columns), id="status")
+        with TabbedContent(initial="flight"):
+            with TabPane("1 Flight", id="flight"):
+                yield FlightTab()
+            with TabPane("2 Messages", id="messages"):
+                yield MessagesTab()
+            with TabPane("3 Plots", id="plots"):
+                yield PlotsTab(self._plots, self._known_fields)
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Begin to listen and to draw."""
+        self.run_worker(self._listen(), exclusive=True)
+        self.set_interval(REFRESH, self.draw)
+        if self._plots:
+            self.action_tab("plots")
+
+    async def _listen(self) -> None:
+        while True:
+            self.station.poll()
+            await asyncio.sleep(POLL)
+
+    def draw(self) -> None:
+        """Draw the tab that is looked at, and the line above it."""
+        picture = self.station.picture()
+        self.query_one("#status", Panel).show(picture)
+        self._announce(picture)
+        self._count += 1
+        active = self.query_one(TabbedContent).active
+        if active == "flight":
+            self.query_one(FlightTab).show(picture)
+        elif self._count % SLOW == 0:
+            now = self._clock()
+            if active == "messages":
+                self.query_one(MessagesTab).show(self.station.traffic.rows(now))
+            else:
+                self.query_one(PlotsTab).show(self.station.traffic, now)
+
+    def _announce(self, picture: Picture) -> None:
+        """Tell what became of a command, whatever tab is looked at."""
+        for note in picture.notes[self._noted :]:
+            self.notify(note.text, severity="error" if note.failed else "information")
+        self._noted = len(picture.notes)
+
+    def _known_fields(self) -> list[str]:
+        rows = self.station.traffic.rows(self._clock())
+        return [f"{row.name}.{name}" for row in rows if row.message is not None for name in row.message.fieldnames]
+
+    # --- keys -------------------------------------------------------------------------------------------
+
+    def action_tab(self, name: str) -> None:
+        """Look at another tab."""
+        self.query_one(TabbedContent).active = name
+        self.screen.set_focus(self.query_one("#kinds") if name == "messages" else None)
+        self._count = -1  # draw it at once
+
+    def action_blur(self) -> None:
+        """Leave the line that is typed into."""
+        self.screen.set_focus(None)
+
+    def _confirmed(self, question: str, warning: str, order: Callable[[], None]) -> None:
+        def answered(yes: bool | None) -> None:
+            if yes:
+                order()
+
+        self.push_screen(Confirmation(question, warning), answered)
+
+    def _order(self, label: str, build: Callable[[Station], Exchange], done: str) -> None:
+        if self.station.connection.state.system is None:
+            self.notify("no vehicle is heard", severity="warning")
+            return
+        self.station.command(label, build(self.station), done)
+
+    def action_arm(self) -> None:
+        """Arm, after a yes."""
+        order = lambda: self._order("arm", lambda station: arm(station.connection.target), "armed")  # noqa: E731
+        self._confirmed("Arm?", "The wings may move at once.", order)
+
+    def action_disarm(self) -> None:
+        """Disarm; a vehicle in flight refuses."""
+        self._order("disarm", lambda station: disarm(station.connection.target), "disarmed")
+
+    def action_kill(self) -> None:
+        """Stop the wings wherever they are, after a yes."""
+        order = lambda: self._order("kill", lambda station: kill(station.connection.target), "killed")  # noqa: E731
+        self._confirmed("Kill?", "The wings stop at once. In flight it falls.", order)
+
+    def action_return_home(self) -> None:
+        """Come back and land or circle, as the vehicle does it."""
+        self._order("return", lambda station: return_home(station.connection), "returning")
+
+    def action_land(self) -> None:
+        """Land here."""
+        self._order("land", lambda station: land(station.connection), "landing")
+
+    def action_mode(self) -> None:
+        """Choose a mode."""
+        state = self.station.connection.state
+        names = sorted(modes.known_modes(state))
+
+        def chosen(name: str | None) -> None:
+            if name is not None:
+                self._order(f"mode {name}", lambda station: change_to(station.connection, name), f"mode {name}")
+
+        self.push_screen(ModeChoice(names, modes.mode_key(state)), chosen)
+
+    def action_read_mission(self) -> None:
+        """Ask for the mission aboard again."""
+        self.station.read_mission()
+
+    def action_plot(self) -> None:
+        """Name a field to plot."""
+        self.action_tab("plots")
+        self.query_one(PlotsTab).ask()
+
+    async def action_drop_plot(self) -> None:
+        """Take the last plot away."""
+        await self.query_one(PlotsTab).drop()
+
+    async def on_messages_tab_chosen(self, event: MessagesTab.Chosen) -> None:
+        """Plot a field of the inspector."""
+        await self.query_one(PlotsTab).add(event.path)
+        self.action_tab("plots")

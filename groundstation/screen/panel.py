@@ -1,0 +1,33 @@
+"""A widget that shows a view: a pure function from what is known and the room there is to a renderable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rich.console import RenderableType
+from textual.widget import Widget
+
+from groundstation.link.station import Picture
+
+View = Callable[[Picture, int, int], RenderableType]
+"""(what is known, columns, rows) to what is drawn"""
+
+
+class Panel(Widget):
+    """One view in a frame of its own; ``show`` draws it anew."""
+
+    def __init__(self, view: View, title: str = "", id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._view = view
+        self._picture = Picture()
+        self.border_title = title
+
+    def show(self, picture: Picture) -> None:
+        """Draw what is known now."""
+        self._picture = picture
+        self.refresh()
+
+    def render(self) -> RenderableType:
+        """The view, as large as the widget."""
+        columns, rows = self.content_size
+        return self._view(self._picture, columns, rows) if columns > 0 and rows > 0 else ""

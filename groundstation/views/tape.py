@@ -1,0 +1,66 @@
+"""Tapes: a scale that runs past a window with the value in it, as for airspeed and altitude."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rich.text import Text
+
+from groundstation.views import wording
+
+INK = "#aab4c0"
+WINDOW = "bold #0b0e12 on #ffcc33"
+BUG = "bold #d16ad1"
+FAINT = "#5b6672"
+
+
+class Scale(NamedTuple):
+    """How a tape is divided."""
+
+    heading: str
+    """-; what it shows"""
+    unit: str
+    """-; written under the heading"""
+    row: float
+    """in the unit; to a row"""
+    mark: int
+    """rows from one number to the next"""
+    layout: str = ".1f"
+    """-; format of the value in the window"""
+    lowest: float = -math.inf
+    """in the unit; nothing is below it"""
+
+
+AIRSPEED = Scale("airspeed", "m/s", 0.5, 2, lowest=0.0)
+ALTITUDE = Scale("altitude", "m", 1.0, 5)
+
+
+def tape(scale: Scale, value: float | None, wanted: float | None, columns: int, rows: int) -> Text:
+    """The tape with ``value`` in the middle and a bug at ``wanted`` (both in the scale's unit, None for unknown)."""
+    heading = Text(f"{scale.heading:^{columns}}\n", style=INK, no_wrap=True, end="")
+    heading.append(f"{scale.unit:^{columns}}", style=FAINT)
+    known = value is not None and math.isfinite(value)
+    middle = rows // 2 - 2  # level with the middle of the horizon beside it
+    base = round(value / scale.row) if value is not None and known else 0
+    for row in range(rows - 2):
+        heading.append("\n")
+        if row == middle:
+            heading.append(f" {wording.number(value, 'z' + scale.layout):^{columns - 2}} ", style=WINDOW)
+        elif known:
+            _row(heading, scale, base + middle - row, wanted, columns)
+    return heading
+
+
+def _row(text: Text, scale: Scale, number: int, wanted: float | None, columns: int) -> None:
+    """One row of the scale: a number at every mark, a tick elsewhere, the bug where the setpoint is."""
+    here = number * scale.row
+    if here < scale.lowest:
+        return
+    marked = number % scale.mark == 0
+    label = f"{here:.0f}" if marked else ""
+    text.append(f"{label:>{columns - 3}} ", style=INK)
+    if wanted is not None and math.isfinite(wanted) and round(wanted / scale.row) == number:
+        text.append("◀", style=BUG)
+    else:
+        text.append("┤" if marked else "╷", style=FAINT)
