@@ -137,6 +137,7 @@ class Connection:
     def send(self, message: Any) -> None:
         """Send one message to the vehicle."""
         self._transport.send(message.pack(self._packer))
+        self._packer.seq = (self._packer.seq + 1) % 256  # by which the vehicle counts what it does not hear of us
         for sent in self._senders:
             sent(message)
 

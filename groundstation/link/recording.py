@@ -146,6 +146,8 @@ class Recording:
 
     def close(self) -> None:
         """Finish the file; what was too short for one is forgotten."""
+        if self._waiting and self._waiting[-1].at - self._waiting[0].at >= self.where.after:
+            self._begin(self._waiting[-1].at)
         if self._recorder is not None:
             self._recorder.close()
             self.failure = self.failure or self._recorder.failure

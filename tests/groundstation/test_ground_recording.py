@@ -1,0 +1,186 @@
+"""What a ground station heard, in a file that opens like a vehicle's log."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign_vehicles import ekf_report
+from lossy_vehicle import LossyVehicle, on_the_air
+
+from avionics.link.dialect import mavlink
+from groundstation.command.main import main
+from groundstation.link.frames import Arrival, GroundReader, read
+from groundstation.link.recording import Recording, Where
+from logs.info import summary
+from logs.reader import open_log
+
+HEARTBEAT = (16, 0, 129, 4 << 16 | 4 << 24, 4, 3)
+EPOCH = 1_700_000_000_000_000_000
+
+
+class Ground:
+    """A recording whose clock and vehicle are ours."""
+
+    def __init__(self, folder: Path, **where: Any) -> None:
+        self.now = 500.0
+        self.recording = Recording(Where("udpin:test", folder=folder, **where), epoch_ns=self.epoch_ns)
+        self._packer = mavlink.MAVLink(None, 1, 1)
+        self._reader = GroundReader()
+
+    def epoch_ns(self) -> int:
+        return EPOCH + round((self.now - 500.0) * 1e9)
+
+    def hear(self, *messages: Any) -> None:
+        for message in messages:
+            self.raw(message.pack(self._packer))
+
+    def raw(self, data: bytes) -> None:
+        for frame in self._reader.feed(data):
+            self.recording.hear(Arrival(frame, read(frame), self.now))
+
+    def fly(self, seconds: float, boot: float = 0.0) -> None:
+        """HEARTBEAT and ATTITUDE at 10 Hz of a vehicle whose clock is ``boot`` s old."""
+        for tick in range(round(10 * seconds)):
+            stamp = round(1000 * (boot + 0.1 * tick)) + 1
+            self.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+            self.hear(mavlink.MAVLink_attitude_message(stamp, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
+            self.now += 0.1
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
+
+
+def test_telemetry_is_in_the_vehicles_own_topics_with_the_vehicles_time(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(3.0, boot=60.0)
+    ground.hear(mavlink.MAVLink_global_position_int_message(63_050, 0, 0, 0, 40_250, 0, 0, -150, 0))
+    ground.hear(
+        mavlink.MAVLink_wingbeat_wing_state_message(63_050, 0.1, 0.2, 1.0, 2.0, 0.5, 4.2, 0.9, 1.0, 0, 0.5, 7, 1)
+    )
+    ground.recording.close()
+    (file,) = files(tmp_path)
+    assert file.name.startswith("gcs-flapping_wing-1-")
+    with open_log(file) as log:
+        turn = log.columns("/attitude/ahrs")
+        assert turn.time[0] == pytest.approx(60.001) and np.all(np.diff(turn.time) > 0.0)
+        assert turn["pitch"][0] == pytest.approx(0.2) and turn.units["pitch"] == "rad"
+        q = [turn[f"quaternion_{axis}"][0] for axis in "wxyz"]
+        # The third row of the matrix: earth's down in body axes has -sin(pitch) along the nose.
+        assert 2 * (q[1] * q[3] - q[2] * q[0]) == pytest.approx(-math.sin(0.2))
+        assert math.isnan(turn["bias_x"][0])
+        height = log.columns("/main/altitude")
+        assert (height["altitude"][0], height["climb_rate"][0]) == (40.25, 1.5)
+        assert log.columns("/main/wing")["frequency"][0] == pytest.approx(4.2)
+        document = summary(log)
+        assert log.boot_ns == pytest.approx(EPOCH - 60.0e9, abs=0.2e9)
+    assert document["vehicle"] == "flapping wing-1" and document["complete"]
+
+
+def test_every_message_has_a_channel_with_units_and_labels(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(0.5)
+    ground.hear(mavlink.MAVLink_param_value_message(b"PITCH_P", 0.5, 9, 40, 3))
+    ground.hear(mavlink.MAVLink_battery_status_message(0, 0, 1, 32767, [8000, *[65535] * 9], 150, 0, 0, 90))
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        turn = log.columns("/mavlink/ATTITUDE")
+        assert turn.units["rollspeed"] == "rad/s" and turn["roll"][0] == pytest.approx(0.3)
+        beat = log.columns("/mavlink/HEARTBEAT")
+        assert len(beat.time) == 5 and beat["custom_mode"][0] == HEARTBEAT[3]
+        assert log.columns("/mavlink/BATTERY_STATUS")["voltages"][0].tolist() == [8000, *[65535] * 9]
+        assert log.topics["/mavlink/PARAM_VALUE"].messages == 1
+
+
+def test_foreign_and_unknown_messages_are_kept(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(0.5)
+    ground.hear(ekf_report())
+    ground.raw(bytes([0xFD, 3, 0, 0, 9, 1, 1, 0xFF, 0xFF, 0x77, 1, 2, 3, 0xAA, 0xBB]))
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        assert log.columns("/mavlink/EKF_STATUS_REPORT")["pos_horiz_variance"][0] == pytest.approx(0.2)
+        assert log.topics["/mavlink/unknown"].messages == 1
+
+
+def test_what_is_said_is_an_event_with_its_own_time(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(1.0, boot=20.0)
+    ground.hear(mavlink.MAVLink_system_time_message(0, 19_500), mavlink.MAVLink_statustext_message(4, b"wind"))
+    ground.fly(0.5, boot=21.0)
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        (event,) = log.events()
+        assert (event.time_us, event.severity.name, event.text) == (19_500_000, "WARNING", "wind")
+
+
+def test_shorter_than_asked_leaves_no_file_and_longer_is_kept_from_the_beginning(tmp_path: Path) -> None:
+    short = Ground(tmp_path, after=5.0)
+    short.fly(4.0)
+    short.recording.close()
+    assert files(tmp_path) == []
+    longer = Ground(tmp_path, after=5.0)
+    longer.fly(6.0)
+    longer.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        assert log.topics["/mavlink/HEARTBEAT"].messages == 60
+
+
+def test_a_vehicle_that_boots_anew_begins_a_file_and_none_is_overwritten(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(2.0, boot=100.0)
+    ground.fly(2.0, boot=1.0)
+    ground.recording.close()
+    first, second = files(tmp_path)
+    with open_log(first) as a, open_log(second) as b:
+        assert a.columns("/attitude/ahrs").time[0] == pytest.approx(100.001)
+        assert b.columns("/attitude/ahrs").time[0] == pytest.approx(1.001)
+
+
+def test_a_vehicle_without_a_clock_is_recorded_by_the_grounds(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    for _ in range(50):
+        ground.hear(mavlink.MAVLink_vfr_hud_message(7.0, 6.0, 90, 50, 40.0, 0.0))
+        ground.now += 0.1
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        hud = log.columns("/mavlink/VFR_HUD")
+        assert hud.time[0] == 0.0 and hud.time[-1] == pytest.approx(4.9, abs=1e-6)
+
+
+def test_times_of_other_clocks_do_not_move_the_vehicles(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.fly(1.0, boot=30.0)
+    ground.hear(mavlink.MAVLink_ping_message(49_000_000_000, 1, 255, 190))
+    ground.hear(mavlink.MAVLink_gps_raw_int_message(1_700_000_000_000_000, 3, 0, 0, 0, 1, 1, 0, 0, 9))
+    ground.fly(1.0, boot=31.0)
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        assert log.columns("/sensors/gps").time[0] == pytest.approx(31.0, abs=0.2)
+        assert log.topics["/attitude/ahrs"].messages == 20
+
+
+def test_a_folder_that_cannot_be_written_costs_the_recording_alone(tmp_path: Path) -> None:
+    blocked = tmp_path / "recordings"
+    blocked.write_text("a file where the folder would be")
+    ground = Ground(blocked)
+    ground.fly(2.0)
+    ground.recording.close()
+    assert "cannot record to" in ground.recording.failure
+
+
+def test_record_says_what_it_wrote_and_never_overwrites(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.mcap"
+    with on_the_air(LossyVehicle()) as url:
+        assert main(["gcs", url, "record", str(out), "--duration", "1.2"]) == 0
+        assert str(out) in capsys.readouterr().out
+        kept = out.read_bytes()
+        assert main(["gcs", url, "record", str(out), "--duration", "0.2"]) == 2
+        assert main(["gcs", url, "record", str(tmp_path / "b.mcap"), "--no-record"]) == 2
+    assert out.read_bytes() == kept and not (tmp_path / "b.mcap").exists()
+    with open_log(out) as log:
+        assert log.topics["/mavlink/HEARTBEAT"].messages > 0
