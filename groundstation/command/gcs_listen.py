@@ -16,6 +16,7 @@ from groundstation.link.answers import NoAnswer
 from groundstation.link.commands import CommandExchange
 from groundstation.link.fields import Field, parse_field
 from groundstation.link.frames import Arrival, message_class
+from groundstation.link.recording import boot_stamp
 from groundstation.link.station import Station
 from groundstation.views import monitor, wording
 from groundstation.views.json_document import plain, print_document, print_line
@@ -74,7 +75,8 @@ class _Watch:
             return
         self.lines += 1
         here = [(field, field.value(message)) for field in self._fields if field.message == message.get_type()]
-        now = self._session.state.time
+        stamp = boot_stamp(message)
+        now = self._session.state.time if stamp is None else stamp
         if self._session.json:
             print_line({"time": now, **{field.path: plain(_clean(value)) for field, value in here}})
         else:

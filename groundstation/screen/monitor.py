@@ -36,10 +36,12 @@ class Monitor(App[None]):
     TITLE = "wingbeat gcs"
     CSS_PATH = "monitor.tcss"
     ENABLE_COMMAND_PALETTE = False
+    HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (66, "-narrow"), (110, "-wide")]
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (30, "-high")]
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("1", "tab('flight')", "Flight"),
-        Binding("2", "tab('messages')", "Messages"),
-        Binding("3", "tab('plots')", "Plots"),
+        Binding("1", "tab('flight')", "Flight", show=False),  # the tabs say it themselves
+        Binding("2", "tab('messages')", "Inspect", show=False),
+        Binding("3", "tab('plots')", "Plots", show=False),
         Binding("a", "arm", "Arm"),
         Binding("d", "disarm", "Disarm"),
         Binding("m", "mode", "Mode"),
@@ -69,14 +71,14 @@ class Monitor(App[None]):
         with TabbedContent(initial="flight"):
             with TabPane("1 Flight", id="flight"):
                 yield FlightTab()
-            with TabPane("2 Messages", id="messages"):
+            with TabPane("2 Inspect", id="messages"):
                 yield MessagesTab()
             with TabPane("3 Plots", id="plots"):
                 yield PlotsTab(self._plots, self._known_fields)
-        yield Footer()
+        yield Footer(compact=True)
 
-    def on_mount(self) -> None:
-        """Begin to listen and to draw."""
+    def on_ready(self) -> None:
+        """Begin to listen and to draw, once there is something to draw on."""
         self.run_worker(self._listen(), exclusive=True)
         self.set_interval(REFRESH, self.draw)
         if self._plots:
@@ -90,7 +92,10 @@ class Monitor(App[None]):
     def draw(self) -> None:
         """Draw the tab that is looked at, and the line above it."""
         picture = self.station.picture()
-        self.query_one("#status", Panel).show(picture)
+        for panel in self.query("#status").results(Panel):
+            panel.show(picture)
+        if not self.query(TabbedContent):
+            return  # the screen is being built, or taken down
         self._announce(picture)
         self._count += 1
         active = self.query_one(TabbedContent).active

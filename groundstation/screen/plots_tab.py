@@ -55,7 +55,10 @@ class PlotsTab(Vertical):
     def compose(self) -> ComposeResult:
         """The line, the plots, and what to do while there is none."""
         yield Input(placeholder="MESSAGE.field, such as ATTITUDE.pitch", id="choice")
-        yield Label("no plots yet: p asks for a field; enter on a field of tab 2 plots it", id="no-plots")
+        yield Label(
+            "no plots yet: p asks for a field, enter on a field of tab 2 plots it, x takes the last away",
+            id="no-plots",
+        )
 
     async def on_mount(self) -> None:
         """Begin with the fields given on the command line."""

@@ -70,6 +70,8 @@ def _ladder(canvas: Canvas, roll: float, pitch: float) -> None:
         if rung == 0 or up > canvas.rows - 6.0 or abs(rung * RUNG) > math.radians(80.0):
             continue
         lines.append([_place(canvas, roll, side, up) for side in (-half, half)])
+        if abs(up) < 2.0:
+            continue  # the aircraft's symbol is there
         for side in (-half - 2.5, half + 2.5):
             _number(canvas, _place(canvas, roll, side, up), f"{abs(rung) * 10}")
     _draw(canvas, lines, FAINT)

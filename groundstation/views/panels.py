@@ -274,11 +274,13 @@ def heading(picture: Picture, columns: int) -> Text:
     climb = state.climb_rate
     arrow = "" if climb is None or not math.isfinite(climb) else "↑ " if climb > 0.1 else "↓ " if climb < -0.1 else ""
     line = Text(justify="center", no_wrap=True, end="")
+    named = columns >= 56
     for label, value in (
         ("heading", f"{wording.bearing(state.yaw)} {wording.compass_point(state.yaw)}".rstrip()),
         ("roll", wording.angle(state.roll)),
         ("pitch", wording.angle(state.pitch)),
         ("climb", arrow + wording.number(climb, "+z.1f", "m/s")),
     ):
-        line.append(f" {label} ", style=LABEL).append(f"{value}  ", style=VALUE)
+        line.append(f" {label} " if named or label in ("roll", "pitch") else " ", style=LABEL)
+        line.append(f"{value} ", style=VALUE)
     return line

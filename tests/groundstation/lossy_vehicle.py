@@ -152,3 +152,4 @@ def _serve(vehicle: LossyVehicle, port: socket.socket, over: threading.Event) ->
             answers = [answer for frame in reader.feed(data) for answer in vehicle.answers(decode(frame))]
             for message in (vehicle.heartbeat(), *answers):
                 port.sendto(message.pack(packer), station)
+                packer.seq = (packer.seq + 1) % 256

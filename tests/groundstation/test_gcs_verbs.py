@@ -1,0 +1,156 @@
+"""The verbs of ``wingbeat gcs`` that list, compare, watch and say how far they are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from lossy_vehicle import LossyVehicle, on_the_air
+
+from avionics.link.dialect import mavlink
+from groundstation.command.main import main
+from groundstation.link.missions import Item
+from groundstation.views.progress import ProgressBar
+
+Capture = pytest.CaptureFixture[str]
+
+
+class Talking(LossyVehicle):
+    """Says its attitude and speed whenever it is spoken to."""
+
+    def answers(self, message: object) -> list[object]:
+        turn = mavlink.MAVLink_attitude_message(1000 + 100 * len(self.requests), 0.25, -0.5, 1.0, 0, 0, 0)
+        return [*super().answers(message), turn, mavlink.MAVLink_vfr_hud_message(7.5, 6.0, 90, 50, 40.0, 0.0)]
+
+
+def gcs(*words: str) -> int:
+    return main(["gcs", *words, "--no-record"])
+
+
+def test_watch_prints_each_field_as_it_comes_with_its_unit(capsys: Capture) -> None:
+    with on_the_air(Talking()) as url:
+        assert gcs(url, "watch", "attitude.pitch", "VFR_HUD.airspeed", "ATTITUDE.roll", "--count", "2") == 0
+    lines = [line.split(maxsplit=1)[1] for line in capsys.readouterr().out.splitlines()]
+    assert sorted(lines) == ["ATTITUDE.pitch -0.5 rad  ATTITUDE.roll 0.25 rad", "VFR_HUD.airspeed 7.5 m/s"]
+
+
+def test_watch_in_json_is_an_object_a_line(capsys: Capture) -> None:
+    with on_the_air(Talking()) as url:
+        assert gcs(url, "watch", "ATTITUDE.pitch", "--count", "3", "--json") == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(lines) == 3 and all(line["ATTITUDE.pitch"] == -0.5 and line["time"] >= 1.1 for line in lines)
+
+
+def test_watch_asks_for_a_rate_and_a_refusal_ends_it(capsys: Capture) -> None:
+    vehicle = Talking()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "watch", "ATTITUDE.pitch", "--count", "1", "--rate", "20") == 0
+        vehicle.results[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_UNSUPPORTED
+        assert gcs(url, "watch", "ATTITUDE.pitch", "--count", "1", "--rate", "20") == 1
+    assert "refused SET_MESSAGE_INTERVAL" in capsys.readouterr().err
+
+
+def test_what_never_comes_is_said(capsys: Capture) -> None:
+    with on_the_air(LossyVehicle()) as url:
+        assert gcs(url, "watch", "ATTITUDE.pitch", "--duration", "0.3") == 1
+    assert "said nothing of ATTITUDE in 0.3 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("field", "said"),
+    [
+        ("pitch", "'pitch' is not MESSAGE.FIELD"),
+        ("ATITUDE.pitch", "there is no message ATITUDE; near it are ATTITUDE"),
+        ("ATTITUDE.pich", "ATTITUDE has no field 'pich'; it has time_boot_ms, roll, pitch"),
+        ("BATTERY_STATUS.voltages", "BATTERY_STATUS.voltages is an array of 10: BATTERY_STATUS.voltages[0]"),
+        ("BATTERY_STATUS.voltages[10]", "BATTERY_STATUS.voltages is an array of 10"),
+        ("ATTITUDE.pitch[0]", "ATTITUDE.pitch is no array"),
+    ],
+)
+def test_a_wrong_field_is_one_line_that_helps(field: str, said: str, capsys: Capture) -> None:
+    assert gcs("udpout:127.0.0.1:9", "watch", field) == 2
+    text = capsys.readouterr().err
+    assert said in text and text.count("\n") == 1
+
+
+def test_parameters_are_compared_with_a_file_both_ways(tmp_path: Path, capsys: Capture) -> None:
+    vehicle, file = LossyVehicle(), tmp_path / "a.params"
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "param", "save", str(file)) == 0
+        assert gcs(url, "param", "diff", str(file)) == 0
+        vehicle.values["GAIN_3"] = 0.1
+        with file.open("a") as more:
+            more.write("1\t1\tNEW\t2.5\t9\n")
+        assert gcs(url, "param", "diff", str(file)) == 1
+        text = capsys.readouterr().out
+        assert gcs(url, "param", "diff", str(file), "--json") == 1
+    lines = [" ".join(line.split()) for line in text.splitlines()[1:]]
+    assert lines == ["GAIN_3 file 3 vehicle 0.1", "NEW file 2.5 vehicle –"]
+    document = json.loads(capsys.readouterr().out)
+    assert document["same"] is False and document["differences"][1] == {"name": "NEW", "file": 2.5, "vehicle": None}
+
+
+def test_a_mission_is_compared_with_a_file(tmp_path: Path, capsys: Capture) -> None:
+    vehicle, file = LossyVehicle(), tmp_path / "a.waypoints"
+    vehicle.mission = [Item(3, 16, (0.0,) * 4, 389_900_000, -769_400_000 + 900 * n, 40.0) for n in range(3)]
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "mission", "download", str(file)) == 0
+        assert gcs(url, "mission", "diff", str(file)) == 0
+        vehicle.mission[1] = vehicle.mission[1]._replace(z=55.0)
+        vehicle.mission.append(vehicle.mission[0])
+        assert gcs(url, "mission", "diff", str(file)) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("mission 1  file     fly to") and lines[1].endswith("40 m")
+    assert lines[2].strip().startswith("vehicle  fly to") and lines[2].endswith("55 m")
+    assert lines[3].startswith("mission 3  file     nothing")
+
+
+def test_status_tells_how_good_the_link_is(capsys: Capture) -> None:
+    with on_the_air(Talking()) as url:
+        assert gcs(url, "status", "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["airspeed"] == 7.5 and document["flap_phase"] is None
+    assert document["link"]["loss"] == 0.0 and document["link"]["messages_per_s"] > 1.0
+
+
+def test_orders_without_a_place(capsys: Capture) -> None:
+    vehicle = Talking()
+    with on_the_air(vehicle) as url:
+        for verb in ("return", "land", "takeoff"):
+            assert gcs(url, verb) == 0
+    assert capsys.readouterr().out.splitlines() == ["return accepted", "land accepted", "takeoff accepted"]
+
+
+def test_progress_is_a_line_on_stderr_where_there_is_no_terminal(capsys: Capture) -> None:
+    now = [0.0]
+    with ProgressBar("parameters", quiet=True, clock=lambda: now[0]) as bar:
+        for step in range(60):
+            now[0] = 0.1 * step
+            bar.show(step, 120, f"got {10 * (step // 10)} of 120 parameters, retrying")
+    assert capsys.readouterr().err.splitlines() == [
+        f"got {n} of 120 parameters, retrying" for n in (10, 20, 30, 40, 50)
+    ]
+
+
+def test_a_lossy_link_says_that_it_retries_and_gets_all(capsys: Capture) -> None:
+    with on_the_air(Deaf()) as url:
+        assert gcs(url, "param", "list", "--json") == 0
+    said = capsys.readouterr()
+    assert len(json.loads(said.out)["parameters"]) == 40
+    assert "got 20 of 40 parameters, retrying" in said.err.splitlines()
+
+
+class Deaf(LossyVehicle):
+    """Sends half of its list, and hears the first questions after it not at all."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.unheard = 3 * 12
+
+    def _param_request_list(self, message: object) -> list[object]:
+        return super()._param_request_list(message)[:20]
+
+    def _param_request_read(self, message: object) -> list[object]:
+        self.unheard -= 1
+        return [] if self.unheard >= 0 else super()._param_request_read(message)
