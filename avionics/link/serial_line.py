@@ -47,7 +47,7 @@ class SerialLine:
         return self._port is not None
 
     def read(self, timeout: float, most: int = _CHUNK) -> bytes:
-        """Bytes, at most ``most``, as soon as there are some; empty after ``timeout`` s, or while the device is gone."""
+        """Bytes, ``most`` at most, as soon as some are there; empty after ``timeout`` s or while it is unplugged."""
         if self._port is None and not self._reopened():
             self._sleep(timeout)
             return b""

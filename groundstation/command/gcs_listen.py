@@ -131,7 +131,7 @@ def record(session: Session) -> None:
     """
     station = Station(session.connection)
     began, duration = session.connection.now(), session.chosen.duration
-    with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json) as bar:
+    with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json, telling=True) as bar:
         while (elapsed := session.connection.now() - began) < duration:
             if not station.poll():
                 session.connection.wait()

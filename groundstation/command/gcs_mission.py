@@ -122,9 +122,10 @@ def _diff(session: Session) -> int:
     for part, mission_type, name, _ in reversed(PARTS):
         items = getattr(wanted, part)
         if part == "mission" or items:
-            held = waypoints.Upload(_read(session, mission_type, name))
-            aboard = waypoints.without_first(held, convention).mission if part == "mission" else held.mission
-            rows += [(part, *row) for row in waypoints.differences(items, aboard)]
+            aboard = _read(session, mission_type, name)
+            if part == "mission":
+                aboard = waypoints.without_first(waypoints.Upload(aboard), convention).mission
+            rows += [(part, *row) for row in waypoints.differences(*_comparable(session, items, aboard))]
     if session.json:
         print_document(
             {"file": str(session.chosen.file), "same": not rows, "differences": [_row(*row) for row in rows]}
@@ -134,6 +135,14 @@ def _diff(session: Session) -> int:
         print("\n".join(difference_lines(part, number, ours, theirs)))
     print(f"{counted(len(rows), 'difference')} from {session.chosen.file}", file=sys.stderr)
     return int(bool(rows))
+
+
+def _comparable(session: Session, *lists: tuple[missions.Item, ...]) -> list[tuple[missions.Item, ...]]:
+    """The lists with all places on the globe, where only one of them has its places in metres from home."""
+    if len({any(map(waypoints.is_local, items)) for items in lists}) == 1:
+        return list(lists)
+    home = session.home()
+    return [tuple(waypoints.on_globe(item, home) for item in items) for items in lists]
 
 
 def _row(part: str, number: int, ours: missions.Item | None, theirs: missions.Item | None) -> dict[str, Any]:

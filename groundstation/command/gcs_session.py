@@ -65,7 +65,7 @@ class Session(NamedTuple):
         Raises:
             NoAnswer: it failed.
         """
-        with ProgressBar(label, quiet=self.json) as bar:
+        with ProgressBar(label, quiet=self.json, telling=True) as bar:
             return self.connection.run(exchange, lambda now: bar.show(*now.progress()), LONG)
 
     def ask_mode_names(self) -> dict[int, str]:

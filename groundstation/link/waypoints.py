@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, wire_scale
+from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, to_degrees, wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
 from avionics.missions import load_plan, plan_file, waypoint_file
@@ -20,6 +20,9 @@ from avionics.missions.waypoint_file import HEADER
 from avionics.quantities import BadInput
 from groundstation.link.missions import Item
 from groundstation.link.modes import ARDUPILOT
+
+CLOSE = 2
+"""1e-7 deg or 1e-4 m; that a place may move by on its way through metres and degrees"""
 
 
 class Upload(NamedTuple):
@@ -139,6 +142,21 @@ def _own_mission(path: Path, convention: Convention, home: Home | None) -> Uploa
     )
 
 
+def is_local(item: Item) -> bool:
+    """Whether the item's place is in metres from home."""
+    return bool(item.frame == mavlink.MAV_FRAME_LOCAL_NED)
+
+
+def on_globe(item: Item, home: Home) -> Item:
+    """The item with its place on the globe, where it is in metres from ``home``; any other as it is."""
+    if not is_local(item):
+        return item
+    wire = wire_item(item)
+    latitude, longitude = to_degrees(home, wire.x, wire.y)
+    frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    return item_of(wire._replace(frame=frame, x=latitude, y=longitude, z=-wire.z), item.autocontinue)
+
+
 _SAME_FRAME = {
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -158,7 +176,7 @@ def _equal(ours: Item | None, theirs: Item | None) -> bool:
         return False
     frames = {_SAME_FRAME.get(item.frame, item.frame) for item in (ours, theirs)}
     numbers = zip((*ours.parameters, ours.z), (*theirs.parameters, theirs.z), strict=True)
-    placed = abs(ours.x - theirs.x) <= 1 and abs(ours.y - theirs.y) <= 1
+    placed = abs(ours.x - theirs.x) <= CLOSE and abs(ours.y - theirs.y) <= CLOSE
     return ours.command == theirs.command and len(frames) == 1 and placed and all(_near(*pair) for pair in numbers)
 
 

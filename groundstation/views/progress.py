@@ -1,4 +1,4 @@
-"""A progress bar for work that takes over a second, on a terminal; now and then a line on stderr everywhere else."""
+"""A progress bar for work that takes over a second, on a terminal; elsewhere silence, or now and then a line."""
 
 from __future__ import annotations
 
@@ -18,13 +18,19 @@ LINE_EVERY = 1.0
 
 
 class ProgressBar:
-    """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself."""
+    """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself.
 
-    def __init__(self, label: str, quiet: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
+    ``quiet`` draws no bar; who is ``telling`` prints lines where there is none.
+    """
+
+    def __init__(
+        self, label: str, quiet: bool = False, telling: bool = False, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._label = label
         self._clock = clock
         self._began = clock()
         self._shown = not quiet and sys.stderr.isatty()
+        self._telling = telling
         self._told = ""
         self._told_at = self._began
         self._bar: Progress | None = None
@@ -56,6 +62,6 @@ class ProgressBar:
     def _tell(self, note: str) -> None:
         """A line where a bar cannot be: only what is new, and not too often."""
         now = self._clock()
-        if note and note != self._told and now - self._told_at >= LINE_EVERY:
+        if self._telling and note and note != self._told and now - self._told_at >= LINE_EVERY:
             self._told, self._told_at = note, now
             print(note, file=sys.stderr, flush=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from avionics.guidance.mission import ItemKind
+from avionics.link.vehicle import Home
 from avionics.quantities import BadInput
 from groundstation.link import waypoints
 from groundstation.link.missions import Item
@@ -80,3 +82,16 @@ def test_a_malformed_file_names_the_line(text: str, part: str, tmp_path: Path) -
     path.write_text(text)
     with pytest.raises(BadInput, match=part):
         waypoints.read(path)
+
+
+def test_metres_from_home_and_degrees_are_the_same_place() -> None:
+    home = Home(math.radians(38.99), math.radians(-76.94), 100.0)
+    circuit = Path(__file__).parents[2] / "avionics" / "missions" / "circuit.toml"
+    local = waypoints.read_upload(circuit, waypoints.convention_of(0)).mission
+    globe = waypoints.read_upload(circuit, waypoints.convention_of(12), home).mission
+    assert any(map(waypoints.is_local, local)) and not any(map(waypoints.is_local, globe))
+    assert waypoints.differences(local, globe)
+    placed = [waypoints.on_globe(item, home) for item in local]
+    assert waypoints.differences(placed, globe) == []
+    moved = [item._replace(x=item.x + 1000) if item.command == 16 else item for item in placed]
+    assert waypoints.differences(moved, globe)
