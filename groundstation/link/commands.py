@@ -41,7 +41,10 @@ class CommandExchange(NamedTuple):
 
     def progress(self) -> Progress:
         """One part, the acknowledgement; or what the vehicle says while it is in progress."""
-        return Progress(self.percent, 100) if self.in_progress else Progress(int(self.finished), 1)
+        if self.in_progress:
+            return Progress(self.percent, 100)
+        note = f"no answer to {command_name(self.command)} yet, retrying" if self.timer.attempts > 1 else ""
+        return Progress(int(self.finished), 1, "" if self.finished or self.result is not None else note)
 
     def step(self, now: float, message: Any | None) -> tuple[CommandExchange, Outgoing]:
         """See `Exchange.step`."""

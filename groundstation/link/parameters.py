@@ -125,6 +125,10 @@ class ParameterDownload(NamedTuple):
         )
 
 
+def _retrying(timer: Timer, name: str) -> str:
+    return f"no answer about {name} yet, retrying" if timer.attempts > 1 else ""
+
+
 class ParameterRead(NamedTuple):
     """One parameter by its name."""
 
@@ -142,7 +146,7 @@ class ParameterRead(NamedTuple):
 
     def progress(self) -> Progress:
         """One part."""
-        return Progress(int(self.value is not None), 1)
+        return Progress(int(self.value is not None), 1, _retrying(self.timer, self.name))
 
     def step(self, now: float, message: Any | None) -> tuple[ParameterRead, Outgoing]:
         """See `Exchange.step`."""
@@ -190,7 +194,7 @@ class ParameterWrite(NamedTuple):
 
     def progress(self) -> Progress:
         """One part."""
-        return Progress(int(self.answer is not None), 1)
+        return Progress(int(self.answer is not None), 1, _retrying(self.timer, self.known.name))
 
     def step(self, now: float, message: Any | None) -> tuple[ParameterWrite, Outgoing]:
         """See `Exchange.step`."""

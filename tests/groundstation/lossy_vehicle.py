@@ -106,22 +106,41 @@ class LossyVehicle:
         return mavlink.MAVLink_heartbeat_message(16, 0, 1 | 128 * self.armed, self.custom_mode, 4, 3)
 
 
-def converse(exchange: Any, vehicle: LossyVehicle, limit: float = 60.0) -> Any:
+class Link:
+    """Messages under way: each is lost, doubled and delayed as a bad radio does it."""
+
+    def __init__(self, vehicle: LossyVehicle, doubled: float = 0.0, delay: float = 0.0) -> None:
+        self._vehicle, self._doubled, self._delay = vehicle, doubled, delay
+        self._under_way: list[tuple[float, Any]] = []
+
+    def send(self, now: float, messages: list[Any]) -> None:
+        for message in messages:
+            copies = 1 + (self._vehicle.random.random() < self._doubled)
+            arrivals = [(now + self._delay, message) for _ in range(copies) if not self._vehicle.lost()]
+            self._under_way += arrivals
+
+    def arrived(self, now: float) -> list[Any]:
+        here = [message for at, message in self._under_way if at <= now]
+        self._under_way = [entry for entry in self._under_way if entry[0] > now]
+        return here
+
+
+def converse(
+    exchange: Any, vehicle: LossyVehicle, limit: float = 60.0, doubled: float = 0.0, delay: float = 0.0
+) -> Any:
     """Play ``exchange`` against ``vehicle`` until it ends, on a clock of our own; fails after ``limit`` s of it."""
     now = 0.0
-    inbox: list[Any] = []
+    down, up = Link(vehicle, doubled, delay), Link(vehicle, doubled, delay)
     running: Exchange = exchange
     while not running.finished:
         now += STEP
         if round(now / STEP) % 20 == 0:
-            inbox += [vehicle.heartbeat(), *vehicle.ask_again()]
-        outgoing: list[Any] = []
-        for message in [message for message in inbox if not vehicle.lost()]:
+            down.send(now - STEP, [vehicle.heartbeat(), *vehicle.ask_again()])
+        for message in [*down.arrived(now), None]:
             running, sent = running.step(now, message)
-            outgoing += sent
-        running, sent = running.step(now, None)
-        outgoing += sent
-        inbox = [answer for message in outgoing if not vehicle.lost() for answer in vehicle.answers(message)]
+            up.send(now, list(sent))
+        for message in up.arrived(now):
+            down.send(now, vehicle.answers(message))
         assert now < limit, f"still running after {limit} s: {running.progress()}"
     return running
 

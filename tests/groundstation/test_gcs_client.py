@@ -244,3 +244,20 @@ def test_other_traffic_changes_nothing() -> None:
         for message in noise:
             assert one.step(1.0, message) == (one, ())
     assert math.isinf(exchange.Timer().sent_at)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_everything_transfers_whole_over_a_bad_radio(seed: int) -> None:
+    """Given 30 % loss, 10 % doubled and 300 ms each way, when lists are sent, then they are whole."""
+    vehicle = LossyVehicle(0.3, seed)
+    radio = {"limit": 240.0, "doubled": 0.1, "delay": 0.3}
+    download = converse(parameters.ParameterDownload(TARGET), vehicle, **radio)
+    assert {p.name: p.value for p in download.values.values()} == vehicle.values
+    known = converse(parameters.ParameterRead(TARGET, "GAIN_3"), vehicle, **radio).value
+    assert not converse(parameters.ParameterWrite(TARGET, known, 0.7), vehicle, **radio).failure
+    assert vehicle.values["GAIN_3"] == 0.7
+    assert not converse(missions.MissionUpload(TARGET, MISSION), vehicle, **radio).failure
+    assert tuple(vehicle.mission) == MISSION
+    vehicle.wanted_items = 0
+    assert converse(missions.MissionDownload(TARGET), vehicle, **radio).items == MISSION
+    assert converse(mode_change.change_mode(TARGET, 4 << 16, True), vehicle, **radio).confirmed
