@@ -39,7 +39,7 @@ from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.bridge.world import NEUTRAL
 
 RECORDED = Path(__file__).parent.parent / "data" / "foreign" / "ardupilot_exchange.jsonl"
-BRIEF = Patience(stall=0.1, connect=0.4)
+BRIEF = Patience(stall=0.2, connect=1.0)
 MIDDLE = (1500, 1500, 1100, 1500)
 UP = (1500, 1500, 1900, 1500)
 
@@ -218,8 +218,8 @@ def test_a_second_autopilot_is_refused_and_the_first_flies_on() -> None:
 
 @given(st.lists(st.binary(max_size=90), min_size=1, max_size=6))
 def test_malformed_datagrams_are_refused_counted_and_change_nothing(noise: list[bytes]) -> None:
-    stages = ToyStages(1.0)
-    serving, told = served(stages, Patience(stall=0.01, connect=0.02))
+    stages = ToyStages(2 / 400)
+    serving, told = served(stages, Patience(stall=10.0, connect=10.0))
     plane = ScriptedArduPlane(serving.server.port)
     plane.exchange(MIDDLE)
     for piece in noise:
@@ -254,7 +254,7 @@ def test_nobody_comes_or_somebody_who_is_no_ardupilot() -> None:
     serving, _ = served(ToyStages(1.0), Patience(stall=0.02, connect=0.05))
     with pytest.raises(AutopilotSilent, match=r"no ArduPilot spoke to 127.0.0.1:\d+ for 0.05 s$"):
         serving.result()
-    serving, _ = served(ToyStages(1.0), Patience(stall=0.02, connect=0.3))
+    serving, _ = served(ToyStages(1.0), Patience(stall=0.02, connect=1.0))
     stranger = ScriptedArduPlane(serving.server.port)
     stranger.socket.send(b"hello")
     with pytest.raises(AutopilotSilent, match=r"1 datagrams were no servo packets"):

@@ -12,6 +12,7 @@ import pytest
 from flown import RAVEN
 
 from avionics import topics
+from avionics.board import boards
 from avionics.board.hil import HilBoard, Patience
 from groundstation.command import avionics
 from groundstation.command.main import main
@@ -34,7 +35,7 @@ def free_port() -> int:
 def test_a_silent_simulator_is_named_the_log_is_whole_and_the_command_ends_with_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(avionics, "HilBoard", functools.partial(HilBoard, patience=Patience(frame=0.3)))
+    monkeypatch.setattr(boards, "HilBoard", functools.partial(HilBoard, patience=Patience(frame=0.3)))
     monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(faults=(parse_fault(f"sim_silent@{SILENT_AT}"),)))
     server = BridgeServer(f"tcp:127.0.0.1:{free_port()}")
