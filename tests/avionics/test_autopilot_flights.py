@@ -288,6 +288,7 @@ def test_sticks_that_are_no_numbers_are_refused() -> None:
     assert flight.autopilot.state.plausibility.rejected == 1
 
 
+@pytest.mark.validate
 def test_link_loss_turns_the_bird_home_and_lands_it() -> None:
     flight = Flight().launch().fly(60.0, until=Stage.EN_ROUTE)
     flight.fly(RAVEN.gains.modes.link_loss_delay + 0.5, (Command(0, CommandKind.LINK_LOST, source="link"),))

@@ -58,6 +58,7 @@ def test_roll_and_pitch_while_flapping(bank_deg: float, limit_deg: float, gps: b
     assert estimate.attitudes[-1].gps_aided == int(gps)
 
 
+@pytest.mark.validate
 def test_told_sigma_is_that_of_many_units() -> None:
     """GIVEN eight vehicles with what their calibrations leave WHEN they fly THEN errors are as large as told."""
     ratios = []

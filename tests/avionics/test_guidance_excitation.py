@@ -271,6 +271,7 @@ def during(number: int) -> tuple[int, int]:
     return int(times[0]), int(times[-1])
 
 
+@pytest.mark.validate
 def test_a_flown_multisine_has_power_at_its_harmonics_only_and_its_channels_are_orthogonal() -> None:
     begin, end = during(1)
     logged = [m for m in flight().of(topics.EXCITATION) if begin <= m.time_us <= end]

@@ -115,6 +115,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
     ]
 
 
+@pytest.mark.validate
 def test_a_flight_with_another_aerodynamic_model_says_so_in_its_log(tmp_path: Path) -> None:
     flight = fly(tmp_path, "--duration", "9", "--json", "--aerodynamics", "blade_element")
     out, err = flight.communicate(timeout=180)

@@ -65,6 +65,7 @@ def test_what_cannot_be_trimmed_is_one_line(words: list[str], part: str, capsys:
     assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
 
 
+@pytest.mark.validate
 def test_a_linear_model_is_told_to_programs(capsys: Capture) -> None:
     assert main(["linearize", BIRD, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

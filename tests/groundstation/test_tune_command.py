@@ -41,6 +41,7 @@ def badly_tuned(name: str, folder: Path) -> str:
     return str(folder)
 
 
+@pytest.mark.validate
 def test_a_design_is_told_to_people_on_a_hundred_columns(capsys: Capture, tmp_path: Path) -> None:
     out = tmp_path / "my_bird"
     bird = badly_tuned("robo_raven_ii_d", tmp_path / "sharp")

@@ -36,6 +36,7 @@ def motored() -> SimulatedVehicle:
     return bird._replace(drive=drive, linkage=LINKAGE, motor=MOTOR)
 
 
+@pytest.mark.validate
 def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None:
     heard: list[str] = []
     orbit = trim(vehicle("arizona_100cm"), 8.0, -2.0, heard.append)

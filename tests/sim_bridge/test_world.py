@@ -213,6 +213,7 @@ def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
     assert max(abs(truth.east) for truth in gusty) > 0.1 + max(abs(truth.east) for truth in calm)
 
 
+@pytest.mark.validate
 def test_the_seed_is_the_gusts() -> None:
     one, again, other = _gusty(5), _gusty(5), _gusty(6)
     assert one[::40] == again[::40]

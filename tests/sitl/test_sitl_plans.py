@@ -52,6 +52,7 @@ def plan(*items: dict[str, Any], **parts: Any) -> str:
 TAKEOFF = item(22, 1, 15, 0, 0, None, *HOME, 15)
 
 
+@pytest.mark.validate
 def test_a_plan_whose_leg_leads_out_of_its_fence_ends_at_its_rally_point(tmp_path: Path) -> None:
     away = item(16, 2, 0, 0, 0, None, *place(400.0, 0.0), 15)
     circle = {"circle": {"center": HOME, "radius": BORDER}, "inclusion": True, "version": 1}

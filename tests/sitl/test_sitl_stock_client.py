@@ -55,6 +55,7 @@ def flight(tmp_path: Path) -> Iterator[tuple[Any, Path, subprocess.Popen[bytes]]
         client.close()
 
 
+@pytest.mark.validate
 def test_a_stock_client_sees_the_flight_and_commands_it(
     flight: tuple[Any, Path, subprocess.Popen[bytes]],
 ) -> None:

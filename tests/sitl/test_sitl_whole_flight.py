@@ -136,6 +136,7 @@ def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(ra
         assert low <= true <= high
 
 
+@pytest.mark.validate
 def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
     flight = flown(ARIZONA, Scenario(seed=1, duration=45.0))
     check_hold(flight, 5.0)

@@ -42,6 +42,7 @@ class Study:
         self.width = float(np.median([(f.high - f.value) / f.value for f in self.frequencies]))
 
 
+@pytest.mark.validate
 def test_forty_flights_with_a_stroke_that_modulates_the_derivatives() -> None:
     results = [identify(Flight(seed=seed, modulation=0.3)) for seed in range(40)]
     assert sum(bool(result.agree) for result in results) >= 34
