@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from types import ModuleType
 
+from avionics.link.signing import Signing
 from avionics.quantities import BadInput
 from groundstation.command import (
     gcs_calibrate,
@@ -27,6 +29,7 @@ EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550",
     "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
     "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_P 0.8",
+    "wingbeat gcs udpin:0.0.0.0:14550 --signing-key my.key arm",
     "wingbeat gcs tcp:127.0.0.1:5760 mission download flight.waypoints",
     "wingbeat gcs serial:/dev/ttyUSB0,57600 watch ATTITUDE.pitch VFR_HUD.airspeed",
     "wingbeat gcs udpin:0.0.0.0:14550 record test.mcap --duration 600",
@@ -51,6 +54,7 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "--timeout", type=options.positive, default=5.0, metavar="S", help="wait for a heartbeat (5 s)"
     )
+    options.add_signing_key(parser, "none: nothing is signed")
     parser.add_argument("--no-record", action="store_true", help="leave no file in recordings/")
     options.add_json(parser)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", parser_class=VerbParser, help="monitor without one")
@@ -71,7 +75,7 @@ def run(arguments: Sequence[str]) -> int:
     for prepare in PREPARATIONS:
         prepare(chosen)
     recording = _recording(chosen)
-    connection = Connection(chosen.url, stays=chosen.verb in STAYING)
+    connection = Connection(chosen.url, stays=chosen.verb in STAYING, signing=_signing(chosen))
     try:
         if recording is not None:
             connection.overhear(recording.hear, recording.sent)
@@ -79,6 +83,16 @@ def run(arguments: Sequence[str]) -> int:
     finally:
         connection.close()
         _close(recording)
+
+
+def _signing(chosen: argparse.Namespace) -> Signing | None:
+    """The key that was named. Its time stamps are the clock's: the file beside it is the vehicle's.
+
+    Raises:
+        BadInput: no such file, not a key, or others may read it.
+    """
+    file = options.key_file(chosen.signing_key, None)
+    return None if file is None else Signing(time.time, file.load_key())
 
 
 STAYING = (*gcs_monitor.VERBS, *gcs_listen.VERBS)

@@ -6,9 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
+from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
+from avionics.link.framing import Frame
+from avionics.link.signing import Finding, Signing, signature_of
 from avionics.link.transport import Packet, Peer, Transport, open_transport
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target
 from groundstation.link.frames import Arrival, GroundReader, read
@@ -17,6 +20,8 @@ from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
 AnyExchange = TypeVar("AnyExchange", bound=Exchange)
 Ended = Callable[[Any], None]
 """takes an exchange that has ended"""
+NUMBER = 0
+"""of our link, in our signatures"""
 PAUSE = 0.01
 """s; between two looks at a silent link"""
 
@@ -34,8 +39,11 @@ class Connection:
         stays: bool = False,
         clock: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
+        signing: Signing | None = None,
     ) -> None:
         """Open the link.
+
+        With a key in ``signing`` every frame of ours is signed, and others' that are not are refused and counted.
 
         Who ``passive``ly listens sends nothing. Who ``stays`` is a ground station to the vehicle, which answers for
         a lost link when it falls silent; who does not only asks a question and may leave.
@@ -51,7 +59,9 @@ class Connection:
         self._clock = clock
         self._pause = pause
         self._readers: dict[Peer, GroundReader] = {}
-        self._packer = mavlink.MAVLink(None, SYSTEM, COMPONENT)
+        self._writer = FrameWriter(SYSTEM, COMPONENT)
+        self._signing = signing or Signing(time.time)
+        self._signed = False
         self._beaten_at = float("-inf")
         self._component = 1
         self._background: list[tuple[Exchange, Ended]] = []
@@ -101,6 +111,11 @@ class Connection:
         """Bytes heard that belonged to no frame."""
         return sum(reader.bad_bytes for reader in self._readers.values())
 
+    @property
+    def refused(self) -> int:
+        """Frames without a signature, with a wrong one or said before, where there is a key."""
+        return sum(self._signing.refused.values())
+
     def begin(self, exchange: Exchange, ended: Ended = lambda exchange: None) -> None:
         """Let an exchange run beside whatever else happens; ``ended`` is told how it ended."""
         self._background.append((exchange, ended))
@@ -129,15 +144,29 @@ class Connection:
         if self._transport.datagrams or not packet.data:
             frames += reader.give_up()
         # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
-        arrivals = [Arrival(frame, read(frame), now) for frame in frames]
+        arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._believed(frame)]
         if any(arrival.message is not None for arrival in arrivals):
             self._transport.welcome(packet.peer)
         return arrivals
 
+    def _believed(self, frame: Frame) -> bool:
+        """Whether a frame is to be heard; a radio's own words are never signed."""
+        self._signed = self._signed or bool(signature_of(frame))
+        if not self._signing.active or frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
+            return True
+        finding = self._signing.examine(frame)
+        if finding is not Finding.SIGNED:
+            self._signing.refused[finding] += 1
+        return finding is Finding.SIGNED
+
     def send(self, message: Any) -> None:
         """Send one message to the vehicle."""
-        self._transport.send(message.pack(self._packer))
-        self._packer.seq = (self._packer.seq + 1) % 256  # by which the vehicle counts what it does not hear of us
+        writer, signing = self._writer, self._signing
+        if signing.active:
+            packed = writer.pack_signed(message, lambda frame: signing.sign(frame, NUMBER))
+        else:
+            packed = writer.pack(message)
+        self._transport.send(packed)
         for sent in self._senders:
             sent(message)
 
@@ -154,7 +183,8 @@ class Connection:
         deadline = self._clock() + patience
         while self.state.system is None:
             if self._clock() >= deadline:
-                raise LinkSilent(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s")
+                refused = f"; {counted(self.refused, 'frame')} refused by their signature" if self.refused else ""
+                raise LinkSilent(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s{refused}")
             self.receive()
             self.wait()
         return self.state
@@ -180,12 +210,18 @@ class Connection:
             if watch is not None:
                 watch(exchange)
             if self._clock() >= deadline:
-                raise NoAnswer(f"{exchange.progress().note or 'the vehicle'}: not finished after {patience:g} s")
+                note = exchange.progress().note or "the vehicle"
+                raise NoAnswer(f"{note}: not finished after {patience:g} s{self._hint()}")
             if not exchange.finished:
                 self.wait()
         if exchange.failure:
-            raise NoAnswer(exchange.failure)
+            raise NoAnswer(exchange.failure + self._hint())
         return exchange
+
+    def _hint(self) -> str:
+        """What may be behind silence: a vehicle that signs hears nobody who does not."""
+        unsigned = self._signed and not self._signing.active
+        return "; the vehicle signs what it says and may hear only who does: --signing-key" if unsigned else ""
 
     def _send_all(self, outgoing: tuple[Any, ...]) -> None:
         for message in outgoing:

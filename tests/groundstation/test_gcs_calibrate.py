@@ -2,73 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import socket
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from flight_computer import RAVEN, aboard
 
-from avionics.board.parameter_file import ParameterFile
-from avionics.link.ground import Files, GroundLink
-from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, ImuSample, SensorFrame
-from avionics.recorder import NullRecorder
-from avionics.vehicles import load_vehicle
 from groundstation.command.main import main
-from groundstation.command.onboard import Onboard
 
 Capture = pytest.CaptureFixture[str]
-RAVEN = load_vehicle("robo_raven_ii_d")
-TICK_US = 5000
-
-
-class Bench:
-    """A board at rest: 7.8 V where 8.0 V are measured, wings 12 and 20 counts off."""
-
-    def __init__(self) -> None:
-        self.over = threading.Event()
-        self._tick = 0
-
-    def read(self) -> SensorFrame | None:
-        # A pause in which the ground's thread runs, shorter than a tick.
-        if self.over.wait(0.0005):
-            return None
-        self._tick += 1
-        now = TICK_US * self._tick
-        # Its last digit trembles: an IMU that repeats itself is refused as frozen.
-        imu = ImuSample(now, 0.001 * (self._tick % 2), 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
-        burst = AdcBurst(now, (819,) * 60, (512,) * 60)
-        return SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
-
-    def write(self, command: ActuatorCommand) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-
-@contextlib.contextmanager
-def aboard(path: Path) -> Iterator[str]:
-    """A flight computer with a parameter file; yields the address for a ground station."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    file = ParameterFile(path, RAVEN)
-    onboard = Onboard(file.load().vehicle, (), NullRecorder())
-    onboard.keep_parameters(file)
-    link = GroundLink([f"udpin:127.0.0.1:{port}"], onboard.view, files=Files(file))
-    board = Bench()
-    thread = threading.Thread(target=onboard.fly, args=(board, link))
-    thread.start()
-    try:
-        yield f"udpout:127.0.0.1:{port}"
-    finally:
-        board.over.set()
-        thread.join()
-        link.close()
 
 
 def gcs(*words: str) -> int:
