@@ -50,7 +50,8 @@ class Budget:
 
     def __init__(self, baud: int) -> None:
         """``baud`` is 0 where nothing limits the link."""
-        self._nominal = USED * baud / BITS_PER_BYTE if baud else math.inf
+        self._named = USED * baud / BITS_PER_BYTE if baud else math.inf
+        self._nominal = self._named
         self._share = 1.0
         self._heard_radio = -math.inf
         self._filled_at: float | None = None
@@ -78,7 +79,7 @@ class Budget:
         self._measured += weight * (self._sent / elapsed - self._measured)
         self._sent = 0.0
         if now - self._heard_radio > STALE:
-            self._share = 1.0
+            self._share, self._nominal = 1.0, self._named
         self._level = self.depth if math.isinf(self.rate) else min(self._level + elapsed * self.rate, self.depth)
 
     def spend(self, size: int) -> None:

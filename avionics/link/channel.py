@@ -130,12 +130,17 @@ class Channel:
         if not self._signing.active:
             return True
         finding = self._signing.examine(frame)
-        radio = frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS
-        if finding is Finding.SIGNED or (finding is Finding.UNSIGNED and (radio or self.transport.url.unsigned)):
+        if finding is Finding.SIGNED or (finding is Finding.UNSIGNED and self._admits_unsigned(frame)):
             return True
         self._findings[finding] += 1
         self._signing.refused[finding] += 1
         return False
+
+    def _admits_unsigned(self, frame: Frame) -> bool:
+        """Where the user allows it, but never another key; and a radio's own word, on the wire that it sits on."""
+        if frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS and self.transport.url.kind == "serial":
+            return True
+        return self.transport.url.unsigned and frame.message_id != mavlink.MAVLINK_MSG_ID_SETUP_SIGNING
 
     def confidential(self, peer: Peer) -> bool:
         """Whether nobody else hears what this peer says: a wire, or the same computer."""

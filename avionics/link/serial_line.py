@@ -15,6 +15,13 @@ import serial
 from avionics.quantities import BadInput
 
 _CHUNK = 65536
+_FAILURES: tuple[type[Exception], ...] = (OSError, ValueError)
+"""what pyserial raises of a device that goes while it is spoken to"""
+with contextlib.suppress(ImportError):
+    import termios
+
+    _FAILURES += (termios.error,)
+_READ_FAILURES: tuple[type[Exception], ...] = (*_FAILURES, TypeError)
 
 
 class SerialLine:
@@ -38,7 +45,7 @@ class SerialLine:
         self._sleep = sleep
         try:
             self._port: Any = self._opened()
-        except (OSError, ValueError) as error:
+        except _FAILURES as error:
             raise BadInput(f"cannot open serial device {device} at {baud} baud: {_reason(error)}") from None
 
     @property
@@ -56,7 +63,7 @@ class SerialLine:
                 self._port.timeout = timeout
             first = bytes(self._port.read(1))
             return first + bytes(self._port.read(min(self._port.in_waiting, most - 1))) if first else b""
-        except (OSError, TypeError):
+        except _READ_FAILURES:
             self._let_go()
             return b""
 
@@ -71,7 +78,7 @@ class SerialLine:
             return self._has_room() and bool(self._port.write(data) == len(data))
         except serial.SerialTimeoutException:
             return False
-        except (OSError, ValueError):
+        except _FAILURES:
             self._let_go()
             return False
 
@@ -89,14 +96,14 @@ class SerialLine:
         return serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=exclusive)
 
     def _reopened(self) -> bool:
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(*_FAILURES):
             self._port = self._opened()
             self.replugged += 1
             return True
         return False
 
     def _let_go(self) -> None:
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(*_FAILURES):
             self._port.close()
         self._port = None
 

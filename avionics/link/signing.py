@@ -27,6 +27,8 @@ LATEST = 1 << 47
 """no time stamp lies behind the year 2059: one that does would leave none to follow it"""
 FRESH = 60 * TICKS_PER_SECOND
 """ticks; a sender that was never heard may be so far behind us"""
+AHEAD = 86_400 * TICKS_PER_SECOND
+"""ticks; a key may come with a first time stamp so far ahead of our clock, where we have one"""
 RESERVE = 2 * TICKS_PER_SECOND
 """ticks; after a crash a station may be refused for so long, and nothing it said before can be repeated"""
 
@@ -116,6 +118,11 @@ class Signing:
         self._key = key
         self._last = max(self._last, initial_stamp)
         self._reserve()
+
+    def too_far_ahead(self, stamp: int) -> bool:
+        """Whether a first time stamp would shut out every station whose clock is right."""
+        now = self._now()
+        return stamp >= LATEST or (now > 0 and stamp > now + AHEAD)
 
     def sign(self, frame: bytes, link: int) -> bytes:
         """What follows a frame that carries the signed flag: 13 bytes.

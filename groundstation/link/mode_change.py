@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from avionics.link.dialect import mavlink
 from groundstation.link.commands import CommandExchange
 from groundstation.link.exchange import ATTEMPTS, RETRY, Outgoing, Progress, Target
+from groundstation.link.vehicle_state import is_autopilot
 
 
 class ModeChange(NamedTuple):
@@ -41,7 +42,12 @@ class ModeChange(NamedTuple):
 
     def step(self, now: float, message: Any | None) -> tuple[ModeChange, Outgoing]:
         """See `Exchange.step`."""
-        if message is not None and message.get_type() == "HEARTBEAT" and self.request.timer.attempts:
+        if (
+            message is not None
+            and message.get_type() == "HEARTBEAT"
+            and is_autopilot(message)
+            and self.request.timer.attempts
+        ):
             return self._replace(confirmed=message.custom_mode == self.custom_mode), ()
         request, outgoing = self.request.step(now, message)
         accepted_at = self.accepted_at

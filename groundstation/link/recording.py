@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from avionics.link.dialect import mavlink
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import Topic
@@ -121,8 +122,8 @@ class Recording:
         return None if self._recorder is None else self._recorder.path
 
     def hear(self, arrival: Arrival) -> None:
-        """Take one frame."""
-        if self.failure:
+        """Take one frame; a signing key that is overheard is not kept."""
+        if self.failure or arrival.frame.message_id == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
             return
         ours = arrival.frame.system == self._state.system
         if ours and self._time.read(arrival) and self._recorder is not None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import time
+import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -194,18 +196,43 @@ def test_a_forged_time_stamp_does_not_silence_the_owner() -> None:
         assert kinds(ground.take(owner)) == [CommandKind.ARM]
 
 
-def test_a_radio_and_a_link_that_the_user_trusts_need_no_signature() -> None:
-    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
-        radio = Station(port, None, system=51)
-        radio.say(mavlink.MAVLink_radio_status_message(1, 1, 99, 1, 1, 0, 0))
-        ground.take(radio)
-        assert ground.link.counts[0].unsigned == 0
+@pytest.mark.parametrize(("kind", "refused"), [("serial", 0), ("udp", 1)])
+def test_a_radio_needs_no_signature_on_its_own_wire(kind: str, refused: int) -> None:
+    """GIVEN a key THEN a radio's word about its buffer counts on a serial line, a stranger's on a network not."""
+    status = mavlink.MAVLink_radio_status_message(1, 1, 99, 1, 1, 0, 0)
+    if kind == "udp":
+        with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+            radio = Station(port, None, system=51)
+            radio.say(status)
+            ground.take(radio)
+            assert ground.link.counts[0].unsigned == refused
+        return
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    url, files = f"serial:{os.ttyname(slave)},57600", Files(signing=Signing(lambda: NOW, KEY))
+    link = GroundLink([url], FakeVehicle(), files=files)
+    try:
+        os.write(master, status.pack(mavlink.MAVLink(None, 51, 68)))
+        link.poll(1.0)
+        assert (link.counts[0].unsigned, link.counts[0].frames) == (refused, 1)
+    finally:
+        link.close()
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_link_that_the_user_trusts_needs_no_signature_but_for_another_key() -> None:
     with grounded(Signing(lambda: NOW, KEY), "?unsigned=accept") as (ground, port):
         stranger, forger = Station(port, None), Station(port, OTHER)
         stranger.say(arm())
         assert kinds(ground.take(stranger)) == [CommandKind.ARM]
         forger.say(arm())
         assert ground.take(forger) == [] and ground.link.counts[0].forged == 1
+        stranger.say(setup(OTHER))
+        ground.take(stranger)
+        assert ground.link.counts[0].unsigned == 1
+        stranger.say(arm())
+        assert kinds(ground.take(stranger)) == [CommandKind.ARM]
 
 
 # --- SETUP_SIGNING -------------------------------------------------------------------------------------------
@@ -344,3 +371,12 @@ def test_a_folder_that_cannot_be_written_stops_no_flight_and_is_told(tmp_path: P
 def test_the_key_shows_nowhere(tmp_path: Path) -> None:
     signing = Signing(lambda: NOW, KEY)
     assert repr(signing) == "Signing(on)"
+
+
+def test_a_first_time_stamp_far_ahead_would_shut_everybody_out() -> None:
+    signing = Signing(lambda: NOW)
+    assert not signing.too_far_ahead(0)
+    assert not signing.too_far_ahead(TICKS + 3600 * TICKS_PER_SECOND)
+    assert signing.too_far_ahead(TICKS + 2 * 86_400 * TICKS_PER_SECOND)
+    assert Signing(lambda: 0.0).too_far_ahead(1 << 47)
+    assert not Signing(lambda: 0.0).too_far_ahead(TICKS)

@@ -45,11 +45,15 @@ altitude = 40
 
 
 def sequences(packet: bytes) -> Iterator[int]:
-    """Sequence numbers of the MAVLink 2 frames in a datagram, of dialects that the client does not know too."""
+    """Sequence numbers of the vehicle's frames in a datagram, those too that the client's dialect does not know.
+
+    What it passes on of the other clients carries theirs.
+    """
     at = 0
     while at < len(packet):
         assert packet[at] == common.PROTOCOL_MARKER_V2
-        yield packet[at + 4]
+        if packet[at + 5] == 1:
+            yield packet[at + 4]
         at += 12 + packet[at + 1] + (13 if packet[at + 2] & 1 else 0)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
-from avionics.link.signing import LATEST, Finding, Signing
+from avionics.link.signing import Finding, Signing
 from avionics.link.telemetry import boot_ms
 from avionics.link.vehicle import VehicleView
 
@@ -47,7 +47,8 @@ class SigningService:
             return "signing: armed"
         if not self._confidential(sender):
             return "signing: a key is taken by wire or from this computer, or with --signing-key"
-        return "signing: the time stamp is too late" if message.initial_timestamp > LATEST else ""
+        late = self._signing.too_far_ahead(message.initial_timestamp)
+        return "signing: the time stamp is too late" if late else ""
 
     def _take(self, message: Any) -> str:
         key = bytes(message.secret_key)

@@ -29,6 +29,8 @@ PORT = 9002
 """of instance 0"""
 INSTANCE_PORTS = 10
 """from one instance's port to the next one's"""
+LONGEST_SILENCE = 60.0
+"""s; of a simulator that was told to fall silent, while it is still spoken to"""
 SENSOR_PERIOD_US = 5000
 """us; sensors are read at 200 Hz, for the recording and the receiver: ArduPilot makes its own of the true state"""
 
@@ -227,8 +229,9 @@ class ArduPilotServer:
         return _named(self._socket.getsockname())
 
     def _fall_silent(self, reason: str) -> Tally:
-        """Leave what still comes without an answer, until no more does."""
-        while self._receive() is not None:
+        """Leave what still comes without an answer, until no more does or for a minute: it may ask for ever."""
+        deadline = self._clock() + LONGEST_SILENCE
+        while self._receive() is not None and self._clock() < deadline:
             pass
         return self.tally._replace(ended=reason)
 
