@@ -179,7 +179,7 @@ def aircraft(link: Addresses, profile: Profile, folder: Path, speed: float = SPE
     bridge = f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     world = ["--listen", bridge, "--speed", repr(speed), "--log", str(folder / "world.mcap")]
     log = ["--log", str(folder / "avionics.mcap")]
-    computer = ["--board", f"hil:{bridge}", *log, "--parameters", "none", *profile.words]
+    computer = ["--board", f"hil:{bridge}", *log, "--parameters", "none", "--signing-key", "none", *profile.words]
     started = [
         Started(["sim", "--vehicle", VEHICLE, *world]),
         Started(["avionics", "--vehicle", VEHICLE, *computer, "--gcs", link.vehicle]),
