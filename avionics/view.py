@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
-from avionics import inputs, parameters, topics
+from avionics import inputs, parameters, piloting, topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Fence, Mission, Rally
-from avionics.link.vehicle import Home, Parameter
-from avionics.messages import Command, Event, Mode, Severity
+from avionics.link.vehicle import NO_FRAMES, PATIENT, Home, Parameter
+from avionics.messages import ChannelOverride, Command, Event, Mode, Severity
 from avionics.processors import SCHEDULE, Due
 from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
@@ -40,6 +41,8 @@ class FlightView:
         self._parameters: tuple[Parameter, ...] = ()
         self._gains_shown: Any = None
         self._home: Home | None = None
+        self.silent = False
+        """No sensor frames come, so that nothing is obeyed; its owner, who has the clock, says so."""
         self.autopilot = Autopilot(vehicle, mission, self._publish, schedule)
 
     def _publish(self, topic: Topic, message: Any) -> None:
@@ -121,4 +124,17 @@ class FlightView:
 
     def refusal(self, command: Command) -> str:
         """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+        if self.silent and command.kind not in PATIENT:
+            return NO_FRAMES
         return inputs.refusal(self.autopilot.memory, command)
+
+    def stops(self, override: ChannelOverride) -> list[Command]:
+        """What a switch among overridden channels asks for that stops the wings."""
+        acts = piloting.take_override(copy.copy(self.autopilot.memory), _unheard, override)
+        return [
+            Command(self.time_us, each.kind, each.name, source="override") for each in acts if each.kind in PATIENT
+        ]
+
+
+def _unheard(topic: Topic, message: Any) -> None:
+    pass

@@ -7,9 +7,14 @@ from typing import Any, NamedTuple, Protocol
 
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.dialect import mavlink
-from avionics.messages import Command, Event, Mode
+from avionics.messages import Command, CommandKind, Event, Mode
 from avionics.quantities import BadInput
 from avionics.topics import Topic
+
+NO_FRAMES = "no sensor frames"
+"""Why nothing is taken while the board is silent: it would be obeyed whenever the board comes back."""
+PATIENT = frozenset({CommandKind.DISARM, CommandKind.KILL, CommandKind.LINK_LOST, CommandKind.LINK_REGAINED})
+"""What is taken all the same: what stops the wings, late rather than never, and how the link is."""
 
 
 class Parameter(NamedTuple):
@@ -80,7 +85,10 @@ class VehicleView(Protocol):
         """The events since boot but for the first ``after``."""
 
     def refusal(self, command: Command) -> str:
-        """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+        """Why the flight core would refuse ``command`` now, one line; empty when it would take it.
+
+        `NO_FRAMES` while it does not tick.
+        """
 
 
 class Storage(Protocol):

@@ -14,12 +14,14 @@ from avionics.board.board import Board
 from avionics.board.parameter_file import ParameterFile
 from avionics.guidance.mission import Mission
 from avionics.link.ground import GroundLink
-from avionics.messages import Command, Input, Severity
+from avionics.link.vehicle import NO_FRAMES
+from avionics.messages import ChannelOverride, Command, Input, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.timebase import NOMINAL_US
 from avionics.vehicles import FlightVehicle
 from avionics.view import FlightView
+from groundstation.command.waiting_inputs import SILENCE, WaitingInputs
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
@@ -51,7 +53,8 @@ class Onboard:
         self._polled_at = float("-inf")
         self._file: ParameterFile | None = None
         self._link: GroundLink | None = None
-        self._inputs: list[Input] = []
+        self._waiting = WaitingInputs()
+        self._ticked_at = float("-inf")
         self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -68,8 +71,7 @@ class Onboard:
         self._link = link
         try:
             while (frame := board.read()) is not None:
-                board.write(step(frame, [*self._due(frame.time_us), *self._inputs]))
-                self._inputs = []
+                board.write(step(frame, [*self._due(frame.time_us), *self._arrived()]))
                 self._stopwatch.tick(frame.time_us, self._recorder.record)
                 self.idle()
                 if self._file is not None:
@@ -80,8 +82,30 @@ class Onboard:
 
     def idle(self) -> None:
         """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""
-        if self._link is not None:
-            self._inputs += self._poll(self._link)
+        now = self._clock()
+        if self._link is None or now - self._polled_at < POLL:
+            return
+        self._polled_at = now
+        self._listen_for_frames(now)
+        self._waiting.add(now, self._poll(self._link, now))
+
+    def _arrived(self) -> list[Input]:
+        """What came from the ground for the tick that begins."""
+        now = self._clock()
+        self._listen_for_frames(now)
+        self._ticked_at, self.view.silent = now, False
+        return self._waiting.take()
+
+    def _listen_for_frames(self, now: float) -> None:
+        """Without sensor frames nothing is taken, and what was is forgotten but for what stops the wings."""
+        self.view.silent = now - self._ticked_at > SILENCE
+        dropped = self._waiting.drop_stale(now)
+        for entry in dropped:
+            if isinstance(entry, ChannelOverride):
+                self._waiting.add(now, self.view.stops(entry))
+        forgotten = list(dict.fromkeys(entry.kind.name for entry in dropped if isinstance(entry, Command)))
+        if forgotten:
+            self.view.tell(Severity.WARNING, "link", f"{NO_FRAMES}: {', '.join(forgotten)} not obeyed")
 
     def _keep(self, file: ParameterFile, armed: bool) -> None:
         try:
@@ -98,11 +122,7 @@ class Onboard:
             due.append(self._script.pop(0))
         return due
 
-    def _poll(self, link: GroundLink) -> list[Input]:
-        now = self._clock()
-        if now - self._polled_at < POLL:
-            return []
-        self._polled_at = now
+    def _poll(self, link: GroundLink, now: float) -> list[Input]:
         inputs = link.poll(now)
         link.stream(now)
         for event in link.take_events():

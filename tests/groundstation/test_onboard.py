@@ -77,7 +77,7 @@ def fly(board: Rest, script: tuple[Command, ...] = (), link: Any = None) -> Memo
     memory = Memory()
     clock = iter(range(10**6))
     onboard = Onboard(
-        load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory, script, clock=lambda: float(next(clock))
+        load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory, script, clock=lambda: 0.005 * next(clock)
     )
     onboard.fly(board, link)
     return memory

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
-from avionics.link.services.verdict import Request, Verdict
+from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import VehicleView
 from avionics.messages import Calibration, CalibrationStatus, Command, CommandKind
 
@@ -61,13 +61,14 @@ class CalibrationRequests:
         )
         reason = "calibration refused: one has just begun" if self._fresh else self._vehicle.refusal(command)
         if reason:
-            return Verdict(mavlink.MAV_RESULT_DENIED, (), reason)
+            return refused(reason)
         self._fresh = request
         return Verdict(mavlink.MAV_RESULT_IN_PROGRESS, (command,))
 
     def _cancel(self, request: Request) -> Verdict:
         command = Command(self._vehicle.time_us, CommandKind.CALIBRATE, source=request.sender.name)
-        return Verdict(mavlink.MAV_RESULT_ACCEPTED, (command,))
+        reason = self._vehicle.refusal(command)
+        return refused(reason) if reason else Verdict(mavlink.MAV_RESULT_ACCEPTED, (command,))
 
     def step(self, now: float) -> list[Output]:
         """Acknowledge once a second that it is in progress, and at its end how it ended."""

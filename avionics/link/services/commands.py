@@ -20,7 +20,7 @@ from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.storage import StorageRequests
-from avionics.link.services.verdict import Request, Verdict
+from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import Identity, Storage, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
@@ -95,7 +95,7 @@ class CommandService:
     def _ask_core(self, *commands: Command) -> Verdict:
         """Accepted when the flight core would take the first of ``commands``; the rest follow from it."""
         reason = self._vehicle.refusal(commands[0])
-        return Verdict(_DENIED, (), reason) if reason else Verdict(_ACCEPTED, commands)
+        return refused(reason) if reason else Verdict(_ACCEPTED, commands)
 
     def _command(self, kind: CommandKind, request: Request, value: float = 0.0, payload: Any = None) -> Command:
         return Command(self._vehicle.time_us, kind, "", value, payload, request.sender.name)
@@ -134,7 +134,7 @@ class CommandService:
         select = self._command(CommandKind.SET_CURRENT_ITEM, request, float(item))
         auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
         reason = self._vehicle.refusal(auto) or self._vehicle.refusal(select)
-        return Verdict(_DENIED, (), reason) if reason else Verdict(_ACCEPTED, (select, auto))
+        return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
 
     def _takeoff(self, request: Request) -> Verdict:
         kinds = [item.kind for item in self._vehicle.mission]
@@ -167,8 +167,8 @@ class CommandService:
             wanted = wanted._replace(frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, z=height.altitude)
         try:
             item = decode_item(wanted, self._vehicle.home)
-        except ItemRefused as refused:
-            return Verdict(_DENIED, (), str(refused))
+        except ItemRefused as why:
+            return Verdict(_DENIED, (), str(why))
         return self._ask_core(self._command(CommandKind.LOITER_AT, request, payload=item))
 
     def _excite(self, request: Request) -> Verdict:
@@ -176,8 +176,8 @@ class CommandService:
         item = WireItem(0, request.command, (params[0], params[1], params[2], params[3]), *params[4:7])
         try:
             excitation = decode_excitation(item)
-        except ItemRefused as refused:
-            return Verdict(_DENIED, (), str(refused))
+        except ItemRefused as why:
+            return Verdict(_DENIED, (), str(why))
         return self._ask_core(self._command(CommandKind.EXCITE, request, payload=excitation))
 
     def _request_message(self, request: Request) -> Verdict:

@@ -108,6 +108,9 @@ class MissionService:
         if message.count > MOST_ITEMS:
             text = f"a mission has at most {MOST_ITEMS} items"
             return [_ack(sender, mavlink.MAV_MISSION_NO_SPACE, mission_type), *refusal_text(text, sender)]
+        reason = self._vehicle.refusal(self._command(part, part.none, sender))
+        if reason:
+            return [_ack(sender, mavlink.MAV_MISSION_DENIED, mission_type), *refusal_text(reason, sender)]
         if message.count == 0:
             return self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
         self._upload = _Upload(sender, part, message.count, now + self._gains.ask_again)
@@ -153,8 +156,8 @@ class MissionService:
         )
 
     def _install(self, pending: _Pending) -> list[Output]:
-        sender, kind = pending.sender, pending.part.kind
-        command = Command(self._vehicle.time_us, kind, "", 0.0, pending.content, sender.name)
+        sender = pending.sender
+        command = self._command(pending.part, pending.content, sender)
         reason = self._vehicle.refusal(command)
         if reason:
             denied = _ack(sender, mavlink.MAV_MISSION_DENIED, pending.mission_type)
@@ -162,17 +165,19 @@ class MissionService:
         self._pending.append(pending)
         return [command]
 
+    def _command(self, part: PlanPart, content: Any, sender: Sender) -> Command:
+        return Command(self._vehicle.time_us, part.kind, "", 0.0, content, sender.name)
+
     def _clear(self, mission_type: int, sender: Sender, now: float) -> list[Output]:
         """One list, or all: then the mission's answer speaks for them."""
         if mission_type != _ALL and mission_type not in self._parts:
             return [_ack(sender, _ACCEPTED, mission_type)]
-        outputs: list[Output] = []
-        if mission_type == _ALL:
-            others = [part for part in self._parts.values() if part.mission_type != _MISSION]
-            time_us = self._vehicle.time_us
-            outputs += [Command(time_us, part.kind, "", 0.0, part.none, sender.name) for part in others]
         part = self._parts[_MISSION if mission_type == _ALL else mission_type]
-        return [*outputs, *self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))]
+        cleared = self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
+        if mission_type != _ALL or isinstance(cleared[0], Reply):
+            return cleared
+        others = [part for part in self._parts.values() if part.mission_type != _MISSION]
+        return [*(self._command(part, part.none, sender) for part in others), *cleared]
 
     def _set_current(self, sequence: int, sender: Sender) -> list[Output]:
         item = float(self.item(sequence))

@@ -9,6 +9,7 @@ from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
+from avionics.link.services.verdict import refusal_result
 from avionics.link.vehicle import Identity, VehicleView, px4_mode
 from avionics.messages import Command, CommandKind, Mode, Stage
 
@@ -75,7 +76,7 @@ class ModeService:
         command = mode_command(self._vehicle, mode, sender)
         reason = self._vehicle.refusal(command)
         if reason:
-            return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text(reason, sender)]
+            return [Reply(_ack(refusal_result(reason), sender), sender), *refusal_text(reason, sender)]
         return [command, Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)]
 
     def step(self, now: float) -> list[Output]:

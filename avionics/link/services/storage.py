@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from avionics.link.dialect import mavlink
-from avionics.link.services.verdict import Request, Verdict
+from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import Storage, VehicleView
 from avionics.messages import Command, CommandKind
 from avionics.quantities import BadInput
@@ -48,4 +48,5 @@ class StorageRequests:
             for entry in self._vehicle.parameters
             if entry.name in values and values[entry.name] != entry.value
         )
-        return Verdict(mavlink.MAV_RESULT_ACCEPTED, commands)
+        reason = self._vehicle.refusal(commands[0]) if commands else ""
+        return refused(reason) if reason else Verdict(mavlink.MAV_RESULT_ACCEPTED, commands)

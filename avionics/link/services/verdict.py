@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Sender
+from avionics.link.vehicle import NO_FRAMES
 
 
 class Request(NamedTuple):
@@ -25,3 +27,14 @@ class Verdict(NamedTuple):
     result: int
     outputs: tuple[Output, ...] = ()
     reason: str = ""
+
+
+def refused(reason: str) -> Verdict:
+    """The flight core would not take it; while it does not tick, not yet."""
+    return Verdict(refusal_result(reason), (), reason)
+
+
+def refusal_result(reason: str) -> int:
+    """MAV_RESULT of a command that the flight core would refuse for ``reason``."""
+    later = reason == NO_FRAMES
+    return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED if later else mavlink.MAV_RESULT_DENIED)
