@@ -7,6 +7,9 @@ from typing import NamedTuple, Protocol
 
 from avionics.messages import ActuatorCommand, SensorFrame, Severity
 
+IDLE_EVERY = 0.004
+"""s; of wall-clock time between two calls of `Surroundings.idle` while something comes that is no sensor frame"""
+
 
 class BoardSilent(RuntimeError):
     """The sensors stopped answering within the bounded wait; the text says who did not answer."""
@@ -43,4 +46,5 @@ class Surroundings(NamedTuple):
     say: Callable[[Severity, str], None] = say_nothing
     """something to tell people: the device is gone, is back, loses messages"""
     idle: Callable[[], None] = wait_idly
-    """called some twenty times a second while no frame comes, so that ground links do not fall silent with it"""
+    """called while no frame comes, so that ground links do not fall silent with it: some twenty times a second on a
+    silent line, every `IDLE_EVERY` s on one that brings anything but frames"""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from avionics.board.arrivals import Arrivals, Tally
-from avionics.board.board import BoardSilent, Surroundings
+from avionics.board.board import IDLE_EVERY, BoardSilent, Surroundings
 from avionics.board.line_watch import LineWatch, Losses
 from avionics.link import codec
 from avionics.link.dialect import mavlink
@@ -95,7 +95,7 @@ class HilBoard:
         self._writer = codec.FrameWriter(1, 1)
         self._assembler = codec.FrameAssembler()
         self._waiting: deque[Frame] = deque()
-        self._last_heartbeat = -float("inf")
+        self._last_heartbeat = self._idled_at = -float("inf")
         self._last_time_us: int | None = None
         self._over = False
         self.ended = ""
@@ -132,7 +132,7 @@ class HilBoard:
             BoardSilent: no sensor frame within the bounded wait.
         """
         limit = self._patience.first if self._last_time_us is None else self._patience.frame
-        began = self._clock()
+        began = self._idled_at = self._clock()
         while True:
             while self._waiting:
                 frame = self._take(self._waiting.popleft())
@@ -141,8 +141,11 @@ class HilBoard:
                     return frame
             if self._over:
                 return None
-            if self._clock() - began >= limit:
+            now = self._clock()
+            if now - began >= limit:
                 raise self._silent(limit)
+            if now - self._idled_at >= IDLE_EVERY:
+                self._idle()
             self._receive()
             self._look_after(began)
 
@@ -176,7 +179,11 @@ class HilBoard:
             self._waiting.extend(self._reader.feed(data))
         else:
             self._waiting.extend(self._reader.give_up())
-            self._around.idle()
+            self._idle()
+
+    def _idle(self) -> None:
+        self._around.idle()
+        self._idled_at = self._clock()
 
     def _look_after(self, began: float) -> None:
         """A serial device without frames since ``began`` (s): say so, and begin anew when it is plugged in again."""

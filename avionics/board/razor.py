@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from avionics.board import razor_protocol as protocol
-from avionics.board.board import BoardSilent, Surroundings
+from avionics.board.board import IDLE_EVERY, BoardSilent, Surroundings
 from avionics.board.line_watch import LineWatch, Losses
 from avionics.board.razor_protocol import OUTPUTS, Angles, Reader, Reading
 from avionics.link.serial_line import SerialLine
@@ -102,7 +102,7 @@ class FrameClock:
         expected = self._time + (1 + skipped) * self.step
         error = arrival - self._began - expected
         if error > self.slip * self.step:
-            self._time += error + self.step
+            self._time = expected + error
         else:
             error = max(error, -self.slip * self.step)
             self._time = max(expected + self.alpha * error, self._time + 0.001)
@@ -134,7 +134,7 @@ class RazorBoard:
         self._frame_clock = FrameClock()
         self._waiting: deque[tuple[Reading, float, int]] = deque()
         self._number = 0
-        self._asked_at = self._heard_at = self._token_at = -float("inf")
+        self._asked_at = self._heard_at = self._token_at = self._idled_at = -float("inf")
         self._strange = 0
         self._last_time_us: int | None = None
         self.angles: Angles | None = None
@@ -165,9 +165,12 @@ class RazorBoard:
         Raises:
             BoardSilent: no frame within the bounded wait, or the device is gone; the text says which.
         """
-        began = self._clock()
+        began = self._idled_at = self._clock()
         while not self._waiting:
-            self._ask(self._clock())
+            now = self._clock()
+            self._ask(now)
+            if now - self._idled_at >= IDLE_EVERY:
+                self._idle()
             self._receive()
             if not self._waiting:
                 self._look_after(self._clock() - began)
@@ -199,7 +202,7 @@ class RazorBoard:
     def _receive(self) -> None:
         data = self._line.read(self._patience.look)
         if not data:
-            self._around.idle()
+            self._idle()
             return
         before = self.count
         readings = self._reader.feed(data)
@@ -211,6 +214,10 @@ class RazorBoard:
             self._heard_at = arrival
             self._waiting.append((reading, arrival, skipped))
             skipped = 0
+
+    def _idle(self) -> None:
+        self._around.idle()
+        self._idled_at = self._clock()
 
     def _look_after(self, silence: float) -> None:
         patience = self._patience
