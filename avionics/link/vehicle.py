@@ -243,4 +243,4 @@ class LinkGains(NamedTuple):
     confirm: float = 1.0
     """s; for the flight core to take a parameter or a mission"""
     parameters_per_step: int = 20
-    """-; parameters sent in one go while a list is read, so that no link is flooded"""
+    """-; parameters sent in one go on a link while lists are read, so that it is not flooded, whoever asks"""

@@ -16,7 +16,7 @@ from avionics.link.mission_codec import Addressee, Slot, read_message, write_mes
 from avionics.link.services.plans import MOST_ITEMS, PlanPart, plan_parts
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
-from avionics.link.vehicle import LinkGains, VehicleView
+from avionics.link.vehicle import Home, LinkGains, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 from avionics.quantities import counted
@@ -44,6 +44,14 @@ class _Pending(NamedTuple):
     mission_type: int
     """as it was said: a type, or all of them"""
     deadline: float
+
+
+class _Encoded(NamedTuple):
+    """A list as it was last asked for; it stays as it is until what is on board or home changes."""
+
+    content: Any
+    home: Home | None
+    items: tuple[WireItem, ...]
 
 
 class MissionService:
@@ -75,6 +83,7 @@ class MissionService:
         self._pending: list[_Pending] = []
         self._done: tuple[Sender, int, int] | None = None
         self._item = 0
+        self._encoded: dict[int, _Encoded] = {}
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """One step of a transfer."""
@@ -222,8 +231,15 @@ class MissionService:
         return [Reply(write_message(items[message.seq], slot, to, as_int), sender)]
 
     def _items(self, mission_type: int) -> tuple[WireItem, ...]:
+        """The list as it goes on the wire, encoded once and not for every item that is asked for."""
         part = self._parts.get(mission_type)
-        return () if part is None else part.encode(part.on_board(self._vehicle), self._vehicle.home)
+        if part is None:
+            return ()
+        content, home = part.on_board(self._vehicle), self._vehicle.home
+        known = self._encoded.get(mission_type)
+        if known is None or known.content is not content or known.home != home:
+            known = self._encoded[mission_type] = _Encoded(content, home, part.encode(content, home))
+        return known.items
 
     # --- what is due
 

@@ -25,6 +25,8 @@ _ROUNDING = 2e-7
 
 VALUE_BYTES = 50.0
 """of a signed PARAM_VALUE"""
+MOST_LISTS = 16
+"""Lists that are sent on one link at a time, as many as it has stations; another one ends the oldest."""
 
 
 class _Pending(NamedTuple):
@@ -52,11 +54,19 @@ class ParameterService:
         """Begin a list, answer a reading, or pass a set on to the flight core."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            self._lists[sender] = 0
+            self._begin_list(sender)
             return []
         if kind == "PARAM_REQUEST_READ":
             return self._read(message, sender)
         return self._set(message, sender, now)
+
+    def _begin_list(self, sender: Sender) -> None:
+        """From the beginning; who asks again keeps his place among those who wait."""
+        if sender not in self._lists:
+            waiting = [other for other in self._lists if other.link == sender.link]
+            for oldest in waiting[: max(len(waiting) + 1 - MOST_LISTS, 0)]:
+                del self._lists[oldest]
+        self._lists[sender] = 0
 
     def _read(self, message: Any, sender: Sender) -> list[Output]:
         index = message.param_index
@@ -119,8 +129,8 @@ class ParameterService:
         return [number for number, (a, b) in enumerate(zip(before, now, strict=True)) if a.value != b.value]
 
     def _part(self, sender: Sender, begin: int, taken: int) -> list[Output]:
-        room = self._rooms[sender.link](PARAMETERS) / VALUE_BYTES - taken
-        fits = math.ceil(min(max(room, 0.0), self._gains.parameters_per_step))
+        room = min(self._rooms[sender.link](PARAMETERS) / VALUE_BYTES, self._gains.parameters_per_step) - taken
+        fits = math.ceil(max(room, 0.0))
         end = min(begin + fits, len(self._index))
         self._lists[sender] = end
         if end == len(self._index):
