@@ -74,13 +74,14 @@ class KeyFile:
         """Write the key for its owner's eyes alone, or remove it."""
         if key is None:
             self.path.unlink(missing_ok=True)
+            _settle(self.path.parent)
         else:
-            _write(self.path, key.hex() + "\n")
+            _write(self.path, key.hex() + "\n", settle=True)
 
-    def save_stamps(self, stamps: Stamps) -> None:
-        """Write the time stamps."""
+    def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
+        """Write the time stamps; ``settle`` waits for the disk, which takes several ticks and is not for a flight."""
         streams = [[*stream, stamp] for stream, stamp in stamps.streams.items()]
-        _write(self._stamps, json.dumps({"ours": stamps.ours, "streams": streams}) + "\n")
+        _write(self._stamps, json.dumps({"ours": stamps.ours, "streams": streams}) + "\n", settle)
 
 
 def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.time) -> Signing:
@@ -94,14 +95,34 @@ def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.tim
     return Signing(unix_time, file.load_key(), file.load_stamps(), file)
 
 
-def _write(path: Path, text: str) -> None:
-    """The old file or the new one, never a part; `mkstemp` makes it its owner's alone."""
+def _write(path: Path, text: str, settle: bool) -> None:
+    """The old file or the new one, never a part; `mkstemp` makes it its owner's alone.
+
+    Where ``settle`` it outlives a power cut from here on, name and all.
+    """
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
+            if settle:
+                file.flush()
+                os.fsync(file.fileno())
         Path(scratch).replace(path)
     except BaseException:
         Path(scratch).unlink(missing_ok=True)
         raise
+    if settle:
+        _settle(path.parent)
+
+
+def _settle(folder: Path) -> None:
+    """Let the names in ``folder`` outlive a power cut, where the system can."""
+    if os.name != "posix":
+        return
+    with contextlib.suppress(FileNotFoundError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -49,8 +49,8 @@ class KeyStore(Protocol):
     def save_key(self, key: bytes | None) -> None:
         """Keep another key, or none; raises `OSError`."""
 
-    def save_stamps(self, stamps: Stamps) -> None:
-        """Keep the time stamps; raises `OSError`."""
+    def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
+        """Keep the time stamps, where ``settle`` on the disk before this ends; raises `OSError`."""
 
 
 class Finding(Enum):
@@ -174,14 +174,14 @@ class Signing:
         self._reserved = Stamps(max(self._last, self._now()) + RESERVE, ahead)
         self._keep(self._reserved)
 
-    def _keep(self, stamps: Stamps) -> None:
+    def _keep(self, stamps: Stamps, settle: bool = False) -> None:
         if self._store is None or not self.active:
             return
         try:
-            self._store.save_stamps(stamps)
+            self._store.save_stamps(stamps, settle)
         except OSError as error:
             self.failure = error.strerror or str(error)
 
     def close(self) -> None:
         """Keep exactly what was used."""
-        self._keep(Stamps(self._last, self._streams))
+        self._keep(Stamps(self._last, self._streams), settle=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import stat
 import time
 import tty
 from collections.abc import Iterator
@@ -325,6 +326,30 @@ def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp
         assert kinds(ground.take(station)) == [CommandKind.ARM]
         after = [int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.heard]
         assert min(after) > used
+
+
+def test_a_key_outlives_a_power_cut_and_a_flight_waits_for_no_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GIVEN a key file WHEN a key comes or goes, or the link is closed THEN file and folder are on the disk."""
+    synced: list[str] = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(stat_name(descriptor)))
+    now = [NOW]
+    signing = load_signing(KeyFile(tmp_path / "bird.key"), lambda: now[0])
+    signing.set_key(KEY)
+    assert synced == ["file", "folder"]
+    for _ in range(10):
+        now[0] += 3.0
+        signing.sign(b"frame", 0)
+    assert synced == ["file", "folder"]
+    signing.close()
+    assert synced == ["file", "folder"] * 2
+    signing.set_key(None)
+    assert synced == [*["file", "folder"] * 2, "folder"]
+
+
+def stat_name(descriptor: int) -> str:
+    return "folder" if stat.S_ISDIR(os.fstat(descriptor).st_mode) else "file"
 
 
 def test_a_passphrase_is_the_key_that_mavproxy_makes_of_it(tmp_path: Path) -> None:
