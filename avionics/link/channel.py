@@ -107,7 +107,8 @@ class Channel:
 
     def _cut(self, packet: Packet) -> list[Frame]:
         if self.transport.datagrams:
-            return self._shared.feed(packet.data) + self._shared.give_up()
+            frames = self._shared.feed(packet.data)
+            return frames if packet.goes_on else frames + self._shared.give_up()
         if not packet.data:
             self._shared.bad_bytes += self._forget(packet.peer)
             return []

@@ -21,6 +21,8 @@ from avionics.quantities import BadInput
 Peer = Hashable
 MOST_PEERS = 16
 """A link serves no more than this many; the one that was silent longest makes room."""
+HALF_OPEN = 60.0
+"""s; of silence after which a TCP connection makes room for a new one where there is none left"""
 _CHUNK = 65536
 _MOST_DATAGRAMS = 1000
 _BACKLOG = 1 << 18
@@ -31,6 +33,8 @@ class Packet(NamedTuple):
 
     data: bytes
     peer: Peer
+    goes_on: bool = False
+    """the rest of a long datagram comes in the next packet"""
 
 
 class Transport(Protocol):
@@ -38,7 +42,7 @@ class Transport(Protocol):
 
     url: LinkUrl
     datagrams: bool
-    """frames do not continue from one packet to the next"""
+    """frames do not continue from one packet to the next, but where the packet says so"""
     portion: int
     """bytes that one `receive` begins to take at most; the rest waits where it is"""
 
@@ -114,11 +118,12 @@ class UdpServer:
         self._now = 0.0
         self._socket = _bound(url, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._mailbox = _Mailbox(self._socket)
 
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
         self._now = now
-        return _datagrams(self._socket, self.portion)
+        return self._mailbox.receive(self.portion)
 
     def welcome(self, peer: Peer) -> None:
         """Remember where a valid frame came from."""
@@ -148,10 +153,11 @@ class UdpClient:
         family, self._address = _resolve(url, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._mailbox = _Mailbox(self._socket)
 
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
-        return _datagrams(self._socket, self.portion)
+        return self._mailbox.receive(self.portion)
 
     def welcome(self, peer: Peer) -> None:
         """Nothing to remember: there is one ground station."""
@@ -165,20 +171,37 @@ class UdpClient:
         self._socket.close()
 
 
-def _datagrams(port: socket.socket, portion: int) -> list[Packet]:
-    packets: list[Packet] = []
-    taken = 0
-    while taken < portion and len(packets) < _MOST_DATAGRAMS:
+class _Mailbox:
+    """The datagrams of a socket; one that is longer than a portion is taken whole, and given in portions."""
+
+    def __init__(self, port: socket.socket) -> None:
+        self._port = port
+        self._rest = Packet(b"", None)
+
+    def receive(self, portion: int) -> list[Packet]:
+        packets: list[Packet] = []
+        taken = 0
+        for _ in range(_MOST_DATAGRAMS):
+            if taken >= portion or not self._fetched():
+                break
+            data, peer, _ = self._rest
+            self._rest = Packet(data[portion:], peer)
+            if data:
+                packets.append(Packet(data[:portion], peer, goes_on=len(data) > portion))
+                taken += len(packets[-1].data)
+        return packets
+
+    def _fetched(self) -> bool:
+        """Whether there is something to give; fetches the next datagram where nothing is left of the last."""
+        if self._rest.data:
+            return True
         try:
-            data, address = port.recvfrom(min(portion, _CHUNK))
+            self._rest = Packet(*self._port.recvfrom(_CHUNK))
         except ConnectionError:
-            continue  # an earlier datagram found nobody there: not the next one's fault
+            return True  # an earlier datagram found nobody there: not the next one's fault
         except OSError:
-            break
-        taken += len(data)
-        if data:
-            packets.append(Packet(data, address))
-    return packets
+            return False
+        return True
 
 
 def _sent(port: socket.socket, data: bytes, address: Any) -> bool:
@@ -244,29 +267,54 @@ class TcpServer:
         self._socket = _bound(url, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._connections: dict[Any, _Connection] = {}
+        self._heard: dict[Any, float] = {}
+        self._now = 0.0
 
     def receive(self, now: float) -> list[Packet]:
         """What has arrived, after letting in who waits at the door."""
-        self._accept()
-        packets: list[Packet] = []
+        self._now = now
+        packets = self._let_in()
         for peer, connection in tuple(self._connections.items()):
             connection.flush()
             data = connection.receive(self.portion)
             if connection.gone:
-                connection.socket.close()
-                del self._connections[peer]
+                self._hang_up(peer)
             if data or connection.gone:
                 packets.append(Packet(data, peer))
         return packets
 
-    def _accept(self) -> None:
+    def _let_in(self) -> list[Packet]:
+        """Who waits, as far as there is room; says who had to go for it."""
+        gone: list[Packet] = []
         with contextlib.suppress(OSError):
-            while len(self._connections) < MOST_PEERS:
+            for _ in range(MOST_PEERS):
+                full = len(self._connections) >= MOST_PEERS
+                spare = self._spare() if full else None
+                if full and spare is None:
+                    break
                 connected, address = self._socket.accept()
+                if spare is not None:
+                    self._hang_up(spare)
+                    gone.append(Packet(b"", spare))
                 self._connections[address] = _Connection(connected)
+        return gone
+
+    def _spare(self) -> Any:
+        """Who makes room: the oldest that never said a valid word, else who has been silent for long; or None."""
+        strangers = [peer for peer in self._connections if peer not in self._heard]
+        if strangers:
+            return strangers[0]
+        quietest = min(self._heard, key=lambda peer: self._heard[peer])
+        return quietest if self._now - self._heard[quietest] > HALF_OPEN else None
+
+    def _hang_up(self, peer: Any) -> None:
+        self._connections.pop(peer).socket.close()
+        self._heard.pop(peer, None)
 
     def welcome(self, peer: Peer) -> None:
-        """Who is connected is welcome."""
+        """Remember who said a valid word, and when: who only holds the door open makes room for others."""
+        if peer in self._connections:
+            self._heard[peer] = self._now
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to one ground station, or to all that are connected."""
@@ -279,6 +327,7 @@ class TcpServer:
         for connection in self._connections.values():
             connection.socket.close()
         self._connections.clear()
+        self._heard.clear()
         self._socket.close()
 
 

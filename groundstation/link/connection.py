@@ -141,7 +141,7 @@ class Connection:
     def _read(self, packet: Packet, now: float) -> list[Arrival]:
         reader = self._readers.setdefault(packet.peer, GroundReader())
         frames = reader.feed(packet.data)
-        if self._transport.datagrams or not packet.data:
+        if (self._transport.datagrams and not packet.goes_on) or not packet.data:
             frames += reader.give_up()
         # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
         arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._believed(frame)]

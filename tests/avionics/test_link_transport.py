@@ -7,6 +7,7 @@ import os
 import socket
 import time
 import tty
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,11 @@ from link_station import PATIENCE, free_port
 from link_vehicle import FakeVehicle
 
 from avionics.link import dialect
+from avionics.link.channel import PORTION
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
-from avionics.link.transport import Packet, Transport, open_stream, open_transport
+from avionics.link.transport import HALF_OPEN, MOST_PEERS, Packet, Transport, open_stream, open_transport
 from avionics.link.urls import FORMS, LinkUrl, parse_url
 from avionics.quantities import BadInput
 
@@ -165,6 +167,81 @@ def test_a_serial_link_answers_between_noise() -> None:
     link.close()
     os.close(master)
     os.close(slave)
+
+
+def test_a_datagram_of_any_length_is_read_whole_a_portion_at_a_time() -> None:
+    """GIVEN a datagram of many frames WHEN it is longer than is looked at at once THEN every frame in it counts."""
+    port, voice = free_port(), FrameWriter(255, 190)
+    frames = [voice.pack(mavlink.MAVLink_ping_message(1, number, 0, 0)) for number in range(2000)]
+    vehicle = FakeVehicle()
+    link = GroundLink([f"udpin:127.0.0.1:{port}"], vehicle)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.sendto(b"".join(frames), ("127.0.0.1", port))
+        station.sendto(frames[0] + b"\xfd\x20", ("127.0.0.1", port))
+        station.sendto(frames[1], ("127.0.0.1", port))
+        now = 0.0
+        while link.counts[0].frames < 2002 and now < 10.0:
+            before = link.counts[0].frames
+            link.poll(now)
+            now += 0.004
+            assert link.counts[0].frames - before <= 2 * PORTION / len(frames[0])
+    assert (link.counts[0].frames, link.counts[0].bad_bytes) == (2002, 2)
+    link.close()
+
+
+class Door:
+    """A TCP server full of connections, some of which have said something that counts."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.port, self.stack, self.now = free_port(socket.SOCK_STREAM), stack, 0.0
+        self.server = open_transport(f"tcpin:127.0.0.1:{self.port}")
+        stack.callback(self.server.close)
+        self.gone: list[Any] = []
+
+    def enter(self) -> socket.socket:
+        """Somebody connects, and is let in if there is room."""
+        guest = self.stack.enter_context(socket.create_connection(("127.0.0.1", self.port)))
+        self.look()
+        return guest
+
+    def look(self) -> list[Packet]:
+        packets = self.server.receive(self.now)
+        self.gone += [packet.peer for packet in packets if not packet.data]
+        return packets
+
+    def speak(self, guest: socket.socket) -> bool:
+        """A guest says something valid; whether it is heard."""
+        guest.sendall(b"word")
+        heard = [packet for packet in self.look() if packet.peer == guest.getsockname()]
+        for packet in heard:
+            self.server.welcome(packet.peer)
+        return bool(heard)
+
+
+def test_silent_connections_do_not_shut_the_door_and_stations_stay() -> None:
+    """GIVEN as many connections as fit, all but one silent WHEN another comes THEN the oldest silent one goes."""
+    with ExitStack() as stack:
+        door = Door(stack)
+        station = door.enter()
+        assert door.speak(station)
+        silent = [door.enter() for _ in range(MOST_PEERS - 1)]
+        assert door.gone == []
+        late = door.enter()
+        assert door.speak(late) and door.speak(station)
+        assert door.gone == [silent[0].getsockname()]
+
+
+def test_stations_that_are_heard_are_not_turned_out_and_those_long_gone_are() -> None:
+    with ExitStack() as stack:
+        door = Door(stack)
+        stations = [door.enter() for _ in range(MOST_PEERS)]
+        assert all(door.speak(station) for station in stations)
+        late = door.enter()
+        assert not door.speak(late) and door.gone == []
+        door.now = HALF_OPEN + 1.0
+        assert all(door.speak(station) for station in stations[1:])
+        assert door.speak(late) or door.speak(late)
+        assert door.gone == [stations[0].getsockname()]
 
 
 # --- the generated dialect ---------------------------------------------------------------------------------
