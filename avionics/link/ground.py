@@ -20,7 +20,7 @@ from avionics.link.services.ftp import FtpService
 from avionics.link.services.heartbeat import HeartbeatService
 from avionics.link.services.manual import ManualService
 from avionics.link.services.mission import MissionService
-from avionics.link.services.modes import ModeService
+from avionics.link.services.modes import ModeService, ShownMode
 from avionics.link.services.parameters import ParameterService
 from avionics.link.services.radio import RadioService
 from avionics.link.services.requests import Requests
@@ -90,15 +90,16 @@ class GroundLink:
 
     def _build_services(self, gains: LinkGains, files: Files) -> list[Service]:
         vehicle, identity = self._vehicle, self._identity
-        requests = Requests(vehicle, identity, self._streams)
+        shown = ShownMode(vehicle, identity)
+        requests = Requests(vehicle, identity, self._streams, shown)
         missions = MissionService(vehicle, gains, identity.first_item)
         return [
-            HeartbeatService(vehicle, identity, gains),
+            HeartbeatService(vehicle, identity, gains, shown),
             self._silence,
-            CommandService(vehicle, identity, requests, missions, files.storage),
+            CommandService(vehicle, identity, requests, missions, shown, files.storage),
             ParameterService(vehicle, gains, self._rooms()),
             missions,
-            ModeService(vehicle, identity),
+            ModeService(vehicle, identity, shown),
             requests,
             self._texts,
             TimesyncService(vehicle),

@@ -54,11 +54,16 @@ class Streams:
         entries = sorted((*STREAMS, system_time, current), key=lambda entry: entry.rank.value)
         self._rooms = rooms
         self._links = [{entry.message_id: _fresh(entry) for entry in entries} for _ in rooms]
+        self._prompt = {entry.message_id: entry.changes for entry in entries if entry.changes is not None}
+        self._known = self._told_at_once()
         self._thinned: set[int] = set()
         self._next = -float("inf")
 
     def _system_time(self, vehicle: VehicleView) -> Any:
         return mavlink.MAVLink_system_time_message(int(self._unix_time() * 1e6), boot_ms(vehicle.time_us))
+
+    def _told_at_once(self) -> dict[int, int]:
+        return {message_id: changes(self._vehicle) for message_id, changes in self._prompt.items()}
 
     def build(self, message_id: int) -> list[Any] | None:
         """The messages of this id as of now, perhaps none; None for one that is not telemetry."""
@@ -98,7 +103,8 @@ class Streams:
         return bool(chosen)
 
     def due(self, now: float) -> Iterable[tuple[int, Any]]:
-        """Link and message of all that is due at wall-clock time ``now`` in s; costs nothing while nothing is."""
+        """Link and message of all that is due at wall-clock time ``now`` in s; costs little while nothing is."""
+        self._hurry(now)
         if now < self._next:
             return
         self._next = float("inf")
@@ -110,6 +116,16 @@ class Streams:
                     for message in _as_list(schedule.entry.build(self._vehicle)):
                         yield link, message
                 self._next = min(self._next, schedule.due if schedule.due > now else now + _LOOK_AGAIN)
+
+    def _hurry(self, now: float) -> None:
+        """What says something new is due now, on every link that has it at all."""
+        before, self._known = self._known, self._told_at_once()
+        for message_id, value in self._known.items():
+            if value != before[message_id]:
+                self._next = now
+                for schedules in self._links:
+                    schedule = schedules[message_id]
+                    schedule.due = min(schedule.due, now) if schedule.interval < float("inf") else schedule.due
 
     def _has_room(self, link: int, schedule: _Schedule, now: float) -> bool:
         """Whether the link takes a stream of this rank; one that waited long enough goes first."""

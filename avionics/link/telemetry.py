@@ -256,13 +256,16 @@ _LANDED = {
 }
 
 
-def extended_sys_state(vehicle: VehicleView) -> Any:
-    """EXTENDED_SYS_STATE, from the stage of the flight."""
+def landed_state(vehicle: VehicleView) -> int:
+    """MAV_LANDED_STATE, from the stage of the flight."""
     navigation = vehicle.latest(t.NAVIGATION)
-    landed = mavlink.MAV_LANDED_STATE_UNDEFINED
-    if navigation is not None:
-        landed = _LANDED.get(navigation.stage, landed)
-    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
+    unknown: int = mavlink.MAV_LANDED_STATE_UNDEFINED
+    return unknown if navigation is None else _LANDED.get(navigation.stage, unknown)
+
+
+def extended_sys_state(vehicle: VehicleView) -> Any:
+    """EXTENDED_SYS_STATE."""
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state(vehicle))
 
 
 def home_position(vehicle: VehicleView) -> Any:
@@ -464,6 +467,8 @@ class StreamEntry(NamedTuple):
     """what comes first on a slow link"""
     groups: frozenset[int]
     """MAV_DATA_STREAM groups of the old REQUEST_DATA_STREAM"""
+    changes: Callable[[VehicleView], int] | None = None
+    """what nobody is to wait for: the message is sent at once when this changes"""
 
 
 _STATUS = mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
@@ -491,7 +496,7 @@ STREAMS = (
     _entry("GPS_RAW_INT", gps_raw, 2.0, _SECOND, _STATUS),
     _entry("SYS_STATUS", sys_status, 1.0, _FIRST, _STATUS),
     _entry("BATTERY_STATUS", battery, 1.0, _SECOND, _MORE),
-    _entry("EXTENDED_SYS_STATE", extended_sys_state, 1.0, _FIRST, _STATUS),
+    _entry("EXTENDED_SYS_STATE", extended_sys_state, 1.0, _FIRST, _STATUS)._replace(changes=landed_state),
     _entry("NAV_CONTROLLER_OUTPUT", navigation_output, 1.0, _THIRD, _STATUS),
     _entry("HOME_POSITION", home_position, 0.5, _SECOND),
     _entry("WIND_COV", wind, 1.0, _THIRD, _MORE),

@@ -114,6 +114,13 @@ class ModeNumbers(NamedTuple):
     """MAV_STANDARD_MODE, 0 for none"""
     base_mode: int
     """MAV_MODE_FLAG bits that the mode implies"""
+    label: str = ""
+    """name of one that is not just the flight mode"""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return self.label or self.mode.name
 
 
 _MANUAL_INPUT, _STABILIZE, _GUIDED, _AUTO = 64, 16, 8, 4
@@ -150,6 +157,10 @@ PLANE_STYLE = (
 PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD), (13, Mode.AUTO), (15, Mode.LOITER))
 """ArduPlane's CIRCLE, STABILIZE, CRUISE, TAKEOFF and GUIDED, which circles until it is sent somewhere."""
 
+PLANE_GUIDED = ModeNumbers(Mode.LOITER, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
+"""ArduPlane's GUIDED: it circles until it is sent somewhere, to circle there in LOITER; on the ground it waits for a
+takeoff."""
+
 _CAPABILITIES: int = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -172,9 +183,12 @@ class Identity(NamedTuple):
     type: int = mavlink.MAV_TYPE_FLAPPING_WING
     modes: tuple[ModeNumbers, ...] = PX4_STYLE
     aliases: tuple[tuple[int, Mode], ...] = ()
-    """further custom modes that may be asked for; the vehicle never says that it is in one"""
-    guided: int | None = None
-    """the one of them that clients ask for before a takeoff, and that changes nothing on the ground"""
+    """further custom modes that may be asked for; the vehicle never says that it is in one but for ``guided``"""
+    guided: ModeNumbers | None = None
+    """the one that clients ask for before a takeoff, which changes nothing on the ground; shown while it is true"""
+    takeoff_frame: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    """MAV_FRAME of the altitude of a NAV_TAKEOFF that names none, a COMMAND_LONG: MAVSDK 4.1, MAVProxy and our
+    station count from home where the autopilot is not MAV_AUTOPILOT_PX4, which counts from the sea"""
     capabilities: int = _CAPABILITIES
     """MAV_PROTOCOL_CAPABILITY bits. All parameters are floats, so that the two encodings do not differ"""
     first_item: int = 0
@@ -205,7 +219,7 @@ PROFILES: dict[str, Identity] = {
         type=mavlink.MAV_TYPE_FIXED_WING,
         modes=PLANE_STYLE,
         aliases=PLANE_ALIASES,
-        guided=15,
+        guided=PLANE_GUIDED,
         first_item=1,
     ),
 }

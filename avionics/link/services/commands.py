@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from avionics import topics
-from avionics.guidance.mission import ItemKind
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation
@@ -15,13 +15,13 @@ from avionics.link.mission_codec import decode_item
 from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
-from avionics.link.services.modes import is_wait_for_takeoff, mode_command, requested_mode
+from avionics.link.services.modes import ShownMode, mode_command, requested_mode
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.storage import StorageRequests
 from avionics.link.services.verdict import Request, Verdict, refused
-from avionics.link.vehicle import Identity, Storage, VehicleView
+from avionics.link.vehicle import NO_FRAMES, Identity, Storage, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 
@@ -31,6 +31,8 @@ _UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
 _NO_PLACE = 2**31 - 1
 """degE7; a COMMAND_INT without a place"""
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+TURNING_ALTITUDE = "NAV_RETURN_FLOOR"
+"""Parameter: m above home, below which a way is flown straight on, wings level."""
 
 
 Answer = Callable[[Request], Verdict]
@@ -47,12 +49,14 @@ class CommandService:
         identity: Identity,
         requests: Requests,
         missions: MissionService,
+        shown: ShownMode,
         storage: Storage | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._identity = identity
         self._requests = requests
         self._missions = missions
+        self._shown = shown
         self._calibrations = CalibrationRequests(vehicle)
         self._answers: dict[int, Answer] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
@@ -111,19 +115,23 @@ class CommandService:
             return Verdict(_DENIED, (), "flight termination ends with arming anew")
         return self._ask_core(self._command(CommandKind.KILL, request))
 
-    def _mode(self, request: Request, mode: Mode | None) -> Verdict:
+    def _mode(self, request: Request, mode: Mode | None, asked: float = math.nan) -> Verdict:
+        """The change to ``mode``, which was asked for as custom mode ``asked`` or by a command of its own."""
         if mode is None:
             names = ", ".join(entry.mode.name for entry in self._identity.modes)
             return Verdict(_DENIED, (), f"no such mode; there are {names}")
-        return self._ask_core(mode_command(self._vehicle, mode, request.sender))
+        verdict = self._ask_core(mode_command(self._vehicle, mode, request.sender))
+        waits = self._shown.waits(asked) and verdict.reason != NO_FRAMES
+        if waits or verdict.result == _ACCEPTED:
+            self._shown.accepted(asked)
+        return Verdict(_ACCEPTED) if waits else verdict
 
     def _set_mode(self, request: Request) -> Verdict:
         base = request.params[0]
         if not (0 <= base <= 255 and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
             return Verdict(_DENIED, (), "set mode: only custom modes are understood")
-        if is_wait_for_takeoff(self._vehicle, self._identity, request.params[1]):
-            return Verdict(_ACCEPTED)
-        return self._mode(request, requested_mode(self._identity, request.params[1], request.params[2]))
+        _, main, sub = request.params[:3]
+        return self._mode(request, requested_mode(self._identity, main, sub), main)
 
     def _set_standard_mode(self, request: Request) -> Verdict:
         wanted = request.params[0]
@@ -137,10 +145,39 @@ class CommandService:
         return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
 
     def _takeoff(self, request: Request) -> Verdict:
-        kinds = [item.kind for item in self._vehicle.mission]
+        """AUTO from the mission's TAKEOFF item, which gets the altitude that was asked for, if one was."""
+        mission = self._vehicle.mission
+        kinds = [item.kind for item in mission]
         if ItemKind.TAKEOFF not in kinds:
             return Verdict(_DENIED, (), "takeoff: the mission has no TAKEOFF item")
-        return self._auto_from(request, kinds.index(ItemKind.TAKEOFF))
+        number = kinds.index(ItemKind.TAKEOFF)
+        begun = self._auto_from(request, number)
+        if begun.result != _ACCEPTED or math.isnan(request.params[6]) or request.params[6] == 0.0:
+            return begun
+        try:
+            asked = self._takeoff_altitude(request)
+        except ItemRefused as why:
+            return Verdict(_DENIED, (), f"takeoff: {why}")
+        altitude = max(asked, self._lowest_takeoff(mission[number])) if asked > 0.0 else asked
+        raised = f"takeoff: to {altitude:g} m, {asked:g} m is too low to turn" if altitude > asked else ""
+        if altitude == mission[number].altitude:
+            return begun._replace(reason=raised)
+        changed = (*mission[:number], mission[number]._replace(altitude=altitude), *mission[number + 1 :])
+        put = self._ask_core(self._command(CommandKind.SET_MISSION, request, payload=changed))
+        if put.result != _ACCEPTED:
+            return put
+        return Verdict(_ACCEPTED, (*put.outputs, *begun.outputs), raised)
+
+    def _takeoff_altitude(self, request: Request) -> float:
+        """m above home; raises `ItemRefused`."""
+        frame = request.frame if request.is_int else self._identity.takeoff_frame
+        wanted = WireItem(frame, mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 4, 0.0, 0.0, request.params[6])
+        return decode_item(wanted, self._vehicle.home).altitude
+
+    def _lowest_takeoff(self, planned: MissionItem) -> float:
+        """m above home: where it may turn, or what is planned where that is lower; MAVSDK says 2 m unasked."""
+        floor = next((each.value for each in self._vehicle.parameters if each.name == TURNING_ALTITUDE), 0.0)
+        return min(planned.altitude, floor)
 
     def _start_mission(self, request: Request) -> Verdict:
         if not self._vehicle.mission:
@@ -169,7 +206,10 @@ class CommandService:
             item = decode_item(wanted, self._vehicle.home)
         except ItemRefused as why:
             return Verdict(_DENIED, (), str(why))
-        return self._ask_core(self._command(CommandKind.LOITER_AT, request, payload=item))
+        verdict = self._ask_core(self._command(CommandKind.LOITER_AT, request, payload=item))
+        if verdict.result == _ACCEPTED:
+            self._shown.accepted(math.nan)  # sent somewhere it waits no more: it circles there, in LOITER
+        return verdict
 
     def _excite(self, request: Request) -> Verdict:
         params = request.params

@@ -6,9 +6,10 @@ from typing import Any
 
 from avionics import topics
 from avionics.link.dialect import mavlink
+from avionics.link.services.modes import ShownMode
 from avionics.link.services.service import Output, Reply, Sender
-from avionics.link.vehicle import Identity, LinkGains, VehicleView
-from avionics.messages import Failsafe, Mode
+from avionics.link.vehicle import Identity, LinkGains, ModeNumbers, VehicleView
+from avionics.messages import Failsafe
 
 _CUSTOM_MODE_ENABLED = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 MOST_GREETED = 100
@@ -16,9 +17,8 @@ MOST_GREETED = 100
 _SAFETY_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
-def heartbeat(vehicle: VehicleView, identity: Identity) -> Any:
-    """HEARTBEAT of the vehicle as it is now."""
-    numbers = identity.numbers(vehicle.mode)
+def heartbeat(vehicle: VehicleView, identity: Identity, numbers: ModeNumbers) -> Any:
+    """HEARTBEAT of the vehicle as it is now; ``numbers`` are those of the mode that it says."""
     base_mode = numbers.base_mode | _CUSTOM_MODE_ENABLED | (_SAFETY_ARMED if vehicle.armed else 0)
     return mavlink.MAVLink_heartbeat_message(
         identity.type, identity.autopilot, base_mode, numbers.custom_mode, system_status(vehicle), 3
@@ -38,12 +38,13 @@ class HeartbeatService:
 
     handles = frozenset({"HEARTBEAT"})
 
-    def __init__(self, vehicle: VehicleView, identity: Identity, gains: LinkGains) -> None:
+    def __init__(self, vehicle: VehicleView, identity: Identity, gains: LinkGains, shown: ShownMode) -> None:
         self._vehicle = vehicle
+        self._shown = shown
         self._identity = identity
         self._interval = gains.heartbeat
         self._due = -float("inf")
-        self._said: tuple[Mode, bool] | None = None
+        self._said: tuple[ModeNumbers, bool] | None = None
         self._greeted: set[Sender] = set()
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
@@ -53,13 +54,16 @@ class HeartbeatService:
         if len(self._greeted) >= MOST_GREETED:
             self._greeted.clear()
         self._greeted.add(sender)
-        return [Reply(heartbeat(self._vehicle, self._identity), sender)]
+        return [Reply(self._heartbeat(), sender)]
 
     def step(self, now: float) -> list[Output]:
         """HEARTBEAT when it is due."""
-        state = (self._vehicle.mode, self._vehicle.armed)
+        state = (self._shown.numbers, self._vehicle.armed)
         if now < self._due and state == self._said:
             return []
         self._due = now + self._interval
         self._said = state
-        return [Reply(heartbeat(self._vehicle, self._identity))]
+        return [Reply(self._heartbeat())]
+
+    def _heartbeat(self) -> Any:
+        return heartbeat(self._vehicle, self._identity, self._shown.numbers)

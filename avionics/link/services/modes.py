@@ -10,7 +10,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.verdict import refusal_result
-from avionics.link.vehicle import Identity, VehicleView, px4_mode
+from avionics.link.vehicle import NO_FRAMES, Identity, ModeNumbers, VehicleView, px4_mode
 from avionics.messages import Command, CommandKind, Mode, Stage
 
 ON_GROUND = (Stage.ON_GROUND, Stage.WAIT_LAUNCH, Stage.LANDED)
@@ -20,19 +20,18 @@ CURRENT_MODE_INTERVAL = 2.0
 
 def available_modes(identity: Identity, index: int = 0) -> list[Any]:
     """AVAILABLE_MODES of all modes, or of the one with this index counted from 1; empty when there is none."""
-    modes = identity.modes
+    modes = identity.modes if identity.guided is None else (*identity.modes, identity.guided)
     return [
         mavlink.MAVLink_available_modes_message(
-            len(modes), number, entry.standard_mode, entry.custom_mode, 0, entry.mode.name.encode()
+            len(modes), number, entry.standard_mode, entry.custom_mode, 0, entry.name.encode()
         )
         for number, entry in enumerate(modes, start=1)
         if index in (0, number)
     ]
 
 
-def current_mode(vehicle: VehicleView, identity: Identity) -> Any:
+def current_mode(numbers: ModeNumbers) -> Any:
     """CURRENT_MODE."""
-    numbers = identity.numbers(vehicle.mode)
     return mavlink.MAVLink_current_mode_message(numbers.standard_mode, numbers.custom_mode, 0)
 
 
@@ -43,10 +42,48 @@ def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
     return identity.by_custom_mode(int(main)) or identity.by_custom_mode(px4_mode(int(main) & 0xFF, int(sub)))
 
 
-def is_wait_for_takeoff(vehicle: VehicleView, identity: Identity, custom_mode: float) -> bool:
-    """Whether GUIDED is asked for on the ground: the vehicle waits for commands there in any mode."""
-    navigation = vehicle.latest(topics.NAVIGATION)
-    return custom_mode == identity.guided and navigation is not None and navigation.stage in ON_GROUND
+class ShownMode:
+    """The mode that the vehicle says that it is in: its own, or GUIDED where a client asked for that and it is true.
+
+    In the air it is while the vehicle circles; on the ground, where the vehicle waits for commands in any mode, until
+    the mode changes or it flies.
+    """
+
+    def __init__(self, vehicle: VehicleView, identity: Identity) -> None:
+        self._vehicle = vehicle
+        self._identity = identity
+        self._guided_in: Mode | None = None
+        self._waiting = self._entered = False
+
+    @property
+    def numbers(self) -> ModeNumbers:
+        """As it is written on the wire."""
+        guided, mode = self._identity.guided, self._vehicle.mode
+        if guided is not None and self._guided_in is not None:
+            self._entered = self._entered or mode == self._guided_in
+            if self._entered and (mode != self._guided_in or (self._waiting and not self._on_ground())):
+                self._guided_in = None
+            elif self._entered:
+                return guided
+        return self._identity.numbers(mode)
+
+    def waits(self, custom_mode: float) -> bool:
+        """Whether GUIDED is asked for on the ground, which takes no command: the vehicle waits there in any mode."""
+        return self._is_guided(custom_mode) and self._on_ground()
+
+    def accepted(self, custom_mode: float) -> None:
+        """A client asked for this mode, and will get it."""
+        self._waiting, self._entered = self._on_ground(), False
+        self._guided_in = None
+        if self._is_guided(custom_mode):
+            self._guided_in = self._vehicle.mode if self._waiting else Mode.LOITER
+
+    def _is_guided(self, custom_mode: float) -> bool:
+        return self._identity.guided is not None and custom_mode == self._identity.guided.custom_mode
+
+    def _on_ground(self) -> bool:
+        navigation = self._vehicle.latest(topics.NAVIGATION)
+        return navigation is not None and navigation.stage in ON_GROUND
 
 
 def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender) -> Command:
@@ -59,11 +96,12 @@ class ModeService:
 
     handles = frozenset({"SET_MODE"})
 
-    def __init__(self, vehicle: VehicleView, identity: Identity) -> None:
+    def __init__(self, vehicle: VehicleView, identity: Identity, shown: ShownMode) -> None:
         self._vehicle = vehicle
         self._identity = identity
+        self._shown = shown
         self._due = -float("inf")
-        self._said: Mode | None = None
+        self._said: ModeNumbers | None = None
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """SET_MODE, answered with an acknowledgement of DO_SET_MODE."""
@@ -71,22 +109,22 @@ class ModeService:
         mode = requested_mode(self._identity, message.custom_mode, 0) if custom else None
         if mode is None:
             return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text("no such mode", sender)]
-        if is_wait_for_takeoff(self._vehicle, self._identity, message.custom_mode):
-            return [Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)]
         command = mode_command(self._vehicle, mode, sender)
-        reason = self._vehicle.refusal(command)
-        if reason:
+        reason, waits = self._vehicle.refusal(command), self._shown.waits(message.custom_mode)
+        if reason == NO_FRAMES or (reason and not waits):
             return [Reply(_ack(refusal_result(reason), sender), sender), *refusal_text(reason, sender)]
-        return [command, Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)]
+        self._shown.accepted(message.custom_mode)
+        accepted = Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)
+        return [accepted] if waits else [command, accepted]
 
     def step(self, now: float) -> list[Output]:
         """CURRENT_MODE, at once when the mode changes."""
-        mode = self._vehicle.mode
-        if now < self._due and mode == self._said:
+        numbers = self._shown.numbers
+        if now < self._due and numbers is self._said:
             return []
         self._due = now + CURRENT_MODE_INTERVAL
-        self._said = mode
-        return [Reply(current_mode(self._vehicle, self._identity))]
+        self._said = numbers
+        return [Reply(current_mode(numbers))]
 
 
 def _ack(result: int, sender: Sender) -> Any:

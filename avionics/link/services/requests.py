@@ -37,8 +37,9 @@ class Requests:
 
     handles = frozenset({"REQUEST_DATA_STREAM"})
 
-    def __init__(self, vehicle: VehicleView, identity: Identity, streams: Streams) -> None:
+    def __init__(self, vehicle: VehicleView, identity: Identity, streams: Streams, shown: modes.ShownMode) -> None:
         self._vehicle = vehicle
+        self._shown = shown
         self._identity = identity
         self._streams = streams
 
@@ -57,9 +58,9 @@ class Requests:
         if number == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES_MONITOR:
             return [mavlink.MAVLink_available_modes_monitor_message(0)]  # the modes never change
         if number == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:
-            return [modes.current_mode(self._vehicle, self._identity)]
+            return [modes.current_mode(self._shown.numbers)]
         if number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            return [heartbeat(self._vehicle, self._identity)]
+            return [heartbeat(self._vehicle, self._identity, self._shown.numbers)]
         if number == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(link, argument)
         return self._streams.build(number)

@@ -1,0 +1,113 @@
+"""NAV_TAKEOFF by command: to the altitude that was asked for, counted from where the profile's clients count."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from link_vehicle import HOME, FakeVehicle
+from link_wires import Voice, Wire
+
+from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.link.dialect import mavlink
+from avionics.link.ground import GroundLink
+from avionics.link.vehicle import PROFILES, Identity, Parameter
+from avionics.messages import CommandKind, Mode
+
+PLAN = (
+    MissionItem(ItemKind.WAYPOINT, 10.0, 0.0, 40.0),
+    MissionItem(ItemKind.TAKEOFF, altitude=40.0),
+    MissionItem(ItemKind.RETURN),
+)
+TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
+ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
+FROM_THE_SEA = Identity()._replace(takeoff_frame=mavlink.MAV_FRAME_GLOBAL)
+
+
+class Bench:
+    """A vehicle with a plan and a station on one wire."""
+
+    def __init__(self, identity: Identity) -> None:
+        self.wire, self.vehicle = Wire("udpin:127.0.0.1:1"), FakeVehicle()
+        self.vehicle.mission = PLAN
+        self.vehicle.parameters = [*self.vehicle.parameters, Parameter("NAV_RETURN_FLOOR", 15.0, 0.0, 1000.0)]
+        self.link = GroundLink([self.wire], self.vehicle, identity)
+
+    def ask(self, message: Any) -> tuple[int, str]:
+        """The answer to a command: its result, and what is said with it."""
+        self.wire.take()
+        self.wire.say(Voice(255).frame(message))
+        self.vehicle.apply(self.link.poll(1.0))
+        heard = self.wire.heard()
+        said = "".join(each.text for each in heard if each.get_type() == "STATUSTEXT")
+        return next(each.result for each in heard if each.get_type() == "COMMAND_ACK"), said
+
+    def long(self, altitude: float, blank: float = 0.0) -> tuple[int, str]:
+        return self.ask(mavlink.MAVLink_command_long_message(1, 1, TAKEOFF, 0, *(blank,) * 6, altitude))
+
+    def integer(self, frame: int, altitude: float) -> tuple[int, str]:
+        return self.ask(mavlink.MAVLink_command_int_message(1, 1, frame, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0, altitude))
+
+    @property
+    def altitude(self) -> float:
+        """m; of the take-off that is begun."""
+        return self.vehicle.mission[1].altitude
+
+
+@pytest.mark.parametrize("identity", [*PROFILES.values(), FROM_THE_SEA], ids=[*PROFILES, "from the sea"])
+def test_the_altitude_that_is_asked_for_is_flown(identity: Identity) -> None:
+    bench = Bench(identity)
+    asked = 25.0 + (HOME.altitude if identity is FROM_THE_SEA else 0.0)
+    assert bench.long(asked) == (ACCEPTED, "")
+    assert bench.vehicle.mission == (PLAN[0], PLAN[1]._replace(altitude=25.0), PLAN[2])
+    assert bench.vehicle.mode is Mode.AUTO
+    kinds = [each.kind for each in bench.vehicle.inputs]  # type: ignore[union-attr]
+    assert kinds == [CommandKind.SET_MISSION, CommandKind.SET_CURRENT_ITEM, CommandKind.SET_MODE]
+    assert bench.vehicle.inputs[1].value == 1.0  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+def test_a_frame_that_is_named_counts_in_every_profile(identity: Identity) -> None:
+    bench = Bench(identity)
+    assert bench.integer(mavlink.MAV_FRAME_GLOBAL, HOME.altitude + 30.0)[0] == ACCEPTED and bench.altitude == 30.0
+    assert bench.integer(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, 20.0)[0] == ACCEPTED and bench.altitude == 20.0
+
+
+@pytest.mark.parametrize("altitude", [math.nan, 0.0, 40.0])
+def test_without_an_altitude_the_plan_s_is_flown_and_the_plan_stays(altitude: float) -> None:
+    bench = Bench(Identity())
+    assert bench.long(altitude, blank=math.nan) == (ACCEPTED, "")
+    assert bench.vehicle.mission is PLAN and bench.vehicle.mode is Mode.AUTO
+
+
+@pytest.mark.parametrize(("planned", "flown"), [(40.0, 15.0), (12.0, 12.0)])
+def test_the_two_metres_of_mavsdk_are_raised_to_where_it_may_turn(planned: float, flown: float) -> None:
+    bench = Bench(Identity())
+    bench.vehicle.mission = (PLAN[0], PLAN[1]._replace(altitude=planned), PLAN[2])
+    assert bench.long(2.0, blank=math.nan) == (ACCEPTED, f"takeoff: to {flown:g} m, 2 m is too low to turn")
+    assert bench.altitude == flown
+
+
+@pytest.mark.parametrize(
+    ("identity", "altitude", "why"),
+    [
+        (Identity(), math.inf, "takeoff: an item has no altitude"),
+        (FROM_THE_SEA, HOME.altitude - 1.0, "altitude"),
+        (Identity(), -5.0, "altitude"),
+        (Identity(), 5000.0, "altitude"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_with_the_reason(identity: Identity, altitude: float, why: str) -> None:
+    bench = Bench(identity)
+    bench.vehicle.refusals[CommandKind.SET_MISSION] = "altitude out of range"
+    result, said = bench.long(altitude)
+    assert result == DENIED and said.startswith(why)
+    assert bench.vehicle.inputs == [] and bench.vehicle.mission is PLAN
+
+
+def test_an_altitude_from_the_sea_waits_for_home() -> None:
+    bench = Bench(FROM_THE_SEA)
+    bench.vehicle.home = None
+    assert bench.long(600.0) == (DENIED, "takeoff: home is not known yet: wait for the GPS")
+    assert bench.long(math.nan)[0] == ACCEPTED
