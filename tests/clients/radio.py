@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pty
 import select
 import threading
+import time
 import tty
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -15,25 +17,76 @@ BUFFER = 16384
 """-; bytes that a radio keeps for a reader who is slow; what comes beyond them is lost"""
 
 
+TURN = 0.005
+"""s; between two looks of a relay that holds something back"""
+
+
+class Way:
+    """One direction: no faster than ``rate`` (bytes/s), and what its ``buffer`` (bytes) does not hold is lost."""
+
+    def __init__(self, rate: float, buffer: int) -> None:
+        self.arrived: list[tuple[float, int]] = []
+        """when (s) how many bytes were given to it"""
+        self.dropped = 0
+        """bytes lost"""
+        self.fullest = 0
+        """bytes; most that ever waited"""
+        self._rate, self._buffer = rate, buffer
+        self._waiting = bytearray()
+        self._allowance = 0.0
+        self._counted_at = 0.0
+
+    def take(self, data: bytes, now: float) -> None:
+        """Bytes to carry, at ``now`` (s)."""
+        self.arrived.append((now, len(data)))
+        if not self._waiting:
+            self._counted_at, self._allowance = now, 0.0
+        self._waiting += data
+        self.dropped += max(len(self._waiting) - self._buffer, 0)
+        del self._waiting[self._buffer :]
+        self.fullest = max(self.fullest, len(self._waiting))
+
+    def due(self, now: float) -> bytes:
+        """What may go on at ``now`` (s); a rate that was not used is not saved up."""
+        if math.isinf(self._rate):
+            return bytes(self._waiting)
+        self._allowance = min(self._allowance + (now - self._counted_at) * self._rate, len(self._waiting))
+        self._counted_at = now
+        return bytes(self._waiting[: int(self._allowance)])
+
+    def gone(self, count: int) -> None:
+        """So many bytes went on."""
+        del self._waiting[:count]
+        self._allowance = max(self._allowance - count, 0.0)
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+
 class Radio(NamedTuple):
-    """The devices of both ends."""
+    """The devices of both ends, and what is between them."""
 
     vehicle: str
     ground: str
+    down: Way
+    """from the vehicle to the ground"""
+    up: Way
 
 
 @contextmanager
-def radio() -> Iterator[Radio]:
-    """Two serial devices; what is written to one is read from the other."""
+def radio(rate: float = math.inf, buffer: int = BUFFER) -> Iterator[Radio]:
+    """Two serial devices; what is written to one is read from the other, ``rate`` bytes/s each way."""
     with ExitStack() as stack:
         ends = [_open_end(stack) for _ in range(2)]
+        down, up = Way(rate, buffer), Way(rate, buffer)
         wake, stop = os.pipe()
         stack.callback(os.close, wake)
-        relay = threading.Thread(target=_relay, args=(ends[0].air, ends[1].air, wake))
+        ways = {ends[0].air: (ends[1].air, down), ends[1].air: (ends[0].air, up)}
+        relay = threading.Thread(target=_relay, args=(ways, wake))
         relay.start()
         stack.callback(relay.join)
         stack.callback(os.close, stop)
-        yield Radio(ends[0].device, ends[1].device)
+        yield Radio(ends[0].device, ends[1].device, down, up)
 
 
 class _End(NamedTuple):
@@ -51,17 +104,15 @@ def _open_end(stack: ExitStack) -> _End:
     return _End(air, os.ttyname(serial))
 
 
-def _relay(one: int, other: int, wake: int) -> None:
+def _relay(ways: dict[int, tuple[int, Way]], wake: int) -> None:
     """Carry bytes both ways until ``wake`` is closed on its other end."""
-    to, kept = {one: other, other: one}, {one: bytearray(), other: bytearray()}
     while True:
-        waiting = [end for end in kept if kept[end]]
-        readable, writable, _ = select.select([one, other, wake], waiting, [])
+        holding = any(len(way) for _, way in ways.values())
+        readable, _, _ = select.select([*ways, wake], [], [], TURN if holding else None)
         if wake in readable:
             return
-        for end in readable:
-            kept[to[end]] += os.read(end, 4096)
-            del kept[to[end]][BUFFER:]
-        for end in writable:
+        for end, (other, way) in ways.items():
+            if end in readable:
+                way.take(os.read(end, 4096), time.monotonic())
             with suppress(BlockingIOError):
-                del kept[end][: os.write(end, kept[end])]
+                way.gone(os.write(other, way.due(time.monotonic())))
