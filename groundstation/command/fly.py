@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 from rich.live import Live
@@ -25,7 +25,7 @@ from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
-from groundstation.command import identify, options
+from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.sim import COMPILING, simulated
 from groundstation.link import modes
@@ -35,10 +35,8 @@ from groundstation.link.vehicle_state import VehicleState, new_events
 from groundstation.views import flight_report
 from groundstation.views.flight_view import FlightView, Header, event_line, progress_line
 from groundstation.views.history import History, remember
-from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from logs.identification.report import Identification, document
 from logs.join import join
 from logs.names import new_recording
 from logs.reader import Log, open_log
@@ -50,6 +48,9 @@ from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
+
+if TYPE_CHECKING:
+    from logs.identification.report import Identification
 
 EXAMPLES = (
     "wingbeat fly",
@@ -318,6 +319,8 @@ def _keep(plan: Plan) -> None:
 
 def _identified(log: Log) -> Identification | str:
     """What the log gives, or why it gives nothing: a flight without an excitation is a flight all the same."""
+    from groundstation.command import identify  # takes a second, which the start of a flight need not wait for
+
     try:
         return identify.identified(log)
     except BadInput as reason:
@@ -353,6 +356,8 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
         summary, found, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)
     if chosen.json:
+        from logs.identification.report import document
+
         print_document(
             {
                 "log": str(plan.log),
@@ -381,4 +386,6 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
     if isinstance(found, str):
         console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)
     else:
+        from groundstation.views.identification import identification_table
+
         console.print(identification_table(found))

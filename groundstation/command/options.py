@@ -6,14 +6,15 @@ import argparse
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
 from avionics.quantities import BadInput
-from sim_bridge.flight.faults import FAULTS, Fault, parse_fault
-from sim_bridge.sensors.receiver import Sticks
+
+if TYPE_CHECKING:
+    from sim_bridge.flight.faults import Fault
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
@@ -166,6 +167,8 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
 
 def add_faults(parser: argparse.ArgumentParser) -> None:
     """Offer ``--fault``, any number of times."""
+    from sim_bridge.flight.faults import FAULTS  # brings the world, which a reader of a log need not wait for
+
     parser.add_argument(
         "--fault",
         action="append",
@@ -178,6 +181,8 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
 
 def add_sticks(parser: argparse.ArgumentParser) -> None:
     """Offer ``--sticks``."""
+    from sim_bridge.sensors.receiver import Sticks
+
     columns = ", ".join(Sticks._fields)
     parser.add_argument(
         "--sticks",
@@ -188,6 +193,8 @@ def add_sticks(parser: argparse.ArgumentParser) -> None:
 
 def fault(text: str) -> Fault:
     """A fault, for argparse."""
+    from sim_bridge.flight.faults import parse_fault
+
     try:
         return parse_fault(text)
     except BadInput as reason:

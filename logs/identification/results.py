@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -45,6 +44,8 @@ class Unidentified(NamedTuple):
 
 def student_factor(degrees: float) -> float:
     """Half width of the 95 % interval in standard errors for ``degrees`` of freedom (at least one)."""
+    from scipy.special import stdtrit  # takes 0.3 s, which a flight need not wait for
+
     return float(stdtrit(max(degrees, 1.0), 0.5 + CONFIDENCE / 2))
 
 
