@@ -1,5 +1,6 @@
 """The whole flight computer: flights of the surrogate bird, determinism, snapshots, inputs, bad sensors."""
 
+import copy
 import itertools
 import json
 import math
@@ -53,6 +54,13 @@ class Flight:
                 break
         return self
 
+    def branch(self) -> "Flight":
+        """The same flight as it stands, to be flown on by itself; messages and frames are immutable."""
+        twin = Flight(bird=copy.deepcopy(self.bird))
+        twin.autopilot.restore(self.autopilot.snapshot())
+        twin.said[:], twin.frames[:] = self.said, self.frames
+        return twin
+
     def launch(self) -> "Flight":
         self.fly(3.0)
         self.fly(0.5, (AUTO, ARM))
@@ -69,6 +77,36 @@ class Flight:
 @cache
 def whole_flight() -> Flight:
     return Flight().launch().fly(120.0, until=Stage.LANDED)
+
+
+@cache
+def _thrown() -> Flight:
+    return Flight().launch()
+
+
+@cache
+def _en_route() -> Flight:
+    return thrown().fly(60.0, until=Stage.EN_ROUTE)
+
+
+@cache
+def _ten_seconds() -> Flight:
+    return thrown().fly(10.0)
+
+
+def thrown() -> Flight:
+    """Armed and thrown; flown once for all who begin so, as the two below are."""
+    return _thrown().branch()
+
+
+def en_route() -> Flight:
+    """Climbed out to the mission's height."""
+    return _en_route().branch()
+
+
+def ten_seconds() -> Flight:
+    """Ten seconds after the throw."""
+    return _ten_seconds().branch()
 
 
 def test_a_mission_is_flown_from_the_hand_to_the_ground() -> None:
@@ -145,6 +183,7 @@ def test_the_same_frames_give_the_same_bytes() -> None:
 
 
 def test_a_restored_snapshot_continues_bit_for_bit() -> None:
+    # Not from `thrown`, which was restored itself.
     flight = Flight().launch().fly(12.0)
     text = flight.autopilot.snapshot()
     assert json.loads(text)["clock"]
@@ -206,7 +245,7 @@ def test_commands_come_back_from_the_log_exactly(command: Command) -> None:
 
 
 def test_parameters_missions_and_items_are_set_in_flight() -> None:
-    flight = Flight().launch().fly(1.0)
+    flight = thrown().fly(1.0)
     mission = (MissionItem(ItemKind.HOLD, altitude=20.0, heading=0.5, duration=1.0), *LOW)
     flight.fly(
         0.1,
@@ -247,7 +286,7 @@ def test_a_refused_command_says_why_and_changes_nothing(command: Command, word: 
 
 
 def test_an_excitation_over_the_link_is_flown() -> None:
-    flight = Flight().launch().fly(60.0, until=Stage.EN_ROUTE).fly(1.0)
+    flight = en_route().fly(1.0)
     flight.fly(3.0, (Command(0, CommandKind.EXCITE, payload=LOW[2]),))
     assert "excitation of elevator" in flight.events()
     assert max(status.elevator for status in flight.of(topics.EXCITATION)) > 0.07
@@ -270,7 +309,7 @@ def test_in_manual_the_sticks_move_the_tail_and_the_wings() -> None:
 
 
 def test_stabilized_turns_sticks_into_attitude() -> None:
-    flight = Flight().launch().fly(4.0)
+    flight = thrown().fly(4.0)
     mode = Command(0, CommandKind.SET_MODE, "STABILIZED")
     flight.fly(4.0, (mode,), held=sticks(roll=0.5, throttle=0.75))
     assert flight.bird.roll == pytest.approx(0.5 * RAVEN.gains.roll.stick_roll, abs=0.06)
@@ -290,7 +329,7 @@ def test_sticks_that_are_no_numbers_are_refused() -> None:
 
 @pytest.mark.validate
 def test_link_loss_turns_the_bird_home_and_lands_it() -> None:
-    flight = Flight().launch().fly(60.0, until=Stage.EN_ROUTE)
+    flight = en_route()
     flight.fly(RAVEN.gains.modes.link_loss_delay + 0.5, (Command(0, CommandKind.LINK_LOST, source="link"),))
     assert flight.autopilot.state.modes.mode == Mode.RETURN
     flight.fly(30.0)
@@ -300,7 +339,7 @@ def test_link_loss_turns_the_bird_home_and_lands_it() -> None:
 
 
 def test_without_gps_the_heading_is_held() -> None:
-    flight = Flight().launch().fly(60.0, until=Stage.EN_ROUTE).fly(6.0)
+    flight = en_route().fly(6.0)
     flight.bird.gps_on = False
     flight.fly(5.0)
     assert flight.of(topics.HEALTH)[-1].failsafe == Failsafe.GPS_LOST
@@ -324,7 +363,7 @@ def test_time_that_goes_backwards_is_refused_once_said_and_the_last_actuators_ke
 
 
 def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock() -> None:
-    flight = Flight().launch().fly(10.0)
+    flight = ten_seconds()
     before, said = flight.autopilot.state, len(flight.events())
     frame = flight.bird.frame()
     ahead = 40_000_000
@@ -338,7 +377,7 @@ def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock(
 
 
 def test_a_clock_that_stays_ahead_is_followed() -> None:
-    flight = Flight().launch().fly(10.0)
+    flight = ten_seconds()
     for _ in range(100):
         frame = flight.bird.frame()
         flight.bird.advance(flight.autopilot.step(shifted(frame, 40_000_000)))
@@ -355,7 +394,7 @@ def test_a_clock_that_stays_ahead_is_followed() -> None:
 )
 def test_what_would_kill_in_flight_is_set_on_the_ground_alone(name: str) -> None:
     asked = Command(0, CommandKind.SET_PARAMETER, name, 2.0)
-    flight = Flight().launch().fly(1.0)
+    flight = thrown().fly(1.0)
     before = flight.autopilot.state.gains
     flight.fly(0.005, (asked,))
     assert flight.autopilot.state.gains == before
@@ -426,7 +465,7 @@ def test_an_encoder_that_was_reset_is_believed_after_a_while() -> None:
 
 
 def test_a_gap_in_the_sensors_does_not_upset_the_loops() -> None:
-    flight = Flight().launch().fly(10.0)
+    flight = ten_seconds()
     for _ in range(30):
         flight.bird.advance(flight.autopilot.state.actuators)
     flight.fly(3.0)

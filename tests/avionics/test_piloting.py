@@ -2,11 +2,12 @@
 
 import math
 from collections import defaultdict
+from functools import cache
 
 import pytest
 from surrogate import Bird
 from surrogate_gains import VEHICLE as RAVEN
-from test_autopilot_flights import ARM, AUTO, LOW, Flight, sticks
+from test_autopilot_flights import ARM, AUTO, Flight, en_route, sticks, thrown
 
 from avionics import inputs, topics
 from avionics.messages import (
@@ -49,7 +50,14 @@ def radio_flight() -> tuple[Flight, RadioBird]:
 
 
 def launched(mode_pulse: int = 1000, throttle: int = 1750) -> tuple[Flight, RadioBird]:
-    """Armed by switch, thrown, in the air under full control of the transmitter."""
+    """Armed by switch, thrown, in the air under full control of the transmitter; flown once for all who begin so."""
+    flight = first_launched(mode_pulse, throttle).branch()
+    assert isinstance(flight.bird, RadioBird)
+    return flight, flight.bird
+
+
+@cache
+def first_launched(mode_pulse: int, throttle: int) -> Flight:
     flight, bird = radio_flight()
     bird.set(ch5=mode_pulse)
     flight.fly(3.0)
@@ -58,7 +66,14 @@ def launched(mode_pulse: int = 1000, throttle: int = 1750) -> tuple[Flight, Radi
     assert flight.autopilot.state.modes.armed == 1
     bird.set(ch3=throttle)
     bird.throw()
-    return flight.fly(2.0), bird
+    return flight.fly(2.0)
+
+
+def test_a_branch_flies_on_as_the_flight_it_left() -> None:
+    flight, _ = launched()
+    twin = flight.branch()
+    assert repr(twin.fly(1.0).said) == repr(flight.fly(1.0).said)
+    assert twin.frames == flight.frames and twin.bird is not flight.bird
 
 
 def test_a_flight_by_transmitter_from_the_hand_to_the_ground() -> None:
@@ -219,7 +234,7 @@ def test_after_a_kill_it_needs_the_switch_off_and_arming_anew() -> None:
     ids=["flight termination", "forced disarm", "overridden kill channel"],
 )
 def test_kill_comes_from_the_ground_too(entry) -> None:
-    flight = Flight().launch().fly(5.0)
+    flight = thrown().fly(5.0)
     flight.fly(0.02, (entry,))
     check_killed(flight)
 
@@ -320,7 +335,7 @@ def test_a_receiver_that_was_never_heard_is_not_lost_and_one_that_was_hinders_ar
 
 
 def test_a_mission_does_not_miss_the_sticks() -> None:
-    flight = Flight().launch().fly(6.0)
+    flight = thrown().fly(6.0)
     assert flight.autopilot.state.modes.mode == Mode.AUTO
     assert not flight.autopilot.state.modes.failsafe
 
@@ -343,7 +358,7 @@ def test_a_snapshot_keeps_the_pilot() -> None:
 
 
 def test_loiter_circles_where_it_was_asked_for() -> None:
-    flight = Flight().launch().fly(60.0, until=Stage.EN_ROUTE).fly(5.0)
+    flight = en_route().fly(5.0)
     bird = flight.bird
     before, north, east = bird.altitude, bird.north, bird.east
     flight.fly(0.1, (Command(0, CommandKind.SET_MODE, "LOITER"),))
@@ -359,7 +374,7 @@ def test_loiter_circles_where_it_was_asked_for() -> None:
 
 
 def test_auto_goes_on_after_loiter() -> None:
-    flight = Flight(LOW).launch().fly(60.0, until=Stage.EN_ROUTE).fly(2.0)
+    flight = en_route().fly(2.0)
     item = flight.autopilot.state.navigation.item
     flight.fly(3.0, (Command(0, CommandKind.SET_MODE, "LOITER"),))
     flight.fly(1.0, (AUTO,))
