@@ -30,10 +30,11 @@ help:
 fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
-# What both workers would do at once, each for itself, is done once before they start, on the second core.
+# What every worker would do for itself is done once before they start, on the second core. Three workers on two cores:
+# tests of links wait over a minute in all for an answer or for its absence, in which another can work.
 test: $(VENV)/.installed-dev
 	@$(MAKE) --no-print-directory -j 2 kernels collected
-	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
 
 kernels: $(VENV)/.installed-dev
 	@$(BIN)/wingbeat trim robo_raven_ii_d > /dev/null
