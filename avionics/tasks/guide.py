@@ -9,6 +9,7 @@ from avionics.guidance import fence, supervisor
 from avionics.guidance import heading as heading_loop
 from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
+from avionics.guidance.stages import FAST
 from avionics.inputs import say, tell
 from avionics.messages import (
     Failsafe,
@@ -144,7 +145,9 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
     if mode == STABILIZED:
         return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
     if stage == WAIT_LAUNCH:
-        return altitude_loop.Asked(s.gains.modes.wait_throttle, trim)
+        # A weak throw falls to the ground while the stroke grows: the wings begin on the way out of the hand.
+        leaving = s.modes.thrown == FAST
+        return altitude_loop.Asked(s.gains.altitude.throttle_max if leaving else s.gains.modes.wait_throttle, trim)
     if s.modes.cut and stage != FLARE:
         return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
     return None

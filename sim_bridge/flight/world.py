@@ -40,8 +40,8 @@ from sim_bridge.vehicles import SimulatedVehicle
 TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
-LAUNCH_PATIENCE = 30.0
-"""s; in which the launcher waits for a gust from ahead"""
+LAUNCH_PATIENCE = 60.0
+"""s; in which the launcher waits for a steady moment; then one without a gust from behind will do, for as long again"""
 ARMED_TIME = 5.0
 """s; armed for so long before a launcher who waits for that throws: time to change the mode"""
 LAUNCH_GUST = 1.0
@@ -312,8 +312,9 @@ class SimulatedWorld:
         north, east, down = self._gust.velocity
         c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
         ahead, across = -(north * c + east * s), east * c - north * s
-        steady = ahead >= 0.0 and abs(across) <= LAUNCH_GUST and abs(down) <= LAUNCH_GUST
-        if steady or now >= ready + LAUNCH_PATIENCE:
+        waited = (now - ready) / LAUNCH_PATIENCE
+        steady = waited >= 1.0 or max(abs(across), abs(down)) <= LAUNCH_GUST
+        if (ahead >= 0.0 and steady) or waited >= 2.0:
             self._thrown_at = now
             if self.scenario.waits_for_arming:
                 self._say(Severity.NOTICE, "thrown")
@@ -339,9 +340,20 @@ class SimulatedWorld:
         y, wind = self.plant.y, self._wind
         over_ground = _rotate(self._rotation(), y[7:10].tolist())
         through = (over_ground[0] - wind[0], over_ground[1] - wind[1], over_ground[2] - wind[2])
+        if not self.thrown:
+            through = self._past_launcher(-float(y[2]))
         self._gusts, self._gust = dryden.step(
             self._turbulence, self._gusts, -float(y[2]), through, self._clock.length
         )
+
+    def _past_launcher(self, height: float) -> tuple[float, float, float]:
+        """m/s, NED; as if he walked through frozen gusts, those that pass him with the wind and change by themselves.
+
+        Eddies live for about their length over their own speed (Tennekes and Lumley 1972): also in a calm a lull ends.
+        """
+        own = dryden.scale(self.scenario.turbulence, height).level_intensity
+        speed = math.hypot(self.scenario.wind_speed, own)
+        return speed * math.cos(self.scenario.wind_from), speed * math.sin(self.scenario.wind_from), 0.0
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
         travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
