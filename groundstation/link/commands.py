@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
-from groundstation.link.exchange import EXPLANATION, LONG_WAIT, RETRY, Outgoing, Progress, Target, Timer, chunk_of
+from groundstation.link.exchange import EXPLANATION, LONG_WAIT, RETRY, Outgoing, Progress, Target, Timer, explained
 from groundstation.link.parameters import Parameter, decode_parameter
 
 
@@ -62,8 +62,8 @@ class CommandExchange(NamedTuple):
 
     def _heard(self, now: float, message: Any) -> CommandExchange:
         kind = message.get_type()
-        if kind == "STATUSTEXT" and self.timer.attempts and message.severity <= mavlink.MAV_SEVERITY_WARNING:
-            return self._replace(reason=(self.reason if message.chunk_seq else "") + chunk_of(message))
+        if kind == "STATUSTEXT" and self.timer.attempts:
+            return self._replace(reason=explained(self.reason, message))
         if kind != "COMMAND_ACK" or message.command != self.command or not self.timer.attempts:
             return self
         if message.result == mavlink.MAV_RESULT_IN_PROGRESS:

@@ -13,7 +13,7 @@ from avionics.link.signing import Finding, Signing, signature_of
 from avionics.link.transport import Packet, Peer, Transport, open_transport
 from avionics.quantities import BadInput, counted
 from groundstation.link.answers import LinkSilent, NoAnswer
-from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target
+from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target, concerns
 from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
 
@@ -22,6 +22,8 @@ Ended = Callable[[Any], None]
 """takes an exchange that has ended"""
 NUMBER = 0
 """of our link, in our signatures"""
+AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1; the component that an autopilot is expected to be"""
 PAUSE = 0.01
 """s; between two looks at a silent link"""
 
@@ -63,7 +65,7 @@ class Connection:
         self._signing = signing or Signing(time.time)
         self._signed = False
         self._beaten_at = float("-inf")
-        self._component = 1
+        self._component: int | None = None
         self._background: list[tuple[Exchange, Ended]] = []
         self._listeners: list[Callable[[Arrival], None]] = []
         self._senders: list[Callable[[Any], None]] = []
@@ -71,10 +73,14 @@ class Connection:
     @property
     def target(self) -> Target:
         """Whom commands go to: the autopilot heard on this link."""
-        return Target(self.state.system or 1, self._component)
+        return Target(self.state.system or 1, self._component or AUTOPILOT)
 
     def receive(self) -> list[Any]:
         """Every message that has arrived, without waiting; sends our heartbeat when it is due."""
+        return self._receive()[0]
+
+    def _receive(self) -> tuple[list[Any], list[Any]]:
+        """What has arrived, and what of it exchanges are to hear."""
         now = self._clock()
         if not self._passive and now - self._beaten_at >= 1.0:
             self._beaten_at = now
@@ -86,10 +92,18 @@ class Connection:
         messages = [arrival.message for arrival in arrivals if arrival.message is not None]
         for message in messages:
             self.state = receive(self.state, message, now)
-            if message.get_type() == "HEARTBEAT" and is_autopilot(message):
-                self._component = message.get_srcComponent()
-        self._advance_background(messages, now)
-        return messages
+            self._meet(message)
+        answers = [message for message in messages if concerns(message, self.target)]
+        self._advance_background(answers, now)
+        return messages, answers
+
+    def _meet(self, message: Any) -> None:
+        """Learn which component of the vehicle is its autopilot: the first that says so, or the one that has to."""
+        if message.get_type() != "HEARTBEAT" or not is_autopilot(message):
+            return
+        component = message.get_srcComponent()
+        if message.get_srcSystem() == self.state.system and (self._component is None or component == AUTOPILOT):
+            self._component = component
 
     def overhear(self, listener: Callable[[Arrival], None], sent: Callable[[Any], None] | None = None) -> None:
         """Let ``listener`` take every frame before anything else does, and ``sent`` every message of ours."""
@@ -202,7 +216,7 @@ class Connection:
         """
         deadline = self._clock() + patience
         while not exchange.finished:
-            for message in self.receive():
+            for message in self._receive()[1]:
                 exchange, outgoing = exchange.step(self._clock(), message)
                 self._send_all(outgoing)
             exchange, outgoing = exchange.step(self._clock(), None)

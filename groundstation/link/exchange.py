@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol, Self
 
+from avionics.link.dialect import mavlink
+
 Outgoing = tuple[Any, ...]
 
 RETRY = 0.7
@@ -32,6 +34,17 @@ class Target(NamedTuple):
     """-; MAVLink system id"""
     component: int = 1
     """-; MAVLink component id"""
+
+
+def concerns(message: Any, target: Target) -> bool:
+    """Whether a message is a part of our conversation with ``target``.
+
+    It is when the target's autopilot said it, to us or to nobody in particular: others on the link talk to the same
+    vehicle or are vehicles themselves. A message without an addressee, or with 0 for one, is for all.
+    """
+    sender = (message.get_srcSystem(), message.get_srcComponent())
+    system, component = (getattr(message, f"target_{part}", 0) for part in ("system", "component"))
+    return sender == target and system in (0, SYSTEM) and component in (0, COMPONENT)
 
 
 class Progress(NamedTuple):
@@ -89,9 +102,14 @@ class Timer(NamedTuple):
         return self.attempts >= ATTEMPTS
 
 
-def text_of(message: Any) -> str:
-    """One clean line out of a STATUSTEXT."""
-    return chunk_of(message).strip()
+def explained(reason: str, message: Any) -> str:
+    """Why the vehicle refuses, as far as it has said it: ``reason`` so far, and what one STATUSTEXT adds to it.
+
+    What is no warning is no reason.
+    """
+    if message.severity > mavlink.MAV_SEVERITY_WARNING:
+        return reason
+    return (reason if message.chunk_seq else "") + chunk_of(message)
 
 
 def chunk_of(message: Any) -> str:

@@ -5,7 +5,23 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
-from groundstation.link.exchange import ATTEMPTS, RETRY, Outgoing, Progress, Target, Timer, text_of
+from groundstation.link.exchange import (
+    ATTEMPTS,
+    EXPLANATION,
+    RETRY,
+    Outgoing,
+    Progress,
+    Target,
+    Timer,
+    explained,
+)
+
+CONFIRMATION = 1.5
+"""s; a vehicle has to take a whole mission over and to say so, before its last item is sent again"""
+REPEATS = 3
+"""times that the last item is sent again to a vehicle which does not confirm the mission"""
+OFFERS = 2
+"""times that a whole mission is offered again to a vehicle which does not confirm it"""
 
 
 class Item(NamedTuple):
@@ -91,7 +107,12 @@ class MissionDownload(NamedTuple):
 
 
 class MissionUpload(NamedTuple):
-    """MISSION_COUNT, then the items the vehicle asks for, until its MISSION_ACK."""
+    """MISSION_COUNT, then the items the vehicle asks for, until its MISSION_ACK.
+
+    While the vehicle asks, repeating is its part (MAVLink mission protocol). The acknowledgement at the end nobody
+    asks for, and it is said once: whoever does not hear it sends the last item again, which a vehicle that has it all
+    acknowledges again (PX4, ours), calls an error (ArduPilot) or passes over. Then the mission is offered anew.
+    """
 
     target: Target
     items: tuple[Item, ...]
@@ -100,9 +121,16 @@ class MissionUpload(NamedTuple):
     timer: Timer = Timer()
     accepted: bool = False
     reason: str = ""
+    """-; what the vehicle said meanwhile: why it refuses"""
     failure: str = ""
     mission_type: int = 0
     """-; MAV_MISSION_TYPE: mission, fence or rally points"""
+    result: int | None = None
+    """-; MAV_MISSION_RESULT of a refusal"""
+    repeats: int = 0
+    """-; times that the last item was sent again"""
+    offers: int = 0
+    """-; times that the whole was offered again"""
 
     @property
     def finished(self) -> bool:
@@ -111,38 +139,88 @@ class MissionUpload(NamedTuple):
 
     def progress(self) -> Progress:
         """Items sent, of how many."""
-        return Progress(self.sent, len(self.items), f"sent {self.sent} of {len(self.items)} mission items")
+        total = len(self.items)
+        if self.repeats or self.offers:
+            return Progress(self.sent, total, f"sent all {total} mission items, not confirmed yet, retrying")
+        return Progress(self.sent, total, f"sent {self.sent} of {total} mission items")
 
     def step(self, now: float, message: Any | None) -> tuple[MissionUpload, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
             return self._heard(now, message)
-        # Once the vehicle asks for items the retries are its own; ours only covers a lost MISSION_COUNT.
-        if self.finished or not self.timer.due(now, RETRY if self.sent == 0 else ATTEMPTS * RETRY):
+        if self.finished:
             return self, ()
-        if self.timer.spent or self.sent:
-            return self._replace(failure=f"{self.progress().note}, then silence"), ()
-        count = mavlink.MAVLink_mission_count_message(*self.target, len(self.items), self.mission_type)
-        return self._replace(timer=self.timer.again(now)), (count,)
+        if self.result is not None:
+            return self._refused(now), ()
+        return self._remind(now) if self.timer.due(now, self._wait) else (self, ())
+
+    @property
+    def _all_sent(self) -> bool:
+        return self.sent == len(self.items)
+
+    @property
+    def _wait(self) -> float:
+        """s; of silence that the vehicle is allowed."""
+        if self.sent == 0:
+            return RETRY
+        return CONFIRMATION if self._all_sent else ATTEMPTS * RETRY
+
+    def _remind(self, now: float) -> tuple[MissionUpload, Outgoing]:
+        """What silence asks for: the offer again, the last item again, or an end."""
+        if self.sent == 0 and not self.timer.spent:
+            count = mavlink.MAVLink_mission_count_message(*self.target, len(self.items), self.mission_type)
+            return self._replace(timer=self.timer.again(now)), (count,)
+        if self.sent == 0 or not self._all_sent:
+            return self._replace(failure=self._silence()), ()
+        if self.repeats < REPEATS:
+            again = self._replace(repeats=self.repeats + 1, timer=self.timer.again(now))
+            return again, (self._item(self.sent - 1),)
+        return self._offer_again(), ()
+
+    def _silence(self) -> str:
+        if self.offers:
+            return f"sent all {len(self.items)} mission items, but the vehicle does not confirm them"
+        return f"{self.progress().note}, then silence"
+
+    def _offer_again(self) -> MissionUpload:
+        if self.offers == OFFERS:
+            return self._replace(failure=self._silence())
+        return self._replace(sent=0, repeats=0, offers=self.offers + 1, timer=Timer())
 
     def _heard(self, now: float, message: Any) -> tuple[MissionUpload, Outgoing]:
         kind = message.get_type()
-        if kind == "STATUSTEXT":
-            return self._replace(reason=text_of(message)), ()
+        if kind == "STATUSTEXT" and self._asked:
+            return self._replace(reason=explained(self.reason, message)), ()
         if getattr(message, "mission_type", self.mission_type) != self.mission_type:
             return self, ()
         if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self.items):
             sent = max(self.sent, message.seq + 1)
-            return self._replace(sent=sent, timer=self.timer.answered(now)), (self._item(message.seq),)
-        if kind == "MISSION_ACK" and self.timer.sent_at > float("-inf"):
-            return self._acknowledged(message.type), ()
+            return self._replace(sent=sent, repeats=0, timer=self.timer.answered(now)), (self._item(message.seq),)
+        if kind == "MISSION_ACK" and self._asked and self.result is None:
+            return self._acknowledged(now, message.type), ()
         return self, ()
 
-    def _acknowledged(self, result: int) -> MissionUpload:
+    @property
+    def _asked(self) -> bool:
+        return self.timer.sent_at > float("-inf")
+
+    def _acknowledged(self, now: float, result: int) -> MissionUpload:
         if result == mavlink.MAV_MISSION_ACCEPTED:
-            return self._replace(accepted=True)
-        reason = f": {self.reason}" if self.reason else ""
-        return self._replace(failure=f"the vehicle refused the mission: {mission_result(result)}{reason}")
+            # Before the last item was sent it is that of an older transfer.
+            return self._replace(accepted=self._all_sent)
+        if result == mavlink.MAV_MISSION_INVALID_SEQUENCE:
+            # An item came twice; the vehicle asks on for the one it wants.
+            return self
+        if result == mavlink.MAV_MISSION_ERROR and self.repeats:
+            return self._offer_again()
+        return self._replace(result=result, timer=Timer(now, 1))._refused(now)
+
+    def _refused(self, now: float) -> MissionUpload:
+        """Give the vehicle a moment to say why: its STATUSTEXT may come after the acknowledgement."""
+        if not self.reason and not self.timer.due(now, EXPLANATION):
+            return self
+        reason = f": {self.reason.strip()}" if self.reason else ""
+        return self._replace(failure=f"the vehicle refused the mission: {mission_result(self.result or 0)}{reason}")
 
     def _item(self, sequence: int) -> Any:
         item = self.items[sequence]

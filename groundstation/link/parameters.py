@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
-from groundstation.link.exchange import EXPLANATION, Outgoing, Progress, Target, Timer, chunk_of
+from groundstation.link.exchange import EXPLANATION, Outgoing, Progress, Target, Timer, explained
 from groundstation.link.modes import PX4
 from groundstation.link.vehicle_state import VehicleState
 
@@ -210,8 +210,8 @@ class ParameterWrite(NamedTuple):
 
     def _heard(self, now: float, message: Any) -> ParameterWrite:
         kind = message.get_type()
-        if kind == "STATUSTEXT" and self.timer.attempts and message.severity <= mavlink.MAV_SEVERITY_WARNING:
-            return self._replace(reason=(self.reason if message.chunk_seq else "") + chunk_of(message))
+        if kind == "STATUSTEXT" and self.timer.attempts:
+            return self._replace(reason=explained(self.reason, message))
         if not self.timer.attempts or kind not in ("PARAM_VALUE", "PARAM_ERROR") or _name(message) != self.known.name:
             return self
         if kind == "PARAM_ERROR":

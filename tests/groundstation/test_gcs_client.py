@@ -167,6 +167,111 @@ def test_a_refused_mission_says_why() -> None:
     assert upload.failure == "the vehicle refused the mission: denied: armed: land first"
 
 
+def test_a_refused_mission_waits_for_the_reason_that_follows() -> None:
+    upload = missions.MissionUpload(TARGET, MISSION)
+    upload, _ = upload.step(0.0, None)
+    upload, _ = upload.step(0.1, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_INVALID_PARAM1))
+    upload, _ = upload.step(0.15, None)
+    assert not upload.finished
+    for part in ("mission item 3: a circle needs a radius, of which it s", "aid none"):
+        text = mavlink.MAVLink_statustext_message(4, part.encode(), 7, int(part == "aid none"))
+        upload, _ = upload.step(0.2, text)
+    upload, _ = upload.step(0.2, None)
+    told = "invalid param1: mission item 3: a circle needs a radius, of which it said none"
+    assert upload.failure == f"the vehicle refused the mission: {told}"
+
+
+def test_a_mission_refused_without_a_word_ends_soon() -> None:
+    upload = missions.MissionUpload(TARGET, MISSION)
+    upload, _ = upload.step(0.0, None)
+    upload, _ = upload.step(0.1, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_NO_SPACE))
+    upload, _ = upload.step(0.2, mavlink.MAVLink_statustext_message(6, b"logging"))
+    upload, _ = upload.step(0.2 + exchange.EXPLANATION, None)
+    assert upload.failure == "the vehicle refused the mission: no space"
+
+
+class Curt(LossyVehicle):
+    """Acknowledges a mission once, as vehicles do; ``repeated`` is what a last item gets that came before."""
+
+    def __init__(self, repeated: int | None, loss: float = 0.0, seed: int = 1, acks_lost: int = 0) -> None:
+        super().__init__(loss, seed)
+        self.repeated, self.acks_lost, self.refuses = repeated, acks_lost, False
+
+    def _mission_item_int(self, message: Any) -> list[Any]:
+        if self.wanted_items:
+            return super()._mission_item_int(message)
+        repeated = self.repeated
+        return [] if repeated is None else [mavlink.MAVLink_mission_ack_message(255, 190, repeated)]
+
+    def ask_again(self) -> list[Any]:
+        answer = super().ask_again()
+        if not self.wanted_items or len(self.incoming) < self.wanted_items:
+            return answer
+        self.wanted_items, self.acks_lost = 0, self.acks_lost - 1
+        if self.refuses:
+            self.mission = []
+            answer = [mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_INVALID)]
+        return answer if self.acks_lost < 0 else []
+
+
+REPEATED = pytest.mark.parametrize(
+    "repeated", [mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE, None]
+)
+"""by PX4 and ours; by ArduPilot; for an item out of turn; by who drops it"""
+
+
+@REPEATED
+def test_a_mission_whose_last_acknowledgement_alone_was_lost_is_known_to_be_aboard(repeated: int | None) -> None:
+    vehicle = Curt(repeated, acks_lost=1)
+    ended = converse(missions.MissionUpload(TARGET, MISSION), vehicle)
+    assert ended.accepted and not ended.failure
+    assert tuple(vehicle.mission) == MISSION
+    # Who acknowledges a repeated item is not sent everything again.
+    assert vehicle.requests.count("MISSION_COUNT") == (1 if repeated == mavlink.MAV_MISSION_ACCEPTED else 2)
+
+
+@REPEATED
+def test_a_refusal_that_was_lost_is_heard_in_the_end(repeated: int | None) -> None:
+    vehicle = Curt(None if repeated == mavlink.MAV_MISSION_ACCEPTED else repeated, acks_lost=1)
+    vehicle.refuses = True
+    ended = converse(missions.MissionUpload(TARGET, MISSION), vehicle)
+    assert ended.failure == "the vehicle refused the mission: invalid"
+
+
+def test_a_mission_that_is_never_confirmed_is_a_failure_that_says_so() -> None:
+    ended = converse(missions.MissionUpload(TARGET, MISSION), Curt(None, acks_lost=99))
+    assert ended.failure == "sent all 12 mission items, but the vehicle does not confirm them"
+
+
+@REPEATED
+@pytest.mark.parametrize("seed", range(8))
+def test_a_mission_gets_aboard_over_a_bad_radio_though_it_is_acknowledged_once(
+    repeated: int | None, seed: int
+) -> None:
+    """Given 30 % loss, 10 % doubled and 300 ms each way."""
+    vehicle = Curt(repeated, 0.3, seed)
+    ended = converse(missions.MissionUpload(TARGET, MISSION), vehicle, limit=240.0, doubled=0.1, delay=0.3)
+    assert not ended.failure and tuple(vehicle.mission) == MISSION
+
+
+def test_an_item_out_of_turn_does_not_refuse_the_mission() -> None:
+    upload = missions.MissionUpload(TARGET, MISSION)
+    upload, _ = upload.step(0.0, None)
+    upload, _ = upload.step(0.1, mavlink.MAVLink_mission_request_int_message(255, 190, 0))
+    upload, _ = upload.step(0.2, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_INVALID_SEQUENCE))
+    upload, _ = upload.step(2.0, None)
+    assert not upload.finished
+    upload, sent = upload.step(2.1, mavlink.MAVLink_mission_request_int_message(255, 190, 1))
+    assert sent[0].seq == 1
+
+
+def test_an_acknowledgement_before_everything_was_sent_is_none() -> None:
+    upload = missions.MissionUpload(TARGET, MISSION)
+    upload, _ = upload.step(0.0, None)
+    upload, _ = upload.step(0.1, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED))
+    assert not upload.finished
+
+
 def test_an_acknowledgement_of_an_older_transfer_is_ignored() -> None:
     upload = missions.MissionUpload(TARGET, MISSION)
     upload, _ = upload.step(0.0, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED))
