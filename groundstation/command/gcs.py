@@ -6,6 +6,8 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
 from types import ModuleType
 
 from avionics.link.signing import Signing
@@ -22,8 +24,10 @@ from groundstation.command import (
     options,
 )
 from groundstation.command.gcs_session import Session, VerbParser
+from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection
 from groundstation.link.recording import Recording, Where
+from logs.names import RECORDINGS
 
 EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550",
@@ -55,7 +59,13 @@ def build_parser() -> options.Parser:
         "--timeout", type=options.positive, default=5.0, metavar="S", help="wait for a heartbeat (5 s)"
     )
     options.add_signing_key(parser, "none: nothing is signed")
-    parser.add_argument("--no-record", action="store_true", help="leave no file in recordings/")
+    parser.add_argument(
+        "--record-to",
+        type=Path,
+        metavar="FOLDER",
+        help="record there (recordings/, and recordings/gcs-DATE/ for questions and orders)",
+    )
+    parser.add_argument("--no-record", action="store_true", help="leave no recording")
     options.add_json(parser)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", parser_class=VerbParser, help="monitor without one")
     for group in GROUPS:
@@ -75,14 +85,19 @@ def run(arguments: Sequence[str]) -> int:
     for prepare in PREPARATIONS:
         prepare(chosen)
     recording = _recording(chosen)
+    quiet = chosen.json or chosen.verb == "record" or not sys.stderr.isatty()
     connection = Connection(chosen.url, stays=chosen.verb in STAYING, signing=_signing(chosen))
     try:
         if recording is not None:
             connection.overhear(recording.hear, recording.sent)
         return _run(Session(connection, chosen, recording))
+    except (BadInput, NoAnswer):
+        # A failure is one line.
+        quiet = True
+        raise
     finally:
         connection.close()
-        _close(recording)
+        _close(recording, quiet)
 
 
 def _signing(chosen: argparse.Namespace) -> Signing | None:
@@ -96,32 +111,49 @@ def _signing(chosen: argparse.Namespace) -> Signing | None:
 
 
 STAYING = (*gcs_monitor.VERBS, *gcs_listen.VERBS)
-"""verbs that stay on the link: to the vehicle they are its ground station, and they record from the beginning"""
-SHORT = 5.0
-"""s; a verb that is done before leaves no recording"""
+"""verbs that stay on the link: to the vehicle they are its ground station"""
 
 
 def _recording(chosen: argparse.Namespace) -> Recording | None:
     """Where what is heard goes.
 
     Raises:
-        BadInput: to record is all that is asked for, and forbidden.
+        BadInput: two options, or a verb and an option, that exclude each other.
     """
+    if chosen.no_record and chosen.record_to is not None:
+        raise BadInput("--record-to and --no-record are one too many")
     if chosen.verb == "record":
-        if chosen.no_record:
-            raise BadInput("record and --no-record are one too many")
+        if chosen.no_record or chosen.record_to is not None:
+            option = "--no-record" if chosen.no_record else "--record-to"
+            raise BadInput(f"record and {option} are one too many")
         return Recording(Where(chosen.url, chosen.file))
     if chosen.no_record:
         return None
-    return Recording(Where(chosen.url, after=0.0 if chosen.verb in STAYING else SHORT))
+    if chosen.verb in STAYING:
+        return Recording(Where(chosen.url, folder=chosen.record_to or RECORDINGS))
+    return Recording(Where(chosen.url, folder=chosen.record_to or _folder_of_the_day(), verb=_asked(chosen)))
 
 
-def _close(recording: Recording | None) -> None:
+def _folder_of_the_day() -> Path:
+    """Questions and orders are many and short: those of a day lie together, and can be thrown away together."""
+    return RECORDINGS / f"gcs-{datetime.now():%Y%m%d}"
+
+
+def _asked(chosen: argparse.Namespace) -> str:
+    """The verb and what it does: ``param_set``."""
+    return "_".join(filter(None, (chosen.verb, getattr(chosen, "action", ""))))
+
+
+def _close(recording: Recording | None, quiet: bool) -> None:
+    """Finish the file, and say on a terminal where it is."""
     if recording is None:
         return
     recording.close()
     if recording.failure:
         print(f"wingbeat: nothing is recorded: {recording.failure}", file=sys.stderr)
+    elif not quiet:
+        for file in recording.files:
+            print(f"recorded in {file}", file=sys.stderr)
 
 
 def _run(session: Session) -> int:

@@ -32,6 +32,7 @@ class VerbParser(options.Parser):
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
         self.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        self.add_argument("--record-to", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         self.add_argument("--no-record", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         self.add_argument("--timeout", type=options.positive, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
 

@@ -31,22 +31,29 @@ REBOOT = 5.0
 """s; a stamp that is this much behind is that of a vehicle which booted anew"""
 SENT = Topic("/ground/sent", Document, mavlink_topics.FIRST_CHANNEL, 0.0, deterministic=False)
 UNKNOWN = Topic("/mavlink/unknown", Document, mavlink_topics.FIRST_CHANNEL + 1, 0.0, deterministic=False)
-ROUTINE = frozenset(("HEARTBEAT", "TIMESYNC", "PING"))
-"""what we send every second, which is not kept"""
+NOT_KEPT = frozenset(("HEARTBEAT", "TIMESYNC", "PING", "SETUP_SIGNING"))
+"""what we send every second, and a key"""
 STATEFUL = frozenset(("HEARTBEAT", "STATUSTEXT", "SYSTEM_TIME", "GLOBAL_POSITION_INT"))
 """messages that others are read with"""
 
 
 class Where(NamedTuple):
-    """Where a recording goes, and when it begins."""
+    """Where a recording goes."""
 
     url: str
     """-; of the link, noted in the file"""
     file: Path | None = None
     """of the first recording; one with a name of its own in ``folder`` when not given"""
     folder: Path = RECORDINGS
-    after: float = 0.0
-    """s; shorter than this leaves no file; longer is kept from its beginning"""
+    verb: str = ""
+    """-; what was asked of the vehicle, a part of the file's own name; empty for nothing in particular"""
+
+
+class _Sent(NamedTuple):
+    """A message of ours."""
+
+    epoch_ns: int
+    message: Any
 
 
 class VehicleTime:
@@ -100,7 +107,11 @@ def boot_stamp(message: Any | None) -> float | None:
 
 
 class Recording:
-    """Takes every frame and every message of ours; never raises while it does."""
+    """Takes every frame and every message of ours; never raises while it does.
+
+    The file is begun when the vehicle has said who it is and what time it has, or is not going to; what came before
+    is in it. Where nothing was heard there is no file.
+    """
 
     def __init__(self, where: Where, epoch_ns: Callable[[], int] = time.time_ns) -> None:
         self.where = where
@@ -108,9 +119,12 @@ class Recording:
         """-; why nothing is recorded, one line"""
         self.messages = 0
         """-; written, those that make up the vehicle's topics aside"""
+        self.files: list[Path] = []
+        """begun so far: one for each boot of the vehicle"""
         self._epoch_ns = epoch_ns
         self._recorder: McapRecorder | None = None
         self._waiting: list[Arrival] = []
+        self._sent_before: list[_Sent] = []
         self._time = VehicleTime()
         self._state = VehicleState()
         self._said = 0
@@ -138,16 +152,18 @@ class Recording:
             self._begin(arrival.at)
 
     def sent(self, message: Any) -> None:
-        """Take one message of ours; those of every second are not kept."""
-        if self._recorder is None or message.get_type() in ROUTINE:
+        """Take one message of ours; those of every second are not kept, nor is a signing key."""
+        if self.failure or message.get_type() in NOT_KEPT:
             return
-        values = {"message": message.get_type(), **mavlink_topics.document(message)}
-        now = (self._epoch_ns() - self._recorder.start_epoch_ns) // 1000
-        self._recorder.record(SENT, Document(max(now, 0), values))
+        sent = _Sent(self._epoch_ns(), message)
+        if self._recorder is None:
+            self._sent_before.append(sent)
+        else:
+            self._record_sent(self._recorder, sent)
 
     def close(self) -> None:
-        """Finish the file; what was too short for one is forgotten."""
-        if self._waiting and self._waiting[-1].at - self._waiting[0].at >= self.where.after:
+        """Finish the file."""
+        if self._waiting:
             self._begin(self._waiting[-1].at)
         if self._recorder is not None:
             self._recorder.close()
@@ -156,31 +172,46 @@ class Recording:
     def _is_ready(self, now: float) -> bool:
         waited = now - self._waiting[0].at
         known = self._state.system is not None and self._time.offset is not None
-        return waited >= self.where.after and (known or waited >= PATIENCE)
+        return known or waited >= PATIENCE
 
     def _begin(self, now: float) -> None:
         try:
             self._recorder = self._open(now)
         except BadInput as reason:
             self.failure = str(reason)
-            self._waiting = []
+            self._waiting, self._sent_before = [], []
             return
+        self.files.append(self._recorder.path)
         waiting, self._waiting = self._waiting, []
         for arrival in waiting:
             self._record(arrival)
+        spoken, self._sent_before = self._sent_before, []
+        for sent in spoken:
+            self._record_sent(self._recorder, sent)
 
     def _open(self, now: float) -> McapRecorder:
         state = self._state
         name = "link" if state.system is None else f"{modes.type_name(state.vehicle_type)}-{state.system}"
-        path = self.where.file or new_recording(f"gcs-{name.replace(' ', '_')}", folder=self.where.folder)
         if self._time.offset is None:
             self._time.offset = -self._waiting[0].at
         boot_ns = self._epoch_ns() - round(self._time.at(now) * 1e9)
-        recorder = McapRecorder(path, start_epoch_ns=boot_ns)
+        recorder = self._create("-".join(filter(None, ("gcs", name, self.where.verb))), boot_ns)
         autopilot = modes.autopilot_name(state.autopilot)
         notes = {"version": version("wingbeat"), "url": self.where.url, "vehicle": name, "autopilot": autopilot}
         recorder.note("wingbeat.groundstation", notes)
         return recorder
+
+    def _create(self, name: str, boot_ns: int) -> McapRecorder:
+        """A new file; another program may take the name that was free a moment ago."""
+        if self.where.file is not None:
+            return McapRecorder(self.where.file, start_epoch_ns=boot_ns)
+        while True:
+            path = new_recording(name.replace(" ", "_"), folder=self.where.folder)
+            try:
+                return McapRecorder(path, start_epoch_ns=boot_ns)
+            except BadInput:
+                if not path.exists():
+                    raise
 
     def _begin_anew(self) -> None:
         """A file for every boot: what the vehicle's clock counts from is one moment in each."""
@@ -190,7 +221,12 @@ class Recording:
         self._topics = {}
         offset, self._time = self._time.offset, VehicleTime()
         self._time.offset = offset
-        self.where = self.where._replace(file=None, after=0.0)
+        self.where = self.where._replace(file=None)
+
+    def _record_sent(self, recorder: McapRecorder, sent: _Sent) -> None:
+        values = {"message": sent.message.get_type(), **mavlink_topics.document(sent.message)}
+        now = (sent.epoch_ns - recorder.start_epoch_ns) // 1000
+        recorder.record(SENT, Document(max(now, 0), values))
 
     def _record(self, arrival: Arrival) -> None:
         assert self._recorder is not None

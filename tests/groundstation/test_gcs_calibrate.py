@@ -14,6 +14,12 @@ from groundstation.command.main import main
 Capture = pytest.CaptureFixture[str]
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings are left where a test leaves its other files."""
+    monkeypatch.chdir(tmp_path)
+
+
 def gcs(*words: str) -> int:
     return main(["gcs", *words])
 

@@ -17,6 +17,12 @@ from groundstation.link.waypoints import convention_of, read_upload
 Capture = pytest.CaptureFixture[str]
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings are left where a test leaves its other files."""
+    monkeypatch.chdir(tmp_path)
+
+
 def gcs(*words: str) -> int:
     return main(["gcs", *words])
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 from foreign_vehicles import ekf_report
 from lossy_vehicle import LossyVehicle, on_the_air
+from mcap.reader import make_reader
 
 from avionics.link.dialect import mavlink
 from groundstation.command.main import main
@@ -18,6 +22,7 @@ from groundstation.link.recording import Recording, Where
 from logs.info import summary
 from logs.reader import open_log
 
+Capture = pytest.CaptureFixture[str]
 HEARTBEAT = (16, 0, 129, 4 << 16 | 4 << 24, 4, 3)
 EPOCH = 1_700_000_000_000_000_000
 
@@ -53,6 +58,11 @@ class Ground:
 
 def files(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
+
+
+def sent(file: Path) -> list[dict[str, Any]]:
+    with file.open("rb") as stream:
+        return [json.loads(message.data) for *_, message in make_reader(stream).iter_messages("/ground/sent")]
 
 
 def test_telemetry_is_in_the_vehicles_own_topics_with_the_vehicles_time(tmp_path: Path) -> None:
@@ -118,16 +128,62 @@ def test_what_is_said_is_an_event_with_its_own_time(tmp_path: Path) -> None:
         assert (event.time_us, event.severity.name, event.text) == (19_500_000, "WARNING", "wind")
 
 
-def test_shorter_than_asked_leaves_no_file_and_longer_is_kept_from_the_beginning(tmp_path: Path) -> None:
-    short = Ground(tmp_path, after=5.0)
-    short.fly(4.0)
-    short.recording.close()
+def test_the_shortest_conversation_is_in_the_file_with_what_was_asked_before_it_began(tmp_path: Path) -> None:
+    ground = Ground(tmp_path, verb="param_get")
+    ground.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+    ground.recording.sent(mavlink.MAVLink_param_request_read_message(1, 1, b"PITCH_P", -1))
+    ground.now += 0.25
     assert files(tmp_path) == []
-    longer = Ground(tmp_path, after=5.0)
-    longer.fly(6.0)
-    longer.recording.close()
+    ground.hear(mavlink.MAVLink_attitude_message(60_250, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
+    ground.recording.sent(mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0))
+    ground.recording.close()
+    (file,) = files(tmp_path)
+    assert file.name.startswith("gcs-flapping_wing-1-param_get-") and ground.recording.files == [file]
+    assert [one["message"] for one in sent(file)] == ["PARAM_REQUEST_READ", "COMMAND_LONG"]
+    assert [one["time_us"] for one in sent(file)] == [60_000_000, 60_250_000]
+    with open_log(file) as log:
+        assert log.topics["/mavlink/HEARTBEAT"].messages == 1
+
+
+def test_what_was_asked_is_kept_where_the_vehicle_says_no_time(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+    ground.recording.sent(mavlink.MAVLink_param_request_list_message(1, 1))
+    ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
-        assert log.topics["/mavlink/HEARTBEAT"].messages == 60
+        assert log.topics["/ground/sent"].messages == 1 and log.topics["/mavlink/HEARTBEAT"].messages == 1
+
+
+def test_where_nothing_was_heard_there_is_no_file(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    ground.recording.sent(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    ground.recording.sent(mavlink.MAVLink_param_request_list_message(1, 1))
+    ground.recording.close()
+    assert files(tmp_path) == [] and not ground.recording.failure
+
+
+def test_a_signing_key_is_kept_neither_heard_nor_sent(tmp_path: Path) -> None:
+    ground = Ground(tmp_path)
+    key = mavlink.MAVLink_setup_signing_message(1, 1, bytes(range(32)), 0)
+    ground.recording.sent(key)
+    ground.fly(0.5)
+    ground.hear(key)
+    ground.recording.sent(key)
+    ground.recording.close()
+    with open_log(files(tmp_path)[0]) as log:
+        assert not {"/ground/sent", "/mavlink/SETUP_SIGNING"} & set(log.topics)
+
+
+def test_two_that_begin_in_the_same_second_have_two_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Given another program that takes the name between choosing and creating it, a further one is taken."""
+    names = iter([tmp_path / "a.mcap", tmp_path / "b.mcap"])
+    (tmp_path / "a.mcap").write_bytes(b"another program's")
+    monkeypatch.setattr("groundstation.link.recording.new_recording", lambda *_, **__: next(names))
+    ground = Ground(tmp_path)
+    ground.fly(0.5)
+    ground.recording.close()
+    assert ground.recording.files == [tmp_path / "b.mcap"]
+    assert (tmp_path / "a.mcap").read_bytes() == b"another program's"
 
 
 def test_a_vehicle_that_boots_anew_begins_a_file_and_none_is_overwritten(tmp_path: Path) -> None:
@@ -184,3 +240,70 @@ def test_record_says_what_it_wrote_and_never_overwrites(tmp_path: Path, capsys: 
     assert out.read_bytes() == kept and not (tmp_path / "b.mcap").exists()
     with open_log(out) as log:
         assert log.topics["/mavlink/HEARTBEAT"].messages > 0
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def recorded(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*.mcap"))
+
+
+def test_every_question_leaves_a_recording_in_the_folder_of_its_day(here: Path, capsys: Capture) -> None:
+    vehicle = LossyVehicle()
+    vehicle.results[mavlink.MAV_CMD_COMPONENT_ARM_DISARM] = mavlink.MAV_RESULT_DENIED
+    with on_the_air(vehicle) as url:
+        assert main(["gcs", url, "param", "get", "GAIN_3", "--json"]) == 0
+        assert main(["gcs", url, "arm"]) == 1
+    (day,) = (here / "recordings").iterdir()
+    assert re.fullmatch(r"gcs-\d{8}", day.name)
+    first, second = recorded(day)
+    assert re.fullmatch(r"gcs-flapping_wing-1-arm-\d{8}-\d{6}\.mcap", first)
+    assert re.fullmatch(r"gcs-flapping_wing-1-param_get-\d{8}-\d{6}\.mcap", second)
+    assert "PARAM_REQUEST_READ" in [one["message"] for one in sent(day / second)]
+    with open_log(day / second) as log:
+        assert log.topics["/mavlink/PARAM_VALUE"].messages == 1
+    # Where there is no terminal nothing more is said than what was asked for.
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_on_a_terminal_one_line_says_where_but_not_behind_a_failure(
+    here: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    vehicle = LossyVehicle()
+    with on_the_air(vehicle) as url:
+        assert main(["gcs", url, "disarm", "--record-to", "mine"]) == 0
+        (name,) = recorded(here)
+        assert name.startswith("mine/gcs-flapping_wing-1-disarm-")
+        assert capsys.readouterr().err == f"recorded in {name}\n"
+        assert main(["gcs", url, "disarm", "--json"]) == 0
+        assert main(["gcs", url, "disarm", "--no-record"]) == 0
+        assert capsys.readouterr().err == ""
+        vehicle.results[mavlink.MAV_CMD_COMPONENT_ARM_DISARM] = mavlink.MAV_RESULT_DENIED
+        assert main(["gcs", url, "arm"]) == 1
+    assert capsys.readouterr().err == "wingbeat: the vehicle refused COMPONENT_ARM_DISARM: denied\n"
+    assert len(recorded(here)) == 3
+
+
+@pytest.mark.parametrize("words", [["status"], ["monitor"], ["record", "out.mcap"], ["param", "list"]])
+def test_who_reaches_nobody_leaves_no_file(words: list[str], here: Path, capsys: Capture) -> None:
+    assert main(["gcs", "serial:/dev/none,57600", *words]) == 2
+    assert "cannot open serial device /dev/none" in capsys.readouterr().err
+    if words != ["monitor"]:
+        assert main(["gcs", "udpout:127.0.0.1:9", "--timeout", "0.2", *words]) == 2
+    assert list(here.iterdir()) == []
+
+
+def test_options_of_recordings_that_exclude_each_other(here: Path, capsys: Capture) -> None:
+    for words in (
+        ["status", "--no-record", "--record-to", "a"],
+        ["record", "a.mcap", "--record-to", "a"],
+        ["record", "a.mcap", "--no-record"],
+    ):
+        assert main(["gcs", "udpout:127.0.0.1:9", *words]) == 2
+    assert [line.endswith("are one too many") for line in capsys.readouterr().err.splitlines()] == [True] * 3
+    assert list(here.iterdir()) == []
