@@ -30,7 +30,7 @@ from groundstation.link.recording import Recording, Where
 from logs.names import RECORDINGS
 
 EXAMPLES = (
-    "wingbeat gcs udpin:0.0.0.0:14550",
+    "wingbeat gcs udpout:127.0.0.1:14550",
     "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
     "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_P 0.8",
     "wingbeat gcs udpin:0.0.0.0:14550 --signing-key my.key arm",
@@ -42,11 +42,17 @@ EXAMPLES = (
     " --loops active",
     "wingbeat gcs udpin:0.0.0.0:14550 calibrate battery --voltage 7.82",
 )
+URL_HELP = (
+    "udpin:HOST:PORT or tcpin: waits for a vehicle that calls, udpout: or tcp: calls one that waits;"
+    " serial:DEVICE,BAUD is a radio"
+)
 GROUPS: tuple[ModuleType, ...] = (
     gcs_monitor, gcs_status, gcs_order, gcs_param, gcs_mission, gcs_excite, gcs_calibrate, gcs_listen,
 )  # fmt: skip
 """modules with ``add_verbs(verbs)``, a table ``VERBS`` and ``JSON_KEYS``; ``prepare(chosen)`` where files are read"""
-PREPARATIONS = (gcs_param.prepare, gcs_mission.prepare, gcs_excite.prepare, gcs_listen.prepare)
+PREPARATIONS = (
+    gcs_order.prepare, gcs_param.prepare, gcs_mission.prepare, gcs_excite.prepare, gcs_listen.prepare,
+)  # fmt: skip
 """what is checked before the vehicle is spoken to"""
 
 
@@ -54,7 +60,7 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     keys = {verbs: text for group in GROUPS for verbs, text in group.JSON_KEYS.items()}
     parser = options.build_parser("gcs", "Watch and command any MAVLink vehicle.", EXAMPLES, keys)
-    parser.add_argument("url", metavar="URL", help="udpin:HOST:PORT, udpout:, tcp:, tcpin: or serial:DEVICE,BAUD")
+    parser.add_argument("url", metavar="URL", help=URL_HELP)
     parser.add_argument(
         "--timeout", type=options.positive, default=5.0, metavar="S", help="wait for a heartbeat (5 s)"
     )
@@ -86,7 +92,7 @@ def run(arguments: Sequence[str]) -> int:
         prepare(chosen)
     recording = _recording(chosen)
     quiet = chosen.json or chosen.verb == "record" or not sys.stderr.isatty()
-    connection = Connection(chosen.url, stays=chosen.verb in STAYING, signing=_signing(chosen))
+    connection = Connection(chosen.url, stays=_stays(chosen), signing=_signing(chosen))
     try:
         if recording is not None:
             connection.overhear(recording.hear, recording.sent)
@@ -110,8 +116,15 @@ def _signing(chosen: argparse.Namespace) -> Signing | None:
     return None if file is None else Signing(time.time, file.load_key())
 
 
-STAYING = (*gcs_monitor.VERBS, *gcs_listen.VERBS)
-"""verbs that stay on the link: to the vehicle they are its ground station"""
+def _stays(chosen: argparse.Namespace) -> bool:
+    """Whether a verb has no end of its own.
+
+    To the vehicle it is its ground station, whose silence is a lost link. Who listens for a while only has a
+    question: a vehicle in flight does not turn back because it was answered.
+    """
+    if chosen.verb in gcs_listen.VERBS:
+        return gcs_listen.is_endless(chosen)
+    return chosen.verb in gcs_monitor.VERBS
 
 
 def _recording(chosen: argparse.Namespace) -> Recording | None:
@@ -129,7 +142,7 @@ def _recording(chosen: argparse.Namespace) -> Recording | None:
         return Recording(Where(chosen.url, chosen.file))
     if chosen.no_record:
         return None
-    if chosen.verb in STAYING:
+    if _stays(chosen):
         return Recording(Where(chosen.url, folder=chosen.record_to or RECORDINGS))
     return Recording(Where(chosen.url, folder=chosen.record_to or _folder_of_the_day(), verb=_asked(chosen)))
 

@@ -82,20 +82,22 @@ def run(session: Session) -> None:
 
 
 class _Listener:
-    """What the vehicle says while it is calibrated."""
+    """What the vehicle says while it is calibrated; why it refuses to begin is the failure's to say."""
 
     def __init__(self, session: Session, bar: ProgressBar) -> None:
         self.said: list[str] = []
         self._session, self._bar = session, bar
         self._heard = session.state.said
+        self._printed = 0
 
     def hear(self, exchange: CalibrationExchange) -> None:
         """Print what is new."""
-        for event in new_events(self._session.state, self._heard):
-            self.said.append(event.text)
-            if not self._session.json:
-                print(event.text, flush=True)
+        self.said += [event.text for event in new_events(self._session.state, self._heard)]
         self._heard = self._session.state.said
+        if not self._session.json and (exchange.request.in_progress or exchange.request.accepted):
+            for text in self.said[self._printed :]:
+                print(text, flush=True)
+            self._printed = len(self.said)
         self._bar.show(*exchange.progress())
 
 

@@ -58,6 +58,11 @@ def prepare(chosen: argparse.Namespace) -> None:
         check_new(chosen.file)
 
 
+def is_endless(chosen: argparse.Namespace) -> bool:
+    """Whether only Ctrl-C ends it."""
+    return math.isinf(chosen.duration) and getattr(chosen, "count", None) is None
+
+
 class _Watch:
     """Prints a line whenever one of the messages comes."""
 

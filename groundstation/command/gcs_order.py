@@ -40,6 +40,28 @@ def _add_goto(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--radius", type=options.positive, metavar="M", help="of the circle (the vehicle's own)")
 
 
+def prepare(chosen: argparse.Namespace) -> None:
+    """Check the place before the vehicle is spoken to.
+
+    Raises:
+        BadInput: none, half of one, two, or none on the globe.
+    """
+    if chosen.verb != "goto":
+        return
+    on_globe, from_home = (
+        _whole(pair) for pair in ((chosen.latitude, chosen.longitude), (chosen.north, chosen.east))
+    )
+    if on_globe == from_home:
+        raise BadInput("goto needs LAT LON, or --north and --east")
+    if on_globe:
+        _check_on_globe(chosen.latitude, chosen.longitude)
+
+
+def _check_on_globe(latitude: float, longitude: float) -> None:
+    if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
+        raise BadInput(f"{latitude:g}, {longitude:g} is no place on the globe")
+
+
 def arm(session: Session) -> None:
     """Arm or disarm, until the heartbeat shows it.
 
@@ -75,20 +97,14 @@ def goto(session: Session) -> None:
     """Fly to a place, given on the globe or from home.
 
     Raises:
-        BadInput: no place, or two.
+        BadInput: metres from home that lead to no place on the globe.
         NoAnswer: refused, or home is needed and not known.
     """
     chosen = session.chosen
-    on_globe, from_home = (
-        _whole(pair) for pair in ((chosen.latitude, chosen.longitude), (chosen.north, chosen.east))
-    )
-    if on_globe == from_home:
-        raise BadInput("goto needs LAT LON, or --north and --east")
     latitude, longitude = chosen.latitude, chosen.longitude
-    if from_home:
+    if latitude is None:
         latitude, longitude = to_degrees(session.home(), chosen.north, chosen.east)
-    if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
-        raise BadInput(f"{latitude:g}, {longitude:g} is no place on the globe")
+        _check_on_globe(latitude, longitude)
     session.connection.listen(3.0, lambda state: chosen.altitude is not None or state.altitude is not None)
     altitude = session.state.altitude if chosen.altitude is None else chosen.altitude
     if altitude is None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -36,8 +38,7 @@ def build_parser(
     """A subcommand's parser: its summary, its examples, and the keys of its JSON document."""
     parts = ["examples:" if len(examples) > 1 else "example:", *(f"  {example}" for example in examples)]
     if json_keys:
-        width = max(len(key) for key in json_keys)
-        parts += ["", "keys of --json:", *(f"  {key:<{width}}  {text}" for key, text in json_keys.items())]
+        parts += ["", "keys of --json:", *_key_lines(json_keys)]
     return Parser(
         prog=f"wingbeat {name}",
         description=summary,
@@ -45,6 +46,25 @@ def build_parser(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+
+
+KEY_COLUMN = 20
+"""characters; a key that is longer has a line of its own, as an option in argparse's help has"""
+
+
+def _key_lines(keys: Mapping[str, str]) -> list[str]:
+    """Keys and what they mean, in two columns that fit the terminal."""
+    indent = " " * (4 + min(max(len(key) for key in keys), KEY_COLUMN))
+    width = max(shutil.get_terminal_size().columns - 2, len(indent) + KEY_COLUMN)
+    lines = []
+    for key, text in keys.items():
+        first, *rest = textwrap.wrap(
+            text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+        )
+        name = f"  {key}"
+        lines += [name, first] if len(key) > KEY_COLUMN else [name.ljust(len(indent)) + first.lstrip()]
+        lines += rest
+    return lines
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -63,6 +63,18 @@ def test_every_command_helps_with_an_example(name: str, capsys: Capture) -> None
     assert "--json" not in text or "keys of --json:" in text
 
 
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_the_keys_of_json_are_a_table_that_fits_the_terminal(
+    name: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([name, "--help"]) == 0
+    lines = capsys.readouterr().out.partition("keys of --json:\n")[2].splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    columns = {line.rindex("  ") for line in lines if "  " in line.lstrip()}
+    assert len(columns) <= 1
+
+
 def test_the_overview_imports_nothing_heavy() -> None:
     code = (
         "import sys\nfrom groundstation.command.main import main\nmain([])\n"

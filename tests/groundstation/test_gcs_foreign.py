@@ -148,6 +148,13 @@ def test_goto_needs_one_place(capsys: Capture) -> None:
     assert capsys.readouterr().err.count("\n") == 4
 
 
+def test_a_place_that_is_none_is_told_before_the_vehicle_is_spoken_to(capsys: Capture) -> None:
+    for words in (("47.4",), ("97.4", "8.5"), ("--north", "1"), ("47.4", "8.5", "--north", "1", "--east", "2")):
+        assert gcs("udpout:127.0.0.1:9", "--timeout", "0.1", "goto", *words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4 and not any("no vehicle answers" in line for line in lines)
+
+
 def test_a_message_of_another_dialect_is_read_in_its_place() -> None:
     packer = mavlink.MAVLink(None, 1, 1)
     first, last = (mavlink.MAVLink_attitude_message(n, 0, 0, 0, 0, 0, 0).pack(packer) for n in (1, 2))

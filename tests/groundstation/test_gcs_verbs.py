@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lossy_vehicle import LossyVehicle, on_the_air
@@ -49,6 +50,36 @@ def test_watch_asks_for_a_rate_and_a_refusal_ends_it(capsys: Capture) -> None:
         vehicle.results[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_UNSUPPORTED
         assert gcs(url, "watch", "ATTITUDE.pitch", "--count", "1", "--rate", "20") == 1
     assert "refused SET_MESSAGE_INTERVAL" in capsys.readouterr().err
+
+
+class Attended(Talking):
+    """Notes what those who speak to it say they are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.callers: set[int] = set()
+
+    def _heartbeat(self, message: Any) -> list[Any]:
+        self.callers.add(message.type)
+        return []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("watch", "ATTITUDE.pitch", "--count", "1"),
+        ("watch", "ATTITUDE.pitch", "--duration", "1.2"),
+        ("record", "a.mcap", "--duration", "0.3"),
+    ],
+)
+def test_who_listens_for_a_while_is_no_ground_station_whose_silence_is_a_lost_link(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vehicle = Attended()
+    with on_the_air(vehicle) as url:
+        assert main(["gcs", url, *words]) == 0
+    assert vehicle.callers == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
 
 
 def test_what_never_comes_is_said(capsys: Capture) -> None:
