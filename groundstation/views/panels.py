@@ -86,6 +86,12 @@ def _pair(value: str, beside: str) -> Text:
     return Text(value, style=VALUE).append(f"  {beside}" if beside else "", style=FAINT)
 
 
+def _fitting(columns: int, value: str, *besides: str) -> str:
+    """The first of several ways to say what stands beside a value that its row has room for; else the last."""
+    room = columns - 10 - len(value) - 2
+    return next((beside for beside in besides if len(beside) <= room), besides[-1])
+
+
 # --- flapping -------------------------------------------------------------------------------------------
 
 
@@ -168,14 +174,16 @@ def link(picture: Picture, columns: int, rows: int) -> RenderableType:
     quality = picture.quality
     loss = quality.loss
     style = VALUE if loss is None else GOOD if loss < 0.02 else CAUTION if loss < 0.1 else BAD
-    lost = Text(wording.UNKNOWN if loss is None else f"{100.0 * loss:.1f} %", style=style)
-    lost.append(f"  {quality.lost} of {quality.lost + quality.heard} lost", style=FAINT)
+    share = wording.UNKNOWN if loss is None else f"{100.0 * loss:.1f} %"
+    counts = (f"{quality.lost} of {quality.lost + quality.heard} lost", f"{quality.lost} lost")
+    lost = Text(share, style=style).append(f"  {_fitting(columns, share, *counts)}", style=FAINT)
+    rate, frames = _rate(quality.bytes_per_s), f"{quality.messages_per_s:.0f}"
     latency = None if quality.latency is None else 1e3 * quality.latency
     kept = "not recorded" if picture.recording is None else f"● {_end(picture.recording.name, columns - 13)}"
     return _rows(
         columns,
         ("loss", lost),
-        ("rate", _pair(f"{_rate(quality.bytes_per_s)}", f"{quality.messages_per_s:.0f} messages/s")),
+        ("rate", _pair(rate, _fitting(columns, rate, f"{frames} messages/s", f"{frames} /s"))),
         ("latency", _pair(wording.number(latency, ".0f" if (latency or 0.0) >= 10.0 else ".1f", "ms"), "")),
         ("log", Text(kept, style=FAINT if picture.recording is None else BAD)),
     )
@@ -205,19 +213,23 @@ def mission(picture: Picture, columns: int, rows: int) -> RenderableType:
     to_go = wording.number(state.distance, ".0f", "m to go") if state.distance else ""
     height = wording.number(state.altitude_setpoint, ".0f", "m")
     course = _pair(wording.bearing(state.heading_setpoint), f"at {height}" if state.altitude_setpoint else "")
-    home = None if state.north is None or state.east is None else math.hypot(state.north, state.east)
+    away = None if state.north is None or state.east is None else math.hypot(state.north, state.east)
+    home = wording.number(away, ".0f", "m")
     table = _rows(
         columns,
         ("item", item),
         ("course", course.append(f"  {to_go}", style=FAINT)),
-        ("home", _pair(wording.number(home, ".0f", "m"), _wind_and_ground(state))),
+        ("home", _pair(home, _over_ground(state, columns, home))),
     )
     room = rows - 3
     return Group(table, _items(picture, columns, room)) if room > 0 and picture.mission else table
 
 
-def _wind_and_ground(state: VehicleState) -> str:
-    return "" if state.groundspeed is None else f"{state.groundspeed:.1f} m/s over ground"
+def _over_ground(state: VehicleState, columns: int, home: str) -> str:
+    if state.groundspeed is None:
+        return ""
+    speed = f"{state.groundspeed:.1f} m/s"
+    return _fitting(columns, home, f"{speed} over ground", f"GS {speed}")
 
 
 def _items(picture: Picture, columns: int, rows: int) -> Text:

@@ -177,6 +177,19 @@ def test_loss_rate_latency_and_the_file_are_shown() -> None:
     assert "not recorded" in "\n".join(drawn(panels.link(PICTURE._replace(recording=None), 50, 4), 50))
 
 
+@pytest.mark.parametrize("columns", [31, 60])
+def test_the_numbers_of_link_and_mission_are_whole_where_the_screen_is_narrow(columns: int) -> None:
+    """Given the room of a panel on a terminal of 100 columns, nothing that is said is cut off."""
+    quality = Quality(188.0, 12_100.0, 0.012, 12, 0, 5186, 0.014)
+    state = VehicleState(north=1500.0, east=900.0, groundspeed=12.3, item=5, items=9, heading_setpoint=2.0)
+    picture = Picture(state=state, quality=quality)
+    lines = drawn(panels.link(picture, columns, 4), columns) + drawn(panels.mission(picture, columns, 3), columns)
+    text = "\n".join(lines)
+    assert "…" not in text
+    for word in ("12 ", " lost", "12.1 kB/s", "188 ", "/s", "1749 m", "12.3 m/s"):
+        assert word in text
+
+
 def test_the_mission_marks_the_item_that_is_flown() -> None:
     lines = drawn(panels.mission(PICTURE, 50, 8), 50)
     assert [line for line in lines if "▶" in line] == ["▶  1 fly to  31 m"]

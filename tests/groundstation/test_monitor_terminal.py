@@ -79,6 +79,7 @@ def test_the_screen_comes_takes_keys_and_leaves_the_terminal_and_a_recording(
         terminal.type("n")
         terminal.type("q")
         text = terminal.until(lambda text: "left with 0" in text.replace("left with $?", ""))
+    assert "recorded in recordings/gcs-flapping_wing-1-" in text
     assert "Traceback" not in text and "HEARTBEAT" not in text
     assert len(list((tmp_path / "recordings").glob("gcs-flapping_wing-1-*.mcap"))) == 1
 
