@@ -1,8 +1,7 @@
-"""Plays a world to a flight computer: PX4's simulator interface with Wingbeat's raw sensors beside it.
+"""Plays a world to our flight computer: PX4's simulator interface with Wingbeat's raw sensors beside it.
 
-The flight computer connects over TCP and sends HEARTBEAT. Our own is in lockstep from the first frame, so that a
-flight is the same at any speed. PX4 is not: the world runs freely until the first HIL_ACTUATOR_CONTROLS, and then
-waits only a moment for each, because PX4 does not promise one reply per sensor frame.
+The flight computer connects over TCP and sends HEARTBEAT. It is in lockstep from the first frame, so that a flight is
+the same at any speed. PX4 itself, which knocks at the same port, is served by `sim_bridge.bridge.foreign`.
 """
 
 from __future__ import annotations
@@ -17,12 +16,13 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
 from avionics.link.transport import Listener, Stream
 from avionics.messages import ActuatorCommand, SensorFrame
+from avionics.quantities import BadInput
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
 from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
 
 DEFAULT_URL = "tcp:127.0.0.1:4560"
-"""Where PX4 looks for its simulator."""
+"""Where a flight computer looks for its simulator, PX4 too."""
 
 
 class FlightComputerSilent(RuntimeError):
@@ -37,9 +37,7 @@ class Patience(NamedTuple):
     hello: float = 10.0
     """s; for its first HEARTBEAT"""
     reply: float = 5.0
-    """s; for the answer to a sensor frame, of a partner in lockstep"""
-    moment: float = 0.010
-    """s; for the answer of one that promises none (PX4), once armed"""
+    """s; for the answer to a sensor frame"""
     silence: float = 15.0
     """s; for a partner to hang up once the world has fallen silent, as it was told"""
     noise: float = 0.05
@@ -59,8 +57,6 @@ class Tally(NamedTuple):
 
     frames: int = 0
     """sensor frames sent"""
-    misses: int = 0
-    """sensor frames without an answer in time"""
     stale: int = 0
     """answers that carried the time of another sensor frame, and were dropped"""
     rejected: int = 0
@@ -106,6 +102,7 @@ class BridgeServer:
         """Wait for a flight computer and fly until the world is finished or the flight computer hangs up.
 
         Raises:
+            BadInput: PX4 came.
             FlightComputerSilent: it never came, never said HEARTBEAT, or left a sensor frame unanswered.
         """
         stream = self._listener.accept(self._patience.connect)
@@ -138,7 +135,6 @@ class Session:
         self._reader = FrameReader(version_1=False)
         self._writer = codec.FrameWriter(1, 200)
         self._autopilot: int | None = None
-        self._answered = False
         self._hung_up = False
         self._truth_interval_us = 0
         self._next_truth_us = 0
@@ -148,6 +144,7 @@ class Session:
         """Exchange frames until the world is finished or the partner hangs up.
 
         Raises:
+            BadInput: the partner is PX4.
             FlightComputerSilent: it never said HEARTBEAT, or left a sensor frame unanswered.
         """
         self._await_hello()
@@ -173,10 +170,6 @@ class Session:
         while not self._hung_up and self._clock() < deadline:
             self._receive(self._patience.noise)
 
-    @property
-    def _lockstep(self) -> bool:
-        return bool(self._autopilot != mavlink.MAV_AUTOPILOT_PX4)
-
     def _await_hello(self) -> None:
         deadline = self._clock() + self._patience.hello
         while self._autopilot is None and not self._hung_up:
@@ -192,9 +185,8 @@ class Session:
                 f"whoever connected from {self._stream.name} left without a HEARTBEAT"
                 f" ({self._reader.bad_bytes} bytes were no MAVLink)"
             )
-        if not self._lockstep and self._pacer.speed is None:
-            # A partner that is not in lockstep keeps its own clock.
-            self._pacer.speed = 1.0
+        if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
+            raise BadInput(f"PX4 connected from {self._stream.name}: it is served by wingbeat sim --px4")
 
     def _send(self, frame: SensorFrame) -> None:
         data = self._writer.sensors(frame)
@@ -206,7 +198,7 @@ class Session:
         self._tally = self._tally._replace(frames=self._tally.frames + 1)
 
     def _await_answer(self, time_us: int, last: ActuatorCommand) -> ActuatorCommand:
-        limit = self._limit(last)
+        limit = self._patience.reply
         deadline = self._clock() + limit
         while not self._hung_up:
             for frame in self._receive(min(limit, self._patience.noise)):
@@ -214,23 +206,11 @@ class Session:
                 if command is not None:
                     return command
             if self._clock() >= deadline:
-                break
-        return last if self._hung_up else self._missed(time_us, limit, last)
-
-    def _limit(self, last: ActuatorCommand) -> float:
-        if self._lockstep:
-            return self._patience.reply
-        return self._patience.moment if self._answered and last.armed else 0.0
-
-    def _missed(self, time_us: int, limit: float, last: ActuatorCommand) -> ActuatorCommand:
-        if self._lockstep:
-            self._say_end(EndReason.STALLED)
-            raise FlightComputerSilent(
-                f"the flight computer at {self._stream.name} did not answer the sensor frame"
-                f" of t = {time_us / 1e6:.3f} s for {limit:g} s"
-            )
-        if self._answered:
-            self._tally = self._tally._replace(misses=self._tally.misses + 1)
+                self._say_end(EndReason.STALLED)
+                raise FlightComputerSilent(
+                    f"the flight computer at {self._stream.name} did not answer the sensor frame"
+                    f" of t = {time_us / 1e6:.3f} s for {limit:g} s"
+                )
         return last
 
     def _answer(self, frame: Frame, time_us: int) -> ActuatorCommand | None:
@@ -241,10 +221,9 @@ class Session:
         if reply is None:
             self._tally = self._tally._replace(rejected=self._tally.rejected + 1)
             return None
-        if self._lockstep and reply.command.time_us != time_us:
+        if reply.command.time_us != time_us:
             self._tally = self._tally._replace(stale=self._tally.stale + 1)
             return None
-        self._answered = True
         return reply.command
 
     def _receive(self, timeout: float) -> list[Frame]:
