@@ -215,7 +215,7 @@ def _altitude(said: Told) -> str:
     if said.altitude is None:
         return ""
     beside = {"sea": " above the sea", "terrain": " above the terrain"}
-    return f"{said.altitude:g} m{beside.get(said.altitude_above or '', '')}"
+    return f"{round(said.altitude, 2):g} m{beside.get(said.altitude_above or '', '')}"
 
 
 def _how(said: Told, item: Item) -> str:

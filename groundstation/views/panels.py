@@ -212,13 +212,16 @@ def mission(picture: Picture, columns: int, rows: int) -> RenderableType:
     item = _pair(f"{title:>7}", bar(done, max(columns - 21, 4)))
     to_go = wording.number(state.distance, ".0f", "m to go") if state.distance else ""
     height = wording.number(state.altitude_setpoint, ".0f", "m")
-    course = _pair(wording.bearing(state.heading_setpoint), f"at {height}" if state.altitude_setpoint else "")
+    bearing = wording.bearing(state.heading_setpoint)
+    at_height = f"at {height}" if state.altitude_setpoint else ""
+    both = "  ".join(part for part in (at_height, to_go) if part)
     away = None if state.north is None or state.east is None else math.hypot(state.north, state.east)
     home = wording.number(away, ".0f", "m")
     table = _rows(
         columns,
         ("item", item),
-        ("course", course.append(f"  {to_go}", style=FAINT)),
+        # The altitude to fly at is on its tape as well.
+        ("course", _pair(bearing, _fitting(columns, bearing, both, to_go or at_height))),
         ("home", _pair(home, _over_ground(state, columns, home))),
     )
     room = rows - 3

@@ -182,11 +182,12 @@ def test_the_numbers_of_link_and_mission_are_whole_where_the_screen_is_narrow(co
     """Given the room of a panel on a terminal of 100 columns, nothing that is said is cut off."""
     quality = Quality(188.0, 12_100.0, 0.012, 12, 0, 5186, 0.014)
     state = VehicleState(north=1500.0, east=900.0, groundspeed=12.3, item=5, items=9, heading_setpoint=2.0)
+    state = state._replace(altitude_setpoint=40.0, distance=1290.0)
     picture = Picture(state=state, quality=quality)
     lines = drawn(panels.link(picture, columns, 4), columns) + drawn(panels.mission(picture, columns, 3), columns)
     text = "\n".join(lines)
     assert "…" not in text
-    for word in ("12 ", " lost", "12.1 kB/s", "188 ", "/s", "1749 m", "12.3 m/s"):
+    for word in ("1290 m to go", "12 ", " lost", "12.1 kB/s", "188 ", "/s", "1749 m", "12.3 m/s"):
         assert word in text
 
 

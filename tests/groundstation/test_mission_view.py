@@ -96,3 +96,9 @@ def test_numbers_for_programs_are_si_and_radians() -> None:
     hold = mission_record(0, sent(MissionItem(ItemKind.HOLD, altitude=40.0, heading=1.0, duration=8.0)))
     assert (hold["duration"], hold["altitude"], hold["latitude"]) == (8.0, 40.0, None)
     assert hold["heading"] == pytest.approx(1.0)
+
+
+def test_an_altitude_is_told_to_the_centimetre_at_most(capsys: pytest.CaptureFixture[str]) -> None:
+    print_mission([Item(0, 16, (0.0,) * 4, 389_899_700, -769_400_040, 20.1949), Item(3, 16, (0.0,) * 4, 0, 0, 40.0)])
+    rows = capsys.readouterr().out.splitlines()[1:]
+    assert "  20.19 m above the sea" in rows[0] and "  40 m" in rows[1]
