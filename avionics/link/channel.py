@@ -12,7 +12,7 @@ from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader
 from avionics.link.signing import Finding, Signing
-from avionics.link.transport import Packet, Peer, Transport
+from avionics.link.transport import MOST_PEERS, Packet, Peer, Transport
 from avionics.link.vehicle import Identity
 
 PAUSE = 0.2
@@ -73,7 +73,7 @@ class Channel:
         self._number = number
         self._ours = (identity.system, identity.component)
         self._signing = signing
-        self._writer = FrameWriter(identity.system, identity.component)
+        self._writers: dict[Peer | None, FrameWriter] = {}
         self._readers: dict[Peer, FrameReader] = {}
         self._shared = FrameReader(foreign=True)
         self._last_data = 0.0
@@ -154,16 +154,32 @@ class Channel:
     # --- out
 
     def send(self, message: Any, peer: Peer | None = None) -> None:
-        """Send a message of ours to one peer, or to all; dropped only where far too much is owed."""
+        """Send a message of ours to one peer, or to all; dropped only where far too much is owed.
+
+        Each peer's frames are counted for themselves: what is said to another one is no loss.
+        """
         if self.budget.broke() and message.get_type() not in VITAL:
             self._dropped += 1
             return
-        self._transmit(self._pack(message), peer)
+        peers = self.transport.peers
+        hearers = (peer,) if peer is not None or peers is None else peers
+        frames = [(self._pack(message, self._writer(None if peers is None else each)), each) for each in hearers]
+        self.budget.spend(max((len(frame) for frame, _ in frames), default=0))
+        for frame, each in frames:
+            self.transport.send(frame, each)
 
-    def _pack(self, message: Any) -> bytes:
+    def _writer(self, peer: Peer | None) -> FrameWriter:
+        if peer not in self._writers:
+            if len(self._writers) >= 2 * MOST_PEERS:
+                present = self.transport.peers or ()
+                self._writers = {each: writer for each, writer in self._writers.items() if each in present}
+            self._writers[peer] = FrameWriter(*self._ours)
+        return self._writers[peer]
+
+    def _pack(self, message: Any, writer: FrameWriter) -> bytes:
         if not self._signing.active:
-            return self._writer.pack(message)
-        return self._writer.pack_signed(message, lambda frame: self._signing.sign(frame, self._number))
+            return writer.pack(message)
+        return writer.pack_signed(message, lambda frame: self._signing.sign(frame, self._number))
 
     def forward(self, raw: bytes, peer: Peer | None) -> None:
         """Pass a frame of another link on as it is, while there is room."""
@@ -171,11 +187,8 @@ class Channel:
             self._withheld += 1
             return
         self._forwarded += 1
-        self._transmit(raw, peer)
-
-    def _transmit(self, data: bytes, peer: Peer | None) -> None:
-        self.budget.spend(len(data))
-        self.transport.send(data, peer)
+        self.budget.spend(len(raw))
+        self.transport.send(raw, peer)
 
     # --- what is to be said of it
 

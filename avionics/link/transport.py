@@ -50,6 +50,10 @@ class Transport(Protocol):
     def dropped(self) -> int:
         """Frames that could not be sent."""
 
+    @property
+    def peers(self) -> tuple[Peer, ...] | None:
+        """Who hears what is sent to all; None where there is one at most."""
+
     def receive(self, now: float) -> list[Packet]:
         """All that has arrived; ``now`` is wall-clock time in s."""
 
@@ -131,6 +135,11 @@ class UdpServer:
             del self._heard[min(self._heard, key=lambda known: self._heard[known])]
         self._heard[peer] = self._now
 
+    @property
+    def peers(self) -> tuple[Peer, ...]:
+        """Who was heard."""
+        return tuple(self._heard)
+
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to one ground station, or to all that were heard."""
         for address in tuple(self._heard) if peer is None else (peer,):
@@ -145,6 +154,7 @@ class UdpClient:
     """``udpout``: speaks to one ground station that listens, whether or not it is there yet."""
 
     datagrams = True
+    peers = None
 
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
@@ -316,6 +326,11 @@ class TcpServer:
         if peer in self._connections:
             self._heard[peer] = self._now
 
+    @property
+    def peers(self) -> tuple[Peer, ...]:
+        """Who is connected."""
+        return tuple(self._connections)
+
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to one ground station, or to all that are connected."""
         for address, connection in self._connections.items():
@@ -335,6 +350,7 @@ class TcpClient:
     """``tcp``: connects to a ground station, and again after a second whenever it is gone."""
 
     datagrams = False
+    peers = None
     retry = 1.0
     """s; between two attempts"""
 
@@ -410,6 +426,7 @@ class SerialTransport:
     """``serial``: a telemetry radio or a cable; one that was pulled out is silent until it is back."""
 
     datagrams = False
+    peers = None
 
     def __init__(self, url: LinkUrl) -> None:
         """Open the device.

@@ -41,7 +41,7 @@ TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
 LAUNCH_PATIENCE = 60.0
-"""s; in which the launcher waits for a steady moment; then one without a gust from behind will do, for as long again"""
+"""s; the launcher waits so long for a steady moment, then as long again for one without a gust from behind"""
 ARMED_TIME = 5.0
 """s; armed for so long before a launcher who waits for that throws: time to change the mode"""
 LAUNCH_GUST = 1.0
@@ -349,7 +349,7 @@ class SimulatedWorld:
     def _past_launcher(self, height: float) -> tuple[float, float, float]:
         """m/s, NED; as if he walked through frozen gusts, those that pass him with the wind and change by themselves.
 
-        Eddies live for about their length over their own speed (Tennekes and Lumley 1972): also in a calm a lull ends.
+        Eddies live for about their length over their own speed (Tennekes and Lumley 1972), so a lull ends in a calm.
         """
         own = dryden.scale(self.scenario.turbulence, height).level_intensity
         speed = math.hypot(self.scenario.wind_speed, own)

@@ -22,6 +22,7 @@ class Wire:
     """A transport; ``say`` puts bytes before the vehicle, ``sent`` is what it said."""
 
     datagrams = True
+    peers: tuple[Peer, ...] | None = None
 
     def __init__(self, url: str) -> None:
         self.url: LinkUrl = parse_url(url)

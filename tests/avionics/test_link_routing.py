@@ -54,6 +54,28 @@ class Net:
         return [[sent.data for sent in each.take() if sent.data == data] for each in self.wires]
 
 
+def test_each_station_on_a_link_counts_no_loss_while_another_one_is_answered() -> None:
+    """Answers go to who asked; numbers that all shared would make the others believe that they had missed some."""
+    net = Net("udpin:127.0.0.1:1")
+    net.wires[0].peers = ("curious", "patient")
+    net.wires[0].take()
+    voice = Voice(255)
+    net.wires[0].say(voice.frame(mavlink.MAVLink_param_request_list_message(1, 1)), "curious")
+    for _ in range(300):
+        net.now += 0.02
+        net.step()
+        net.link.stream(net.now)
+    readers: dict[Any, FrameReader] = {}
+    numbers: dict[Any, list[int]] = {}
+    for sent in net.wires[0].take():
+        raw = [frame.raw for frame in readers.setdefault(sent.peer, FrameReader()).feed(sent.data)]
+        numbers.setdefault(sent.peer, []).extend(each[4] for each in raw)
+    assert set(numbers) == {"curious", "patient"}
+    assert len(numbers["curious"]) > len(numbers["patient"]) + 20 > 40
+    for said in numbers.values():
+        assert [(number - said[0]) % 256 for number in said] == [i % 256 for i in range(len(said))]
+
+
 THREE = ("udpin:127.0.0.1:1", "udpin:127.0.0.1:2", "tcpin:127.0.0.1:3")
 
 

@@ -32,6 +32,7 @@ class Ear:
     """A transport whose other end is the test."""
 
     datagrams = True
+    peers = None
     portion = 65536
     dropped = 0
 
