@@ -13,6 +13,8 @@ from avionics.messages import AltitudeStatus
 from avionics.quantities import Quantity
 from avionics.records import new
 
+STEEP, STEEPEST = 0.7, 1.0
+"""rad; bank from which thrust is given up, and at which nothing is left of it; beyond any bank asked for"""
 CALM_SHARE = 0.5
 """-; of the gains on altitude and climb while a trim is sought"""
 
@@ -60,6 +62,12 @@ class Gains(NamedTuple):
     """m/s; below it the nose is lowered"""
     airspeed_pitch: Annotated[float, Quantity("rad s/m", 0.0, 1.0)]
     """rad s/m; pitch setpoint taken off per missing airspeed"""
+    headwind: Annotated[float, Quantity("m/s", 0.0, 20.0)]
+    """m/s; wind from ahead beyond which it flies faster"""
+    headwind_pitch: Annotated[float, Quantity("rad s/m", 0.0, 0.2)]
+    """rad s/m; pitch setpoint taken off per headwind beyond that: the pitch of level flight falls with its speed"""
+    headwind_pitch_max: Annotated[float, Quantity("rad", 0.0, 0.5)]
+    """rad; most that is taken off so"""
     trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
     """s; time constant of the mean throttle that a frozen loop holds"""
 
@@ -165,6 +173,25 @@ def calm(gains: Gains) -> Gains:
         pitch_climb=0.0,
         pitch_error=0.0,
     )
+
+
+def penetrating(gains: Gains, headwind: float) -> Gains:
+    """Gains with which the loops fly faster against a ``headwind`` (m/s): at its cruise a slow bird comes nowhere."""
+    taken = clip(gains.headwind_pitch * (headwind - gains.headwind), 0.0, gains.headwind_pitch_max)
+    return gains._replace(pitch_trim=gains.pitch_trim - taken) if taken else gains
+
+
+def righting(gains: Gains, bank: float) -> Gains:
+    """Gains with which the loops give thrust up at a steep ``bank`` (rad): level first, then up.
+
+    Where a gust has thrown it on its side, thrust only makes it faster, and the faster the less its dihedral rolls it
+    back: a spiral into the ground.
+    """
+    share = clip((abs(bank) - STEEP) / (STEEPEST - STEEP), 0.0, 1.0)
+    if share == 0.0:
+        return gains
+    most = (1.0 - share) * gains.throttle_max + share * gains.throttle_min
+    return gains._replace(throttle_max=most)
 
 
 class Flare(NamedTuple):

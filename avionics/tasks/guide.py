@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import cos, sin
+
 from avionics import topics
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import excitation as excitation_input
@@ -19,11 +21,11 @@ from avionics.messages import (
     Stage,
 )
 from avionics.records import new
-from avionics.situation import conditions, ground_motion, surroundings
+from avionics.situation import conditions, ground_motion, position_usable, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
-EN_ROUTE, WAIT_LAUNCH, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.FLARE
+EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.CLIMB_OUT, Stage.FLARE
 MANUAL, STABILIZED = Mode.MANUAL, Mode.STABILIZED
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes in which an excitation may be flown"""
@@ -121,8 +123,17 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
         gains = altitude_loop.calm(gains)
         s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
     else:
+        gains = altitude_loop.righting(altitude_loop.penetrating(gains, headwind(s)), s.attitude.roll)
         s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
     publish(topics.ALTITUDE_LOOP, s.vertical)
+
+
+def headwind(s: AutopilotState) -> float:
+    """m/s; from ahead on the course that is to be flown; 0 where there is none, and in the climb-out."""
+    if s.modes.mode not in GUIDED or s.modes.stage == CLIMB_OUT or not position_usable(s):
+        return 0.0
+    course, wind = s.target.heading, s.position
+    return -(wind.wind_north * cos(course) + wind.wind_east * sin(course))
 
 
 def by_throttle_alone(gains: altitude_loop.Gains) -> altitude_loop.Gains:

@@ -1,7 +1,9 @@
 """Dryden gusts of MIL-F-8785C (3.7.2 to 3.7.3), stepped through the distance flown.
 
 The field of gusts is frozen: what counts is the distance through the air between two ticks, so that the filters are
-exact for any airspeed and any tick, at rest too. Their states have fixed variances; scale and strength follow height.
+exact for any airspeed and any tick. Their states have fixed variances; scale and strength follow height. Frozen it is
+only for who passes faster than it turns over (Taylor's hypothesis): who is slower than sigma_u, a launcher or a bird
+that a gust holds up, meets it at that speed, for an eddy lives about as long as it takes to cross its own length.
 
     Phi_u(W) = sigma_u^2 2 L_u / pi / (1 + (L_u W)^2)
     Phi_v(W) = sigma_v^2 L_v / pi (1 + 3 (L_v W)^2) / (1 + (L_v W)^2)^2,  Phi_w alike
@@ -300,7 +302,7 @@ def _advance(
     span, height = place
     size = _scale(strength, height)
     airspeed = math.sqrt(flight[0] * flight[0] + flight[1] * flight[1] + flight[2] * flight[2])
-    after = _filtered(m, noise, size, span, airspeed * dt)
+    after = _filtered(m, noise, size, span, max(airspeed, size.level_intensity) * dt)
     velocity, omega = _gust(after, size, span, flight[0], flight[1])
     return after, velocity, omega
 

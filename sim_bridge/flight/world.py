@@ -340,20 +340,9 @@ class SimulatedWorld:
         y, wind = self.plant.y, self._wind
         over_ground = _rotate(self._rotation(), y[7:10].tolist())
         through = (over_ground[0] - wind[0], over_ground[1] - wind[1], over_ground[2] - wind[2])
-        if not self.thrown:
-            through = self._past_launcher(-float(y[2]))
         self._gusts, self._gust = dryden.step(
             self._turbulence, self._gusts, -float(y[2]), through, self._clock.length
         )
-
-    def _past_launcher(self, height: float) -> tuple[float, float, float]:
-        """m/s, NED; as if he walked through frozen gusts, those that pass him with the wind and change by themselves.
-
-        Eddies live for about their length over their own speed (Tennekes and Lumley 1972), so a lull ends in a calm.
-        """
-        own = dryden.scale(self.scenario.turbulence, height).level_intensity
-        speed = math.hypot(self.scenario.wind_speed, own)
-        return speed * math.cos(self.scenario.wind_from), speed * math.sin(self.scenario.wind_from), 0.0
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
         travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel

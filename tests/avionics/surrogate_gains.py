@@ -72,6 +72,9 @@ _PINNED = {
         "pitch_rate": 0.4,
         "airspeed_min": 5.0,
         "airspeed_pitch": 0.08,
+        "headwind": 4.0,
+        "headwind_pitch": 0.02,
+        "headwind_pitch_max": 0.06,
         "trim_time": 2.0,
     },
     "heading": {

@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +32,9 @@ ALTITUDE = altitude.Gains(
     pitch_rate=0.5,
     airspeed_min=5.0,
     airspeed_pitch=0.1,
+    headwind=4.0,
+    headwind_pitch=0.02,
+    headwind_pitch_max=0.06,
     trim_time=1.0,
 )
 HEADING = heading.Gains(
@@ -112,6 +116,30 @@ def test_throttle_integral_rests_at_the_limit() -> None:
 def test_slow_flight_lowers_the_nose() -> None:
     _, slow = fly(40.0, level(airspeed=3.0), 5.0)
     assert slow.pitch_setpoint == pytest.approx(ALTITUDE.pitch_trim - 0.2)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_thrust_is_given_up_on_the_side_and_nowhere_else(side: float) -> None:
+    assert altitude.righting(ALTITUDE, side * altitude.STEEP) == ALTITUDE
+    banks = np.linspace(altitude.STEEP, 3.1, 50)
+    most = [altitude.righting(ALTITUDE, side * bank).throttle_max for bank in banks]
+    assert np.all(np.diff(most) <= 0.0)
+    assert all(value == ALTITUDE.throttle_min for value in most[int(np.argmax(banks >= altitude.STEEPEST)) :])
+    given_up = altitude.righting(ALTITUDE, side * 1.2)
+    state = altitude.initial(given_up, 0.5)
+    for _ in range(100):
+        state, status = altitude.step(given_up, state, 0, DT, 60.0, level(climb=-4.0))
+    assert status.throttle == pytest.approx(ALTITUDE.throttle_min)
+    assert state.integral <= 0.0, "nothing is stored for the moment it is level again"
+
+
+def test_only_a_strong_headwind_lowers_the_trim_pitch_and_not_without_end() -> None:
+    for wind in (-9.0, 0.0, ALTITUDE.headwind):
+        assert altitude.penetrating(ALTITUDE, wind) == ALTITUDE
+    faster = altitude.penetrating(ALTITUDE, ALTITUDE.headwind + 2.0)
+    assert faster.pitch_trim == pytest.approx(ALTITUDE.pitch_trim - 2.0 * ALTITUDE.headwind_pitch)
+    fastest = altitude.penetrating(ALTITUDE, 50.0)
+    assert fastest.pitch_trim == ALTITUDE.pitch_trim - ALTITUDE.headwind_pitch_max
 
 
 def test_calm_gains_leave_the_pitch_at_its_trim_and_move_the_throttle_half_as_far() -> None:

@@ -126,11 +126,23 @@ def test_the_axes_turn_with_the_flight() -> None:
     assert east[:, 3:] == pytest.approx(north[:, 3:] @ quarter.T, abs=1e-12)
 
 
-def test_the_field_is_frozen_for_who_stands_still_in_the_air() -> None:
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_who_hardly_moves_through_the_air_meets_the_gusts_turn_over_at_their_own_speed(speed: float) -> None:
+    """In a field that stands still a bird could ride on one gust for ever, and a launcher never see a lull end."""
     t = turbulence("severe", SPAN, 1)
+    own = scale("severe", HEIGHT).level_intensity
+    slow, _ = step(t, initial(t), HEIGHT, (speed, 0.0, 0.0), DT)
+    through, _ = step(t, initial(t), HEIGHT, (own, 0.0, 0.0), DT)
+    faster, _ = step(t, initial(t), HEIGHT, (1.1 * own, 0.0, 0.0), DT)
+    assert slow == through != faster
+
+
+def test_still_air_stays_still() -> None:
+    t = turbulence("none", SPAN, 1)
     state = initial(t)
-    after, _ = step(t, state, HEIGHT, (0.0, 0.0, 0.0), DT)
+    after, gust = step(t, state, HEIGHT, (0.0, 0.0, 0.0), DT)
     assert after == state._replace(tick=1)
+    assert gust == Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def test_a_climb_straight_up_crosses_the_field_too() -> None:
