@@ -88,7 +88,9 @@ def set_link(state: State, lost: bool) -> Outcome:
     if lost == bool(state.link_lost):
         return state, ()
     notice = Notice(Severity.WARNING, "ground link lost") if lost else Notice(Severity.INFO, "ground link is back")
-    return state._replace(link_lost=int(lost), link_time=0.0), (notice,)
+    # On the ground it is not back but no more missed.
+    notices = (notice,) if lost or state.armed else ()
+    return state._replace(link_lost=int(lost), link_time=0.0), notices
 
 
 def present(gains: Gains, state: State, seen: Conditions) -> int:

@@ -532,6 +532,7 @@ def test_overridden_channels_arrive_as_they_are() -> None:
 
 def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too() -> None:
     port, vehicle = free_port(), FakeVehicle()
+    vehicle.armed = True
     link = GroundLink([f"udpin:127.0.0.1:{port}"], vehicle, gains=LinkGains(silence=5.0))
     client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mavlink.MAVLink(None, 255, 190))
@@ -556,6 +557,26 @@ def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too()
     assert [event.text.split()[0] for event in link.take_events()] == ["LINK_LOST", "LINK_REGAINED"]
     client.close()
     link.close()
+
+
+def test_a_station_that_leaves_a_disarmed_vehicle_is_not_missed() -> None:
+    """Else the arming of a single command would be refused: it is no station, so the link would not be back."""
+    vehicle, wire, voice = FakeVehicle(), Wire("udpin:127.0.0.1:1"), Voice(255)
+    link = GroundLink([wire], vehicle, gains=LinkGains(silence=5.0))
+
+    def kinds(now: float, hears: bool) -> list[Any]:
+        if hears:
+            wire.say(voice.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)))
+        return [each.kind for each in link.poll(now)]
+
+    assert kinds(0.0, True) + kinds(4.0, True) + kinds(60.0, False) == []
+    vehicle.armed = True
+    assert kinds(61.0, False) == [], "who armed it then is there, or is a pilot"
+    assert kinds(62.0, True) + kinds(66.0, True) == []
+    assert kinds(72.0, False) == [m.CommandKind.LINK_LOST]
+    vehicle.armed = False
+    assert kinds(73.0, False) == [m.CommandKind.LINK_REGAINED], "landed: nothing is missed any more"
+    assert kinds(80.0, False) == []
 
 
 def test_garbage_on_every_kind_of_port_raises_nothing_and_the_link_still_answers() -> None:

@@ -15,7 +15,8 @@ class SilenceService:
 
     A ground station is who sent a HEARTBEAT of MAV_TYPE_GCS; any message of it counts as a word, which the
     owner of the links reports with `heard`. One that was heard for a moment only (`LinkGains.acquaintance`), as a
-    single command of `wingbeat gcs` is, may fall silent: nobody flies by it.
+    single command of `wingbeat gcs` is, may fall silent: nobody flies by it. Nor is one missed that leaves a vehicle
+    that is not armed; whoever arms it then is there.
     """
 
     handles = frozenset({"HEARTBEAT"})
@@ -57,7 +58,9 @@ class SilenceService:
         known = [key for key in silent if self._stations[key] - self._met[key] >= self._acquaintance]
         for key in silent:
             del self._stations[key], self._met[key]
-        if not known or self._stations or self._lost:
+        lost = self._vehicle.armed and (self._lost or bool(known and not self._stations))
+        if lost == self._lost:
             return []
-        self._lost = True
-        return [Command(self._vehicle.time_us, CommandKind.LINK_LOST, source="link")]
+        self._lost = lost
+        kind = CommandKind.LINK_LOST if lost else CommandKind.LINK_REGAINED
+        return [Command(self._vehicle.time_us, kind, source="link")]
