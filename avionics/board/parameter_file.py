@@ -13,7 +13,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
@@ -23,6 +22,7 @@ from avionics import parameters
 from avionics.quantities import BadInput, counted
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
+from avionics.whole_file import write_whole
 
 FORMAT = "wingbeat parameters 1"
 
@@ -186,21 +186,7 @@ class ParameterFile:
         document = {"format": FORMAT, "vehicle": self._vehicle.name, "values": changed}
         text = json.dumps({**document, "sha256": _checksum(document)}, indent=1) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        _replace(self.path, text)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Put a file of this ``text`` in the place of ``path``; on the disk before it is moved there."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+        write_whole(self.path, text)
 
 
 def _checksum(document: Mapping[str, Any]) -> str:

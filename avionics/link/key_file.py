@@ -10,13 +10,13 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from avionics.link.signing import KEY_BYTES, Signing, Stamps
 from avionics.quantities import BadInput
+from avionics.whole_file import settle_names, write_whole
 
 _PASSPHRASE = "passphrase "
 _OTHERS = 0o077
@@ -74,7 +74,7 @@ class KeyFile:
         """Write the key for its owner's eyes alone, or remove it."""
         if key is None:
             self.path.unlink(missing_ok=True)
-            _settle(self.path.parent)
+            settle_names(self.path.parent)
         else:
             _write(self.path, key.hex() + "\n", settle=True)
 
@@ -96,33 +96,5 @@ def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.tim
 
 
 def _write(path: Path, text: str, settle: bool) -> None:
-    """The old file or the new one, never a part; `mkstemp` makes it its owner's alone.
-
-    Where ``settle`` it outlives a power cut from here on, name and all.
-    """
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write(text)
-            if settle:
-                file.flush()
-                os.fsync(file.fileno())
-        Path(scratch).replace(path)
-    except BaseException:
-        Path(scratch).unlink(missing_ok=True)
-        raise
-    if settle:
-        _settle(path.parent)
-
-
-def _settle(folder: Path) -> None:
-    """Let the names in ``folder`` outlive a power cut, where the system can."""
-    if os.name != "posix":
-        return
-    with contextlib.suppress(FileNotFoundError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+    write_whole(path, text, settle)
