@@ -80,7 +80,7 @@ class GroundLink:
         self._services = self._build_services(gains or LinkGains(), files)
         self._by_message: dict[str, list[Service]] = {}
         for service in self._services:
-            for name in service.handles:
+            for name in service.takes:
                 self._by_message.setdefault(name, []).append(service)
         self._journal: list[Event] = []
         self._announced: set[str] = set()

@@ -41,7 +41,7 @@ Answer = Callable[[Request], Verdict]
 class CommandService:
     """Answers commands by a table from MAV_CMD to a method."""
 
-    handles = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+    takes = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
     def __init__(
         self,

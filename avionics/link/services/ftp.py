@@ -115,7 +115,7 @@ class _Checksum:
 class FtpService:
     """Answers FILE_TRANSFER_PROTOCOL."""
 
-    handles = frozenset({"FILE_TRANSFER_PROTOCOL"})
+    takes = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
     def __init__(self, shelf: Shelf, rooms: Sequence[Room]) -> None:
         """``rooms`` says how much each link takes now."""

@@ -36,7 +36,7 @@ def system_status(vehicle: VehicleView) -> int:
 class HeartbeatService:
     """Sends HEARTBEAT."""
 
-    handles = frozenset({"HEARTBEAT"})
+    takes = frozenset({"HEARTBEAT"})
 
     def __init__(self, vehicle: VehicleView, identity: Identity, gains: LinkGains, shown: ShownMode) -> None:
         self._vehicle = vehicle

@@ -15,7 +15,7 @@ FULL = 1000.0
 class ManualService:
     """Turns MANUAL_CONTROL into `PilotInput` and RC_CHANNELS_OVERRIDE into `ChannelOverride`."""
 
-    handles = frozenset({"MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE"})
+    takes = frozenset({"MANUAL_CONTROL", "RC_CHANNELS_OVERRIDE"})
 
     def __init__(self, vehicle: VehicleView, system: int) -> None:
         self._vehicle = vehicle

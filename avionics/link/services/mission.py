@@ -57,7 +57,7 @@ class _Encoded(NamedTuple):
 class MissionService:
     """Answers MISSION_*."""
 
-    handles = frozenset(
+    takes = frozenset(
         {
             "MISSION_COUNT",
             "MISSION_ITEM",

@@ -94,7 +94,7 @@ def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender) -> Command:
 class ModeService:
     """The old SET_MODE message, and CURRENT_MODE."""
 
-    handles = frozenset({"SET_MODE"})
+    takes = frozenset({"SET_MODE"})
 
     def __init__(self, vehicle: VehicleView, identity: Identity, shown: ShownMode) -> None:
         self._vehicle = vehicle

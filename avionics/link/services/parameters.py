@@ -38,7 +38,7 @@ class _Pending(NamedTuple):
 class ParameterService:
     """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
 
-    handles = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
+    takes = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
 
     def __init__(self, vehicle: VehicleView, gains: LinkGains, rooms: Sequence[Room]) -> None:
         """``rooms`` says how much each link takes now."""

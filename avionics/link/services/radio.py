@@ -13,7 +13,7 @@ NoteRadio = Callable[[int, int, float], None]
 class RadioService:
     """Tells the link's budget what the radio says of it."""
 
-    handles = frozenset({"RADIO_STATUS"})
+    takes = frozenset({"RADIO_STATUS"})
 
     def __init__(self, note: NoteRadio) -> None:
         """``note`` is given the number of the link, the percentage of the buffer that is free, and the time."""

@@ -35,7 +35,7 @@ def protocol_version() -> Any:
 class Requests:
     """What may be asked for, and how often it is sent unasked."""
 
-    handles = frozenset({"REQUEST_DATA_STREAM"})
+    takes = frozenset({"REQUEST_DATA_STREAM"})
 
     def __init__(self, vehicle: VehicleView, identity: Identity, streams: Streams, shown: modes.ShownMode) -> None:
         self._vehicle = vehicle

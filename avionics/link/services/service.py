@@ -38,7 +38,7 @@ Room = Callable[[float], float]
 class Service(Protocol):
     """One of MAVLink's services."""
 
-    handles: frozenset[str]
+    takes: frozenset[str]
     """names of the messages it takes"""
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:

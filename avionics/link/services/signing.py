@@ -26,7 +26,7 @@ COUNTERS = {Finding.UNSIGNED: b"sig_unsign", Finding.FORGED: b"sig_forged", Find
 class SigningService:
     """Takes SETUP_SIGNING."""
 
-    handles = frozenset({"SETUP_SIGNING"})
+    takes = frozenset({"SETUP_SIGNING"})
 
     def __init__(self, vehicle: VehicleView, signing: Signing, confidential: Confidential) -> None:
         """``confidential`` says whether nobody else hears what a sender says."""

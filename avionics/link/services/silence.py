@@ -19,7 +19,7 @@ class SilenceService:
     that is not armed; whoever arms it then is there.
     """
 
-    handles = frozenset({"HEARTBEAT"})
+    takes = frozenset({"HEARTBEAT"})
 
     def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
         self._vehicle = vehicle

@@ -50,7 +50,7 @@ def refusal_text(reason: str, sender: Sender) -> list[Reply]:
 class StatustextService:
     """Sends every event of the vehicle to every link."""
 
-    handles: frozenset[str] = frozenset()
+    takes: frozenset[str] = frozenset()
 
     def __init__(self, vehicle: VehicleView, unix_time: Callable[[], float]) -> None:
         """``unix_time`` tells the seconds since 1970."""

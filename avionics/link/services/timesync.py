@@ -12,7 +12,7 @@ from avionics.link.vehicle import VehicleView
 class TimesyncService:
     """Answers TIMESYNC and PING."""
 
-    handles = frozenset({"TIMESYNC", "PING"})
+    takes = frozenset({"TIMESYNC", "PING"})
 
     def __init__(self, vehicle: VehicleView) -> None:
         self._vehicle = vehicle
