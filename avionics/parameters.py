@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import lru_cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from avionics.limits import clip
@@ -158,37 +159,55 @@ def parameter_table(gains: FlightGains) -> dict[str, Parameter]:
     Raises:
         ValueError: two gains would have the same name.
     """
+    return dict(_table(tuple(_shape(name, section) for name, section in zip(gains._fields, gains, strict=True))))
+
+
+class _Shape(NamedTuple):
+    """All of a section that its parameters follow from: their values do not matter."""
+
+    section: str
+    kind: type[Any]
+    lengths: tuple[int, ...]
+    """-; of its lists, -1 for what is none"""
+
+
+def _shape(name: str, section: Any) -> _Shape:
+    lengths = tuple(len(value) if isinstance(value, tuple) else -1 for value in section)
+    return _Shape(name, type(section), lengths)
+
+
+@lru_cache(maxsize=16)
+def _table(shapes: tuple[_Shape, ...]) -> dict[str, Parameter]:
+    """Built once, in 8 ms: a parameter is set in a tick of 5 ms."""
     table: dict[str, Parameter] = {}
-    for section in gains._fields:
-        for parameter in _section_parameters(section, getattr(gains, section)):
+    for shape in shapes:
+        for parameter in _section_parameters(shape):
             if parameter.name in table:
                 raise ValueError(f"two gains are called {parameter.name}")
             table[parameter.name] = parameter
     return table
 
 
-def _section_parameters(section: str, gains: Any) -> list[Parameter]:
+def _section_parameters(shape: _Shape) -> list[Parameter]:
     found: list[Parameter] = []
-    for key, hint in get_type_hints(type(gains), include_extras=True).items():
-        base, quantity = _numeric(hint)
+    hints = get_type_hints(shape.kind, include_extras=True)
+    for key, length in zip(shape.kind._fields, shape.lengths, strict=True):
+        base, quantity = _numeric(hints[key])
         if base is None:
             continue
-        value = getattr(gains, key)
-        places = range(len(value)) if isinstance(value, tuple) else (-1,)
-        text = f"{section}.{key}"
         found += [
             Parameter(
-                short_name(section, key, i),
-                section,
+                short_name(shape.section, key, i),
+                shape.section,
                 key,
                 i,
                 quantity.unit,
                 quantity.low,
                 quantity.high,
                 base is int,
-                text,
+                f"{shape.section}.{key}",
             )
-            for i in places
+            for i in (range(length) if length >= 0 else (-1,))
         ]
     return found
 
