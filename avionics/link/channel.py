@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
-from collections import Counter
+from collections import Counter, deque
 from typing import Any, NamedTuple
 
 from avionics.link.budget import BULK, Budget
@@ -20,7 +20,9 @@ PAUSE = 0.2
 NOISE_EVERY = 1.0
 """s; between two events about noise on a link"""
 PORTION = 2048
-"""bytes; looked at between two ticks on one link, so that a flood costs no tick"""
+"""bytes; looked at between two ticks over all links; the rest waits in the kernel"""
+SMALLEST_PORTION = 280
+"""bytes; of one link, however many there are: one of the longest frames"""
 VITAL = frozenset({"HEARTBEAT", "COMMAND_ACK"})
 """What is sent however much a link owes."""
 
@@ -62,14 +64,18 @@ class Complaint(NamedTuple):
 class Channel:
     """A link of the vehicle."""
 
-    def __init__(self, number: int, transport: Transport, identity: Identity, signing: Signing) -> None:
-        """``number`` is the link's among the vehicle's, and in its signatures."""
-        transport.portion = PORTION
+    def __init__(
+        self, number: int, transport: Transport, identity: Identity, signing: Signing, portion: int = PORTION
+    ) -> None:
+        """``number`` is the link's among the vehicle's, and in its signatures; ``portion`` its share of `PORTION`."""
+        transport.portion = portion
         self.transport = transport
         self.name = str(transport.url)
         self.budget = Budget(transport.url.baud)
         self.refused = 0
         self.unknown = 0
+        self.sent = 0
+        self._waiting: deque[tuple[Frame, Peer]] = deque()
         self._number = number
         self._ours = (identity.system, identity.component)
         self._signing = signing
@@ -85,8 +91,16 @@ class Channel:
 
     # --- in
 
-    def receive(self, now: float) -> list[tuple[Frame, Peer]]:
-        """The frames that have arrived and count, with their senders' addresses."""
+    def receive(self, now: float) -> None:
+        """Queue the frames that have arrived and count; while any waits to be taken, the rest waits in the kernel."""
+        if not self._waiting:
+            self._waiting.extend(self._heard(now))
+
+    def take(self) -> tuple[Frame, Peer] | None:
+        """The oldest frame that waits, with its sender's address."""
+        return self._waiting.popleft() if self._waiting else None
+
+    def _heard(self, now: float) -> list[tuple[Frame, Peer]]:
         heard: list[tuple[Frame, Peer]] = []
         packets = self.transport.receive(now)
         if not packets:
@@ -165,6 +179,7 @@ class Channel:
         hearers = (peer,) if peer is not None or peers is None else peers
         frames = [(self._pack(message, self._writer(None if peers is None else each)), each) for each in hearers]
         self.budget.spend(max((len(frame) for frame, _ in frames), default=0))
+        self.sent += len(frames)
         for frame, each in frames:
             self.transport.send(frame, each)
 
@@ -187,6 +202,7 @@ class Channel:
             self._withheld += 1
             return
         self._forwarded += 1
+        self.sent += 1 if peer is not None else len(self.transport.peers or (None,))
         self.budget.spend(len(raw))
         self.transport.send(raw, peer)
 

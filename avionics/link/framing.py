@@ -7,6 +7,7 @@ noise costs the noise alone.
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import Any, NamedTuple
 
@@ -20,6 +21,9 @@ _CHECKSUM = 2
 _SIGNATURE = 13
 SIGNED = 0x01
 """flag of a frame with a signature"""
+_LIKELY_V2 = re.compile(rb"\xfd(?:.[\0\1]|.?\Z)", re.DOTALL)
+"""A marker with flags that are known, or not here yet; so a flood of markers costs no more than other noise."""
+_LIKELY = re.compile(rb"\xfe|" + _LIKELY_V2.pattern, re.DOTALL)
 _PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
 
 CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
@@ -91,6 +95,7 @@ class FrameReader:
         """
         self._crc_extra = _ALL_CRC_EXTRA if foreign else CRC_EXTRA
         self._markers = (MARKER_V2, MARKER_V1) if version_1 else (MARKER_V2,)
+        self._likely = _LIKELY if version_1 else _LIKELY_V2
         self.bad_bytes = 0
         self.frames = 0
         self.unknown = 0
@@ -121,14 +126,14 @@ class FrameReader:
         position = 0
         end = len(buffer)
         while position < end:
-            marker = buffer[position]
-            if marker == MARKER_V2:
-                size = self._version_2(buffer, position, found)
-            elif marker in self._markers:
-                size = self._version_1(buffer, position, found)
-            else:
-                size = self._noise(buffer, position)
-                self.bad_bytes += size
+            found_at = self._likely.search(buffer, position)
+            noise = (found_at.start() if found_at else end) - position
+            self.bad_bytes += noise
+            position += noise
+            if not found_at:
+                break
+            read = self._version_2 if buffer[position] == MARKER_V2 else self._version_1
+            size = read(buffer, position, found)
             if not size:
                 break
             position += size
@@ -143,8 +148,6 @@ class FrameReader:
         body = position + _HEADER_V2 + buffer[position + 1]
         stop = body + _CHECKSUM + (_SIGNATURE if flags & SIGNED else 0)
         extra = self._crc_extra.get(message_id)
-        if flags > SIGNED:
-            return self._bad_byte()
         if extra is None:
             return self._unknown(buffer, position, stop)
         if stop > len(buffer):
@@ -187,7 +190,3 @@ class FrameReader:
     def _bad_byte(self) -> int:
         self.bad_bytes += 1
         return 1
-
-    def _noise(self, buffer: bytes, position: int) -> int:
-        found = [place for marker in self._markers if (place := buffer.find(marker, position)) >= 0]
-        return (min(found) if found else len(buffer)) - position

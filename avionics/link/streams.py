@@ -79,7 +79,8 @@ class Streams:
             schedule.interval = _default(schedule.entry)
         else:
             schedule.interval = max(interval_us * 1e-6, FASTEST) if interval_us > 0 else float("inf")
-        schedule.due = -float("inf") if schedule.interval < float("inf") else float("inf")
+        # From the last one on, so that asking again and again makes nothing come more often than was asked.
+        schedule.due = schedule.sent + schedule.interval if schedule.interval < float("inf") else float("inf")
         self._next = -float("inf")
         return True
 

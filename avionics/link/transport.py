@@ -11,6 +11,7 @@ import os
 import select
 import socket
 import time
+from collections import deque
 from collections.abc import Hashable
 from typing import Any, NamedTuple, Protocol
 
@@ -24,7 +25,7 @@ MOST_PEERS = 16
 HALF_OPEN = 60.0
 """s; of silence after which a TCP connection makes room for a new one where there is none left"""
 _CHUNK = 65536
-_MOST_DATAGRAMS = 1000
+_MOST_DATAGRAMS = 100
 _BACKLOG = 1 << 18
 
 
@@ -277,20 +278,29 @@ class TcpServer:
         self._socket = _bound(url, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._connections: dict[Any, _Connection] = {}
+        self._reached = 0
         self._heard: dict[Any, float] = {}
         self._now = 0.0
 
     def receive(self, now: float) -> list[Packet]:
-        """What has arrived, after letting in who waits at the door."""
+        """What has arrived, after letting in who waits at the door; who was not reached is first the next time."""
         self._now = now
-        packets = self._let_in()
-        for peer, connection in tuple(self._connections.items()):
+        packets, left = self._let_in(), self.portion
+        for connection in self._connections.values():
             connection.flush()
-            data = connection.receive(self.portion)
+        waiting = deque(self._connections.items())
+        waiting.rotate(-self._reached)
+        for peer, connection in waiting:
+            if left <= 0:
+                break
+            self._reached += 1
+            data = connection.receive(left)
+            left -= len(data)
             if connection.gone:
                 self._hang_up(peer)
             if data or connection.gone:
                 packets.append(Packet(data, peer))
+        self._reached %= max(len(waiting), 1)
         return packets
 
     def _let_in(self) -> list[Packet]:

@@ -256,5 +256,6 @@ class LinkGains(NamedTuple):
     """-; requests without an answer until another station may begin a transfer of its own"""
     confirm: float = 1.0
     """s; for the flight core to take a parameter or a mission"""
-    parameters_per_step: int = 20
-    """-; parameters sent in one go on a link while lists are read, so that it is not flooded, whoever asks"""
+    parameters_per_step: int = 8
+    """-; parameters sent in one go on a link while lists are read, so that neither it is flooded nor a tick late,
+    whoever asks; 2000/s at a poll in each tick"""

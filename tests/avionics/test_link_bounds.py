@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import pytest
 from link_vehicle import HOME, FakeVehicle
@@ -11,13 +12,16 @@ from link_wires import Voice, Wire
 
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
-from avionics.link.ground import GroundLink
+from avionics.link.ground import MOST_WORK, WORK_OF_INPUT, GroundLink
 from avionics.link.services import plans
 from avionics.link.services.parameters import MOST_LISTS
 from avionics.link.vehicle import Home, LinkGains
 from avionics.link.wire_item import WireItem
+from avionics.messages import Command, CommandKind, Input
 
 STEP = 0.004
+MOST_AT_THE_END = 24
+"""frames of the answer that passes the bound, and of what is due unasked, on three links"""
 
 
 class Links:
@@ -31,9 +35,15 @@ class Links:
 
     def step(self) -> list[Counter[str]]:
         """A moment passes; for each wire how many of each message were sent to each station."""
-        self.now += STEP
-        self.vehicle.apply(self.link.poll(self.now))
+        self.poll()
         return [self._values(wire) for wire in self.wires]
+
+    def poll(self) -> list[Input]:
+        """A moment passes; what enters the flight core."""
+        self.now += STEP
+        inputs = self.link.poll(self.now)
+        self.vehicle.apply(inputs)
+        return inputs
 
     def _values(self, wire: Wire) -> Counter[str]:
         sent = [each for each in wire.take() if each.data[7] == mavlink.MAVLINK_MSG_ID_PARAM_VALUE]
@@ -52,6 +62,46 @@ def test_however_many_ask_for_parameters_a_link_sends_no_more_at_once_than_for_o
     links.ask_list(1, 200)
     each = LinkGains().parameters_per_step
     assert [sum(values.values()) for values in links.step()] == [each, each]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_ping_message(0, 1, 0, 0),
+        mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3),
+        mavlink.MAVLink_param_set_message(1, 1, b"PITCH_P", 1.5, 9),
+        mavlink.MAVLink_mission_request_list_message(1, 1),
+        mavlink.MAVLink_mission_clear_all_message(1, 1),
+        mavlink.MAVLink_set_mode_message(1, 1, 1 << 16),
+        mavlink.MAVLink_command_long_message(1, 1, 512, 0, mavlink.MAVLINK_MSG_ID_ATTITUDE, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_command_long_message(1, 1, 512, 0, mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_attitude_message(0, 0.1, 0, 0, 0, 0, 0),
+    ],
+    ids=lambda message: message.get_type(),
+)
+def test_under_any_flood_a_poll_does_so_much_and_another_link_is_answered(message: Any) -> None:
+    """GIVEN two links with hundreds of frames each WHEN another disarms on a third THEN that poll answers it."""
+    links, voices = Links(3), [Voice(system) for system in range(2, 250)]
+    for number in range(600):
+        links.wires[number % 2].say(voices[number % len(voices)].frame(message), f"flood {number % 2}")
+    links.wires[0].say(Voice(254).frame(mavlink.MAVLink_timesync_message(0, 7)), "last")
+    links.wires[2].say(Voice(255).frame(disarming()), "station")
+    assert CommandKind.DISARM in {each.kind for each in links.poll() if isinstance(each, Command)}
+    sent = [wire.take() for wire in links.wires]
+    assert mavlink.MAVLINK_MSG_ID_COMMAND_ACK in {each.data[7] for each in sent[2]}
+    assert sum(map(len, sent)) <= MOST_WORK + MOST_AT_THE_END
+    polls, answered = 1, False
+    while not answered:
+        polls += 1
+        assert len(links.poll()) <= 1 + MOST_WORK // WORK_OF_INPUT
+        said = [each for wire in links.wires for each in wire.take()]
+        assert len(said) <= MOST_WORK + MOST_AT_THE_END
+        answered = any(each.peer == "last" and each.data[7] == mavlink.MAVLINK_MSG_ID_TIMESYNC for each in said)
+    assert 600 // MOST_WORK <= polls < 150
+
+
+def disarming() -> Any:
+    return mavlink.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0)
 
 
 def test_the_oldest_list_makes_room_and_on_another_link_nothing_changes() -> None:
@@ -99,8 +149,13 @@ def places(links: Links, count: int) -> list[tuple[int, float]]:
     """The mission as it is downloaded: latitude and altitude of each item."""
     for number in range(count):
         links.wires[0].say(Voice(255).frame(mavlink.MAVLink_mission_request_int_message(1, 1, number)))
-    links.link.poll(links.now)
-    items = [each for each in links.wires[0].heard() if each.get_type() == "MISSION_ITEM_INT"]
+    items: list[Any] = []
+    while len(items) < count:  # some in each poll
+        links.now += STEP
+        links.link.poll(links.now)
+        news = [each for each in links.wires[0].heard() if each.get_type() == "MISSION_ITEM_INT"]
+        assert news
+        items += news
     return [(each.x, each.z) for each in items]
 
 

@@ -1,7 +1,8 @@
 """Parameters: list, read by name or index, set.
 
 A set is answered with PARAM_VALUE in every case, once the flight core has taken the value or the time for it
-has passed: what is sent is what the vehicle flies with. A value that changes otherwise, by a calibration, is sent
+has passed: what is sent is what the vehicle flies with. Sets of one parameter that follow each other at once have one
+answer, to the last. A value that changes otherwise, by a calibration, is sent
 to everyone.
 """
 
@@ -30,7 +31,6 @@ MOST_LISTS = 16
 
 
 class _Pending(NamedTuple):
-    number: int
     value: float
     deadline: float
 
@@ -47,7 +47,7 @@ class ParameterService:
         self._rooms = rooms
         self._index = {parameter.name: number for number, parameter in enumerate(vehicle.parameters)}
         self._lists: dict[Sender, int] = {}
-        self._pending: list[_Pending] = []
+        self._pending: dict[int, _Pending] = {}
         self._shown = vehicle.parameters
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
@@ -99,7 +99,7 @@ class ParameterService:
         if reason:
             refused = _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED, sender)
             return [refused, Reply(self._value(index), sender), *refusal_text(reason, sender)]
-        self._pending.append(_Pending(index, value, now + self._gains.confirm))
+        self._pending[index] = _Pending(value, now + self._gains.confirm)
         return [command]
 
     def step(self, now: float) -> list[Output]:
@@ -107,11 +107,12 @@ class ParameterService:
         changed = self._changed()
         if not self._pending and not self._lists and not changed:
             return []
-        settled = [each for each in self._pending if self._taken(each) or now >= each.deadline]
-        self._pending = [each for each in self._pending if each not in settled]
-        told = [each.number for each in settled]
-        waiting = [each.number for each in self._pending]
-        told += [number for number in changed if number not in told and number not in waiting]
+        told = [
+            number for number, each in self._pending.items() if now >= each.deadline or self._has(number, each.value)
+        ]
+        for number in told:
+            del self._pending[number]
+        told += [number for number in changed if number not in told and number not in self._pending]
         replies: list[Output] = [Reply(self._value(number)) for number in told]
         taken: Counter[int] = Counter()
         for sender, begin in tuple(self._lists.items()):
@@ -137,9 +138,8 @@ class ParameterService:
             del self._lists[sender]
         return [Reply(self._value(index), sender) for index in range(begin, end)]
 
-    def _taken(self, pending: _Pending) -> bool:
-        value = self._vehicle.parameters[pending.number].value
-        return math.isclose(value, pending.value, rel_tol=_ROUNDING, abs_tol=1e-30)
+    def _has(self, number: int, value: float) -> bool:
+        return math.isclose(self._vehicle.parameters[number].value, value, rel_tol=_ROUNDING, abs_tol=1e-30)
 
     def _value(self, index: int) -> Any:
         parameter = self._vehicle.parameters[index]
