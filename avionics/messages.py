@@ -765,12 +765,12 @@ class FenceState(NamedTuple):
 
 
 class TaskTiming(NamedTuple):
-    """Run times of one processor over the last second, as the board measured them."""
+    """Run times of one processor, or of whole ticks, over the last second, as the board measured them."""
 
     time_us: Time
     """us; since boot"""
     processor: Number
-    """-; 0 attitude, 1 power, 2 main, 3 logger"""
+    """-; 0 attitude, 1 power, 2 main, 3 logger; 4 the whole tick, from a frame's arrival on, with the ground links"""
     mean_us: float
     """us; mean run time of a tick"""
     worst_us: float

@@ -50,6 +50,10 @@ class Processor(IntEnum):
     LOGGER = 3
 
 
+WHOLE_TICK = len(Processor)
+"""Row of `TaskTiming` behind the processors': all from a frame's arrival on, the links to the ground too."""
+
+
 class Task(NamedTuple):
     """One row of a processor's table."""
 
@@ -176,18 +180,21 @@ class Stopwatch:
     """Measures the run times of the processors for the board, outside the deterministic core.
 
     Give `schedule` to the `Autopilot` and call `tick` after each of its steps; once a second of sensor time
-    it publishes one `TaskTiming` for each processor.
+    it publishes one `TaskTiming` for each processor. Who calls `begin` when a frame has come, and `tick` when all
+    that a tick has to do is done, gets one more for the whole of it (`WHOLE_TICK`): it alone shows what the ground
+    links cost.
     """
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
         """Take the clock, for example ``time.perf_counter_ns``."""
         self._clock = clock_ns
-        self._spent = [0] * len(Processor)
-        self._total = [0] * len(Processor)
-        self._worst = [0] * len(Processor)
-        self._overruns = [0] * len(Processor)
+        self._spent = [0] * (WHOLE_TICK + 1)
+        self._total = [0] * (WHOLE_TICK + 1)
+        self._worst = [0] * (WHOLE_TICK + 1)
+        self._overruns = [0] * (WHOLE_TICK + 1)
         self._ticks = 0
         self._began_us = -1
+        self._arrived: int | None = None
         self.schedule = build_schedule(PROCESSORS, self._timed)
 
     def _timed(self, rows: Sequence[Row]) -> Runs:
@@ -206,8 +213,14 @@ class Stopwatch:
 
         return timed
 
+    def begin(self) -> None:
+        """A sensor frame has come."""
+        self._arrived = self._clock()
+
     def tick(self, time_us: int, publish: Publish) -> None:
         """Close the tick; publish and start anew when a second of sensor time has passed."""
+        if self._arrived is not None:
+            self._spent[WHOLE_TICK] = self._clock() - self._arrived
         period_ns = 1_000_000_000 // BASE_RATE
         for i, spent in enumerate(self._spent):
             self._total[i] += spent
@@ -221,7 +234,7 @@ class Stopwatch:
             self._publish(time_us, publish)
 
     def _publish(self, time_us: int, publish: Publish) -> None:
-        for i in range(len(Processor)):
+        for i in range(WHOLE_TICK if self._arrived is None else WHOLE_TICK + 1):
             mean, worst = self._total[i] / self._ticks * 1e-3, self._worst[i] * 1e-3
             publish(topics.TIMING, TaskTiming(time_us, i, mean, worst, self._overruns[i]))
             self._total[i] = self._worst[i] = self._overruns[i] = 0

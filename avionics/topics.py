@@ -57,7 +57,7 @@ FLAP = Topic("/mixing/flap", m.FlapCommand, 46, 200.0)
 ACTUATORS = Topic("/mixing/actuators", m.ActuatorCommand, 47, 200.0, 5.0)
 
 HEALTH = Topic("/system/health", m.Health, 60, 1.0, 1.0)
-TIMING = Topic("/system/timing", m.TaskTiming, 61, 4.0, deterministic=False)
+TIMING = Topic("/system/timing", m.TaskTiming, 61, 5.0, deterministic=False)
 EVENTS = Topic("/system/events", m.Event, 62, 0.0)
 INPUTS = Topic("/system/inputs", m.Text, 63, 0.0)
 """every `m.Command` with the tick at which it was applied"""

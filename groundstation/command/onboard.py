@@ -37,17 +37,19 @@ class Onboard:
         recorder: Recorder,
         script: Sequence[Command] = (),
         clock: Callable[[], float] = time.monotonic,
+        clock_ns: Callable[[], int] = time.perf_counter_ns,
     ) -> None:
         """Build the autopilot; each command of ``script`` is applied at the first tick that has reached its time.
 
-        That is the time since this flight computer's first tick: a board may have been on for long.
+        That is the time since this flight computer's first tick: a board may have been on for long. ``clock`` tells
+        the links the time in s, ``clock_ns`` measures run times.
 
         Raises:
             BadInput: the mission cannot be flown.
         """
         self._recorder = recorder
         self._clock = clock
-        self._stopwatch = Stopwatch(time.perf_counter_ns)
+        self._stopwatch = Stopwatch(clock_ns)
         self._script = sorted(script, key=lambda command: command.time_us)
         self._boot_us: int | None = None
         self._polled_at = float("-inf")
@@ -71,9 +73,10 @@ class Onboard:
         self._link = link
         try:
             while (frame := board.read()) is not None:
+                self._stopwatch.begin()
                 board.write(step(frame, [*self._due(frame.time_us), *self._arrived()]))
-                self._stopwatch.tick(frame.time_us, self._recorder.record)
                 self.idle()
+                self._stopwatch.tick(frame.time_us, self._recorder.record)
                 if self._file is not None:
                     self._keep(self._file, self.view.armed)
         finally:

@@ -12,6 +12,7 @@ from avionics.board.board import BoardSilent
 from avionics.messages import ActuatorCommand, Command, CommandKind, ImuSample, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import START_US, scripted_start
+from avionics.processors import WHOLE_TICK
 from avionics.recorder import NullRecorder
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
@@ -120,7 +121,23 @@ def test_what_the_ground_sends_enters_at_the_next_tick_and_is_logged() -> None:
 def test_run_times_are_recorded_once_a_second() -> None:
     memory = fly(Rest(450))
     timings = [message for topic, message in memory.kept if topic is topics.TIMING]
-    assert len(timings) == 8 and {timing.processor for timing in timings} == {0, 1, 2, 3}
+    assert [timing.processor for timing in timings] == [0, 1, 2, 3, WHOLE_TICK] * 2
+
+
+def test_what_a_link_takes_is_the_ticks_overrun_and_no_processors() -> None:
+    """GIVEN a link that takes 20 ms in every tick WHEN a second is over THEN each tick of it has overrun."""
+    now_ns = [0]
+
+    class Slow(Ground):
+        def stream(self, now: float) -> None:
+            now_ns[0] += 20_000_000
+
+    memory, time = Memory(), iter(range(10**6))
+    vehicle, mission = load_vehicle("robo_raven_ii_d"), load_mission("circuit")
+    onboard = Onboard(vehicle, mission, memory, (), lambda: 0.005 * next(time), lambda: now_ns[0])
+    onboard.fly(Rest(201), Slow())  # type: ignore[arg-type]
+    overruns = {each.processor: each.overruns for topic, each in memory.kept if topic is topics.TIMING}
+    assert overruns == {0: 0, 1: 0, 2: 0, 3: 0, WHOLE_TICK: 201}
 
 
 def test_silence_of_the_board_is_not_swallowed() -> None:
