@@ -8,6 +8,8 @@ import os
 import socket
 import struct
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ from sim_bridge.bridge.foreign.ardupilot import ArduPilotServer, Order, Patience
 from sim_bridge.bridge.foreign.outputs import Pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.flight.world import Scenario
 
 RECORDED = Path(__file__).parent.parent / "data" / "foreign" / "ardupilot_exchange.jsonl"
 BRIEF = Patience(stall=0.2, connect=1.0)
@@ -305,36 +308,134 @@ def test_a_recorded_exchange_is_answered_as_it_was() -> None:
 # --- the real one -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(
+REAL = pytest.mark.skipif(
     "WINGBEAT_ARDUPLANE" not in os.environ, reason="WINGBEAT_ARDUPLANE names no ArduPlane built for SITL"
 )
-def test_a_real_arduplane_reads_the_attitude_in_the_hand(tmp_path: Path) -> None:
-    """Its own attitude and place are the truth's: every field it needs was found, in the units it takes."""
-    stages = Stages()
-    serving, _ = served(stages, Patience(stall=1.0, connect=20.0))
+IN_THE_AIR = 30.0
+"""m; TKOFF_ALT"""
+TAKEOFF = 13
+"""ArduPlane's custom mode"""
+IN_THE_HAND_FOR_LONG = Scenario(duration=240.0, launch_time=math.inf, rest_time=1.0)
+"""Its filter wants half a minute before it believes in a place."""
+SETTINGS = """
+SIM_RATE_HZ 400
+AIRSPEED_MIN 5.5
+AIRSPEED_CRUISE 7
+AIRSPEED_MAX 11
+ARSPD_FBW_MIN 5.5
+TRIM_ARSPD_CM 700
+ARSPD_FBW_MAX 11
+TRIM_THROTTLE 28
+THR_MAX 100
+THR_FAILSAFE 0
+FS_SHORT_ACTN 3
+FS_LONG_ACTN 0
+TECS_CLMB_MAX 2.3
+TECS_SINK_MAX 3.2
+ROLL_LIMIT_DEG 28
+TKOFF_ALT 30
+TKOFF_THR_MINACC 0
+TKOFF_THR_MINSPD 0
+"""
+"""What ``wingbeat sim --help`` says, by the names of old and new versions: what it lacks it passes over.
+No radio is heard here, and none is to be missed."""
+
+
+@contextmanager
+def real_plane(stages: Stages, port: int, folder: Path) -> Iterator[Any]:
+    """The binary on our world, and a ground station's connection to it; ended when left."""
     heard = free_port(socket.SOCK_DGRAM)
     ground = mavutil.mavlink_connection(f"udpin:127.0.0.1:{heard}", dialect="ardupilotmega")
     home = stages.scenario.home
     where = f"{math.degrees(home.latitude)},{math.degrees(home.longitude)},{home.altitude},0"
-    (tmp_path / "rate.parm").write_text("SIM_RATE_HZ 400\n")
+    (folder / "settings.parm").write_text(SETTINGS.lstrip())
     words = [
         os.environ["WINGBEAT_ARDUPLANE"], "--model", "JSON:127.0.0.1", "--home", where, "--wipe", "--speedup", "5",
-        "--sim-port-out", str(serving.server.port), "--serial0", f"udpclient:127.0.0.1:{heard}",
-        "--defaults", str(tmp_path / "rate.parm"),
+        "--sim-port-out", str(port), "--serial0", f"udpclient:127.0.0.1:{heard}",
+        "--defaults", str(folder / "settings.parm"),
     ]  # fmt: skip
-    plane = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    plane = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        attitude = settled_attitude(ground)
-        position = ground.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60.0)
+        yield ground
     finally:
         plane.kill()
         plane.wait()
         ground.close()
+
+
+@REAL
+def test_a_real_arduplane_reads_the_attitude_in_the_hand(tmp_path: Path) -> None:
+    """Its own attitude and place are the truth's: every field it needs was found, in the units it takes."""
+    stages = Stages()
+    serving, _ = served(stages, Patience(stall=1.0, connect=20.0))
+    with real_plane(stages, serving.server.port, tmp_path) as ground:
+        attitude = settled_attitude(ground)
+        position = ground.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60.0)
     tally = serving.result()
     assert tally.malformed == 0 and tally.frames > 400
     pitch = stages.worlds[0].vehicle.launch.pitch
     assert (attitude.roll, attitude.pitch) == pytest.approx((0.0, pitch), abs=0.05)
+    home = stages.scenario.home
     assert abs(position.lat * 1e-7 - math.degrees(home.latitude)) * METRES_PER_DEGREE < 20.0
+
+
+@REAL
+def test_a_real_arduplane_takes_off_is_thrown_and_climbs(tmp_path: Path) -> None:
+    """GIVEN it in the hand WHEN it arms in mode TAKEOFF THEN it is thrown for its throttle, and climbs as it says."""
+    stages = Stages(IN_THE_HAND_FOR_LONG)
+    serving, told = served(stages, Patience(stall=1.0, connect=20.0))
+    with real_plane(stages, serving.server.port, tmp_path) as ground:
+        settled_attitude(ground)
+        settled_place(ground)
+        take_off(ground)
+        climbed_to(ground, 8.0)
+        at_the_end = -stages.logs[0].messages[truth_topics.STATE.name][-1].down
+    tally = serving.result()
+    assert (tally.malformed, tally.flights) == (0, 1)
+    assert sum("thrown, with a throttle" in line for line in told) == 1
+    truths = stages.logs[0].messages[truth_topics.STATE.name]
+    assert at_the_end > 6.0 and max(-truth.down for truth in truths) < 2.0 * IN_THE_AIR
+    assert all(math.isfinite(truth.down) for truth in truths)
+
+
+def settled_place(ground: Any) -> None:
+    """Wait until its filter believes in a place on the earth; two minutes of its time at 4 Hz."""
+    wanted = mavutil.mavlink.EKF_POS_HORIZ_ABS
+    for _ in range(480):
+        report = ground.recv_match(type="EKF_STATUS_REPORT", blocking=True, timeout=60.0)
+        assert report is not None, "ArduPlane said nothing of its filter for 60 s"
+        if report.flags & wanted:
+            return
+    raise AssertionError("ArduPlane's filter has no place after two minutes of its time")
+
+
+def take_off(ground: Any) -> None:
+    """Mode TAKEOFF and armed, asked for once with each heartbeat of it, which is once a second of its time."""
+    refusals: list[str] = []
+    for _ in range(60):
+        message = ground.recv_match(type=["HEARTBEAT", "STATUSTEXT"], blocking=True, timeout=60.0)
+        assert message is not None, "ArduPlane said nothing for 60 s"
+        if message.get_type() == "STATUSTEXT":
+            refusals.append(message.text)
+        elif message.custom_mode != TAKEOFF:
+            ground.mav.command_long_send(1, 1, 176, 0, 1, TAKEOFF, 0, 0, 0, 0, 0)
+        elif not message.base_mode & mavutil.mavlink.MAV_MODE_FLAG_SAFETY_ARMED:
+            ground.mav.command_long_send(1, 1, 400, 0, 1, 21196, 0, 0, 0, 0, 0)
+        else:
+            return
+    raise AssertionError(f"ArduPlane neither armed nor took off: {refusals}")
+
+
+def climbed_to(ground: Any, height: float) -> None:
+    """Wait until it says that it is ``height`` m above home and climbs; 100 s of its time at 4 Hz."""
+    seen: list[float] = []
+    for _ in range(400):
+        message = ground.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60.0)
+        assert message is not None, f"ArduPlane said nothing of its place for 60 s; last heights {seen[-5:]}"
+        seen.append(message.relative_alt * 1e-3)
+        if seen[-1] > height and message.vz < 0:
+            return
+    raise AssertionError(f"ArduPlane did not climb to {height} m; last heights {seen[-20:]}")
 
 
 def settled_attitude(ground: Any) -> Any:
