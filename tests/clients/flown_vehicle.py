@@ -35,6 +35,8 @@ SPEED = 4.0
 VEHICLE = "robo_raven_ii_d"
 PATIENCE = 60.0
 """s; of wall clock, until a step of a flight counts as failed"""
+HURRY = 5.0
+"""s; of wall clock, from the beginning of the connection to the last parameter"""
 ALTITUDE = 12.0
 """m; of the plan"""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
@@ -23,8 +24,10 @@ T = TypeVar("T")
 class Station:
     """The parts of MAVSDK that a flight takes."""
 
-    def __init__(self, system: Any) -> None:
+    def __init__(self, system: Any, began: float) -> None:
+        """``began`` is the monotonic time (s) before it connected."""
         self.system = system
+        self.began = began
         self.action = action.ActionAsync(system)
         self.mission = mission.MissionRawAsync(system)
         self.parameters = param.ParamAsync(system)
@@ -36,10 +39,11 @@ async def station(url: str) -> AsyncIterator[Station]:
     """Connected to the autopilot on the other end of ``url``."""
     configuration = sdk.Configuration.create_with_component_type(sdk.ComponentType.GROUND_STATION)
     async with sdk.Mavsdk(configuration) as mavsdk:
+        began = time.monotonic()
         await mavsdk.add_any_connection(url)
         system = await mavsdk.first_autopilot(timeout_s=PATIENCE)
         assert system is not None, f"no autopilot on {url} within {PATIENCE} s"
-        yield Station(system)
+        yield Station(system, began)
 
 
 async def first(stream: AsyncIterator[T], accept: Callable[[T], bool] = lambda value: True) -> T:
