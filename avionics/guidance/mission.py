@@ -89,9 +89,9 @@ class MissionItem(NamedTuple):
     kind: ItemKind
     """-; what to do"""
     north: float = 0.0
-    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND)"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); of a TAKEOFF kept for who planned it, not flown to"""
     east: float = 0.0
-    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND)"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); of a TAKEOFF kept for who planned it, not flown to"""
     altitude: float = 0.0
     """m; above home (TAKEOFF, WAYPOINT, LOITER, CIRCLE, HOLD)"""
     heading: float = 0.0

@@ -95,13 +95,21 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
         return MissionItem(kind)
     if kind is ItemKind.WAYPOINT and item.params[0] > 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a waypoint cannot be held: use HOLD (53001)")
-    north, east = _place(item, home) if kind in _PLACED else (0.0, 0.0)
+    placed = kind in _PLACED or (kind is ItemKind.TAKEOFF and _names_a_place(item))
+    north, east = _place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
     duration = item.params[0] if kind is ItemKind.HOLD else 0.0
     if not math.isfinite(duration) or duration < 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a HOLD needs a duration in s")
     return MissionItem(kind, north, east, altitude, _heading(heading), duration)
+
+
+def _names_a_place(item: WireItem) -> bool:
+    """Whether a takeoff, which needs none, has a place, as QGroundControl's have; 0, 0 and NaN are none."""
+    if item.frame == mavlink.MAV_FRAME_MISSION or not (math.isfinite(item.x) and math.isfinite(item.y)):
+        return False
+    return (item.x, item.y) != (0.0, 0.0)
 
 
 def command_name(command: int) -> str:
@@ -194,7 +202,7 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     if item.kind is ItemKind.HOLD:
         return WireItem(frame, item.kind, (item.duration, heading, 0.0, 0.0), 0.0, 0.0, item.altitude)
     params = (0.0, 0.0, 0.0, heading if item.kind is ItemKind.LAND else nan)
-    if item.kind is ItemKind.TAKEOFF:
+    if item.kind is ItemKind.TAKEOFF and (item.north, item.east) == (0.0, 0.0):
         return WireItem(frame, item.kind, params, 0.0, 0.0, item.altitude)
     return _placed(item.kind, params, (item.north, item.east, item.altitude), home)
 

@@ -65,9 +65,14 @@ def run(session: Session) -> int | None:
     return ACTION[session.chosen.action](session)
 
 
+def _convention(session: Session) -> waypoints.Convention:
+    session.know_whose()
+    return waypoints.convention_of(session.state.autopilot, session.state.ours)
+
+
 def _content(session: Session) -> waypoints.Upload:
     """The file as this vehicle takes it."""
-    convention = waypoints.convention_of(session.state.autopilot)
+    convention = _convention(session)
     home = session.home() if waypoints.needs_home(session.chosen.file, convention) else None
     content = waypoints.read_upload(session.chosen.file, convention, home)
     for note in content.notes:
@@ -107,7 +112,7 @@ def _download(session: Session) -> None:
         home: Home = session.home()
         fence = _read(session, mavlink.MAV_MISSION_TYPE_FENCE, "the fence")
         rally = _read(session, mavlink.MAV_MISSION_TYPE_RALLY, "the rally points")
-        convention = waypoints.convention_of(session.state.autopilot)
+        convention = _convention(session)
         waypoints.write_plan(file, waypoints.without_first(waypoints.Upload(items, fence, rally), convention), home)
     else:
         waypoints.write(file, items)
@@ -116,7 +121,7 @@ def _download(session: Session) -> None:
 
 def _diff(session: Session) -> int:
     """Compare what of the file is sent with what is aboard; home, which the vehicle sets itself, aside."""
-    convention = waypoints.convention_of(session.state.autopilot)
+    convention = _convention(session)
     wanted = waypoints.without_first(_content(session), convention)
     rows: list[tuple[str, int, missions.Item | None, missions.Item | None]] = []
     for part, mission_type, name, _ in reversed(PARTS):
@@ -157,7 +162,7 @@ def _report(session: Session, items: Sequence[missions.Item], text: str, file: P
     elif text:
         print(text)
     else:
-        print_mission(items, waypoints.convention_of(session.state.autopilot).home_first)
+        print_mission(items, _convention(session).home_first)
 
 
 ACTION: dict[str, Verb] = {"show": _show, "download": _download, "upload": _upload, "diff": _diff}

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from avionics.link.dialect import mavlink
 from avionics.quantities import BadInput, counted
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
@@ -62,7 +61,7 @@ def run(session: Session) -> int | None:
 
 def bytewise(session: Session) -> bool:
     """How the vehicle encodes whole numbers: as it says itself, or as its autopilot is known to."""
-    session.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, lambda state: state.capabilities is not None)
+    session.ask_version()
     return parameters.is_bytewise(session.state)
 
 

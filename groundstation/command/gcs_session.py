@@ -18,7 +18,7 @@ from groundstation.link.connection import AnyExchange, Connection
 from groundstation.link.exchange import Target
 from groundstation.link.mode_change import request_mode_names
 from groundstation.link.recording import Recording
-from groundstation.link.vehicle_state import VehicleState
+from groundstation.link.vehicle_state import VehicleState, is_ours
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 
@@ -83,6 +83,15 @@ class Session(NamedTuple):
             self.connection.listen(3.0, enough)
         except NoAnswer:
             return
+
+    def know_whose(self) -> None:
+        """Learn whether the vehicle is ours, which may call itself another autopilot."""
+        if not is_ours(self.state):
+            self.ask_version()
+
+    def ask_version(self) -> None:
+        """Ask for AUTOPILOT_VERSION: what it is, and how it encodes whole numbers."""
+        self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, lambda state: state.capabilities is not None)
 
     def home(self) -> Home:
         """Where the vehicle's home is.

@@ -33,7 +33,17 @@ SENT = Topic("/ground/sent", Document, mavlink_topics.FIRST_CHANNEL, 0.0, determ
 UNKNOWN = Topic("/mavlink/unknown", Document, mavlink_topics.FIRST_CHANNEL + 1, 0.0, deterministic=False)
 NOT_KEPT = frozenset(("HEARTBEAT", "TIMESYNC", "PING", "SETUP_SIGNING"))
 """what we send every second, and a key"""
-STATEFUL = frozenset(("HEARTBEAT", "STATUSTEXT", "SYSTEM_TIME", "GLOBAL_POSITION_INT"))
+STATEFUL = frozenset(
+    (
+        "HEARTBEAT",
+        "STATUSTEXT",
+        "SYSTEM_TIME",
+        "GLOBAL_POSITION_INT",
+        "AUTOPILOT_VERSION",
+        "WINGBEAT_NAVIGATION",
+        "WINGBEAT_WING_STATE",
+    )
+)
 """messages that others are read with"""
 
 

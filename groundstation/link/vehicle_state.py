@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from avionics.link.vehicle import Home
+from avionics.link.dialect import mavlink
+from avionics.link.vehicle import Home, Identity
 from avionics.messages import Severity, Stage
 
 EVENTS_KEPT = 200
@@ -18,6 +19,8 @@ _UNKNOWN_U16 = 65535
 _ARMED = 128
 _TYPE_GROUND_STATION = 6
 _AUTOPILOT_INVALID = 8
+_OUR_HARDWARE = Identity().uid
+_OUR_WORDS = "WINGBEAT_"
 
 
 class Heard(NamedTuple):
@@ -38,6 +41,9 @@ class VehicleState(NamedTuple):
     """-; MAVLink system id"""
     autopilot: int | None = None
     """-; MAV_AUTOPILOT"""
+    ours: bool = False
+    """-; a Wingbeat flight computer, whatever autopilot it calls itself: it said so in AUTOPILOT_VERSION, or speaks
+    our dialect"""
     vehicle_type: int | None = None
     """-; MAV_TYPE"""
     custom_mode: int | None = None
@@ -132,6 +138,11 @@ class VehicleState(NamedTuple):
     """s; of the vehicle since boot, in the SYSTEM_TIME just before: that of the STATUSTEXT that follows"""
 
 
+def is_ours(state: VehicleState) -> bool:
+    """Whether it is a Wingbeat flight computer, as far as it is known; what is generic is taken for one."""
+    return state.ours or state.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+
+
 def new_events(state: VehicleState, said: int) -> tuple[Heard, ...]:
     """What was said since the count of lines was ``said``."""
     return state.events[-(state.said - said) :] if state.said > said else ()
@@ -154,6 +165,8 @@ def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
     state = state._replace(messages=state.messages + 1, heard_at=now)
     if kind != "STATUSTEXT" and state.stamp is not None:
         state = state._replace(stamp=None)
+    if not state.ours and kind.startswith(_OUR_WORDS):
+        state = state._replace(ours=True)
     if receiver is None:
         return state
     milliseconds = getattr(message, "time_boot_ms", None)
@@ -301,7 +314,8 @@ def _mission_current(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _version(state: VehicleState, message: Any) -> VehicleState:
-    return state._replace(capabilities=message.capabilities)
+    ours = state.ours or message.uid == _OUR_HARDWARE
+    return state._replace(capabilities=message.capabilities, ours=ours)
 
 
 def _navigation_output(state: VehicleState, message: Any) -> VehicleState:

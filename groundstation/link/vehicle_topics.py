@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from avionics import messages as m
 from avionics import topics as t
-from avionics.link.vehicle import PX4_STYLE
+from avionics.link.vehicle import PROFILES
 from avionics.topics import Topic
-from groundstation.link.vehicle_state import VehicleState
+from groundstation.link.vehicle_state import VehicleState, is_ours
 
 NAN = math.nan
 _NO_SPEED = 65535
@@ -59,7 +59,7 @@ def _position(message: Any, time_us: int, state: VehicleState) -> m.Position:
 
 def _air_data(message: Any, time_us: int, state: VehicleState) -> m.AirData | None:
     """Of our own vehicle alone: what others call airspeed there is indicated, not true."""
-    if state.autopilot != 0:
+    if not is_ours(state):
         return None
     return m.AirData(time_us, message.airspeed, NAN, NAN, NAN, NAN, NAN, NAN)
 
@@ -85,12 +85,17 @@ def _gps(message: Any, time_us: int, state: VehicleState) -> m.GpsFix:
     )
 
 
+def _mode(state: VehicleState) -> Any:
+    """avionics.messages.Mode of a custom mode, by the identity that our vehicle has taken; 0 for one it has not."""
+    identity = next((each for each in PROFILES.values() if each.autopilot == state.autopilot), None)
+    known = None if identity is None else identity.by_custom_mode(state.custom_mode or 0)
+    return 0 if known is None else known
+
+
 def _navigation(message: Any, time_us: int, state: VehicleState) -> m.NavigationStatus:
-    known = {numbers.custom_mode: numbers.mode for numbers in PX4_STYLE}
-    mode: Any = known.get(state.custom_mode or 0, 0)
     return m.NavigationStatus(
         time_us,
-        mode,
+        _mode(state),
         message.stage,
         int(bool(state.armed)),
         message.item,

@@ -46,12 +46,13 @@ class Convention(NamedTuple):
     """-; it takes places in metres from home"""
 
 
-def convention_of(autopilot: int | None) -> Convention:
-    """The convention of a MAV_AUTOPILOT; what is not known is taken for PX4's, which is MAVLink's own."""
-    if autopilot == ARDUPILOT:
-        return Convention(home_first=True, cameras=True, local=False)
-    ours = autopilot == mavlink.MAV_AUTOPILOT_GENERIC
-    return Convention(home_first=False, cameras=not ours, local=ours)
+def convention_of(autopilot: int | None, ours: bool = False) -> Convention:
+    """The convention of a MAV_AUTOPILOT; what is not known is taken for PX4's, which is MAVLink's own.
+
+    ``ours`` for our own vehicle, whatever it calls itself; what is generic is taken for it.
+    """
+    ours = ours or autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+    return Convention(home_first=autopilot == ARDUPILOT, cameras=not ours, local=ours)
 
 
 def read(path: Path) -> tuple[Item, ...]:
@@ -176,8 +177,15 @@ def _equal(ours: Item | None, theirs: Item | None) -> bool:
         return False
     frames = {_SAME_FRAME.get(item.frame, item.frame) for item in (ours, theirs)}
     numbers = zip((*ours.parameters, ours.z), (*theirs.parameters, theirs.z), strict=True)
-    placed = abs(ours.x - theirs.x) <= CLOSE and abs(ours.y - theirs.y) <= CLOSE
-    return ours.command == theirs.command and len(frames) == 1 and placed and all(_near(*pair) for pair in numbers)
+    same_kind = ours.command == theirs.command and len(frames) == 1
+    return same_kind and _same_place(ours, theirs) and all(_near(*pair) for pair in numbers)
+
+
+def _same_place(ours: Item, theirs: Item) -> bool:
+    """Whether both lead to one place; a takeoff from home may come back without its place."""
+    if ours.command == mavlink.MAV_CMD_NAV_TAKEOFF and (0, 0) in ((ours.x, ours.y), (theirs.x, theirs.y)):
+        return True
+    return abs(ours.x - theirs.x) <= CLOSE and abs(ours.y - theirs.y) <= CLOSE
 
 
 def _near(first: float, second: float) -> bool:

@@ -100,7 +100,7 @@ def plan(profile: Profile) -> list[PlanItem]:
     """A short flight northward, that ends with a return."""
     home = PlanItem(mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT, _NOTHING, X, Y, COLLEGE_PARK.altitude)
     flown = [
-        PlanItem(_ABOVE_HOME, mavlink.MAV_CMD_NAV_TAKEOFF, _NO_HEADING, 0, 0, ALTITUDE),
+        PlanItem(_ABOVE_HOME, mavlink.MAV_CMD_NAV_TAKEOFF, _NO_HEADING, X + 4_000, Y + 1_000, ALTITUDE),
         PlanItem(_ABOVE_HOME, mavlink.MAV_CMD_NAV_WAYPOINT, _NO_HEADING, X + 13_000, Y, ALTITUDE),
         PlanItem(mavlink.MAV_FRAME_MISSION, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, _NOTHING, 0, 0, 0.0),
     ]

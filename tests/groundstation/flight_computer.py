@@ -11,19 +11,23 @@ from pathlib import Path
 from avionics.board.parameter_file import ParameterFile
 from avionics.link.ground import Files, GroundLink
 from avionics.link.signing import Signing
-from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, ImuSample, SensorFrame
+from avionics.link.vehicle import Identity
+from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
 from avionics.recorder import NullRecorder
 from avionics.vehicles import load_vehicle
 from groundstation.command.onboard import Onboard
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 TICK_US = 5000
+HERE = (0.8395, 0.2025, 520.0)
+"""rad, rad, m; where the receiver sees it: latitude, longitude, above the sea"""
 
 
 class Bench:
-    """A board at rest: 7.8 V where 8.0 V are measured, wings 12 and 20 counts off."""
+    """A board at rest: 7.8 V where 8.0 V are measured, wings 12 and 20 counts off; a GPS fix ``outdoors``."""
 
-    def __init__(self) -> None:
+    def __init__(self, outdoors: bool = False) -> None:
+        self._outdoors = outdoors
         self.over = threading.Event()
         self._tick = 0
 
@@ -36,7 +40,14 @@ class Bench:
         # Its last digit trembles: an IMU that repeats itself is refused as frozen.
         imu = ImuSample(now, 0.001 * (self._tick % 2), 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
         burst = AdcBurst(now, (819,) * 60, (512,) * 60)
-        return SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
+        indoors = SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
+        return self._placed(indoors) if self._outdoors else indoors
+
+    def _placed(self, frame: SensorFrame) -> SensorFrame:
+        now = frame.time_us
+        air = PressureSample(now, 9_500_000 + self._tick % 3, 8192, 28_815)
+        fix = GpsFix(now, *HERE, 0.0, 0.0, 0.0, 1.0, 1.5, 3, 12) if self._tick % 40 == 0 else None
+        return frame._replace(pressures=air if self._tick % 5 == 0 else None, gps=fix)
 
     def write(self, command: ActuatorCommand) -> None:
         pass
@@ -46,8 +57,13 @@ class Bench:
 
 
 @contextlib.contextmanager
-def aboard(path: Path, signing: Signing | None = None, calls: bool = False) -> Iterator[str]:
-    """A flight computer with a parameter file, which waits or ``calls``; yields the address for a ground station."""
+def aboard(
+    path: Path, signing: Signing | None = None, calls: bool = False, outdoors_as: Identity | None = None
+) -> Iterator[str]:
+    """A flight computer with a parameter file, which waits or ``calls``; yields the address for a ground station.
+
+    Outdoors it says that it is ``outdoors_as``.
+    """
     its, ours = ("udpout", "udpin") if calls else ("udpin", "udpout")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -55,8 +71,8 @@ def aboard(path: Path, signing: Signing | None = None, calls: bool = False) -> I
     file = ParameterFile(path, RAVEN)
     onboard = Onboard(file.load().vehicle, (), NullRecorder())
     onboard.keep_parameters(file)
-    link = GroundLink([f"{its}:127.0.0.1:{port}"], onboard.view, files=Files(file, signing))
-    board = Bench()
+    link = GroundLink([f"{its}:127.0.0.1:{port}"], onboard.view, outdoors_as, files=Files(file, signing))
+    board = Bench(outdoors_as is not None)
     thread = threading.Thread(target=onboard.fly, args=(board, link))
     thread.start()
     try:

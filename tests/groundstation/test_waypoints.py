@@ -84,6 +84,16 @@ def test_a_malformed_file_names_the_line(text: str, part: str, tmp_path: Path) -
         waypoints.read(path)
 
 
+def test_a_takeoff_that_comes_back_without_its_place_is_the_same_one_with_another_is_not() -> None:
+    placed = Item(6, int(ItemKind.TAKEOFF), (0.0, 0.0, 0.0, 0.0), 389_901_234, -769_412_345, 30.0)
+    bare = placed._replace(x=0, y=0)
+    assert waypoints.differences([placed, bare], [bare, placed]) == []
+    assert waypoints.differences([placed], [placed._replace(x=placed.x + 100)])
+    assert waypoints.differences([placed], [bare._replace(z=31.0)])
+    point = placed._replace(command=int(ItemKind.WAYPOINT))
+    assert waypoints.differences([point], [point._replace(x=0, y=0)])
+
+
 def test_metres_from_home_and_degrees_are_the_same_place() -> None:
     home = Home(math.radians(38.99), math.radians(-76.94), 100.0)
     circuit = Path(__file__).parents[2] / "avionics" / "missions" / "circuit.toml"
