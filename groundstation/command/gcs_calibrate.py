@@ -7,19 +7,21 @@ import math
 from typing import Any
 
 from avionics.link.dialect import mavlink
-from avionics.messages import Calibration
+from avionics.messages import Calibration, Severity
 from groundstation.command import options
 from groundstation.command.gcs_param import print_parameters
 from groundstation.command.gcs_session import Session, Verb, VerbParser
 from groundstation.link.commands import CalibrationExchange, CommandExchange
 from groundstation.link.exchange import Target
-from groundstation.link.vehicle_state import new_events
+from groundstation.link.vehicle_state import Heard, new_events
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 
 PATIENCE = 600.0
 """s; six sides, or a circle flown, take a person some minutes"""
+HELD = 1.0
+"""s; for an end to come behind its reason"""
 PREFLIGHT: dict[str, tuple[float, ...]] = {
     "accel": (0.0, 0.0, 0.0, 0.0, 1.0),
     "level": (0.0, 0.0, 0.0, 0.0, 2.0),
@@ -82,23 +84,33 @@ def run(session: Session) -> None:
 
 
 class _Listener:
-    """What the vehicle says while it is calibrated; why it refuses to begin is the failure's to say."""
+    """What the vehicle says while it is calibrated; why it refuses or fails is the failure's to say.
+
+    So a warning is held for a moment: it may be the reason of an end that comes just behind it.
+    """
 
     def __init__(self, session: Session, bar: ProgressBar) -> None:
         self.said: list[str] = []
         self._session, self._bar = session, bar
         self._heard = session.state.said
-        self._printed = 0
+        self._waiting: list[Heard] = []
+        self._since = 0.0
 
     def hear(self, exchange: CalibrationExchange) -> None:
         """Print what is new."""
-        self.said += [event.text for event in new_events(self._session.state, self._heard)]
-        self._heard = self._session.state.said
+        state, now = self._session.state, self._session.connection.now()
+        if new := new_events(state, self._heard):
+            self.said += [event.text for event in new]
+            self._waiting += new
+            self._since = now
+        self._heard = state.said
         if not self._session.json and (exchange.request.in_progress or exchange.request.accepted):
-            for text in self.said[self._printed :]:
-                print(text, flush=True)
-            self._printed = len(self.said)
+            self._print(at_once=exchange.request.accepted or now - self._since >= HELD)
         self._bar.show(*exchange.progress())
+
+    def _print(self, at_once: bool) -> None:
+        while self._waiting and (at_once or self._waiting[0].severity > Severity.WARNING):
+            print(self._waiting.pop(0).text, flush=True)
 
 
 VERBS: dict[str, Verb] = {"calibrate": run}

@@ -55,6 +55,7 @@ def test_a_refusal_is_one_line(tmp_path: Path, capsys: Capture) -> None:
         said = capsys.readouterr()
         assert said.err.count("\n") == 1
         assert said.err.endswith("BATTERY not calibrated: 20.00 V were given, 8.00 V are measured\n")
+        assert said.out.startswith("battery: keep the drives at rest") and "not calibrated" not in said.out
 
 
 def test_an_excitation_on_the_ground_is_refused_and_a_bad_one_never_sent(tmp_path: Path, capsys: Capture) -> None:
