@@ -1,18 +1,30 @@
-"""``wingbeat gcs URL arm|disarm|mode|takeoff|goto|return|land``: orders, until the vehicle shows that it obeys."""
+"""``wingbeat gcs URL arm|disarm|mode|takeoff|goto|return|land``: orders, until the heartbeat shows that it obeys.
+
+The heartbeat has whether it is armed, and the mode that an order leads to: where the vehicle's modes have one of the
+names that autopilots give it, an order that does not lead there within `SHOWN` has failed. Else, and where it was in
+such a mode before, the acknowledgement is all that there is.
+"""
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 from typing import Any
 
 from avionics.link.mission_codec import to_degrees
 from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb
-from groundstation.link import orders
+from groundstation.link import modes, orders, parameters
 from groundstation.link.answers import NoAnswer
+from groundstation.link.exchange import Exchange
+from groundstation.link.vehicle_state import VehicleState
 
+ALTITUDE = 20.0
+"""m; above home, to climb to where none is said"""
+SHOWN = 5.0
+"""s; for a heartbeat to show what was acknowledged: three of them can be lost"""
 JSON_KEYS = {"arm, disarm, mode, takeoff, goto, return, land": "done, mode, armed"}
 
 
@@ -24,7 +36,10 @@ def add_verbs(verbs: Any) -> None:
     verbs.add_parser("mode", help="change the flight mode").add_argument("name", metavar="NAME")
     takeoff = verbs.add_parser("takeoff", help="climb from the ground or the hand; it has to be armed")
     takeoff.add_argument(
-        "--altitude", type=options.positive, default=20.0, metavar="M", help="above home, to climb to (20)"
+        "--altitude",
+        type=options.positive,
+        metavar="M",
+        help="above home, to climb to (20; ArduPlane: its TKOFF_ALT)",
     )
     _add_goto(verbs.add_parser("goto", help="fly to a place and circle there"))
     verbs.add_parser("return", help="come back home")
@@ -71,7 +86,7 @@ def arm(session: Session) -> None:
     arming = session.chosen.verb == "arm"
     force = bool(getattr(session.chosen, "force", False))
     session.ask(orders.arm(session.target) if arming else orders.disarm(session.target, force), session.chosen.verb)
-    session.connection.listen(3.0, lambda state: state.armed == arming)
+    session.connection.listen(SHOWN, lambda state: state.armed == arming)
     if session.state.armed != arming:
         raise NoAnswer(f"the vehicle accepted to {session.chosen.verb}, but its heartbeat does not show it")
     session.done("armed" if arming else "disarmed")
@@ -79,18 +94,64 @@ def arm(session: Session) -> None:
 
 def mode(session: Session) -> None:
     """Change the mode, until the heartbeat shows it."""
-    session.connection.know_modes(session.ask_mode_names())
+    know_modes(session)
     change = orders.change_to(session.connection, session.chosen.name)
-    wanted = orders.canonical(session.chosen.name)
+    wanted = modes.canonical(session.chosen.name)
     session.ask(change, f"mode {wanted}")
     session.done(f"mode {wanted}")
 
 
 def takeoff(session: Session) -> None:
-    """Climb; the altitude counts from home whatever the autopilot counts from."""
+    """Climb; the altitude counts from home whatever the autopilot counts from.
+
+    Raises:
+        NoAnswer: refused, not shown, or home is needed and not known.
+    """
+    know_modes(session)
+    altitude = session.chosen.altitude
+    if orders.flies_by_modes(session.state) and altitude is not None:
+        _set_takeoff_altitude(session, altitude)
     home = session.home() if orders.counts_from_the_sea(session.state) else None
-    session.ask(orders.takeoff(session.connection, session.chosen.altitude, home), "takeoff")
-    session.done("takeoff accepted")
+    altitude = ALTITUDE if altitude is None else altitude
+    obey(session, orders.takeoff(session.connection, altitude, home), "takeoff")
+
+
+def _set_takeoff_altitude(session: Session, altitude: float) -> None:
+    session.ask_version()
+    encoding, name = parameters.is_bytewise(session.state), orders.TAKEOFF_ALTITUDE
+    read = session.ask(parameters.ParameterRead(session.target, name, encoding), name)
+    assert read.value is not None
+    session.ask(parameters.ParameterWrite(session.target, read.value, altitude, encoding), name)
+
+
+def know_modes(session: Session) -> None:
+    """Learn whose vehicle it is and what its modes are called: what an order is, and how it shows, goes by that."""
+    session.know_whose()
+    session.connection.know_modes(session.ask_mode_names())
+
+
+def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
+    """Give an order, and wait until the heartbeat shows the mode that it leads to.
+
+    Raises:
+        NoAnswer: refused, or not shown.
+    """
+    wanted = orders.resulting_modes(session.state, verb)
+    before = session.state.custom_mode
+    session.ask(order, verb)
+    beats = session.state.beats
+
+    def shown(state: VehicleState) -> bool:
+        if state.custom_mode == before or not wanted:
+            # Only a heartbeat after the acknowledgement tells what the order has made of it.
+            return state.beats > beats and (not wanted or before in wanted)
+        return state.custom_mode in wanted
+
+    session.connection.listen(SHOWN, shown)
+    if wanted and session.state.custom_mode not in wanted:
+        mode = modes.mode_name(session.state)
+        raise NoAnswer(f"the vehicle accepted {verb}, but its heartbeat shows the mode {mode}")
+    session.done(f"{verb}{where} accepted")
 
 
 def goto(session: Session) -> None:
@@ -100,6 +161,7 @@ def goto(session: Session) -> None:
         BadInput: metres from home that lead to no place on the globe.
         NoAnswer: refused, or home is needed and not known.
     """
+    know_modes(session)
     chosen = session.chosen
     latitude, longitude = chosen.latitude, chosen.longitude
     if latitude is None:
@@ -111,8 +173,8 @@ def goto(session: Session) -> None:
         raise NoAnswer("the vehicle does not say how high it is: give an --altitude")
     home = session.home() if orders.counts_from_the_sea(session.state) else None
     place = orders.Place(latitude, longitude, altitude, math.nan if chosen.radius is None else chosen.radius)
-    session.ask(orders.go_to(session.connection, place, home), "goto")
-    session.done(f"goto {latitude:.6f} {longitude:.6f} at {altitude:.0f} m accepted")
+    where = f" {latitude:.6f} {longitude:.6f} at {altitude:.0f} m"
+    obey(session, orders.go_to(session.connection, place, home), "goto", where)
 
 
 def _whole(pair: tuple[float | None, float | None]) -> bool:
@@ -128,14 +190,17 @@ def _whole(pair: tuple[float | None, float | None]) -> bool:
 
 def return_home(session: Session) -> None:
     """Come back."""
-    session.ask(orders.return_home(session.connection), "return")
-    session.done("return accepted")
+    know_modes(session)
+    obey(session, orders.return_home(session.connection), "return")
 
 
 def land(session: Session) -> None:
     """Land."""
-    session.ask(orders.land(session.connection), "land")
-    session.done("land accepted")
+    know_modes(session)
+    by_mode = orders.flies_by_modes(session.state)
+    if by_mode and (mode := orders.landing_mode(session.state)) != orders.AUTOLAND:
+        print(f"the vehicle has no mode {orders.AUTOLAND}: {mode}", file=sys.stderr)
+    obey(session, orders.land(session.connection), "land")
 
 
 VERBS: dict[str, Verb] = {

@@ -5,8 +5,20 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
-from groundstation.link.exchange import EXPLANATION, LONG_WAIT, RETRY, Outgoing, Progress, Target, Timer, explained
+from groundstation.link.exchange import (
+    EXPLANATION,
+    LONG_WAIT,
+    NOT_YET,
+    RETRY,
+    Outgoing,
+    Progress,
+    Target,
+    Timer,
+    explained,
+)
 from groundstation.link.parameters import Parameter, decode_parameter
+
+REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 class CommandExchange(NamedTuple):
@@ -28,6 +40,10 @@ class CommandExchange(NamedTuple):
     """-; how far the vehicle says that it is, while it is in progress"""
     frame: int | None = None
     """-; MAV_FRAME of a place, whose latitude and longitude (1e-7 deg) are the fifth and sixth parameter"""
+    rejected_at: float | None = None
+    """s; when the vehicle first said that it cannot yet"""
+    awaited: str = ""
+    """-; why it could not then"""
 
     @property
     def accepted(self) -> bool:
@@ -43,6 +59,8 @@ class CommandExchange(NamedTuple):
         """One part, the acknowledgement; or what the vehicle says while it is in progress."""
         if self.in_progress:
             return Progress(self.percent, 100)
+        if self.rejected_at is not None and not self.finished:
+            return Progress(0, 1, f"{self.awaited}; trying again" if self.awaited else "")
         note = f"no answer to {command_name(self.command)} yet, retrying" if self.timer.attempts > 1 else ""
         return Progress(int(self.finished), 1, "" if self.finished or self.result is not None else note)
 
@@ -52,13 +70,26 @@ class CommandExchange(NamedTuple):
             return self._heard(now, message), ()
         if self.finished:
             return self, ()
+        if self._not_yet(now):
+            return (self, ()) if not self.timer.due(now) else self._again(now)
         if self.result is not None:
             return self._refused(now), ()
         if not self.timer.due(now, LONG_WAIT if self.in_progress else RETRY):
             return self, ()
         if self.timer.spent or self.in_progress:
             return self._replace(failure=f"no answer to {command_name(self.command)}"), ()
-        return self._replace(timer=self.timer.again(now)), (self._request(),)
+        return self._again(now)
+
+    def _again(self, now: float) -> tuple[CommandExchange, Outgoing]:
+        awaited = self.awaited
+        if self.result is not None and not awaited:
+            awaited = refusal(self.command, self.result, self.reason.strip())
+        asked = self._replace(timer=self.timer.again(now), result=None, awaited=awaited)
+        return asked, (self._request(),)
+
+    def _not_yet(self, now: float) -> bool:
+        """Whether it is rejected for the moment, and the moment may pass."""
+        return self.result == REJECTED and self.rejected_at is not None and now - self.rejected_at < NOT_YET
 
     def _heard(self, now: float, message: Any) -> CommandExchange:
         kind = message.get_type()
@@ -69,7 +100,8 @@ class CommandExchange(NamedTuple):
         if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
             percent = message.progress if message.progress <= 100 else 0
             return self._replace(in_progress=True, timer=Timer(now, 1), percent=percent)
-        return self._replace(result=message.result, timer=Timer(now, 1))
+        since = now if message.result == REJECTED and self.rejected_at is None else self.rejected_at
+        return self._replace(result=message.result, timer=Timer(now, 1), rejected_at=since)
 
     def _refused(self, now: float) -> CommandExchange:
         """Give the vehicle a moment to say why: its STATUSTEXT may come after the acknowledgement."""

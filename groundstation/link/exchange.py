@@ -20,6 +20,8 @@ ATTEMPTS = 12
 """requests without any answer before an exchange gives up: with 30 % lost each way, one in 3000 does so in vain"""
 EXPLANATION = 0.3
 """s; a vehicle has to say why it refused"""
+NOT_YET = 6.0
+"""s; for which what a vehicle rejects for the moment is asked again"""
 LONG_WAIT = 15.0
 """s; allowed to a vehicle that answered IN_PROGRESS"""
 

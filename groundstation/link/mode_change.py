@@ -38,7 +38,7 @@ class ModeChange(NamedTuple):
 
     def progress(self) -> Progress:
         """Two parts: acknowledged, and shown."""
-        return Progress(int(self.request.finished) + int(self.confirmed), 2)
+        return Progress(int(self.request.finished) + int(self.confirmed), 2, self.request.progress().note)
 
     def step(self, now: float, message: Any | None) -> tuple[ModeChange, Outgoing]:
         """See `Exchange.step`."""

@@ -14,8 +14,22 @@ PX4 = 12
 
 def known_modes(state: VehicleState) -> dict[str, int]:
     """Upper-case names to custom modes; empty where neither the vehicle nor its kind says."""
-    if state.mode_names:
-        return {name.upper().replace(" ", "_"): number for number, name in state.mode_names}
+    return {canonical(name): number for number, name in state.mode_names} or _table(state)
+
+
+def mode_numbers(state: VehicleState) -> dict[str, int]:
+    """`known_modes`, and the usual names of its autopilot for modes that the vehicle announces by others."""
+    known = known_modes(state)
+    there = set(known.values())
+    return {**{name: number for name, number in _table(state).items() if number in there}, **known}
+
+
+def canonical(name: str) -> str:
+    """A mode's name as the tables spell it."""
+    return name.upper().replace(" ", "_").replace("-", "_")
+
+
+def _table(state: VehicleState) -> dict[str, int]:
     if state.autopilot == ARDUPILOT:
         return _ardupilot(state.vehicle_type or 0)
     if state.autopilot == PX4:

@@ -17,6 +17,9 @@ from groundstation.link.vehicle_state import VehicleState
 
 FORCE = 21196.0
 """MAVLink's magic number that disarms in flight"""
+AUTOLAND = "AUTOLAND"
+TAKEOFF_ALTITUDE = "TKOFF_ALT"
+"""ArduPlane's parameter, m above where it takes off"""
 CHANGE_MODE = 1.0
 """MAV_DO_REPOSITION_FLAGS: change into the mode that flies to a place"""
 
@@ -42,7 +45,9 @@ def return_home(connection: Connection) -> Exchange:
 
 
 def land(connection: Connection) -> Exchange:
-    """Land here."""
+    """Land here; an aeroplane of ArduPilot's, which takes no such command, by its mode AUTOLAND, else RTL."""
+    if flies_by_modes(connection.state):
+        return change_to(connection, landing_mode(connection.state))
     return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_LAND)
 
 
@@ -52,15 +57,12 @@ def change_to(connection: Connection, name: str) -> ModeChange:
     Raises:
         BadInput: the vehicle has no such mode; the text says which it has.
     """
-    known, wanted = modes.known_modes(connection.state), canonical(name)
-    if wanted not in known:
-        raise BadInput(f"the vehicle has no mode {name!r}; it has {', '.join(sorted(known)) or 'none it names'}")
-    return change_mode(connection.target, known[wanted], modes.uses_main_and_sub(connection.state))
-
-
-def canonical(name: str) -> str:
-    """A mode's name as the tables spell it."""
-    return name.upper().replace(" ", "_").replace("-", "_")
+    state = connection.state
+    number = modes.mode_numbers(state).get(modes.canonical(name))
+    if number is None:
+        names = ", ".join(sorted(modes.known_modes(state))) or "none it names"
+        raise BadInput(f"the vehicle has no mode {name!r}; it has {names}")
+    return change_mode(connection.target, number, modes.uses_main_and_sub(state))
 
 
 class Place(NamedTuple):
@@ -81,8 +83,41 @@ def counts_from_the_sea(state: VehicleState) -> bool:
     return state.autopilot == modes.PX4
 
 
-def takeoff(connection: Connection, altitude: float, home: Home | None) -> CommandExchange:
-    """Climb to ``altitude`` (m above home); ``home`` for who counts from the sea."""
+def flies_by_modes(state: VehicleState) -> bool:
+    """Whether takeoff and landing are modes and no commands: of an ArduPlane without rotors to hover on."""
+    fixed = state.vehicle_type == mavlink.MAV_TYPE_FIXED_WING
+    return fixed and state.autopilot == modes.ARDUPILOT and not state.ours
+
+
+def landing_mode(state: VehicleState) -> str:
+    """The mode that an ArduPlane lands in; those before 4.6 know no AUTOLAND, and announce no modes either."""
+    announced = {number for number, _ in state.mode_names}
+    return AUTOLAND if modes.mode_numbers(state).get(AUTOLAND) in announced else "RTL"
+
+
+RESULTING: dict[str, tuple[str, ...]] = {
+    "takeoff": ("TAKEOFF", "AUTO", "GUIDED"),
+    "goto": ("LOITER", "GUIDED"),
+    "return": ("RETURN", "RTL"),
+    "land": ("LAND", AUTOLAND),
+}
+"""modes that an order leads to, by their names with the autopilots: an order is obeyed when the vehicle is in one"""
+
+
+def resulting_modes(state: VehicleState, verb: str) -> frozenset[int]:
+    """Custom modes, one of which the vehicle shows when it obeys an order; empty where it has none of their names."""
+    known = modes.mode_numbers(state)
+    wanted = (landing_mode(state),) if verb == "land" and flies_by_modes(state) else RESULTING[verb]
+    return frozenset(known[name] for name in wanted if name in known)
+
+
+def takeoff(connection: Connection, altitude: float, home: Home | None) -> Exchange:
+    """Climb to ``altitude`` (m above home); ``home`` for who counts from the sea.
+
+    An aeroplane of ArduPilot's does it by its mode TAKEOFF, to the altitude of its parameter `TAKEOFF_ALTITUDE`.
+    """
+    if flies_by_modes(connection.state):
+        return change_to(connection, "TAKEOFF")
     if home is None:
         return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 6 + (altitude,))
     here = (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, home.altitude + altitude)

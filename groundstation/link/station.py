@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from avionics.link.dialect import mavlink
+from groundstation.link.commands import CommandExchange
 from groundstation.link.connection import Connection
 from groundstation.link.exchange import Exchange
 from groundstation.link.frames import Arrival
 from groundstation.link.latency import Latency
 from groundstation.link.missions import Item, MissionDownload
 from groundstation.link.mode_change import ModeNames, request_mode_names
+from groundstation.link.stream_request import StreamRequest, too_slow
 from groundstation.link.traffic import Quality, Traffic
-from groundstation.link.vehicle_state import VehicleState
+from groundstation.link.vehicle_state import VehicleState, is_ours
 
 NOTES_KEPT = 50
+LOOK = 3.0
+"""s; after a vehicle was met, until it is looked at how often it says what the screen shows"""
+LOOK_AGAIN = 10.0
+"""s; between two such looks: a vehicle that booted anew has forgotten what it was asked for"""
 
 
 class Note(NamedTuple):
@@ -41,11 +49,18 @@ class Picture(NamedTuple):
     mission: tuple[Item, ...] = ()
     """what is aboard, as far as it was asked for"""
     notes: tuple[Note, ...] = ()
-    """of the ground, oldest first"""
+    """of the ground, oldest first, at most `NOTES_KEPT`"""
     busy: str = ""
     """-; what is being asked of the vehicle, empty for nothing"""
     recording: Path | None = None
     """where what is heard goes"""
+    noted: int = 0
+    """-; lines of the ground since the link was opened"""
+
+
+def new_notes(picture: Picture, noted: int) -> tuple[Note, ...]:
+    """What was noted since the count of lines was ``noted``."""
+    return picture.notes[-(picture.noted - noted) :] if picture.noted > noted else ()
 
 
 class Station:
@@ -59,7 +74,10 @@ class Station:
         self._latency = Latency()
         self._mission: tuple[Item, ...] = ()
         self._notes: tuple[Note, ...] = ()
+        self._noted = 0
         self._asked = False
+        self._look_at = math.inf
+        self._refused: frozenset[str] = frozenset()
         self._running: list[tuple[str, Exchange]] = []
         connection.overhear(self._hear)
 
@@ -75,8 +93,37 @@ class Station:
             self.connection.send(question)
         if not self._asked and self.connection.state.system is not None:
             self._asked = True
-            self.connection.begin(request_mode_names(self.connection.target), self._ask_mission)
+            self._meet()
+        if self._clock() >= self._look_at:
+            self._ask_for_streams()
         return heard
+
+    def _meet(self) -> None:
+        """Ask who it is first: ours may call itself another's, and need not be asked for what it sends anyway."""
+        if is_ours(self.connection.state):
+            self._ask_modes(None)
+            return
+        wanted = (float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),)
+        version = CommandExchange(self.connection.target, mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)
+        self.connection.begin(version, self._ask_modes)
+        self._look_at = self._clock() + LOOK
+
+    def _ask_modes(self, version: CommandExchange | None) -> None:
+        self.connection.begin(request_mode_names(self.connection.target), self._ask_mission)
+
+    def _ask_for_streams(self) -> None:
+        """Ask a vehicle that is not ours for what comes too seldom, one question at a time."""
+        self._look_at = math.inf
+        state, now = self.connection.state, self._clock()
+        if is_ours(state):
+            return
+        rates = {row.name: row.rate for row in self.traffic.rows(now) if row.sender[0] == state.system}
+        slow = tuple(too_slow(rates, self._refused))
+        self.connection.begin(StreamRequest(self.connection.target, slow), self._asked_for_streams)
+
+    def _asked_for_streams(self, request: StreamRequest) -> None:
+        self._refused |= request.refused
+        self._look_at = self._clock() + LOOK_AGAIN
 
     def _ask_mission(self, names: ModeNames) -> None:
         self.read_mission()
@@ -102,6 +149,7 @@ class Station:
     def note(self, text: str, failed: bool = False) -> None:
         """Add a line of the ground's own."""
         self._notes = (*self._notes, Note(self.connection.state.time, text, failed))[-NOTES_KEPT:]
+        self._noted += 1
 
     def picture(self) -> Picture:
         """What is known now."""
@@ -116,4 +164,5 @@ class Station:
             self._notes,
             ", ".join(label for label, _ in self._running),
             self.recording(),
+            self._noted,
         )

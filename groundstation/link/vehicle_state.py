@@ -17,6 +17,8 @@ from avionics.messages import Severity, Stage
 EVENTS_KEPT = 200
 _UNKNOWN_U16 = 65535
 _ARMED = 128
+_FLOWN_BATTERY = 0
+"""that of SYS_STATUS too; others are of payloads, or spare"""
 _TYPE_GROUND_STATION = 6
 _AUTOPILOT_INVALID = 8
 _OUR_HARDWARE = Identity().uid
@@ -48,6 +50,8 @@ class VehicleState(NamedTuple):
     """-; MAV_TYPE"""
     custom_mode: int | None = None
     """-; as in HEARTBEAT"""
+    beats: int = 0
+    """-; heartbeats heard"""
     armed: bool | None = None
     """-; True when the wings may move"""
     time: float | None = None
@@ -186,6 +190,7 @@ def _heartbeat(state: VehicleState, message: Any) -> VehicleState:
         autopilot=message.autopilot,
         vehicle_type=message.type,
         custom_mode=message.custom_mode,
+        beats=state.beats + 1,
         armed=bool(message.base_mode & _ARMED),
     )
 
@@ -217,7 +222,9 @@ def _home(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _local_position(state: VehicleState, message: Any) -> VehicleState:
-    return state._replace(north=message.x, east=message.y, altitude=-message.z)
+    """Of ours the origin is home; others put it where they began, so that their altitude comes with the globe's."""
+    altitude = -message.z if is_ours(state) else state.altitude
+    return state._replace(north=message.x, east=message.y, altitude=altitude)
 
 
 def _gps(state: VehicleState, message: Any) -> VehicleState:
@@ -226,6 +233,8 @@ def _gps(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _battery(state: VehicleState, message: Any) -> VehicleState:
+    if message.id != _FLOWN_BATTERY:
+        return state
     voltages = [cell for cell in message.voltages if cell != _UNKNOWN_U16]
     return _supply(
         state,

@@ -14,7 +14,7 @@ from textual.widgets import Footer, TabbedContent, TabPane
 from groundstation.link import modes
 from groundstation.link.exchange import Exchange
 from groundstation.link.orders import arm, change_to, disarm, kill, land, return_home
-from groundstation.link.station import Picture, Station
+from groundstation.link.station import Picture, Station, new_notes
 from groundstation.screen.dialogs import Confirmation, ModeChoice
 from groundstation.screen.flight_tab import FlightTab
 from groundstation.screen.messages_tab import MessagesTab
@@ -110,9 +110,9 @@ class Monitor(App[None]):
 
     def _announce(self, picture: Picture) -> None:
         """Tell what became of a command, whatever tab is looked at."""
-        for note in picture.notes[self._noted :]:
+        for note in new_notes(picture, self._noted):
             self.notify(note.text, severity="error" if note.failed else "information")
-        self._noted = len(picture.notes)
+        self._noted = picture.noted
 
     def _known_fields(self) -> list[str]:
         rows = self.station.traffic.rows(self._clock())

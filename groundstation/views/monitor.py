@@ -41,7 +41,7 @@ def watch_lines(station: Station, as_json: bool) -> None:
 
 def state_record(state: VehicleState) -> dict[str, Any]:
     """The telemetry as a JSON object: SI and radians, null where nothing was heard."""
-    hidden = ("sentence", "mode_names", "heard_at", "events", "stage", "home", "stamp", "ours")
+    hidden = ("sentence", "mode_names", "heard_at", "events", "stage", "home", "stamp", "ours", "beats")
     record = {key: value for key, value in state._asdict().items() if key not in hidden}
     return {
         "mode": modes.mode_key(state),

@@ -31,6 +31,11 @@ class ForeignVehicle(LossyVehicle):
         self.whole = {"COUNT": 7, "MASK": 2_000_000_001}
         self.takeoffs: list[Any] = []
         self.places: list[Any] = []
+        self.announced: dict[int, str] = {}
+        self.intervals: dict[int, float] = {}
+        """us; by message id, as they were asked for"""
+        self.groups: list[tuple[int, int]] = []
+        """MAV_DATA_STREAM and Hz, as they were asked for"""
 
     def heartbeat(self) -> Any:
         return mavlink.MAVLink_heartbeat_message(
@@ -42,7 +47,9 @@ class ForeignVehicle(LossyVehicle):
             return self._requested(int(message.param1))
         if message.command == mavlink.MAV_CMD_NAV_TAKEOFF:
             self.takeoffs.append(message)
-        if message.command == mavlink.MAV_CMD_DO_SET_MODE:
+        if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and message.command not in self.results:
+            self.intervals[int(message.param1)] = message.param2
+        if message.command == mavlink.MAV_CMD_DO_SET_MODE and message.command not in self.results:
             self.custom_mode = self._mode(message)
             return [mavlink.MAVLink_command_ack_message(message.command, 0)]
         return super()._command_long(message)
@@ -52,9 +59,16 @@ class ForeignVehicle(LossyVehicle):
 
     def _command_int(self, message: Any) -> list[Any]:
         self.places.append(message)
+        self.custom_mode = self.leads_to[message.command]
         return [mavlink.MAVLink_command_ack_message(message.command, 0)]
 
+    def _request_data_stream(self, message: Any) -> list[Any]:
+        self.groups.append((message.req_stream_id, message.req_message_rate))
+        return []
+
     def _requested(self, number: int) -> list[Any]:
+        if number == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES and self.announced:
+            return [mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_REQUEST_MESSAGE, 0), *self._modes()]
         answers = {
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: _home,
@@ -63,6 +77,13 @@ class ForeignVehicle(LossyVehicle):
         result = mavlink.MAV_RESULT_UNSUPPORTED if known is None else mavlink.MAV_RESULT_ACCEPTED
         ack = mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_REQUEST_MESSAGE, result)
         return [ack] if known is None else [ack, known()]
+
+    def _modes(self) -> list[Any]:
+        total = len(self.announced)
+        return [
+            mavlink.MAVLink_available_modes_message(total, place, 0, number, 0, name.encode())
+            for place, (number, name) in enumerate(self.announced.items(), 1)
+        ]
 
     def _version(self) -> Any:
         return mavlink.MAVLink_autopilot_version_message(
@@ -110,6 +131,7 @@ class Px4(ForeignVehicle):
     def __init__(self, loss: float = 0.0, seed: int = 1) -> None:
         super().__init__(loss, seed)
         self.custom_mode = 4 << 16 | 3 << 24
+        self.leads_to[mavlink.MAV_CMD_NAV_TAKEOFF] = 4 << 16 | 2 << 24
 
     def _mode(self, message: Any) -> int:
         return int(message.param2) << 16 | int(message.param3) << 24
@@ -127,7 +149,10 @@ class Px4(ForeignVehicle):
 
 
 class ArduPlane(ForeignVehicle):
-    """Whole numbers as floats, one mode number, item 0 is its own home, NaN parameters are kept as 0."""
+    """Whole numbers as floats, one mode number, item 0 is its own home, NaN parameters are kept as 0.
+
+    Without rotors to hover on it fails NAV_TAKEOFF, and knows no NAV_LAND.
+    """
 
     autopilot = 3
     capabilities = 131072
@@ -136,6 +161,10 @@ class ArduPlane(ForeignVehicle):
         super().__init__(loss, seed)
         self.custom_mode = 0
         self.whole["MASK"] = 65536
+        self.values["TKOFF_ALT"] = 50.0
+        self.leads_to = {mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: 11, mavlink.MAV_CMD_DO_REPOSITION: 15}
+        self.results[mavlink.MAV_CMD_NAV_TAKEOFF] = mavlink.MAV_RESULT_FAILED
+        self.results[mavlink.MAV_CMD_NAV_LAND] = mavlink.MAV_RESULT_UNSUPPORTED
 
     def _mode(self, message: Any) -> int:
         return int(message.param2)

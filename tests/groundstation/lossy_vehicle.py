@@ -15,6 +15,13 @@ from groundstation.link.exchange import Exchange
 from groundstation.link.missions import Item
 
 STEP = 0.05
+LEADS_TO = {
+    mavlink.MAV_CMD_NAV_TAKEOFF: 4 << 16 | 4 << 24,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: 4 << 16 | 5 << 24,
+    mavlink.MAV_CMD_NAV_LAND: 4 << 16 | 6 << 24,
+    mavlink.MAV_CMD_DO_REPOSITION: 4 << 16 | 3 << 24,
+}
+"""custom modes that orders lead to, with our own vehicle"""
 
 
 class LossyVehicle:
@@ -27,6 +34,7 @@ class LossyVehicle:
         self.mission: list[Item] = []
         self.custom_mode = 65536
         self.armed = False
+        self.leads_to = dict(LEADS_TO)
         self.results: dict[int, int] = {}
         self.says: list[str] = []
         self.requests: list[str] = []
@@ -48,11 +56,16 @@ class LossyVehicle:
         result = self.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
         if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and result == mavlink.MAV_RESULT_ACCEPTED:
             self.armed = bool(message.param1)
+        if result == mavlink.MAV_RESULT_ACCEPTED:
+            self.custom_mode = self.leads_to.get(message.command, self.custom_mode)
         if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             result = mavlink.MAV_RESULT_UNSUPPORTED
         if message.command == mavlink.MAV_CMD_DO_SET_MODE and result == mavlink.MAV_RESULT_ACCEPTED:
             self.custom_mode = int(message.param2) << 16 | int(message.param3) << 24
         return [mavlink.MAVLink_command_ack_message(message.command, result), *said]
+
+    def _command_int(self, message: Any) -> list[Any]:
+        return self._command_long(message)
 
     def _value(self, name: str) -> Any:
         index = list(self.values).index(name)

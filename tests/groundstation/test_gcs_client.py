@@ -306,6 +306,46 @@ def test_a_refused_command_gives_the_vehicles_words_even_behind_the_acknowledgem
     assert ended.failure == "the vehicle refused COMPONENT_ARM_DISARM: denied"
 
 
+class Booting(LossyVehicle):
+    """Takes no command before it has rejected some."""
+
+    def __init__(self, rejects: int) -> None:
+        super().__init__()
+        self.rejects, self.says = rejects, ["no sensor frames"]
+
+    def _command_long(self, message: Any) -> list[Any]:
+        self.rejects -= 1
+        later, taken = mavlink.MAV_RESULT_TEMPORARILY_REJECTED, mavlink.MAV_RESULT_ACCEPTED
+        self.results[message.command] = later if self.rejects >= 0 else taken
+        return super()._command_long(message)
+
+
+@pytest.mark.parametrize(
+    "order", [commands.CommandExchange(TARGET, 400, (1.0,)), mode_change.change_mode(TARGET, 4 << 16 | 5 << 24, True)]
+)
+def test_what_is_rejected_for_the_moment_is_asked_again_for_a_few_seconds(order: exchange.Exchange) -> None:
+    vehicle = Booting(rejects=4)
+    ended = converse(order, vehicle, limit=exchange.NOT_YET)
+    assert not ended.failure and vehicle.requests.count("COMMAND_LONG") == 5
+    vehicle = Booting(rejects=99)
+    ended = converse(order, vehicle, limit=exchange.NOT_YET + 2.0)
+    assert ended.failure.startswith("the vehicle refused ") and ended.failure.endswith(": no sensor frames")
+    assert 5 <= vehicle.requests.count("COMMAND_LONG") <= 12
+
+
+def test_that_it_is_asked_again_is_said_once_with_the_reason() -> None:
+    vehicle, order, notes = Booting(rejects=5), commands.CommandExchange(TARGET, 400, (1.0,)), []
+    now, inbox = 0.0, []
+    while not order.finished:
+        now += 0.1
+        for message in [*inbox, None]:
+            order, sent = order.step(now, message)
+            inbox = [answer for asked in sent for answer in vehicle.answers(asked)]
+        notes.append(order.progress().note)
+    told = "the vehicle refused COMPONENT_ARM_DISARM: no sensor frames; trying again"
+    assert {note for note in notes if note} == {told}
+
+
 def test_a_command_in_progress_is_waited_for() -> None:
     command = commands.CommandExchange(TARGET, 241)
     command, _ = command.step(0.0, None)

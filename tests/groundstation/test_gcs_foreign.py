@@ -11,6 +11,7 @@ from foreign_vehicles import HOME, ArduPlane, ForeignVehicle, Px4, ekf_report
 from lossy_vehicle import converse, on_the_air
 
 from avionics.link.dialect import mavlink
+from groundstation.command import gcs_order
 from groundstation.command.main import main
 from groundstation.link import frames, missions, parameters, waypoints
 from groundstation.link.vehicle_state import VehicleState
@@ -74,6 +75,76 @@ def test_modes_by_the_names_of_their_autopilot(
         assert gcs(url, "mode", "hover") == 2
 
 
+ARDUPILOT_SAYS = {0: "Manual", 5: "Fly By Wire A", 11: "RTL", 13: "Takeoff", 26: "Autoland"}
+PX4_SAYS = {4 << 16 | 5 << 24: "Return", 4 << 16 | 4 << 24: "Mission", 4 << 16 | 3 << 24: "Hold"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "announced", "names"),
+    [
+        (ArduPlane, ARDUPILOT_SAYS, ("FBWA", "fly-by-wire-a", "FLY_BY_WIRE_A")),
+        (Px4, PX4_SAYS, ("RTL", "return", "Return")),
+    ],
+)
+def test_a_mode_that_is_announced_by_another_name_has_its_usual_one_too(
+    kind: type[ForeignVehicle], announced: dict[int, str], names: tuple[str, ...], capsys: Capture
+) -> None:
+    vehicle = kind()
+    vehicle.announced = announced
+    first = vehicle.custom_mode
+    with on_the_air(vehicle) as url:
+        for name in names:
+            vehicle.custom_mode = first
+            assert gcs(url, "mode", name, "--json") == 0
+            assert json.loads(capsys.readouterr().out)["mode"] == names[-1].upper()
+            assert announced[vehicle.custom_mode].upper().replace(" ", "_") == names[-1].upper()
+        # What it does not announce it does not have.
+        assert gcs(url, "mode", "ACRO") == 2
+    assert "CRUISE" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("announced", "mode", "said"),
+    [(ARDUPILOT_SAYS, 26, ""), ({}, 11, "the vehicle has no mode AUTOLAND: RTL\n")],
+    ids=["with AUTOLAND", "without"],
+)
+def test_an_aeroplane_of_ardupilot_takes_off_and_lands_by_its_modes(
+    announced: dict[int, str], mode: int, said: str, capsys: Capture
+) -> None:
+    vehicle = ArduPlane()
+    vehicle.announced = announced
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "takeoff", "--json") == 0
+        assert json.loads(capsys.readouterr().out)["mode"] == "TAKEOFF"
+        assert vehicle.custom_mode == 13 and vehicle.values["TKOFF_ALT"] == 50.0
+        assert gcs(url, "land") == 0
+    assert vehicle.custom_mode == mode and not vehicle.takeoffs
+    assert capsys.readouterr().err == said
+
+
+@BOTH
+@pytest.mark.parametrize("verb", ["takeoff", "return", "goto"])
+def test_an_order_is_done_when_its_mode_is_shown(
+    kind: type[ForeignVehicle], verb: str, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    place = ("47.4", "8.55", "--altitude", "20") if verb == "goto" else ()
+    vehicle = kind()
+    vehicle.custom_mode = 0
+    with on_the_air(vehicle) as url:
+        assert gcs(url, verb, *place, "--json") == 0
+    shown = {"takeoff": "TAKEOFF", "return": "RTL", "goto": "LOITER" if kind is Px4 else "GUIDED"}[verb]
+    assert json.loads(capsys.readouterr().out)["mode"] == shown
+    if verb == "takeoff" and kind is ArduPlane:
+        return  # a change of mode, whose confirmation is tested with it
+    monkeypatch.setattr(gcs_order, "SHOWN", 0.3)
+    vehicle = kind()
+    vehicle.custom_mode, vehicle.leads_to = 0, dict.fromkeys(vehicle.leads_to, 0)
+    with on_the_air(vehicle) as url:
+        assert gcs(url, verb, *place) == 1
+    said = capsys.readouterr()
+    assert f"the vehicle accepted {verb}, but its heartbeat shows the mode " in said.err and not said.out
+
+
 @BOTH
 def test_our_mission_reaches_them_on_the_globe_and_comes_back_without_differences(
     kind: type[ForeignVehicle], capsys: Capture
@@ -128,7 +199,10 @@ def test_altitudes_are_given_from_home_whatever_the_vehicle_counts_from(
     with on_the_air(vehicle) as url:
         assert gcs(url, "takeoff", "--altitude", "25") == 0
         assert gcs(url, "goto", "--north", "100", "--east", "0", "--altitude", "25") == 0
-    assert vehicle.takeoffs[-1].param7 == altitude
+    if kind is ArduPlane:
+        assert not vehicle.takeoffs and vehicle.values["TKOFF_ALT"] == altitude
+    else:
+        assert vehicle.takeoffs[-1].param7 == altitude
     place = vehicle.places[-1]
     assert place.command == mavlink.MAV_CMD_DO_REPOSITION and place.z == altitude
     assert place.frame == (0 if kind is Px4 else 3)

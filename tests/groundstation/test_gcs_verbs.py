@@ -150,7 +150,10 @@ def test_orders_without_a_place(capsys: Capture) -> None:
     with on_the_air(vehicle) as url:
         for verb in ("return", "land", "takeoff"):
             assert gcs(url, verb) == 0
-    assert capsys.readouterr().out.splitlines() == ["return accepted", "land accepted", "takeoff accepted"]
+        assert capsys.readouterr().out.splitlines() == ["return accepted", "land accepted", "takeoff accepted"]
+        for verb, mode in (("return", "RETURN"), ("land", "LAND"), ("takeoff", "AUTO")):
+            assert gcs(url, verb, "--json") == 0
+            assert json.loads(capsys.readouterr().out) == {"done": f"{verb} accepted", "mode": mode, "armed": False}
 
 
 def test_progress_is_a_line_on_stderr_where_there_is_no_terminal(capsys: Capture) -> None:

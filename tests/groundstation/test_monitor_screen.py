@@ -13,7 +13,7 @@ from textual.widgets import DataTable, Input, OptionList, TabbedContent
 from avionics.link.dialect import mavlink
 from groundstation.command.main import main
 from groundstation.link.connection import Connection
-from groundstation.link.station import Station
+from groundstation.link.station import NOTES_KEPT, Station
 from groundstation.screen.dialogs import Confirmation
 from groundstation.screen.monitor import Monitor
 from groundstation.screen.plots_tab import MOST, Plot
@@ -23,9 +23,6 @@ Script = Callable[[Pilot[None], Station, LossyVehicle], Awaitable[None]]
 
 class Flying(LossyVehicle):
     """Says an attitude with every heartbeat, and a warning once."""
-
-    def heartbeat(self) -> object:
-        return super().heartbeat()
 
     def answers(self, message: object) -> list[object]:
         spoken = mavlink.MAVLink_attitude_message(len(self.requests) + 1, 0.2, 0.1, 1.0, 0, 0, 0)
@@ -96,6 +93,19 @@ def test_arming_asks_first_and_only_a_yes_arms() -> None:
         await pilot.press("a", "y")
         await until(pilot, lambda: vehicle.armed and bool(station.picture().notes))
         assert station.picture().notes[-1].text == "armed"
+
+    on_screen(script)
+
+
+def test_what_became_of_a_command_is_announced_however_many_there_were() -> None:
+    async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:
+        for number in range(NOTES_KEPT + 5):
+            station.note(f"order {number}")
+        await draw(pilot)
+        pilot.app.clear_notifications()
+        station.note("the last order", failed=True)
+        await draw(pilot)
+        assert [toast.message for toast in pilot.app._notifications] == ["the last order"]
 
     on_screen(script)
 

@@ -96,6 +96,35 @@ def test_unknown_supply_stays_unknown() -> None:
     assert state.voltage is None and state.current is None and state.battery_remaining is None
 
 
+def test_a_second_battery_is_not_the_one_that_is_flown() -> None:
+    def battery(number: int, cell: int, percent: int) -> Any:
+        cells = [cell] + [65535] * 9
+        return mavlink.MAVLink_battery_status_message(number, 0, 0, 0, cells, 100 * (number + 1), 0, 0, percent)
+
+    state = heard(battery(0, 7900, 92), battery(1, 5000, 10))
+    assert (state.voltage, state.current, state.battery_remaining) == (7.9, 1.0, 0.92)
+
+
+@pytest.mark.parametrize(("autopilot", "altitude"), [(0, 35.0), (3, 40.0), (12, 40.0)])
+def test_altitude_above_home_is_not_that_above_the_origin_of_others(autopilot: int, altitude: float) -> None:
+    beat = mavlink.MAVLink_heartbeat_message(1, autopilot, 129, 0, 4, 3)
+    globe = mavlink.MAVLink_global_position_int_message(2500, 389900000, -769400000, 0, 40000, 0, 0, 0, 0)
+    local = mavlink.MAVLink_local_position_ned_message(2500, 10.0, 20.0, -35.0, 0, 0, 0)
+    assert heard(beat, globe, local).altitude == altitude
+
+
+def test_our_vehicle_is_known_by_its_id_and_by_its_words() -> None:
+    beat = mavlink.MAVLink_heartbeat_message(1, 3, 129, 10, 4, 3)
+    none = [0] * 8
+    version, other = (
+        mavlink.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, none, none, none, 0, 0, uid)
+        for uid in (0x77696E67, 7)
+    )
+    words = mavlink.MAVLink_wingbeat_excitation_message(1, 0, 0, 0, 0, 0, 0)
+    assert heard(beat, version).ours and heard(beat, words).ours
+    assert not heard(beat, other).ours and not heard(beat).ours
+
+
 def test_an_unknown_stage_is_no_crash() -> None:
     known = heard(mavlink.MAVLink_wingbeat_navigation_message(1, 0, 0, 40, 0, 2, int(Stage.FLARE), 0))
     unknown = heard(mavlink.MAVLink_wingbeat_navigation_message(1, 0, 0, 40, 0, 2, 99, 0))
