@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from ports import free_port
 
 os.environ["MAVLINK20"] = "1"
 
@@ -20,12 +21,6 @@ from avionics.link.vehicle import Identity, LinkGains
 
 PATIENCE = 10.0
 """s; a test fails after this long without an answer"""
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

@@ -11,9 +11,10 @@ import time
 from typing import Any
 
 import pytest
-from link_station import PATIENCE, expect, free_port, greet, running, settle, stock_client
+from link_station import PATIENCE, expect, greet, running, settle, stock_client
 from link_vehicle import FakeVehicle
 from link_wires import Voice, Wire
+from ports import free_port
 from pymavlink import mavutil
 
 from avionics import messages as m

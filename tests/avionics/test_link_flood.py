@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 import pytest
-from link_station import free_port
 from link_wires import Voice
+from ports import free_port
 from surrogate import Bird
 from surrogate_gains import VEHICLE
 

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from link_station import PATIENCE, free_port, greet, running
+from link_station import PATIENCE, greet, running
 from link_vehicle import FakeVehicle
 from link_wires import Voice, Wire
+from ports import free_port
 from pymavlink import mavftp, mavutil
 
 from avionics.link.dialect import mavlink

@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from link_station import PATIENCE, free_port
+from link_station import PATIENCE
+from ports import free_port
 from surrogate import Bird
 from surrogate_gains import VEHICLE
 

@@ -229,7 +229,8 @@ def test_over_udp_tcp_and_a_serial_line_at_once() -> None:
     import socket
     import time
 
-    from link_station import PATIENCE, free_port
+    from link_station import PATIENCE
+    from ports import free_port
 
     udp, tcp = free_port(), free_port(socket.SOCK_STREAM)
     master, slave = os.openpty()

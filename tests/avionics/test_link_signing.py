@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from link_station import PATIENCE, free_port
+from link_station import PATIENCE
 from link_vehicle import FakeVehicle
+from ports import free_port
 
 from avionics.link.dialect import mavlink
 from avionics.link.ground import Files, GroundLink

@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from link_station import PATIENCE, free_port
+from link_station import PATIENCE
 from link_vehicle import FakeVehicle
+from ports import free_port
 
 from avionics.link import dialect
 from avionics.link.channel import PORTION

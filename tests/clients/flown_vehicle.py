@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 import pytest
 from _pytest.mark import ParameterSet
-from ground_links import TRANSPORTS, Addresses, free_port
+from ground_links import TRANSPORTS, Addresses
+from ports import free_port
 
 from avionics import parameters
 from avionics.link.dialect import mavlink

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import NamedTuple
 
+from ports import free_port
 from radio import radio
 
 BAUD = 57600
@@ -21,12 +22,6 @@ class Addresses(NamedTuple):
     """URL for `mavsdk.asyncio.Mavsdk.add_any_connection`"""
     mavproxy: tuple[str, ...]
     """options of mavproxy.py"""
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

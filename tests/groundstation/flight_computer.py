@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+
+from ports import free_port
 
 from avionics.board.parameter_file import ParameterFile
 from avionics.link.ground import Files, GroundLink
@@ -65,9 +66,7 @@ def aboard(
     Outdoors it says that it is ``outdoors_as``.
     """
     its, ours = ("udpout", "udpin") if calls else ("udpin", "udpout")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     file = ParameterFile(path, RAVEN)
     onboard = Onboard(file.load().vehicle, (), NullRecorder())
     onboard.keep_parameters(file)

@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from ports import free_port
 
 from groundstation.command import avionics
 from groundstation.command.main import main
@@ -19,16 +20,10 @@ Capture = pytest.CaptureFixture[str]
 RAVEN = "robo_raven_ii_d"
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
     """The command on a world of 2.5 s; its exit code and the board's address."""
     monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
-    server = BridgeServer(f"tcp:127.0.0.1:{free_port()}")
+    server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     told: list[Tally] = []
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(duration=2.5))
     serving = threading.Thread(target=lambda: told.append(server.serve(world)))

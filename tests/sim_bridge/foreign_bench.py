@@ -146,13 +146,6 @@ class ToyStages:
         return Stage(self.worlds[-1], self.log.publish)
 
 
-def free_port(kind: socket.SocketKind) -> int:
-    """A port that nobody listens on."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 class Serving:
     """A server in a thread; `result` gives its tally or raises its error."""
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from ports import free_port
 from pymavlink.dialects.v20 import common
 
 from avionics.board.board import BoardSilent
@@ -92,7 +93,7 @@ class Serving:
     """A world served in a thread; ``result`` gives its tally or raises its error."""
 
     def __init__(self, world: World, patience: Patience = SHORT) -> None:
-        self.server = BridgeServer(f"tcp:127.0.0.1:{_free_port()}", patience=patience)
+        self.server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}", patience=patience)
         self.url = f"tcp:127.0.0.1:{self.server.port}"
         self._outcome: list[Tally | BaseException] = []
         self._thread = threading.Thread(target=self._run, args=(world,))
@@ -111,12 +112,6 @@ class Serving:
         if isinstance(outcome, BaseException):
             raise outcome
         return outcome
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def fly(board: HilBoard) -> list[SensorFrame]:
@@ -187,7 +182,7 @@ def test_a_stranger_that_makes_noise_and_leaves_is_told() -> None:
 
 
 def test_a_world_that_is_not_there_or_says_nothing_is_named() -> None:
-    port = _free_port()
+    port = free_port(socket.SOCK_STREAM)
     with pytest.raises(BoardSilent, match=f"the world at tcp:127.0.0.1:{port} did not answer for 0.1 s"):
         HilBoard(f"tcp:127.0.0.1:{port}", BoardPatience(connect=0.1))
     with socket.create_server(("127.0.0.1", port)) as mute:

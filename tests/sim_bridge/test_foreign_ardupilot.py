@@ -23,11 +23,11 @@ from foreign_bench import (
     Stages,
     ToyStages,
     ToyWorld,
-    free_port,
     read_state,
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from ports import free_port
 from pymavlink import mavutil
 
 from avionics import topics

@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from foreign_bench import RAVEN, PlanePilot, ScriptedArduPlane, ScriptedPx4, free_port
+from foreign_bench import RAVEN, PlanePilot, ScriptedArduPlane, ScriptedPx4
+from ports import free_port
 
 from avionics import topics
 from groundstation.command.foreign import default_url

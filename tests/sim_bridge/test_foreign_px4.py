@@ -8,9 +8,10 @@ import threading
 from typing import Any
 
 import pytest
-from foreign_bench import RIG, PlanePilot, ScriptedPx4, Serving, Stages, ToyStages, free_port
+from foreign_bench import RIG, PlanePilot, ScriptedPx4, Serving, Stages, ToyStages
 from hypothesis import given
 from hypothesis import strategies as st
+from ports import free_port
 from pymavlink.dialects.v20 import common
 
 from avionics import topics

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from flown import RAVEN
+from ports import free_port
 
 from avionics import topics
 from avionics.board import boards
@@ -26,19 +27,13 @@ SILENT_AT = 0.5
 """s; since boot"""
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def test_a_silent_simulator_is_named_the_log_is_whole_and_the_command_ends_with_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(boards, "HilBoard", functools.partial(HilBoard, patience=Patience(frame=0.3)))
     monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(faults=(parse_fault(f"sim_silent@{SILENT_AT}"),)))
-    server = BridgeServer(f"tcp:127.0.0.1:{free_port()}")
+    server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     told: list[Tally] = []
     serving = threading.Thread(target=lambda: told.append(server.serve(world)))
     serving.start()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ports import free_port
 from pymavlink import mavutil
 
 from avionics.link.vehicle import Identity
@@ -20,12 +20,6 @@ from logs.reader import open_log
 
 PATIENCE = 60.0
 mavlink = mavutil.mavlink
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def expect(client: Any, kind: str, accept: Any = lambda message: True) -> Any:
