@@ -13,6 +13,8 @@ from groundstation.link.vehicle_state import VehicleState
 
 BATCH = 12
 """missing parameters asked for at once"""
+DOUBTED = 3
+"""times that a value is sent before an answer with the old one counts: on a slow link it may be that of a reading"""
 _INTEGER_LAYOUT = {1: "<Bxxx", 2: "<bxxx", 3: "<Hxx", 4: "<hxx", 5: "<I", 6: "<i"}
 
 
@@ -218,6 +220,8 @@ class ParameterWrite(NamedTuple):
             return self._replace(error=message.error, timer=Timer(now, 1))
         answer = decode_parameter(message, self.bytewise)
         if not same(answer.value, self.value):
+            if same(answer.value, self.known.value) and self.timer.attempts < DOUBTED:
+                return self
             return self._replace(kept=answer, timer=Timer(now, 1))
         return self._replace(answer=answer)
 

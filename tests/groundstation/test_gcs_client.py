@@ -104,6 +104,26 @@ def test_a_clipped_value_is_told() -> None:
     assert written.failure == "the vehicle kept GAIN_3 = 5, not 99"
 
 
+def test_a_late_answer_to_the_reading_before_does_not_refuse_a_value() -> None:
+    known = parameters.Parameter("GAIN_3", 3.0, 9, 3)
+    write = parameters.ParameterWrite(TARGET, known, 0.5)
+    write, _ = write.step(0.0, None)
+    late, answer = (mavlink.MAVLink_param_value_message(b"GAIN_3", value, 9, 40, 3) for value in (3.0, 0.5))
+    write, _ = write.step(0.1, late)
+    write, _ = write.step(0.1 + exchange.EXPLANATION, None)
+    assert not write.finished
+    write, _ = write.step(0.6, answer)
+    assert write.finished and not write.failure
+
+
+def test_a_vehicle_that_keeps_its_value_without_a_word_is_told_in_the_end() -> None:
+    vehicle = LossyVehicle()
+    vehicle.limits["GAIN_3"] = 3.0
+    known = parameters.Parameter("GAIN_3", 3.0, 9, 3)
+    written = converse(parameters.ParameterWrite(TARGET, known, 99.0), vehicle, limit=5.0)
+    assert written.failure == "the vehicle kept GAIN_3 = 3, not 99"
+
+
 class Strict(LossyVehicle):
     """Answers a value out of range as our own flight computer does: the old value, the error, and why."""
 

@@ -48,6 +48,24 @@ def test_whole_numbers_survive_a_lossy_link(kind: type[ForeignVehicle], seed: in
     assert held == {**vehicle.values, **vehicle.whole}
 
 
+@BOTH
+@pytest.mark.parametrize("seed", range(4))
+def test_lists_settings_and_missions_are_whole_over_a_bad_radio(kind: type[ForeignVehicle], seed: int) -> None:
+    """Given 30 % loss, 10 % doubled and 300 ms each way."""
+    radio = {"limit": 240.0, "doubled": 0.1, "delay": 0.3}
+    vehicle, target = kind(0.3, seed), missions.Target()
+    encoding = parameters.is_bytewise(VehicleState(autopilot=kind.autopilot, capabilities=kind.capabilities))
+    listed = converse(parameters.ParameterDownload(target, encoding), vehicle, **radio)
+    held = {parameter.name: parameter for parameter in listed.values.values()}
+    assert {name: parameter.value for name, parameter in held.items()} == {**vehicle.values, **vehicle.whole}
+    for name, value in (("COUNT", 1234567), ("GAIN_7", 0.25)):
+        assert not converse(parameters.ParameterWrite(target, held[name], value, encoding), vehicle, **radio).failure
+    assert (vehicle.whole["COUNT"], vehicle.values["GAIN_7"]) == (1234567, 0.25)
+    vehicle.mission = [missions.Item(3, 16, (0.0,) * 4, HOME[0] + 900 * n, HOME[1], 30.0 + n) for n in range(15)]
+    download = converse(missions.MissionDownload(target), vehicle, **radio)
+    assert download.items == tuple(vehicle.mission)
+
+
 def test_capabilities_go_before_what_an_autopilot_is_known_for() -> None:
     assert parameters.is_bytewise(VehicleState(autopilot=12))
     assert not parameters.is_bytewise(VehicleState(autopilot=3))
