@@ -22,6 +22,8 @@ from groundstation.link.vehicle_topics import entry_of
 
 Capture = pytest.CaptureFixture[str]
 HOME = Home(*HERE)
+ALIGNED = 10.0
+"""s since boot; the attitude is known by then, without which it does not arm"""
 EVERY_IDENTITY = pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
 
 
@@ -131,3 +133,13 @@ def test_recordings_have_our_mode_and_our_airspeed(identity: Identity) -> None:
     assert entry is not None and entry.message.mode == Mode.AUTO
     entry = entry_of(mavlink.MAVLink_vfr_hud_message(7.5, 6.5, 90, 62, 40.0, -0.5), 1000, state)
     assert entry is not None and entry.message.airspeed == 7.5
+
+
+def test_a_takeoff_tells_the_mode_that_it_leads_to_not_the_one_before(vehicle: str, capsys: Capture) -> None:
+    circuit = str(Path(__file__).parents[2] / "avionics" / "missions" / "circuit.toml")
+    with contextlib.closing(Connection(vehicle)) as connection:
+        connection.listen(20.0, lambda state: (state.time or 0.0) > ALIGNED)
+    assert gcs(vehicle, "mission", "upload", circuit) == gcs(vehicle, "arm") == 0
+    capsys.readouterr()
+    assert gcs(vehicle, "takeoff", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"done": "takeoff accepted", "mode": "AUTO", "armed": True}
