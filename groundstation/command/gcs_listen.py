@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,17 @@ from groundstation.link.answers import NoAnswer
 from groundstation.link.commands import CommandExchange
 from groundstation.link.fields import Field, parse_field
 from groundstation.link.frames import Arrival, message_class
+from groundstation.link.hush import Hush
 from groundstation.link.recording import boot_stamp
 from groundstation.link.station import Station
+from groundstation.link.vehicle_state import VehicleState
 from groundstation.views import monitor, wording
 from groundstation.views.json_document import plain, print_document, print_line
 from groundstation.views.progress import ProgressBar
 
 JSON_KEYS = {
     "watch": "one object a line: time (s of the vehicle, null before its first stamp) and every field asked for",
-    "record": "file, messages, duration (s), lost, loss",
+    "record": "file, messages, duration (s), silence (s; of it, in gaps of 5 s and more), lost, loss",
 }
 
 
@@ -108,11 +111,29 @@ def watch(session: Session) -> None:
     if session.chosen.rate is not None:
         _ask_rate(session, session.chosen.rate)
     session.connection.overhear(watcher.hear)
-    most = session.chosen.count
-    session.connection.listen(session.chosen.duration, lambda state: most is not None and watcher.lines >= most)
+    most, hush = session.chosen.count, _attend(session)
+
+    def enough(state: VehicleState) -> bool:
+        _tell(hush, session.connection.now())
+        return most is not None and watcher.lines >= most
+
+    session.connection.listen(session.chosen.duration, enough)
     if not watcher.lines:
         names = ", ".join(sorted({field.message for field in session.chosen.asked}))
         raise NoAnswer(f"the vehicle said nothing of {names} in {session.chosen.duration:g} s: ask with --rate")
+
+
+def _attend(session: Session) -> Hush:
+    """Notice when the vehicle falls silent."""
+    hush = Hush(lambda: session.state, session.connection.now())
+    session.connection.overhear(hush.hear)
+    return hush
+
+
+def _tell(hush: Hush, now: float) -> None:
+    """Say on stderr what is new of its silence."""
+    for line in hush.news(now):
+        print(line, file=sys.stderr, flush=True)
 
 
 def _ask_rate(session: Session, rate: float) -> None:
@@ -135,11 +156,12 @@ def record(session: Session) -> None:
         BadInput: the disk refused.
     """
     station = Station(session.connection)
-    began, duration = session.connection.now(), session.chosen.duration
+    began, duration, hush = session.connection.now(), session.chosen.duration, _attend(session)
     with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json, telling=True) as bar:
         while (elapsed := session.connection.now() - began) < duration:
             if not station.poll():
                 session.connection.wait()
+            _tell(hush, session.connection.now())
             bar.show(elapsed, duration if math.isfinite(duration) else 0, _progress(station, elapsed))
     quality = station.picture().quality
     recording = session.recording
@@ -147,13 +169,15 @@ def record(session: Session) -> None:
     recording.close()
     if recording.failure:
         raise BadInput(recording.failure)
-    elapsed = session.connection.now() - began
+    now = session.connection.now()
+    elapsed, silence = now - began, hush.silence(now)
     if session.json:
         ended = {"file": str(session.chosen.file), "messages": recording.messages, "duration": elapsed}
-        print_document({**ended, "lost": quality.lost, "loss": quality.loss})
+        print_document({**ended, "silence": silence, "lost": quality.lost, "loss": quality.loss})
         return
+    silent = f", silent for {wording.duration(silence)}" if silence else ""
     print(
-        f"{counted(recording.messages, 'message')} in {wording.duration(elapsed)}, {quality.lost} lost:",
+        f"{counted(recording.messages, 'message')} in {wording.duration(elapsed)}{silent}, {quality.lost} lost:",
         recording.path,
     )
 
