@@ -25,6 +25,8 @@ ALTITUDE = 20.0
 """m; above home, to climb to where none is said"""
 SHOWN = 5.0
 """s; for a heartbeat to show what was acknowledged: three of them can be lost"""
+LOWEST = 1.0
+"""m; above home, at which a vehicle may be told to stay without its height being named: below, it is on the ground"""
 JSON_KEYS = {"arm, disarm, mode, takeoff, goto, return, land": "done, mode, armed"}
 
 
@@ -75,6 +77,9 @@ def prepare(chosen: argparse.Namespace) -> None:
 def _check_on_globe(latitude: float, longitude: float) -> None:
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
         raise BadInput(f"{latitude:g}, {longitude:g} is no place on the globe")
+    # On the wire whole numbers of 1e-7 degrees, of which two zeros mean: where you are.
+    if round(1e7 * latitude) == 0 == round(1e7 * longitude):
+        raise BadInput("goto 0 0: a vehicle takes latitude and longitude 0 for the place where it is")
 
 
 def arm(session: Session) -> None:
@@ -158,7 +163,7 @@ def goto(session: Session) -> None:
     """Fly to a place, given on the globe or from home.
 
     Raises:
-        BadInput: metres from home that lead to no place on the globe.
+        BadInput: metres from home that lead to no place on the globe, or no altitude for a vehicle on the ground.
         NoAnswer: refused, or home is needed and not known.
     """
     know_modes(session)
@@ -170,7 +175,9 @@ def goto(session: Session) -> None:
     session.connection.listen(3.0, lambda state: chosen.altitude is not None or state.altitude is not None)
     altitude = session.state.altitude if chosen.altitude is None else chosen.altitude
     if altitude is None:
-        raise NoAnswer("the vehicle does not say how high it is: give an --altitude")
+        raise NoAnswer("the vehicle does not say how high it is: give --altitude")
+    if chosen.altitude is None and altitude < LOWEST:
+        raise BadInput(f"the vehicle is {altitude:.1f} m above home, too low to circle at: give --altitude")
     home = session.home() if orders.counts_from_the_sea(session.state) else None
     place = orders.Place(latitude, longitude, altitude, math.nan if chosen.radius is None else chosen.radius)
     where = f" {latitude:.6f} {longitude:.6f} at {altitude:.0f} m"

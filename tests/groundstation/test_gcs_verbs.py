@@ -191,3 +191,31 @@ class Deaf(LossyVehicle):
     def _param_request_read(self, message: object) -> list[object]:
         self.unheard -= 1
         return [] if self.unheard >= 0 else super()._param_request_read(message)
+
+
+@pytest.mark.parametrize("place", [("0", "0"), ("0.00000004", "-0.0")])
+def test_a_place_that_means_here_on_the_wire_is_refused(place: tuple[str, str], capsys: Capture) -> None:
+    assert gcs("udpout:127.0.0.1:9", "--timeout", "0.1", "goto", *place, "--altitude", "30") == 2
+    said = capsys.readouterr().err
+    assert "takes latitude and longitude 0 for the place where it is" in said and said.count("\n") == 1
+
+
+class Standing(LossyVehicle):
+    """On the ground, where its altitude trembles about 0."""
+
+    def answers(self, message: object) -> list[object]:
+        place = mavlink.MAVLink_global_position_int_message(1000, 389_900_000, -769_400_000, 0, -55, 0, 0, 0, 0)
+        return [*super().answers(message), place]
+
+    def _command_int(self, message: Any) -> list[Any]:
+        self.custom_mode = 4 << 16 | 3 << 24  # LOITER
+        return [mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)]
+
+
+def test_goto_on_the_ground_asks_for_an_altitude(capsys: Capture) -> None:
+    vehicle = Standing()
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "goto", "38.99", "-76.94") == 2
+        assert capsys.readouterr().err.endswith("too low to circle at: give --altitude\n")
+        assert "COMMAND_INT" not in vehicle.requests
+        assert gcs(url, "goto", "38.99", "-76.94", "--altitude", "30") == 0
