@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
+import sys
 from typing import Any
 
 from avionics.link.dialect import mavlink
@@ -11,6 +13,7 @@ from avionics.messages import Calibration, Severity
 from groundstation.command import options
 from groundstation.command.gcs_param import print_parameters
 from groundstation.command.gcs_session import Session, Verb, VerbParser
+from groundstation.link.answers import NoAnswer
 from groundstation.link.commands import CalibrationExchange, CommandExchange
 from groundstation.link.exchange import Target
 from groundstation.link.vehicle_state import Heard, new_events
@@ -22,6 +25,12 @@ PATIENCE = 600.0
 """s; six sides, or a circle flown, take a person some minutes"""
 HELD = 1.0
 """s; for an end to come behind its reason"""
+CANCEL = (0.0,) * 7
+"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION that end whatever is calibrated"""
+CANCELS = 4
+"""-; requests to end it before it is given up"""
+CANCEL_WAIT = 0.7
+"""s; for the answer to each: a late word about the calibration itself is not taken for it for longer"""
 PREFLIGHT: dict[str, tuple[float, ...]] = {
     "accel": (0.0, 0.0, 0.0, 0.0, 1.0),
     "level": (0.0, 0.0, 0.0, 0.0, 2.0),
@@ -36,6 +45,7 @@ KINDS = {
     "airspeed": "pitot at rest, covered; with --in-flight its scale, over a circle or both ways",
     "wings": "both wings at rest, level or at --angle",
     "battery": "drives at rest; with --voltage as measured at its terminals",
+    "cancel": "end the calibration that runs",
 }
 
 
@@ -73,14 +83,59 @@ def request(target: Target, chosen: argparse.Namespace) -> CalibrationExchange:
 def run(session: Session) -> None:
     """Calibrate, and print what the vehicle says meanwhile and which parameters it changed."""
     kind = session.chosen.kind
+    if kind == "cancel":
+        return _cancel_as_asked(session)
     with ProgressBar(f"calibrate {kind}", quiet=session.json) as bar:
         listener = _Listener(session, bar)
-        changed = session.connection.run(request(session.target, session.chosen), listener.hear, PATIENCE).changed
+        changed = _calibrate(session, listener).changed
     if session.json:
         records = [tables.parameter_record(parameter) for parameter in changed]
         print_document({"kind": kind, "said": listener.said, "parameters": records})
     else:
         print_parameters(session, changed)
+    return None
+
+
+def _calibrate(session: Session, listener: _Listener) -> CalibrationExchange:
+    """Drive it to its end; who leaves before does not leave the vehicle at it.
+
+    Raises:
+        NoAnswer: refused, failed, or silence.
+    """
+    try:
+        return session.connection.run(request(session.target, session.chosen), listener.hear, PATIENCE)
+    except KeyboardInterrupt:
+        print(_outcome(cancel(session)), file=sys.stderr)
+        raise
+    except NoAnswer as failure:
+        if listener.ended:
+            raise
+        raise NoAnswer(f"{failure}; {_outcome(cancel(session))}") from None
+
+
+def cancel(session: Session) -> bool:
+    """End what is calibrated; whether the vehicle has said that it did."""
+    for _ in range(CANCELS):
+        with contextlib.suppress(NoAnswer):
+            command = CommandExchange(session.target, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, CANCEL)
+            session.connection.run(command, patience=CANCEL_WAIT)
+            return True
+    return False
+
+
+def _outcome(cancelled: bool) -> str:
+    if cancelled:
+        return "calibration cancelled"
+    return "the vehicle does not confirm that the calibration is cancelled: it may go on"
+
+
+def _cancel_as_asked(session: Session) -> None:
+    command = CommandExchange(session.target, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, CANCEL)
+    session.ask(command, "calibrate cancel")
+    if session.json:
+        print_document({"kind": "cancel", "said": [], "parameters": []})
+    else:
+        print(_outcome(True))
 
 
 class _Listener:
@@ -91,6 +146,8 @@ class _Listener:
 
     def __init__(self, session: Session, bar: ProgressBar) -> None:
         self.said: list[str] = []
+        self.ended = False
+        """whether the vehicle itself ended or refused it"""
         self._session, self._bar = session, bar
         self._heard = session.state.said
         self._waiting: list[Heard] = []
@@ -104,6 +161,7 @@ class _Listener:
             self._waiting += new
             self._since = now
         self._heard = state.said
+        self.ended = exchange.request.result is not None
         if not self._session.json and (exchange.request.in_progress or exchange.request.accepted):
             self._print(at_once=exchange.request.accepted or now - self._since >= HELD)
         self._bar.show(*exchange.progress())

@@ -8,8 +8,13 @@ from typing import Any
 
 import pytest
 from flight_computer import RAVEN, aboard
+from lossy_vehicle import LossyVehicle, on_the_air
 
+from avionics.link.dialect import mavlink
+from groundstation.command import gcs_calibrate
 from groundstation.command.main import main
+from groundstation.link import commands
+from groundstation.views.progress import ProgressBar
 
 Capture = pytest.CaptureFixture[str]
 
@@ -82,3 +87,60 @@ def test_parameters_are_saved_to_a_file_and_loaded_from_it(tmp_path: Path, capsy
         file.write_text("1\t1\tNO_SUCH\t1.0\t9\n")
         assert gcs(url, "param", "load", str(file)) == 2
         assert "no parameter NO_SUCH" in capsys.readouterr().err
+
+
+class Interrupted(ProgressBar):
+    """Ctrl-C as soon as the vehicle says that it calibrates."""
+
+    def show(self, done: float, total: float, note: str = "") -> None:
+        if total == 100:
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_ends_the_calibration_aboard_too(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gcs_calibrate, "ProgressBar", Interrupted)
+    with aboard(tmp_path / "raven.json") as url:
+        assert gcs(url, "calibrate", "mag") == 130
+        assert capsys.readouterr().err == "calibration cancelled\n"
+        monkeypatch.undo()
+        monkeypatch.chdir(tmp_path)
+        # One that still ran would refuse the next.
+        assert gcs(url, "calibrate", "battery", "--voltage", "7.8") == 0
+
+
+def test_a_calibration_is_cancelled_by_a_verb_of_its_own(tmp_path: Path, capsys: Capture) -> None:
+    with aboard(tmp_path / "raven.json") as url:
+        assert gcs(url, "calibrate", "cancel") == 0
+    assert capsys.readouterr().out == "calibration cancelled\n"
+
+
+class Forgetful(LossyVehicle):
+    """Begins to calibrate, and says no more of it; ``confirms`` a cancel or not."""
+
+    def __init__(self, confirms: bool) -> None:
+        super().__init__()
+        self.confirms = confirms
+        self.cancelled = 0
+
+    def _command_long(self, message: Any) -> list[Any]:
+        if message.command != mavlink.MAV_CMD_PREFLIGHT_CALIBRATION:
+            return []
+        if message.param2:
+            return [mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_IN_PROGRESS)]
+        self.cancelled += 1
+        return [mavlink.MAVLink_command_ack_message(message.command, 0)] if self.confirms else []
+
+
+@pytest.mark.parametrize(("confirms", "said"), [(True, "; calibration cancelled"), (False, ": it may go on")])
+def test_who_gives_up_waiting_cancels(
+    confirms: bool, said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commands, "LONG_WAIT", 0.3)
+    vehicle = Forgetful(confirms)
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "--no-record", "calibrate", "mag") == 1
+    text = capsys.readouterr().err
+    assert text.startswith("wingbeat: no answer to PREFLIGHT_CALIBRATION; ") and text.endswith(f"{said}\n")
+    assert (vehicle.cancelled == 1) is confirms
