@@ -94,7 +94,8 @@ class GroundLink:
             for name in service.takes:
                 self._by_message.setdefault(name, []).append(service)
         self._journal: list[Event] = []
-        self._announced: set[str] = set()
+        self.announced: list[Event] = []
+        """what the links have said to the ground of their own troubles, each once; on UDP perhaps to nobody"""
 
     def _rooms(self) -> list[Room]:
         return [link.budget.room for link in self._links]
@@ -189,9 +190,9 @@ class GroundLink:
 
     def _announce(self, severity: Severity, text: str) -> None:
         """Say something to the ground and to the log, but never twice."""
-        if text not in self._announced:
-            self._announced.add(text)
+        if all(event.text != text for event in self.announced):
             event = self._event(severity, text)
+            self.announced.append(event)
             self._texts.tell(event)
             self._journal.append(event)
 

@@ -369,6 +369,8 @@ class TcpClient:
         self.dropped = 0
         self.portion = _CHUNK
         self._family, self._address = _resolve(url, socket.SOCK_STREAM)
+        self.trouble = ""
+        """-; why the last attempt to connect failed, empty where none did"""
         self._connecting: socket.socket | None = None
         self._connection: _Connection | None = None
         self._next_attempt = -float("inf")
@@ -394,7 +396,9 @@ class TcpClient:
             self._connecting.connect_ex(self._address)
         elif self._connecting is not None and (_writable(self._connecting) or now >= self._next_attempt):
             attempt, self._connecting = self._connecting, None
-            if _connected(attempt):
+            error = attempt.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            self.trouble = os.strerror(error) if error else ""
+            if not error and _connected(attempt):
                 self._connection = _Connection(attempt)
             else:
                 attempt.close()
@@ -423,8 +427,6 @@ def _writable(attempt: socket.socket) -> bool:
 
 
 def _connected(attempt: socket.socket) -> bool:
-    if attempt.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
-        return False
     try:
         attempt.getpeername()
     except OSError:

@@ -217,7 +217,7 @@ def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account
         board = boards.open_board(chosen.board, Surroundings(say, idle))
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
-    told = ToldBoard(board, onboard.view, account)
+    told = ToldBoard(board, onboard.view, account, link.announced)
     ended, silent = _flown(chosen, board, told, onboard, link)
     board.close()
     own = board.angles if isinstance(board, RazorBoard) else None

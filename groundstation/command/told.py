@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from avionics.board.board import Board
@@ -36,11 +37,13 @@ class Flown(NamedTuple):
 class ToldBoard:
     """A `Board` that tells of its first sensor frame, and after each what was said aboard meanwhile."""
 
-    def __init__(self, board: Board, view: FlightView, account: Account) -> None:
+    def __init__(self, board: Board, view: FlightView, account: Account, announced: Sequence[Event] = ()) -> None:
+        """``announced`` grows by what the ground links say of themselves, which is no event of the vehicle."""
         self._board = board
         self._view = view
         self._account = account
-        self._told = 0
+        self._announced = announced
+        self._told = self._told_links = 0
         self.flown = Flown()
 
     def read(self) -> SensorFrame | None:
@@ -59,10 +62,11 @@ class ToldBoard:
 
     def tell_events(self) -> None:
         """Say what was said aboard since it was last told."""
-        events = self._view.events(self._told)
-        for event in events:
-            self._account.say(event_line(Heard(event.time_us * 1e-6, event.severity, event.text)))
+        events, announced = self._view.events(self._told), self._announced[self._told_links :]
         self._told += len(events)
+        self._told_links += len(announced)
+        for event in (*events, *announced):
+            self._account.say(event_line(Heard(event.time_us * 1e-6, event.severity, event.text)))
 
     def close(self) -> None:
         """See `Board.close`."""

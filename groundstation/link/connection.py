@@ -10,7 +10,7 @@ from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame
 from avionics.link.signing import Finding, Signing, signature_of
-from avionics.link.transport import Packet, Peer, Transport, open_transport
+from avionics.link.transport import Packet, Peer, TcpClient, Transport, open_transport
 from avionics.quantities import BadInput, counted
 from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target, concerns
@@ -63,7 +63,7 @@ class Connection:
         self._readers: dict[Peer, GroundReader] = {}
         self._writer = FrameWriter(SYSTEM, COMPONENT)
         self._signing = signing or Signing(time.time)
-        self._signed = False
+        self._signed = self._heard = False
         self._beaten_at = float("-inf")
         self._component: int | None = None
         self._background: list[tuple[Exchange, Ended]] = []
@@ -153,6 +153,7 @@ class Connection:
                 self.wait()
 
     def _read(self, packet: Packet, now: float) -> list[Arrival]:
+        self._heard = self._heard or bool(packet.data)
         reader = self._readers.setdefault(packet.peer, GroundReader())
         frames = reader.feed(packet.data)
         if (self._transport.datagrams and not packet.goes_on) or not packet.data:
@@ -197,11 +198,25 @@ class Connection:
         deadline = self._clock() + patience
         while self.state.system is None:
             if self._clock() >= deadline:
-                refused = f"; {counted(self.refused, 'frame')} refused by their signature" if self.refused else ""
-                raise LinkSilent(f"no vehicle answers on {self.url}: no heartbeat for {patience:g} s{refused}")
+                raise LinkSilent(f"no vehicle answers on {self.url}: {self._silence(patience)}")
             self.receive()
             self.wait()
         return self.state
+
+    def _silence(self, patience: float) -> str:
+        """What is known of why no heartbeat came."""
+        if isinstance(self._transport, TcpClient) and self._transport.trouble and not self._heard:
+            return self._transport.trouble.lower()
+        said = f"no heartbeat for {patience:g} s"
+        if self.refused:
+            return f"{said}; {counted(self.refused, 'frame')} refused by their signature"
+        if self._heard or not self.url.startswith("udpout:"):
+            return said
+        # Who waits on UDP with a key set does not even answer without it.
+        advice = (
+            "has the vehicle the key of --signing-key?" if self._signing.active else "does it need a --signing-key?"
+        )
+        return f"{said}, nor anything else; {advice}"
 
     def run(
         self,

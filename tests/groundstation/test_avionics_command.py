@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from ports import free_port
 
+from avionics.link.dialect import mavlink
 from groundstation.command import avionics
 from groundstation.command.main import main
 from sim_bridge.bridge.server import BridgeServer, Tally
@@ -72,3 +75,37 @@ def test_without_a_link_it_says_how_to_open_one(
 ) -> None:
     flown(tmp_path, monkeypatch)
     assert "no link for a ground station: --gcs opens one" in capsys.readouterr().err.splitlines()
+
+
+@contextlib.contextmanager
+def unsigned_station(port: int) -> Iterator[None]:
+    """A ground station without a key that calls a UDP port again and again."""
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(None, 255, 190))
+    over = threading.Event()
+
+    def call() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caller:
+            while not over.wait(0.01):
+                caller.sendto(beat, ("127.0.0.1", port))
+
+    calling = threading.Thread(target=call)
+    calling.start()
+    try:
+        yield
+    finally:
+        over.set()
+        calling.join()
+
+
+def test_who_is_refused_for_want_of_a_key_is_told_once_though_nobody_is_answered(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = tmp_path / "my.key"
+    key.write_text("passphrase the goose is loose\n")
+    key.chmod(0o600)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = int(probe.getsockname()[1])
+    with unsigned_station(port):
+        flown(tmp_path, monkeypatch, "--gcs", f"udpin:127.0.0.1:{port}", "--signing-key", str(key))
+    assert capsys.readouterr().err.count(f"unsigned frames are refused on udpin:127.0.0.1:{port}") == 1

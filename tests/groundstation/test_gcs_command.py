@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 
 import pytest
@@ -137,4 +138,15 @@ def test_status_has_the_documented_keys(capsys: Capture) -> None:
 
 def test_nobody_there_is_exit_code_2(capsys: Capture) -> None:
     assert gcs("udpout:127.0.0.1:9", "arm", "--timeout", "0.2") == 2
-    assert capsys.readouterr().err == "wingbeat: no vehicle answers on udpout:127.0.0.1:9: no heartbeat for 0.2 s\n"
+    assert capsys.readouterr().err == (
+        "wingbeat: no vehicle answers on udpout:127.0.0.1:9: no heartbeat for 0.2 s, nor anything else;"
+        " does it need a --signing-key?\n"
+    )
+
+
+def test_a_port_that_refuses_is_told_as_such(capsys: Capture) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = f"tcp:127.0.0.1:{taken.getsockname()[1]}"
+        assert gcs(url, "--timeout", "0.3", "status") == 2
+    assert capsys.readouterr().err == f"wingbeat: no vehicle answers on {url}: connection refused\n"

@@ -61,3 +61,17 @@ def test_a_key_that_is_none_is_one_line(tmp_path: Path, capsys: Capture) -> None
     (tmp_path / "bad.key").chmod(0o600)
     assert gcs("udpout:127.0.0.1:9", "--signing-key", str(tmp_path / "bad.key"), "status") == 2
     assert "not 64 hexadecimal digits" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [(None, "does it need a --signing-key?"), ("the goose is gone", "has the vehicle the key of --signing-key?")],
+)
+def test_a_vehicle_that_waits_and_hears_no_stranger_is_told_from_a_dead_one(
+    given: str | None, said: str, tmp_path: Path, capsys: Capture
+) -> None:
+    right = KeyFile(Path(key(tmp_path / "right.key", "the goose is loose")))
+    words = ("--signing-key", key(tmp_path / "wrong.key", given)) if given else ()
+    with aboard(tmp_path / "raven.json", Signing(time.time, right.load_key())) as url:
+        assert gcs(url, *words, "--timeout", "0.3", "status") == 2
+    assert capsys.readouterr().err.endswith(f"no heartbeat for 0.3 s, nor anything else; {said}\n")
