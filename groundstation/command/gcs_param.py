@@ -20,7 +20,8 @@ JSON_KEYS = {
     "param list": "parameters: list of {name, value, type}",
     "param get, set": "name, value, type",
     "param diff": "file; same; differences: list of {name, file, vehicle}, null where one has it not",
-    "param save, load": "file; parameters: list of {name, value, type}, saved or changed",
+    "param save": "file; parameters: list of {name, value, type}",
+    "param load": "file; parameters: list of {name, value, type, before} that changed",
 }
 ACTIONS = "list|get|set|diff|save|load"
 
@@ -150,7 +151,13 @@ def _load(session: Session) -> None:
         if _differs(value, held[name].value):
             write = parameters.ParameterWrite(session.target, held[name], value, encoding)
             changed.append(session.ask(write, name).answer or held[name])
-    _report(session, changed, f"{counted(len(changed), 'parameter')} changed")
+    if session.json:
+        rows = [{**tables.parameter_record(each), "before": held[each.name].value} for each in changed]
+        print_document({"file": str(session.chosen.file), "parameters": rows})
+        return
+    for each in changed:
+        print(f"{each.name:<16}  {_shown(held[each.name].value)} -> {_shown(each.value)}")
+    print(f"{counted(len(changed), 'parameter')} changed")
 
 
 def _report(session: Session, held: Sequence[parameters.Parameter], text: str) -> None:

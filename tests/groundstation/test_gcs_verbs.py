@@ -219,3 +219,17 @@ def test_goto_on_the_ground_asks_for_an_altitude(capsys: Capture) -> None:
         assert capsys.readouterr().err.endswith("too low to circle at: give --altitude\n")
         assert "COMMAND_INT" not in vehicle.requests
         assert gcs(url, "goto", "38.99", "-76.94", "--altitude", "30") == 0
+
+
+def test_loaded_parameters_are_told_with_what_they_were_before(tmp_path: Path, capsys: Capture) -> None:
+    vehicle, file = LossyVehicle(), tmp_path / "a.params"
+    with on_the_air(vehicle) as url:
+        assert gcs(url, "param", "save", str(file)) == 0
+        vehicle.values["GAIN_3"] = 0.125
+        capsys.readouterr()
+        assert gcs(url, "param", "load", str(file)) == 0
+        assert capsys.readouterr().out.splitlines() == ["GAIN_3            0.125 -> 3", "1 parameter changed"]
+        vehicle.values["GAIN_3"] = 0.125
+        assert gcs(url, "param", "load", str(file), "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["parameters"] == [{"name": "GAIN_3", "value": 3.0, "type": "float", "before": 0.125}]
