@@ -51,14 +51,14 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Check fields and files before the vehicle is spoken to.
 
     Raises:
-        BadInput: an unknown field, a file that is there.
+        BadInput: an unknown field, a file that is there or would be no .mcap.
     """
     if chosen.verb == "watch":
         chosen.asked = [parse_field(text) for text in chosen.fields]
         if chosen.count is not None and chosen.count < 1:
             raise BadInput("--count must be at least 1")
     if chosen.verb == "record":
-        check_new(chosen.file)
+        check_new(chosen.file, (".mcap",))
 
 
 def is_endless(chosen: argparse.Namespace) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
+from avionics.missions.files import LISTS
 from avionics.quantities import counted
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import missions, waypoints
@@ -24,6 +25,8 @@ JSON_KEYS = {
     " low (Hz), high (Hz), loops}; width: of a step, of a sweep, or the period of a multisine",
     "mission diff": "file; same; differences: list of {part, number, file, vehicle}, items as above or null",
 }
+WRITTEN = (*LISTS, ".plan")
+"""endings of the files that are written: lists as `QGC WPL 110`, and QGroundControl's plan"""
 PARTS = (
     ("fence", mavlink.MAV_MISSION_TYPE_FENCE, "the fence", "fence item"),
     ("rally", mavlink.MAV_MISSION_TYPE_RALLY, "the rally points", "rally point"),
@@ -55,7 +58,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     if chosen.verb != "mission" or chosen.action == "show":
         return
     if chosen.action == "download":
-        check_new(chosen.file)
+        check_new(chosen.file, WRITTEN)
     else:
         waypoints.read(chosen.file)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -117,12 +117,14 @@ Verb = Callable[[Session], int | None]
 """does what one verb asks for; an exit code other than 0 where it has one"""
 
 
-def check_new(file: Path) -> None:
-    """Refuse a file that is there, or whose folder is not.
+def check_new(file: Path, endings: Sequence[str] = ()) -> None:
+    """Refuse a file that is there, or whose folder is not, or whose name has none of ``endings`` where there are any.
 
     Raises:
-        BadInput: it cannot be written anew.
+        BadInput: it cannot be written anew, or not in the format that its name promises.
     """
+    if endings and file.suffix not in endings:
+        raise BadInput(f"{file}: its name must end in {' or '.join(endings)}, the formats that can be written")
     if file.exists():
         raise BadInput(f"{file} exists already; choose another name")
     if not file.absolute().parent.is_dir():

@@ -233,3 +233,18 @@ def test_loaded_parameters_are_told_with_what_they_were_before(tmp_path: Path, c
         assert gcs(url, "param", "load", str(file), "--json") == 0
     document = json.loads(capsys.readouterr().out)
     assert document["parameters"] == [{"name": "GAIN_3", "value": 3.0, "type": "float", "before": 0.125}]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("mission", "download", "m.toml"), "m.toml: its name must end in .waypoints or "),
+        (("record", "q.txt"), "q.txt: its name must end in .mcap"),
+    ],
+)
+def test_a_file_is_written_in_the_format_of_its_name_alone(
+    words: tuple[str, ...], said: str, capsys: Capture
+) -> None:
+    assert main(["gcs", "udpout:127.0.0.1:9", *words]) == 2
+    text = capsys.readouterr().err
+    assert said in text and text.count("\n") == 1
