@@ -32,6 +32,7 @@ from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.bench import BoundedBoard, showing
+from groundstation.command.ending import WORDS
 from groundstation.command.onboard import Onboard
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
@@ -43,7 +44,7 @@ from sim_bridge.flight.flight import fault_commands
 ANGLES = ("roll", "pitch", "yaw")
 WITHOUT_LOCKSTEP = ("hil:serial:", "razor:")
 """boards that wait for nobody: they share no core with a world"""
-STOPPED = "stopped with Ctrl-C"
+STOPPED = f"{WORDS}Ctrl-C"
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs serial:/dev/ttyUSB0,57600 --identity ardupilot",
@@ -146,7 +147,7 @@ def run(arguments: Sequence[str]) -> int:
     if outcome.silent:
         raise BadInput(outcome.ended)
     account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {path}")
-    if outcome.ended == STOPPED:
+    if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
     return 0
 
@@ -238,8 +239,8 @@ def _flown(
             onboard.fly(bounded, link)
         except BoardSilent as silence:
             return str(silence), True
-        except KeyboardInterrupt:
-            return STOPPED, False
+        except KeyboardInterrupt as stop:
+            return str(stop) or STOPPED, False
         return bounded.ended or board.ended, False
 
 

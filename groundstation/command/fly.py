@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import socket
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
@@ -134,7 +132,6 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     plan = check(chosen)
     console = open_console(quiet=chosen.json)
-    signal.signal(signal.SIGTERM, _interrupt)
     for note in plan.notes:
         print(note, file=sys.stderr)
     _prepare(plan, console)
@@ -146,10 +143,6 @@ def run(arguments: Sequence[str]) -> int:
         raise
     _report(plan, chosen, console, time.monotonic() - began)
     return 0
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def check(chosen: argparse.Namespace) -> Plan:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+from types import FrameType
 from typing import Any
 
+from groundstation.command import ending
 from groundstation.command.gcs_session import Session, Verb
 from groundstation.link.fields import parse_field
 from groundstation.link.station import Station
@@ -35,6 +38,14 @@ def show(session: Session) -> int:
     from groundstation.screen.monitor import Monitor
 
     screen = Monitor(station, plots)
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        screen.exit(return_code=128 + number)
+
+    # A KeyboardInterrupt in the screen's loop would leave the terminal as the screen had it.
+    for number in ending.SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, leave)
     screen.run()
     return screen.return_code or 0
 

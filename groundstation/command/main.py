@@ -1,6 +1,7 @@
 """``wingbeat``: finds the subcommand, imports that one alone, and turns every failure into one line and a code.
 
-Exit codes: 0 done; 1 the vehicle refused or did not answer; 2 the input cannot be used; 130 stopped with Ctrl-C.
+Exit codes: 0 done; 1 the vehicle refused or did not answer; 2 the input cannot be used; 130 stopped
+with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from avionics.quantities import BadInput
+from groundstation.command import ending
 from groundstation.link.answers import LinkSilent, NoAnswer
 
 REFUSED = 1
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 
 class Subcommand(NamedTuple):
@@ -74,12 +75,25 @@ def dispatch(arguments: Sequence[str]) -> int:
     name = arguments[0]
     if name not in SUBCOMMANDS:
         raise BadInput(f"there is no command {name!r}; commands: {', '.join(SUBCOMMANDS)}")
-    code: int = importlib.import_module(SUBCOMMANDS[name].module).run(list(arguments[1:]))
+    with ending.importing():
+        module = importlib.import_module(SUBCOMMANDS[name].module)
+    code: int = module.run(list(arguments[1:]))
     return code
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of the console script; never lets a traceback of a foreseen failure through."""
+    with ending.heeded() as ended:
+        try:
+            code = _main(arguments)
+        except OSError:  # the terminal went away, as it does with SIGHUP: nobody is there to be told
+            code = BAD_INPUT
+            if ended.code is None:
+                raise
+        return code if ended.code is None else ended.code
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     try:
         code = dispatch(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
@@ -89,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except NoAnswer as error:
         return _complain(error, REFUSED)
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return ending.INTERRUPTED
     except SystemExit as leaving:  # argparse, after --help
         return int(leaving.code or 0)
     except BrokenPipeError:

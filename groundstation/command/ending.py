@@ -1,0 +1,73 @@
+"""How a command is ended from outside: Ctrl-C, SIGTERM, SIGHUP, each as early as it comes and without a torn file.
+
+Ctrl-C is a KeyboardInterrupt, which Python drops where it comes upon it in a callback of its import system: so while
+a command's modules are imported, when nothing is open yet, Ctrl-C ends the program at once. SIGTERM and SIGHUP are
+made KeyboardInterrupts too, so that whatever finishes its file on Ctrl-C does so on them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+INTERRUPTED = 130
+"""exit code after Ctrl-C: 128 and the signal's number, as of every signal"""
+WORDS = "stopped with "
+"""that a KeyboardInterrupt says, which a signal other than Ctrl-C's was made"""
+SIGNALS = tuple(signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
+
+
+class Ending:
+    """Which signal has ended the command; a second one while files are finished changes nothing."""
+
+    def __init__(self) -> None:
+        self.code: int | None = None
+        """-; the exit code of a signal that came, None before"""
+
+    def come(self, number: int, frame: FrameType | None) -> None:
+        """The signals' handler.
+
+        Raises:
+            KeyboardInterrupt: at the first of them.
+        """
+        if self.code is None:
+            self.code = 128 + number
+            raise KeyboardInterrupt(f"{WORDS}{signal.Signals(number).name}")
+
+
+@contextlib.contextmanager
+def heeded() -> Iterator[Ending]:
+    """Make signals KeyboardInterrupts; one that is ignored, as SIGHUP under ``nohup``, stays so."""
+    ending = Ending()
+    kept = {}
+    if _in_main_thread():
+        kept = {number: signal.getsignal(number) for number in SIGNALS}
+    for number, handler in kept.items():
+        if handler == signal.SIG_DFL:
+            signal.signal(number, ending.come)
+    try:
+        yield ending
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def importing() -> Iterator[None]:
+    """Let Ctrl-C end the program at once: nothing is open that would have to be finished."""
+    if not _in_main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

@@ -1,0 +1,89 @@
+"""A command that is ended from outside: its file is whole, and its exit code says by what."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lossy_vehicle import LossyVehicle, on_the_air
+
+from groundstation.command.main import main
+
+Capture = pytest.CaptureFixture[str]
+WINGBEAT = [sys.executable, "-m", "groundstation.command.main"]
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    pipe = subprocess.PIPE
+    return subprocess.Popen([*WINGBEAT, *words], stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+
+def assert_whole(file: Path, capsys: Capture) -> None:
+    """The file opens, and has its end."""
+    assert main(["log", "info", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["damage"] == []
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_signal_finishes_what_a_ground_station_records(
+    number: int, code: int, tmp_path: Path, capsys: Capture
+) -> None:
+    with on_the_air(LossyVehicle()) as url:
+        child = started("gcs", url, "--record-to", str(tmp_path), "watch", "HEARTBEAT.type")
+        assert child.stdout is not None and "HEARTBEAT.type" in child.stdout.readline()
+        child.send_signal(number)
+        _, errors = child.communicate(timeout=20)
+    assert (child.returncode, errors) == (code, "")
+    (file,) = tmp_path.iterdir()
+    assert_whole(file, capsys)
+
+
+def test_a_signal_ends_a_recording_as_ctrl_c_does_but_for_the_exit_code(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "a.mcap"
+    with on_the_air(LossyVehicle()) as url:
+        child = started("gcs", url, "record", str(file))
+        assert child.stderr is not None and "recording" in child.stderr.readline()
+        child.send_signal(signal.SIGTERM)
+        said, _ = child.communicate(timeout=20)
+    assert child.returncode == 143 and str(file) in said
+    assert_whole(file, capsys)
+
+
+def test_a_signal_finishes_the_log_of_a_flight_computer(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "a.mcap"
+    board = ("--board", "hil:tcp:127.0.0.1:9", "--vehicle", "robo_raven_ii_d")
+    child = started("avionics", *board, "--parameters", "none", "--log", str(file))
+    assert child.stderr is not None
+    while "waiting for the board" not in child.stderr.readline():
+        assert child.poll() is None
+    child.send_signal(signal.SIGTERM)
+    child.communicate(timeout=20)
+    assert child.returncode == 143
+    assert_whole(file, capsys)
+
+
+DROPPED = """
+import importlib, os, signal, sys
+from groundstation.command import main
+
+class Callback:
+    def __del__(self):  # Python drops what is raised in here
+        os.kill(os.getpid(), signal.SIGINT)
+        sum(range(1000))
+
+def import_module(name):
+    Callback()
+    return importlib.__import__(name, fromlist=["run"])
+
+main.importlib = type("Importing", (), {"import_module": staticmethod(import_module)})
+sys.exit(main.main(["vehicles"]))
+"""
+
+
+def test_ctrl_c_is_not_dropped_while_a_command_is_imported() -> None:
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
