@@ -5,6 +5,7 @@ The samples come from the task (`avionics.tasks.calibrate`); the arithmetic is i
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from avionics import parameters
@@ -30,8 +31,10 @@ RAW_IMU = (Calibration.ACCELEROMETER, Calibration.LEVEL, Calibration.MAGNETOMETE
 """need the IMU's samples as the sensor gives them"""
 MOVING = 0.35
 """rad/s; rate of turn beyond which a vehicle is not at rest"""
-GREATEST_ARGUMENT = {Calibration.WINGS: 1.6, Calibration.BATTERY: 100.0}
-"""rad or V; of what is given, either way"""
+TOLERANCE = 1e-6
+"""rad or V; single precision of the wire"""
+ARGUMENTS = {Calibration.WINGS: (-math.pi / 2.0, math.pi / 2.0), Calibration.BATTERY: (0.0, 100.0)}
+"""rad or V; range of what is given, 0 where nothing is"""
 WORDS = {
     Calibration.ACCELEROMETER: "accelerometer: put it still on each of its six sides",
     Calibration.LEVEL: "accelerometer: keep it level and still",
@@ -87,8 +90,15 @@ def refusal(state: State, kind: Calibration, argument: float, armed: bool, flyin
         return "" if flying else "not in flight"
     if armed:
         return "armed"
-    limit = GREATEST_ARGUMENT.get(kind, 0.0)
-    return "" if abs(argument) <= limit else f"{argument:g} is outside its range, {-limit:g} to {limit:g}"
+    low, high = ARGUMENTS.get(kind, (0.0, 0.0))
+    return "" if low - TOLERANCE <= argument <= high + TOLERANCE else _outside(kind, argument, low, high)
+
+
+def _outside(kind: Calibration, argument: float, low: float, high: float) -> str:
+    """What is wrong with what was given, in the unit in which people give it."""
+    unit = {Calibration.WINGS: " degrees", Calibration.BATTERY: " V"}.get(kind, "")
+    scale = math.degrees(1.0) if kind == Calibration.WINGS else 1.0
+    return f"{scale * argument:.6g} is outside its range, {scale * low:g} to {scale * high:g}{unit}"
 
 
 def progress(state: State) -> float:

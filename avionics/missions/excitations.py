@@ -100,7 +100,7 @@ def check_excitation(asked: Excitation | None) -> str:
         return "EXCITE without an excitation"
     for word, value, key in _numbers_of(asked):
         if not key.low * (1.0 - 1e-6) <= value <= key.high * (1.0 + 1e-6):
-            return f"{word} = {value:g} is outside {key.low:g} to {key.high:g} {key.unit}"
+            return f"{word} = {value:g} is outside {key.low:g} to {key.high:g} {key.unit}".removesuffix(" -")
     refusal = _amplitude_refusal(asked) or (_multisine_refusal(asked) if asked.shape == Shape.MULTISINE else "")
     if not refusal:
         excitation_input.spectrum(asked)
@@ -126,7 +126,8 @@ def _amplitude_refusal(asked: Excitation) -> str:
         low, high = key.si(key.low), key.si(key.high)
         unused = channel != asked.channel and amplitude == 0.0
         if not unused and not low * (1.0 - 1e-6) <= amplitude <= high * (1.0 + 1e-6):
-            return f"{channel.name.lower()}: {name} is outside {key.low:g} to {key.high:g} {key.unit}"
+            outside = f"{channel.name.lower()}: {name} is outside {key.low:g} to {key.high:g} {key.unit}"
+            return outside.removesuffix(" -")
     return ""
 
 

@@ -233,7 +233,8 @@ def test_armed_nothing_is_calibrated_and_while_calibrating_nothing_is_armed() ->
     [
         ("ROTOR", 0.0, "unknown kind ROTOR"),
         ("AIRSPEED", 0.0, "not in flight"),
-        ("WINGS", 3.0, "3 is outside its range"),
+        ("WINGS", 3.0, "171.887 is outside its range, -90 to 90 degrees"),
+        ("BATTERY", -1.0, "-1 is outside its range, 0 to 100 V"),
         ("BATTERY", math.nan, "nan is outside its range"),
     ],
 )

@@ -63,6 +63,16 @@ def test_a_refusal_is_one_line(tmp_path: Path, capsys: Capture) -> None:
         assert said.out.startswith("battery: keep the drives at rest") and "not calibrated" not in said.out
 
 
+def test_what_is_out_of_range_is_told_in_the_unit_in_which_it_was_given(tmp_path: Path, capsys: Capture) -> None:
+    with aboard(tmp_path / "raven.json") as url:
+        assert gcs(url, "calibrate", "wings", "--angle", "500") == 1
+        assert capsys.readouterr().err.endswith("calibration refused: 500 is outside its range, -90 to 90 degrees\n")
+        assert gcs(url, "calibrate", "battery", "--voltage", "800") == 1
+        assert capsys.readouterr().err.endswith("calibration refused: 800 is outside its range, 0 to 100 V\n")
+    assert gcs("udpout:127.0.0.1:9", "excite", "doublet", "throttle", "--amplitude", "5", "--width", "0.2") == 2
+    assert capsys.readouterr().err.endswith("is outside 0.005 to 0.5\n")
+
+
 def test_an_excitation_on_the_ground_is_refused_and_a_bad_one_never_sent(tmp_path: Path, capsys: Capture) -> None:
     with aboard(tmp_path / "raven.json") as url:
         sweep = ("sweep", "elevator", "--amplitude", "3", "--start", "0.5", "--end", "3", "--duration", "10")
