@@ -6,6 +6,7 @@ logged inputs.
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Sequence
 
@@ -71,6 +72,9 @@ class Onboard:
         """
         step = self.view.autopilot.step
         self._link = link
+        # What is in memory now stays: no search for garbage among it may take a tick.
+        gc.collect()
+        gc.freeze()
         try:
             while (frame := board.read()) is not None:
                 self._stopwatch.begin()
@@ -80,6 +84,7 @@ class Onboard:
                 if self._file is not None:
                     self._keep(self._file, self.view.armed)
         finally:
+            gc.unfreeze()
             if self._file is not None:
                 self._keep(self._file, armed=False)
 
