@@ -117,10 +117,13 @@ def cancel(session: Session) -> bool:
     """End what is calibrated; whether the vehicle has said that it did."""
     for _ in range(CANCELS):
         with contextlib.suppress(NoAnswer):
-            command = CommandExchange(session.target, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, CANCEL)
-            session.connection.run(command, patience=CANCEL_WAIT)
+            session.connection.run(_cancellation(session), patience=CANCEL_WAIT)
             return True
     return False
+
+
+def _cancellation(session: Session) -> CommandExchange:
+    return CommandExchange(session.target, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, CANCEL)
 
 
 def _outcome(cancelled: bool) -> str:
@@ -130,8 +133,7 @@ def _outcome(cancelled: bool) -> str:
 
 
 def _cancel_as_asked(session: Session) -> None:
-    command = CommandExchange(session.target, mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, CANCEL)
-    session.ask(command, "calibrate cancel")
+    session.ask(_cancellation(session), "calibrate cancel")
     if session.json:
         print_document({"kind": "cancel", "said": [], "parameters": []})
     else:
