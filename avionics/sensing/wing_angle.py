@@ -293,17 +293,24 @@ def _cross(gains: Gains, state: State) -> State:
     if period > 1.0 / gains.slowest:
         period = 0.0
     stroke = _stroke(state, period, rising) if period else state.stroke
-    return _reversed(
-        state, _next_beat(beat, at, period, state.stroke.period, rising), stroke, int(rising and period > 0.0)
-    )
+    # Four crossings make two periods, each told to half a step of the encoder; here as a time, at a sine's middle.
+    blur = 2.0 * TWO_PI / (gains.counts_per_turn * gains.gear_ratio) * period / (pi * (turn.high - turn.low))
+    following = _next_beat(beat, at, period, state.stroke.period, rising, blur)
+    return _reversed(state, following, stroke, int(rising and period > 0.0))
 
 
-def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool) -> Beat:
-    """The beat after a crossing at ``at`` us that ended a stroke of ``period`` s (0 when it ended none)."""
+def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool, blur: float) -> Beat:
+    """The beat after a crossing at ``at`` us that ended a stroke of ``period`` s (0 when it ended none).
+
+    A difference between two periods that the encoder's steps explain (up to ``blur``, s) is no change of the period,
+    which then lies between them.
+    """
     _, _, up_us, down_us, split, crossings, _ = beat
     pace = period
     if crossings > STROKES_APART and abs(period - before) < DRIFT * before:
-        pace += TREND * (period - before)
+        change = period - before
+        blurred = max(-blur, min(blur, change))
+        pace += TREND * (change - blurred) - 0.5 * blurred
     if rising:
         above = (down_us - up_us) * 1e-6 / period if period and down_us > up_us >= 0.0 else -1.0
         if split < 0.0 <= above:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from avionics.messages import WingState
@@ -114,6 +114,8 @@ beats = st.builds(
 
 
 @given(beat=beats)
+@example(Beat(10.48, 0.2664, -0.07914, 0.56957, 0.71028))
+@example(Beat(11.906, 0.479, -0.2067, 0.5897, 0.60087))
 @settings(max_examples=80, deadline=None)
 def test_phase_and_frequency_of_unequal_halves_after_one_stroke(beat: Beat) -> None:
     """Within 2 degrees and 1 %; the ratio within 0.05: the encoder's steps blur when a flat top is passed."""
