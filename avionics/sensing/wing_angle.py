@@ -5,7 +5,8 @@ The middle lies halfway between the last top and the last bottom, so that it fol
 are timed by interpolation between samples and confirmed by a hysteresis, so that neither the encoder's steps (0.18
 degree, E2-500, Gerdes et al. 2017 Table 1) nor a trembling wing make strokes. Upward and downward crossings both set
 phase and period: between them the phase runs on for half a stroke only, and where the wing follows the commanded
-stroke, with that (`avionics.sensing.stroke_lock`).
+stroke, with that (`avionics.sensing.stroke_lock`); where a motor's throttle moves, as its speed follows
+(`avionics.sensing.drive_turns`).
 
 An encoder that is not believed (`avionics.sensing.encoders`) is replaced by the other wing's; without both, phase and
 frequency are those of the commanded stroke.
@@ -19,7 +20,7 @@ from typing import Annotated, NamedTuple
 from avionics.messages import WingState
 from avionics.quantities import Quantity
 from avionics.records import new
-from avionics.sensing import stroke_lock
+from avionics.sensing import drive_turns, stroke_lock
 from avionics.sensing.encoders import Counts
 
 TWO_PI = 2.0 * pi
@@ -62,6 +63,8 @@ class Gains(NamedTuple):
     """Hz; flapping slower than this is none"""
     fastest: Annotated[float, Quantity("Hz", 5.0, 50.0)] = 20.0
     """Hz; flapping faster than this is none"""
+    drive_lag: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.0
+    """s; time constant of a motor's speed behind its throttle; of no meaning for wings that follow an angle"""
 
 
 class Commanded(NamedTuple):
@@ -168,6 +171,8 @@ class State(NamedTuple):
     """counts; missed by then"""
     lock: stroke_lock.State = stroke_lock.NOTHING
     """how far the stroke lags behind the commanded one"""
+    turns: drive_turns.State = drive_turns.NOTHING
+    """of a motor's crank, by its throttle"""
 
 
 def angles(gains: Gains, left_counts: float, right_counts: float) -> tuple[float, float]:
@@ -198,10 +203,12 @@ def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTH
     if valid == 0:
         return _unmeasured(gains, state, counts, commanded)
     if time_us > state.time_us:
-        before = state.beat.crossings
+        before, dt = state.beat, (time_us - state.time_us) * 1e-6
         state = _advance(gains, state, time_us, left, right)
-        if state.beat.crossings != before:
+        if state.beat.crossings != before.crossings:
             state = state._replace(lock=_locked(state, commanded))
+        if commanded.amplitude <= 0.0:
+            state = state._replace(turns=_turns(gains, state, before, commanded.frequency, dt))
     return state, _message(state, counts, commanded)
 
 
@@ -215,9 +222,19 @@ def _locked(state: State, commanded: Commanded) -> stroke_lock.State:
     return stroke_lock.crossed(state.lock, lag, commanded.frequency * period)
 
 
+def _turns(gains: Gains, state: State, before: Beat, frequency: float, dt: float) -> drive_turns.State:
+    """The crank's turns by the throttle, after a sample ``dt`` s after the last, ``before`` which the beat was so."""
+    turns = drive_turns.step(state.turns, frequency, gains.drive_lag, dt)
+    if state.beat.crossings == before.crossings:
+        return turns
+    rising = state.side > 0  # it is above now
+    whole = (before.up_us if rising else before.down_us) >= 0.0
+    return drive_turns.crossed(turns, (state.time_us - state.beat.anchor_us) * 1e-6, rising, whole)
+
+
 def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
     (last_us, left_1, right_1, before_us, left_0, right_0, rate_left, rate_right, side, crossed_us,
-     mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock) = state  # fmt: skip
+     mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock, turns) = state  # fmt: skip
     # Differences over two intervals halve the encoder's steps.
     span = (time_us - before_us) * 1e-6
     dt = (time_us - last_us) * 1e-6
@@ -246,7 +263,7 @@ def _advance(gains: Gains, state: State, time_us: int, left: float, right: float
         confirmed = above < -margin
     state = new(State, (
         time_us, left, right, last_us, left_1, right_1, rate_left, rate_right, side, crossed_us,
-        mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock,
+        mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock, turns,
     ))  # fmt: skip
     if confirmed:
         return _cross(gains, state)
@@ -412,12 +429,17 @@ def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded
 
 
 def _message(state: State, counts: Counts, commanded: Commanded) -> WingState:
-    time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _, lock = state
+    time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _, lock, turns = (
+        state
+    )
     _, _, _, valid_left, valid_right, missed = counts
     period, amplitude_left, amplitude_right, mean_angle, ratio, ratio_left, ratio_right = stroke
     if period > 0.0:
         frequency, flapping = 1.0 / (beat.pace or period), 1
         measured = beat.anchor + (time_us - beat.anchor_us) * 1e-6 * frequency
+        if commanded.amplitude <= 0.0 and drive_turns.follows(turns, commanded.frequency):
+            frequency = drive_turns.frequency(turns)
+            measured = drive_turns.phase(turns)
         phase = TWO_PI * stroke_lock.phase(lock, commanded.phase / TWO_PI, measured)
         if stroke_lock.follows(lock):
             frequency = commanded.frequency

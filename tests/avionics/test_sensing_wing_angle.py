@@ -128,6 +128,77 @@ def test_phase_and_frequency_of_unequal_halves_after_one_stroke(beat: Beat) -> N
         assert message.downstroke_ratio == pytest.approx(beat.downstroke, abs=0.05)
 
 
+class Crank(NamedTuple):
+    """A motor's crank whose speed follows a moving throttle as a lag, from rest, and what the map makes of it."""
+
+    slow: float
+    """Hz; about which the throttle swings"""
+    swing: float
+    """-; of the frequency, either way"""
+    rate: float
+    """Hz; of the throttle's swing"""
+    lag: float
+    """s"""
+    off: float
+    """-; factor by which the map is wrong"""
+
+    def flown(self, gains: wing_angle.Gains, seconds: float) -> list[tuple[float, float, WingState]]:
+        """True phase in turns, true frequency (Hz), and what is measured, at each sample once it has run up."""
+        fine = 20
+        dt = PERIOD_US * 1e-6 / fine
+        speed, turns, state, told = 0.0, 0.0, wing_angle.State(), []
+        for k in range(round(seconds * 1e6 / PERIOD_US)):
+            for i in range(fine):
+                asked = self.slow * (1.0 + self.swing * math.sin(math.tau * self.rate * (k * fine + i) * dt))
+                speed += dt / self.lag * (asked - speed)
+                turns += speed * dt
+            at = counts(0.6 * math.sin(math.tau * turns))
+            commanded = wing_angle.Commanded(frequency=asked * self.off)
+            state, message = wing_angle.step(gains, state, Counts((k + 1) * PERIOD_US, at, at), commanded)
+            told.append((turns, speed, message))
+        return told[round(8.0 * self.lag * 1e6 / PERIOD_US) :]
+
+
+cranks = st.builds(
+    Crank, st.floats(2.0, 6.0), st.floats(0.0, 0.15), st.floats(0.1, 0.5), st.floats(0.08, 0.2), st.floats(0.8, 1.25)
+)
+
+
+@given(crank=cranks)
+@settings(max_examples=25, deadline=None)
+def test_a_motors_phase_is_known_while_its_throttle_moves(crank: Crank) -> None:
+    """And by the crossings alone it is not, by far: the throttle tells how the stroke goes on."""
+    followed = crank.flown(GAINS._replace(drive_lag=crank.lag), 6.0)
+    for turns, speed, message in followed:
+        if message.strokes >= 2:
+            error = (message.phase / math.tau - turns + 0.5) % 1.0 - 0.5
+            assert abs(error) * 360.0 < 2.0
+            assert message.frequency == pytest.approx(speed, rel=0.03)
+
+
+def test_by_its_crossings_alone_a_swinging_motors_phase_is_off() -> None:
+    crank = Crank(3.0, 0.15, 0.4, 0.15, 1.0)
+    errors: list[float] = []
+    for lag in (0.15, 1.0):
+        told = crank.flown(GAINS._replace(drive_lag=lag), 8.0)
+        turned = [(m.phase / math.tau - turns + 0.5) % 1.0 - 0.5 for turns, _, m in told if m.strokes >= 2]
+        errors.append(max(map(abs, turned)) * 360.0)
+    assert errors[0] < 2.0 < 4.0 < errors[1]
+
+
+def test_a_motor_that_is_cut_runs_on_by_its_crossings() -> None:
+    """The wings still beat while the clock of the throttle has stopped."""
+    state = wing_angle.State()
+    gains = GAINS._replace(drive_lag=0.1)
+    for k in range(600):
+        at = counts(0.6 * math.sin(math.tau * 4.0 * k * PERIOD_US * 1e-6))
+        asked = wing_angle.Commanded(frequency=4.0 if k < 400 else 0.0)
+        state, message = wing_angle.step(gains, state, Counts(k * PERIOD_US, at, at), asked)
+    assert message.flapping == 1
+    assert message.frequency == pytest.approx(4.0, rel=0.01)
+    assert abs(math.degrees(phase_error(message, 4.0, 0.0))) < 2.0
+
+
 @given(beat=beats, change=st.floats(0.6, 1.6))
 @settings(max_examples=60, deadline=None)
 def test_a_new_frequency_is_known_one_stroke_after_the_change(beat: Beat, change: float) -> None:

@@ -1,8 +1,9 @@
-"""Designed loops: their margins by other means, and the flight code's own loops flown on the linear model."""
+"""Designed loops: their margins by other means, the flight code's own loops flown on the linear model, their file."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model
 
 from avionics.quantities import BadInput
 from avionics.stabilization import pitch, roll
+from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning.cascade import PARTS, design
+from sim_bridge.flight.tuning.vehicle_file import places, tuned_text, write
 from sim_bridge.tuning.margins import LIMITS
 
 TRIM = 1e-3
@@ -174,3 +177,55 @@ def test_an_elevator_that_does_nothing_is_refused_by_the_loop_it_is_in() -> None
     limp = model(name)._replace(elevator=1e-6 * model(name).elevator)
     with pytest.raises(BadInput, match="pitch: no gains"):
         design(limp, vehicle(name))
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_written_file_loads_and_holds_the_designed_gains(name: str, tmp_path: Path) -> None:
+    where = places(tmp_path / "my_bird")
+    write(where, vehicle(name), designed(name), "# the world\n")
+    loaded = load_flight_vehicle(where.avionics)
+    assert loaded.gains == designed(name).gains
+    assert loaded.airframe == vehicle(name).airframe
+    assert where.world is not None and where.world.read_text() == "# the world\n"
+    for loop in designed(name).after:
+        for key in loop.gains:
+            source = loaded.file.sources[key]
+            assert source.kind == "identified"
+            assert f"tuned by wingbeat tune on {name}" in source.text
+            assert f"GM {loop.margins.gain_db:.1f} dB, PM {math.degrees(loop.margins.phase):.0f} deg" in source.text
+
+
+def test_every_other_line_and_comment_is_kept() -> None:
+    name = VEHICLES[0]
+    old = vehicle(name).file.text.replace("[pitch]\n", "[pitch]  # mine\n# a word\n")
+    remarked = vehicle(name)._replace(file=vehicle(name).file._replace(text=old))
+    new = tuned_text(remarked, designed(name)).splitlines()
+    assert len(new) == len(old.splitlines())
+    changed = [(a, b) for a, b in zip(old.splitlines(), new, strict=True) if a != b]
+    assert len(changed) == len(designed(name).values)
+    assert all(a.split(" = ")[0] == b.split(" = ")[0] and "wingbeat tune" in b for a, b in changed)
+
+
+def test_a_file_laid_out_otherwise_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    name = VEHICLES[0]
+    text = vehicle(name).file.text.replace("[roll]\nproportional", "[roll]\n'proportional'")
+    odd = vehicle(name)._replace(file=vehicle(name).file._replace(text=text))
+    where = places(tmp_path / "my_bird")
+    with pytest.raises(BadInput, match=r"roll\.proportional must be written on one line"):
+        write(where, odd, designed(name), "# the world\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_files_are_never_touched(tmp_path: Path) -> None:
+    for taken in ("avionics.toml", "world.toml"):
+        folder = tmp_path / taken.partition(".")[0]
+        folder.mkdir()
+        (folder / taken).write_text("mine")
+        with pytest.raises(BadInput, match="exists already and is not overwritten"):
+            places(folder)
+        assert (folder / taken).read_text() == "mine"
+    with pytest.raises(BadInput, match="exists already"):
+        places(tmp_path / "world" / "world.toml")
+    (tmp_path / "plain").write_text("mine")
+    with pytest.raises(BadInput, match="is a file"):
+        places(tmp_path / "plain")

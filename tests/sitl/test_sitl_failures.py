@@ -44,7 +44,8 @@ def check_upright(flight: Flight, bank: float = 45.0) -> None:
     assert flight.altitude()[inside].min() > -1.5
 
 
-@pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle: str) -> None:
     flight = flown(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
     check_upright(flight)

@@ -230,9 +230,9 @@ def test_phase_and_frequency_over_the_flight(vehicle: str, request: pytest.Fixtu
     """Climbs, turns and throttle changes too, until the encoders fail: strokes that differ from one to the next."""
     errors = stroke_errors(request.getfixturevalue(vehicle).flight)
     good = errors.time < DEAD_FROM
-    assert np.median(np.abs(errors.phase_deg[good])) < 0.7
-    assert np.percentile(np.abs(errors.phase_deg[good]), 90) < 2.5
-    assert np.percentile(np.abs(errors.frequency[good]), 90) < 0.02
+    assert np.median(np.abs(errors.phase_deg[good])) < 0.5
+    assert np.percentile(np.abs(errors.phase_deg[good]), 95) < 2.0
+    assert np.percentile(np.abs(errors.frequency[good]), 90) < 0.01
 
 
 @pytest.mark.validate
