@@ -21,6 +21,7 @@ class Wire(NamedTuple):
 Time = Annotated[int, Wire("fixed64")]
 Counts = Annotated[int, Wire("sfixed32")]
 Number = Annotated[int, Wire("fixed32")]
+Large = Annotated[int, Wire("fixed64")]
 Single = Annotated[float, Wire("float")]
 BURST_LENGTH = 60
 Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
@@ -777,6 +778,21 @@ class TaskTiming(NamedTuple):
     """us; longest run time of a tick"""
     overruns: Number
     """-; ticks longer than their period"""
+
+
+class RecorderStatus(NamedTuple):
+    """What a recorder had to leave out so far, told each time it was more."""
+
+    time_us: Time
+    """us; since boot"""
+    dropped: Number
+    """-; messages for which the disk was too slow"""
+    refused: Number
+    """-; messages, documents and notes that could not be written as they were"""
+    waiting: Large
+    """bytes; that waited for the disk just then"""
+    written: Large
+    """bytes; in all files of the recording"""
 
 
 class Text(NamedTuple):

@@ -10,6 +10,10 @@ from avionics.topics import Topic
 class Recorder(Protocol):
     """Takes every message of a flight; an implementation must not raise during a flight."""
 
+    @property
+    def failure(self) -> str:
+        """Why nothing is recorded any more, one line; empty while it is."""
+
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
 
@@ -25,6 +29,9 @@ class Recorder(Protocol):
 
 class NullRecorder:
     """Forgets everything: for flights whose caller reads the state directly."""
+
+    failure = ""
+    """nothing can fail"""
 
     def record(self, topic: Topic, message: Any) -> None:
         """Ignore the message."""

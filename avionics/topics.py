@@ -68,10 +68,12 @@ SNAPSHOTS = Topic("/system/snapshots", m.Text, 64, 0.1)
 FENCE = Topic("/system/fence", m.FenceState, 67, 1.0, 1.0)
 LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False)
 """what the ground links did, on the wall clock"""
+RECORDER = Topic("/system/recorder", m.RecorderStatus, 68, 0.0, deterministic=False)
+"""each time the recorder had to leave out more"""
 
 TOPICS: tuple[Topic, ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
-    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE,
+    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE, RECORDER,
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import zstandard
@@ -39,9 +39,17 @@ def copy(parts: Iterable[Part], container: Container) -> None:
             container.metadata(_bytes(part.data, span), metadata.name)
         for span in part.index.attachments:
             container.attachment(_bytes(part.data, span), _attachment_index(attachment_at(part.data, span)))
-    chunks = [(part, chunk) for part in parts for chunk in part.index.chunks]
-    for part, chunk in sorted(chunks, key=lambda pair: pair[1].start_ns):
+    for _, part, chunk in sorted(_dated(parts), key=lambda each: each[0]):
         container.chunk(_raw(part.data, chunk))
+
+
+def _dated(parts: Iterable[Part]) -> Iterator[tuple[int, Part, ChunkSpan]]:
+    """All chunks with the time in ns that places them: a part keeps its own order where its time ran back."""
+    for part in parts:
+        latest = 0
+        for chunk in part.index.chunks:
+            latest = max(latest, chunk.start_ns)
+            yield latest, part, chunk
 
 
 def _raw(data: Buffer, chunk: ChunkSpan) -> RawChunk:

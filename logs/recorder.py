@@ -10,15 +10,18 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import zstandard
 from mcap.records import Attachment, AttachmentIndex, McapRecord, Metadata
 
+from avionics.messages import RecorderStatus
 from avionics.quantities import BadInput
 from avionics.topics import Topic
+from logs.backlog import PATIENCE, Backlog
 from logs.codecs import Codec, codec_for
 from logs.container import Container, encode, pack_chunk
+from logs.volumes import Volumes, Work
 
 CHUNK_BYTES = 64 * 1024
 FLUSH_S = 0.25
@@ -42,13 +45,31 @@ class _Stream:
         """log time and offset of every message in the open chunk, in turn"""
 
 
+class Writing(NamedTuple):
+    """How a recording gets to the disk."""
+
+    queue: int = 0
+    """bytes; that may wait for the disk behind the flight's back; 0: every message waits until it is written"""
+    volume: int = 0
+    """bytes; after which a file is finished and the next one begun (``-2``, ``-3``); 0 for one file of any size"""
+    account: Topic | None = None
+    """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
+
+
+IN_FLIGHT = 16 * 1024 * 1024
+"""bytes; a queue that outlasts a disk which stands still for 10 s at the rate of a whole flight"""
+AT_ONCE = Writing()
+
+
 class McapRecorder:
     """An `avionics.recorder.Recorder` that writes MCAP: 64 KiB chunks, zstd, CRCs, message indexes.
 
     A chunk is closed when it is full and 0.25 s after it was begun, in log time or on the wall clock, whichever is
     first: that much is lost when the machine dies. During a flight nothing is raised. When the disk refuses,
     recording ends, what was written stays readable and `failure` says why; a message that does not fit its
-    declared layout is left out and `refusal` says which. Threads may share a recorder.
+    declared layout is left out and `refusal` says which. Where messages may wait for the disk (`Writing.queue`)
+    and there is no room for more, a chunk of them is left out, counted in `dropped`, and the count is logged as
+    soon as there is room. Threads may share a recorder.
     """
 
     def __init__(
@@ -58,6 +79,7 @@ class McapRecorder:
         start_epoch_ns: int | None = None,
         clock: Callable[[], float] = time.monotonic,
         topics: Iterable[Topic] = (),
+        writing: Writing = AT_ONCE,
     ) -> None:
         """Create the file.
 
@@ -66,6 +88,7 @@ class McapRecorder:
             start_epoch_ns: ns since 1970 at which the vehicle's clock was zero; now when not given.
             clock: s; wall clock for the flushes.
             topics: prepared now, which costs a millisecond or two each; others are when they first come.
+            writing: how it gets to the disk.
 
         Raises:
             BadInput: the file exists or cannot be created.
@@ -78,6 +101,8 @@ class McapRecorder:
         """messages left out"""
         self.refusal = ""
         """why the first of them was left out, one line"""
+        self.dropped = 0
+        """messages for which the disk was too slow"""
         self._clock = clock
         self._lock = threading.RLock()
         self._streams: dict[int, _Stream] = {}
@@ -86,15 +111,23 @@ class McapRecorder:
         self._first_ns = 0
         self._flush_clock = 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
-        self._file = _create(self.path)
-        self._container: Container | None = None
-        self._begin()
+        self._writing = writing
+        self._told = (0, 0)
+        self._patience = 0.0
+        self._open_for_writing = True
+        self._volumes = self._begin()
+        self._backlog = Backlog(writing.queue) if writing.queue else None
         for topic in topics:
             self._open(topic)
 
+    @property
+    def paths(self) -> list[Path]:
+        """Of the files so far, in turn."""
+        return list(self._volumes.paths)
+
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
-        if not topic.logged or self._container is None:
+        if not topic.logged or not self._open_for_writing:
             return
         with self._lock:
             stream = self._streams.get(topic.channel)
@@ -125,30 +158,54 @@ class McapRecorder:
                 self.flush()
 
     def flush(self) -> None:
-        """Close the open chunk and hand it to the operating system."""
-        self._write(self._write_chunk)
+        """Close the open chunk and hand it to the operating system, or to the queue before it."""
+        with self._lock:
+            if not self._buffer:
+                return
+            filled = [stream for stream in self._streams.values() if stream.index]
+            others = (stream for stream in filled if stream.topic is not self._writing.account)
+            count = sum(len(stream.index) // 2 for stream in others)
+            if not self._hand_over(self._chunk(filled), len(self._buffer)):
+                self.dropped += count
+            for stream in filled:
+                stream.index = []
+            self._buffer = bytearray()
+            self._tell_drops()
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""
         log_ns = self._last_ns
         record = self._encode(f"attachment {name}", Attachment(0, log_ns, name, media_type, data))
         if record:
-            index = AttachmentIndex(0, 0, log_ns, 0, len(data), name, media_type)
-            self._write(lambda container: container.attachment(record, index))
+
+            def attached(container: Container) -> None:
+                container.attachment(record, AttachmentIndex(0, 0, log_ns, 0, len(data), name, media_type))
+
+            self._keep(attached, f"attachment {name}", len(record))
 
     def note(self, name: str, values: dict[str, str]) -> None:
         """Store metadata."""
         record = self._encode(f"metadata {name}", Metadata(name=name, metadata=values))
         if record:
-            self._write(lambda container: container.metadata(record, name))
+            self._keep(lambda container: container.metadata(record, name), f"metadata {name}", len(record))
 
     def close(self) -> None:
         """Finish the recording; further calls do nothing."""
         with self._lock:
+            if not self._open_for_writing:
+                return
+            # Nobody flies any more: what is left waits for the disk, and so does what is told of the drops.
+            self._patience = PATIENCE
             self.flush()
-            self._write(Container.finish)
-            self._container = None
-            self._file.close()
+            self.flush()
+            self._open_for_writing = False
+        if self._backlog is not None and not self._backlog.close():
+            self.failure = (
+                self.failure or f"recording to {self.path} ended: the disk does not answer for {PATIENCE:g} s"
+            )
+            return
+        if not self.failure:
+            self._attempt(self._volumes.finish)
 
     def __enter__(self) -> McapRecorder:
         return self
@@ -158,15 +215,19 @@ class McapRecorder:
     ) -> None:
         self.close()
 
-    def _begin(self) -> None:
+    def _begin(self) -> Volumes:
         try:
-            self._container = Container(self._file)
-            self._container.metadata(encode(_recording(self.start_epoch_ns)), RECORDING)
+            volumes = Volumes(self.path, self._writing.volume, lambda path: _create(path))
         except OSError as error:
-            self._container = None
-            self._file.close()
+            raise BadInput(f"cannot record to {self.path}: {error.strerror or error}") from None
+        record = encode(_recording(self.start_epoch_ns))
+        try:
+            volumes.write(lambda container: container.metadata(record, RECORDING), everywhere=True)
+        except OSError as error:
+            volumes.give_up()
             self.path.unlink(missing_ok=True)
             raise BadInput(f"cannot record to {self.path}: {error.strerror or error}") from None
+        return volumes
 
     def _open(self, topic: Topic) -> _Stream:
         known = self._streams.get(topic.channel)
@@ -187,37 +248,61 @@ class McapRecorder:
         self.refused += 1
         self.refusal = self.refusal or f"{what} was not recorded: {error}"
 
-    def _write(self, write: Callable[[Container], None]) -> None:
+    def _keep(self, work: Work, what: str, size: int) -> None:
+        """Write what every file of the recording has."""
         with self._lock:
-            if self._container is None:
-                return
-            try:
-                write(self._container)
-            except (OSError, ValueError) as error:
-                self._fail(error)
+            if not self._hand_over(work, size, everywhere=True):
+                self.refused += 1
+                self.refusal = self.refusal or f"{what} was not recorded: the disk is too slow"
 
-    def _write_chunk(self, container: Container) -> None:
-        if not self._buffer:
+    def _hand_over(self, work: Work, size: int, everywhere: bool = False) -> bool:
+        """Write now, or queue to be written; False where there is no room."""
+        if not self._open_for_writing or self.failure:
+            return True
+
+        def job() -> None:
+            self._attempt(lambda: self._volumes.write(work, everywhere))
+
+        if self._backlog is not None:
+            return self._backlog.offer(job, size, self._patience)
+        job()
+        return True
+
+    def _attempt(self, write: Callable[[], None]) -> None:
+        """Write, unless writing has failed before; a disk that refuses ends the recording behind a whole record."""
+        if self.failure:
             return
-        filled = [stream for stream in self._streams.values() if stream.index]
-        for stream in filled:
-            container.define(stream.codec.schema, stream.codec.channel)
-        entries = {stream.topic.channel: struct.pack(f"<{len(stream.index)}Q", *stream.index) for stream in filled}
+        try:
+            write()
+        except (OSError, ValueError) as error:
+            self.failure = f"recording to {self.path} ended: {getattr(error, 'strerror', None) or error}"
+            self._open_for_writing = False
+            self._volumes.give_up()
+
+    def _chunk(self, filled: list[_Stream]) -> Work:
+        """The open chunk, to be compressed by whoever writes it."""
+        content, codecs = bytes(self._buffer), [stream.codec for stream in filled]
+        entries = {stream.topic.channel: stream.index for stream in filled}
         times = [stream.index[::2] for stream in filled]
         window = min(map(min, times)), max(map(max, times))
-        container.chunk(pack_chunk(bytes(self._buffer), entries, window, self._compressor))
-        for stream in filled:
-            stream.index = []
-        self._buffer.clear()
 
-    def _fail(self, error: Exception) -> None:
-        """End the recording behind the last whole record."""
-        assert self._container is not None
-        self.failure = f"recording to {self.path} ended: {getattr(error, 'strerror', None) or error}"
-        with contextlib.suppress(OSError, ValueError):
-            self._file.truncate(self._container.size)
-        self._container = None
-        self._file.close()
+        def written(container: Container) -> None:
+            for codec in codecs:
+                container.define(codec.schema, codec.channel)
+            packed = {channel: struct.pack(f"<{len(index)}Q", *index) for channel, index in entries.items()}
+            container.chunk(pack_chunk(content, packed, window, self._compressor))
+
+        return written
+
+    def _tell_drops(self) -> None:
+        """Log what was left out, once after each time it was more."""
+        account, now = self._writing.account, (self.dropped, self.refused)
+        if account is None or now == self._told:
+            return
+        self._told = now
+        waiting = self._backlog.waiting if self._backlog else 0
+        time_us = (self._last_ns - self.start_epoch_ns) // 1000
+        self.record(account, RecorderStatus(time_us, self.dropped, self.refused, waiting, self._volumes.written))
 
 
 def _recording(start_epoch_ns: int) -> Metadata:

@@ -7,9 +7,11 @@ import mmap
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, NamedTuple
+
+from mcap.writer import MCAP0_MAGIC
 
 from avionics.quantities import BadInput
 from logs.container import Container
@@ -17,6 +19,9 @@ from logs.copying import Part, copy
 from logs.index import Index, scan
 from logs.placing import claim, draft, numbered, settle
 from logs.reader import map_file, open_log
+
+LEFT = 8
+"""-; of the newest recordings of a folder: a flight leaves two or three"""
 
 
 class Recovery(NamedTuple):
@@ -52,6 +57,34 @@ def recover(path: Path | str) -> Recovery:
     lost = sum(end - start for start, end in index.dropped)
     damage = tuple(index.damage) or ("its summary did not match its content",)
     return Recovery(sum(index.counts.values()), damage, torn, lost)
+
+
+def recover_left(folder: Path) -> list[tuple[Path, Recovery]]:
+    """Repair the logs that the newest recordings of a folder left unfinished; what cannot be repaired stays as it is.
+
+    Nothing is done to a file that is being recorded, and the newest `LEFT` are looked at, by their last bytes.
+    """
+    done = []
+    for path in _newest(folder):
+        with suppress(BadInput, OSError):
+            if not _finished(path):
+                done.append((path, recover(path)))
+    return [(path, one) for path, one in done if one.damage]
+
+
+def _newest(folder: Path) -> list[Path]:
+    """Recordings, the newest first; none where the folder cannot be read."""
+    with suppress(OSError):
+        dated = sorted(((path.stat().st_mtime_ns, path) for path in folder.glob("*.mcap")), reverse=True)
+        return [path for _, path in dated[:LEFT]]
+    return []
+
+
+def _finished(path: Path) -> bool:
+    """Whether a file ends as a finished MCAP file does."""
+    with path.open("rb") as file:
+        file.seek(-min(len(MCAP0_MAGIC), path.stat().st_size), os.SEEK_END)
+        return file.read() == MCAP0_MAGIC
 
 
 @contextmanager

@@ -298,6 +298,11 @@ class SceneRecorder:
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
 
+    @property
+    def failure(self) -> str:
+        """Why nothing is recorded any more, one line; empty while it is."""
+        return self.inner.failure
+
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message, and what there is to see at its time."""
         self.inner.record(topic, message)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from avionics.messages import Event
+from avionics.messages import Event, RecorderStatus
 from avionics.topics import Topic
 from sim_bridge import messages as m
 
@@ -11,5 +11,7 @@ WING = Topic("/truth/wing", m.TruthWing, 1001, 200.0)
 LOADS = Topic("/truth/loads", m.TruthLoads, 1002, 100.0)
 EVENTS = Topic("/truth/events", Event, 1003, 0.0)
 """faults that began and ended"""
+RECORDER = Topic("/truth/recorder", RecorderStatus, 1004, 0.0, deterministic=False)
+"""each time the world's recorder had to leave out more"""
 
-TOPICS: tuple[Topic, ...] = (STATE, WING, LOADS, EVENTS)
+TOPICS: tuple[Topic, ...] = (STATE, WING, LOADS, EVENTS, RECORDER)

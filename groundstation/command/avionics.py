@@ -34,11 +34,12 @@ from groundstation.command import options
 from groundstation.command.bench import BoundedBoard, showing
 from groundstation.command.ending import WORDS
 from groundstation.command.onboard import Onboard
+from groundstation.command.recordings import put_right, told_paths
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
 from logs.attached import FLIGHT_VEHICLE, PARAMETERS
 from logs.names import new_recording
-from logs.recorder import McapRecorder
+from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from sim_bridge.flight.flight import fault_commands
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -79,6 +80,7 @@ def build_parser() -> options.Parser:
     options.add_identity(parser)
     options.add_signing_key(parser, "kept in the user's folder")
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
+    options.add_log_size(parser)
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
     options.add_json(parser)
@@ -128,8 +130,11 @@ def run(arguments: Sequence[str]) -> int:
     path = chosen.log or new_recording(vehicle.name)
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
+    if chosen.log is None:
+        put_right(path.parent)
+    writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
     with contextlib.ExitStack() as stack:
-        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
+        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
         commands = (*plan_commands(plan), *script(chosen))
@@ -146,7 +151,7 @@ def run(arguments: Sequence[str]) -> int:
         print_document(_document(chosen, onboard, path, outcome))
     if outcome.silent:
         raise BadInput(outcome.ended)
-    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {path}")
+    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {told_paths(recorder)}")
     if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
     return 0

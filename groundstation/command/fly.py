@@ -25,6 +25,7 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
+from groundstation.command.recordings import put_right
 from groundstation.command.sim import COMPILING, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
@@ -134,6 +135,8 @@ def run(arguments: Sequence[str]) -> int:
     console = open_console(quiet=chosen.json)
     for note in plan.notes:
         print(note, file=sys.stderr)
+    if chosen.log is None:
+        put_right(plan.log.parent)
     _prepare(plan, console)
     began = time.monotonic()
     try:

@@ -58,6 +58,7 @@ class Onboard:
         self._link: GroundLink | None = None
         self._waiting = WaitingInputs()
         self._ticked_at = float("-inf")
+        self._unrecorded = False
         self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -90,12 +91,19 @@ class Onboard:
 
     def idle(self) -> None:
         """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""
+        self._watch_recorder()
         now = self._clock()
         if self._link is None or now - self._polled_at < POLL:
             return
         self._polled_at = now
         self._listen_for_frames(now)
         self._waiting.add(now, self._poll(self._link, now))
+
+    def _watch_recorder(self) -> None:
+        """A recording that has ended is told once, to the ground too; the flight goes on."""
+        if self._recorder.failure and not self._unrecorded:
+            self._unrecorded = True
+            self.view.tell(Severity.ERROR, "recorder", self._recorder.failure)
 
     def _arrived(self) -> list[Input]:
         """What came from the ground for the tick that begins."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -115,6 +116,35 @@ def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
         "--parameters",
         metavar="FILE|none",
         help=f"where changed parameters and calibrations are kept ({default}); none keeps nothing",
+    )
+
+
+SIZES = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
+LEAST_LOG = 10**6
+"""bytes; a file that is begun anew before a few seconds of flight are in it serves nobody"""
+
+
+def log_size(text: str) -> int:
+    """Bytes of a size such as 500M.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or too small to be one.
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d*)?)([kMG]?)", text)
+    size = round(float(match[1]) * SIZES[match[2]]) if match else 0
+    if size < LEAST_LOG:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size of a file from 1M on, such as 500M or 2G")
+    return size
+
+
+def add_log_size(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--log-size``."""
+    parser.add_argument(
+        "--log-size",
+        type=log_size,
+        default=0,
+        metavar="SIZE",
+        help="begin a new file (-2, -3 ...) when one has reached this size, such as 500M (default: one of any size)",
     )
 
 

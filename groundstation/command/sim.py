@@ -15,10 +15,11 @@ from avionics.board.cores import pin_to_core
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
+from groundstation.command.recordings import put_right, told_paths
 from logs.attached import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE
 from logs.names import new_recording
 from logs.placing import numbered
-from logs.recorder import McapRecorder
+from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import SceneRecorder, shape_of
 from sim_bridge import topics
 from sim_bridge.bridge.foreign.world import Stage
@@ -93,7 +94,10 @@ def run(arguments: Sequence[str]) -> int:
         listening = server.address if isinstance(server, SerialPeer) else chosen.listen
         stack.callback(server.close)
         path = chosen.log or new_recording(f"{vehicle.name}-world")
-        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns)
+        if alone and chosen.log is None:
+            put_right(path.parent)
+        writing = Writing(IN_FLIGHT, account=topics.RECORDER)
+        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)
         stack.callback(recorder.close)
         if alone:
             print(f"{vehicle.title}, waiting for a flight computer on {listening}", file=sys.stderr, flush=True)
@@ -110,7 +114,7 @@ def run(arguments: Sequence[str]) -> int:
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
         ended = _serve(server, world)
         if alone:
-            _say_end(world, ended, path)
+            _say_end(world, ended, told_paths(recorder))
     return 0
 
 
@@ -136,7 +140,7 @@ class Flights:
         self.close()
         name = self._log or new_recording(f"{self._vehicle.name}-world")
         path = next(path for path in numbered(name) if not path.exists())
-        self._recorder = McapRecorder(path)
+        self._recorder = McapRecorder(path, writing=Writing(IN_FLIGHT, account=topics.RECORDER))
         foreign.tell(f"recording in {path}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
         if self._sticks is not None:
@@ -182,10 +186,10 @@ def telling(publish: Publish) -> Publish:
     return tell
 
 
-def _say_end(world: SimulatedWorld, ended: str, path: Path) -> None:
+def _say_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
     end = world.time_us * 1e-6
     never = "" if world.thrown else ", never thrown"
-    print(f"over after {end:.1f} s{never}: {ended}; recorded in {path}", file=sys.stderr)
+    print(f"over after {end:.1f} s{never}: {ended}; recorded in {recorded}", file=sys.stderr)
     for name in options.missed(world.scenario.faults, end):
         print(f"fault {name} never came: the flight was over before", file=sys.stderr)
 

@@ -118,6 +118,17 @@ def test_what_the_ground_sends_enters_at_the_next_tick_and_is_logged() -> None:
     assert ground.streamed == 20
 
 
+@pytest.mark.parametrize("link", [None, Ground()])
+def test_a_recording_that_has_ended_is_told_once_and_the_flight_goes_on(link: Any) -> None:
+    memory = Memory()
+    memory.failure = "recording to flight.mcap ended: No space left on device"
+    board = Rest(50)
+    Onboard(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(board, link)
+    told = [message for topic, message in memory.kept if topic is topics.LINK_EVENTS and message.source == "recorder"]
+    assert [(event.severity.name, event.text) for event in told] == [("ERROR", memory.failure)]
+    assert len(board.answers) == 50
+
+
 def test_run_times_are_recorded_once_a_second() -> None:
     memory = fly(Rest(450))
     timings = [message for topic, message in memory.kept if topic is topics.TIMING]

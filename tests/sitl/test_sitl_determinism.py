@@ -82,6 +82,8 @@ def test_a_flight_computer_restored_in_mid_stroke_continues_bit_for_bit(vehicle:
 class OnboardLog(MemoryLog):
     """A recorder in memory."""
 
+    failure = ""
+
     def record(self, topic: Topic, message: Any) -> None:
         self.publish(topic, message)
 

@@ -1,0 +1,69 @@
+"""Work done behind the back of who gives it: a flight does not wait for its disk."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+PATIENCE = 10.0
+"""s; that the end of a recording waits for a disk that does not answer"""
+
+
+class Backlog:
+    """A thread that does jobs in their order, and a queue of at most so many bytes before it."""
+
+    def __init__(self, capacity: int) -> None:
+        """Begin; ``capacity`` in bytes, of the jobs that wait or are being done."""
+        self._capacity = capacity
+        self._jobs: deque[tuple[Callable[[], None], int]] = deque()
+        self._turn = threading.Condition()
+        self._bytes = 0
+        self._ending = False
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait or are being written."""
+        return self._bytes
+
+    def offer(self, job: Callable[[], None], size: int, patience: float = 0.0) -> bool:
+        """Queue a job of ``size`` bytes; False, and nothing is queued, where there is no room for it in time.
+
+        A job that is larger than the queue is taken when nothing else waits; ``patience`` in s.
+        """
+
+        def room() -> bool:
+            return not self._bytes or self._bytes + size <= self._capacity
+
+        with self._turn:
+            if not (room() or (patience and self._turn.wait_for(room, patience))):
+                return False
+            self._jobs.append((job, size))
+            self._bytes += size
+            self._turn.notify_all()
+        return True
+
+    def close(self) -> bool:
+        """Wait until everything is done; False where that took longer than `PATIENCE`."""
+        with self._turn:
+            self._ending = True
+            self._turn.notify_all()
+        self._thread.join(PATIENCE)
+        return not self._thread.is_alive()
+
+    def _work(self) -> None:
+        while True:
+            with self._turn:
+                while not self._jobs and not self._ending:
+                    self._turn.wait()
+                if not self._jobs:
+                    return
+                job, size = self._jobs.popleft()
+            try:
+                job()
+            finally:
+                with self._turn:
+                    self._bytes -= size
+                    self._turn.notify_all()

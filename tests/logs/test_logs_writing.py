@@ -1,0 +1,180 @@
+"""A flight does not wait for its disk; one recording in several files; what the last flight left unfinished."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recorded import EPOCH_NS, flight, record
+
+from avionics import topics
+from avionics.quantities import BadInput
+from logs import backlog as backlog_module
+from logs import recorder as recorder_module
+from logs.reader import Log, open_log
+from logs.recorder import McapRecorder, Writing
+from logs.recover import recover_left
+
+IMU_ALONE = (topics.IMU,)
+
+
+class SlowDisk:
+    """An unbuffered file that takes nothing until ``go`` is set."""
+
+    def __init__(self, file: Any, go: threading.Event) -> None:
+        self.file, self.go = file, go
+
+    def write(self, data: Any) -> int:
+        self.go.wait(30.0)
+        return int(self.file.write(data))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.file, name)
+
+
+@pytest.fixture
+def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """The switch of a disk that every recorder gets."""
+    switch, create = threading.Event(), recorder_module._create
+    switch.set()
+    monkeypatch.setattr(recorder_module, "_create", lambda path: SlowDisk(create(path), switch))
+    return switch
+
+
+def recorder_at(path: Path, writing: Writing) -> McapRecorder:
+    return McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0, writing=writing)
+
+
+def imu_times(*logs: Log) -> list[int]:
+    return [time for log in logs for time in log.columns(topics.IMU)["time_us"].tolist()]
+
+
+def test_behind_the_flights_back_the_same_bytes_are_written(tmp_path: Path) -> None:
+    messages = flight(3.0)
+    at_once = record(tmp_path / "a.mcap", messages)
+    behind = record(tmp_path / "b.mcap", messages, writing=Writing(10**8, account=topics.RECORDER))
+    assert behind.read_bytes() == at_once.read_bytes()
+
+
+def test_a_disk_that_stands_still_costs_what_does_not_fit_the_queue_and_that_is_logged(
+    tmp_path: Path, go: threading.Event
+) -> None:
+    """GIVEN a queue of 200 kB and a disk that stops WHEN 20 s are recorded THEN nothing waits."""
+    messages = flight(20.0, IMU_ALONE)
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(200_000, account=topics.RECORDER))
+    go.clear()
+    for topic, message in messages:
+        recorder.record(topic, message)
+    dropped = recorder.dropped
+    assert 0 < dropped < len(messages)
+    go.set()
+    for topic, message in flight(1.0, IMU_ALONE):
+        recorder.record(topic, message._replace(time_us=message.time_us + 20_000_000))
+    recorder.close()
+    assert not recorder.failure and recorder.dropped >= dropped
+    log = open_log(recorder.path)
+    assert log.complete and log.verify() == []
+    assert len(imu_times(log)) == len(messages) + 200 - recorder.dropped
+    told = log.columns(topics.RECORDER)
+    assert int(told["dropped"][-1]) <= recorder.dropped
+    assert int(told["dropped"].max()) > 0 and int(told["waiting"].max()) <= 200_000
+
+
+def test_the_end_does_not_wait_for_ever_for_a_dead_disk(
+    tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backlog_module, "PATIENCE", 0.2)
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(200_000))
+    go.clear()
+    recorder.record(*flight(1.0, IMU_ALONE)[0])
+    recorder.close()
+    assert "the disk does not answer" in recorder.failure and "\n" not in recorder.failure
+    go.set()
+
+
+def test_a_full_disk_behind_the_flights_back_ends_the_recording_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from test_logs_recorder import FullDisk
+
+    create = recorder_module._create
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), 100_000))
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(10**8, account=topics.RECORDER))
+    for topic, message in flight(20.0, IMU_ALONE):
+        recorder.record(topic, message)
+    recorder.close()
+    assert "No space left" in recorder.failure
+    assert open_log(recorder.path).damage == ("the file was cut off before its end",)
+    assert len(imu_times(open_log(recorder.path))) > 100
+
+
+def test_one_recording_in_several_files(tmp_path: Path) -> None:
+    """Each of them opens by itself and has the notes and documents, those too that came late."""
+    messages = flight(6.0)
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(volume=300_000))
+    recorder.note("flight", {"vehicle": "raven"})
+    for i, (topic, message) in enumerate(messages):
+        recorder.record(topic, message)
+        if i == len(messages) // 2:
+            recorder.attach("late.txt", "text/plain", b"late")
+    recorder.close()
+    assert not recorder.failure and not recorder.refused
+    assert [path.name for path in recorder.paths] == [
+        "a.mcap",
+        *(f"a-{n}.mcap" for n in range(2, len(recorder.paths) + 1)),
+    ]
+    assert len(recorder.paths) > 2
+    logs = [open_log(path) for path in recorder.paths]
+    assert all(log.complete and log.verify() == [] for log in logs)
+    assert all(log.metadata["flight"] == {"vehicle": "raven"} and log.boot_ns == EPOCH_NS for log in logs)
+    assert logs[-1].attachment("late.txt") == b"late"
+    assert sum(info.messages for log in logs for info in log.topics.values()) == len(messages)
+    assert imu_times(*logs) == [message.time_us for topic, message in messages if topic is topics.IMU]
+    sizes = [path.stat().st_size for path in recorder.paths[:-1]]
+    assert min(sizes) > 300_000 and max(sizes) < 600_000
+
+
+def test_another_file_of_the_recording_overwrites_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a-2.mcap").write_bytes(b"precious")
+    path = record(tmp_path / "a.mcap", flight(6.0), writing=Writing(volume=300_000))
+    assert (tmp_path / "a-2.mcap").read_bytes() == b"precious"
+    assert open_log(path.with_name("a-3.mcap")).complete
+
+
+def test_where_no_further_file_can_be_begun_the_last_one_grows_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create = recorder_module._create
+
+    def once(path: Path) -> Any:
+        if path.name != "a.mcap":
+            raise BadInput("no more files")
+        return create(path)
+
+    monkeypatch.setattr(recorder_module, "_create", once)
+    messages = flight(6.0)
+    path = record(tmp_path / "a.mcap", messages, writing=Writing(volume=300_000))
+    log = open_log(path)
+    assert log.complete and log.verify() == []
+    assert sum(info.messages for info in log.topics.values()) == len(messages)
+
+
+def test_what_a_flight_left_unfinished_is_repaired_before_the_next(tmp_path: Path) -> None:
+    whole = record(tmp_path / "whole.mcap", flight(1.0, IMU_ALONE))
+    torn = record(tmp_path / "torn.mcap", flight(3.0, IMU_ALONE))
+    torn.write_bytes(torn.read_bytes()[:-2000])
+    (tmp_path / "other.mcap").write_text("no log")
+    before = whole.read_bytes()
+    with McapRecorder(tmp_path / "now.mcap") as now:
+        now.record(*flight(1.0, IMU_ALONE)[0])
+        now.flush()
+        left = recover_left(tmp_path)
+    assert [path for path, _ in left] == [torn]
+    assert open_log(torn).complete and open_log(torn).verify() == []
+    assert left[0][1].messages == len(imu_times(open_log(torn))) > 400
+    assert whole.read_bytes() == before and (tmp_path / "other.mcap").read_text() == "no log"
+    assert open_log(tmp_path / "now.mcap").complete
+    assert recover_left(tmp_path) == []
+    assert recover_left(tmp_path / "missing") == []
