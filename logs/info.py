@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from logs.columns import Columns
+from avionics import topics
 from logs.reader import Log, TopicInfo
+from sim_bridge import topics as truth_topics
 
 GAP_PERIODS = 1.5
 """A pause between two messages longer than this many periods is a gap."""
@@ -17,14 +19,13 @@ def summary(log: Log) -> dict[str, Any]:
     """Everything ``wingbeat log info`` shows, ready for JSON.
 
     Keys: ``file``, ``complete``, ``damage`` (lines), ``vehicle`` (None when not noted), ``start_epoch_ns``,
-    ``duration`` (s), ``messages``, ``topics`` (see `topic_row`), ``events`` (``time`` in s, ``severity``,
-    ``source``, ``text``), ``attachments`` (``name``, ``media_type``, ``bytes``), ``metadata``.
+    ``duration`` (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`), ``events`` (``time`` in s,
+    ``severity``, ``source``, ``text``), ``attachments`` (``name``, ``media_type``, ``bytes``), ``metadata``.
 
     Raises:
         BadInput: a part of the file is damaged.
     """
-    tables = log.tables([name for name, info in log.topics.items() if info.layout is not None])
-    rows = [topic_row(info, tables.get(name)) for name, info in log.topics.items()]
+    rows = [topic_row(info, log.times(name)) for name, info in log.topics.items()]
     return {
         "file": str(log.path),
         "complete": log.complete,
@@ -33,6 +34,7 @@ def summary(log: Log) -> dict[str, Any]:
         "start_epoch_ns": log.boot_ns,
         "duration": log.duration,
         "messages": sum(info.messages for info in log.topics.values()),
+        "dropped": dropped(log),
         "topics": rows,
         "events": [
             {"time": time_us * 1e-6, "severity": severity.name, "source": source, "text": text}
@@ -50,7 +52,13 @@ def vehicle(log: Log) -> str | None:
     return next((values["vehicle"] for values in log.metadata.values() if "vehicle" in values), None)
 
 
-def topic_row(info: TopicInfo, columns: Columns | None) -> dict[str, Any]:
+def dropped(log: Log) -> int:
+    """Messages that the recorders had to leave out because the disk was too slow."""
+    told = [topic for topic in (topics.RECORDER, truth_topics.RECORDER) if topic.name in log.topics]
+    return sum(int(log.columns(topic)["dropped"].max(initial=0)) for topic in told)
+
+
+def topic_row(info: TopicInfo, times: NDArray[np.float64]) -> dict[str, Any]:
     """One topic.
 
     Keys: ``topic``, ``message``, ``messages``, ``nominal_rate`` and ``rate`` (Hz), ``gaps``, ``longest_gap`` (s).
@@ -65,9 +73,9 @@ def topic_row(info: TopicInfo, columns: Columns | None) -> dict[str, Any]:
         "gaps": None,
         "longest_gap": None,
     }
-    if columns is None or len(columns.time) < 2 or info.rate == 0.0:
+    if len(times) < 2 or info.rate == 0.0:
         return row
-    periods = np.diff(columns.time)
+    periods = np.diff(times)
     median = float(np.median(periods))
     if median > 0.0:
         gaps = periods[periods > GAP_PERIODS * median]

@@ -186,13 +186,59 @@ class Log:
         boot = self.boot_ns
         return {name: self._table(name, boot, window, rows) for name in names}
 
-    def events(self) -> list[Event]:
-        """Events of all topics that carry them, in order of log time.
+    def times(self, topic: str | Topic) -> NDArray[np.float64]:
+        """Log times (s since boot) of a topic's messages, in the order of the file, by its message indexes alone.
+
+        Much faster than `columns` and unchecked: a message index is under no checksum.
 
         Raises:
-            BadInput: a part of the file is damaged.
+            BadInput: the log has no such topic, or a chunk's own index of it cannot be made.
+        """
+        name = topic if isinstance(topic, str) else topic.name
+        parts = [
+            self._checked(partial(self._listed, chunk, channel.id))["time"]
+            for channel in self._channels(name)
+            for chunk in self._chunks()
+            if channel.id in chunk.channels
+        ]
+        times = np.concatenate(parts) if parts else np.empty(0, np.uint64)
+        return np.asarray((times.astype(np.int64) - self.boot_ns) * 1e-9, np.float64)
+
+    def order(self, topics: Iterable[str | Topic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Messages of several topics in the order in which they were written, whatever their times.
+
+        Returns:
+            two arrays (n,): which of ``topics`` a message belongs to, and its row in that topic's `columns`.
+
+        Raises:
+            BadInput: the log has no such topic, or a part of the file is damaged.
+        """
+        channels = [self._channels(topic if isinstance(topic, str) else topic.name)[0].id for topic in topics]
+        kinds, times = [np.empty(0, np.int64)], [np.empty(0, np.uint64)]
+        for chunk in self._chunks():
+            present = [(i, channel) for i, channel in enumerate(channels) if channel in chunk.channels]
+            if present:
+                listed = [self._checked(partial(self._listed, chunk, channel)) for _, channel in present]
+                entries = np.concatenate(listed)
+                along = np.argsort(entries["offset"], kind="stable")
+                kinds.append(np.repeat([i for i, _ in present], [len(each) for each in listed])[along])
+                times.append(entries["time"][along])
+        kind, time = np.concatenate(kinds), np.concatenate(times)
+        row = np.zeros(len(kind), np.int64)
+        for i in range(len(channels)):
+            mine = np.flatnonzero(kind == i)
+            row[mine[np.argsort(time[mine], kind="stable")]] = np.arange(len(mine))
+        return kind, row
+
+    def events(self, topic: str | Topic | None = None) -> list[Event]:
+        """Events of one topic, or of all that carry them, in order of log time.
+
+        Raises:
+            BadInput: the log has no such topic, or a part of the file is damaged.
         """
         names = [name for name, info in self.topics.items() if info.schema == EVENT_SCHEMA]
+        if topic is not None:
+            names = [topic if isinstance(topic, str) else topic.name]
         return self._checked(lambda: self._read_events(names))
 
     def texts(self, topic: str | Topic) -> list[Text]:
@@ -241,6 +287,10 @@ class Log:
             None if deterministic is None else deterministic == "true",
             layout_in_file(channel, schema),
         )
+
+    def _listed(self, chunk: ChunkSpan, channel: int) -> Entries:
+        entries = listed_entries(self._data, chunk, channel)
+        return entries_of(self._data, chunk, unpack(self._data, chunk), channel) if entries is None else entries
 
     def _channels(self, topic: str) -> list[Channel]:
         found = [channel for channel in self._index.channels.values() if channel.topic == topic]

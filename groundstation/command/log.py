@@ -23,7 +23,7 @@ EXAMPLES = (
     "wingbeat log recover recordings/flight.mcap",
 )
 JSON_KEYS = {
-    "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, topics, events,"
+    "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
     " attachments, metadata",
     "export": "files: what was written",
     "recover": "messages, damage, torn, torn_bytes",
@@ -73,6 +73,9 @@ def _print_info(document: dict[str, Any], file: Path) -> None:
         f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
         f"{counted(document['messages'], 'message')}   {wording.size(file.stat().st_size)}"
     )
+    if document["dropped"]:
+        lost = f"{counted(document['dropped'], 'message')} left out while recording: the disk was too slow"
+        console.print(lost, style="yellow", markup=False)
     for line in document["damage"]:
         console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow", markup=False)
     table = tables.plain_table(
