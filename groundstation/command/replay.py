@@ -2,36 +2,76 @@
 
 from __future__ import annotations
 
+import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from avionics.estimation.ahrs import AhrsGains
+from avionics.link.vehicle import load_identity
+from avionics.quantities import BadInput, counted
 from groundstation.command import options
+from groundstation.command.replay_link import Playing, play
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
+from logs.reader import open_log
+from logs.replay.comparison import FieldDifference, TopicDifference
+from logs.replay.flight import Replayed, replay_flight
 from logs.replay.imu import METHODS, ImuScore, recordings, replay_imu
+from logs.replay.player import Player
+from logs.replay.recorded_flight import recorded_flight
 
 EXAMPLES = (
+    "wingbeat replay recordings/flight.mcap",
+    "wingbeat replay recordings/flight.mcap --set pitch.proportional=0.5 --start 30 --end 60",
+    "wingbeat replay recordings/flight.mcap --mavlink udpout:127.0.0.1:14550 --speed 2 --start 30",
     "wingbeat replay --imu tests/data/broad",
-    "wingbeat replay --imu tests/data/broad --method razor",
-    "wingbeat replay --imu trial_16.npz --json",
+    "wingbeat replay --imu trial_16.npz --method razor --json",
 )
 JSON_KEYS = {
-    "file": "name of the recording (the document is a list of rows)",
-    "total_deg": "RMS angle between estimate and reference",
-    "heading_deg": "RMS of its part about the vertical",
-    "inclination_deg": "RMS of its part about a horizontal axis",
+    "of a flight": "start, end (s since boot), ticks, same (every bit), topics: list of {topic, recorded, replayed,"
+    " differing (messages), first (s), fields: list of {field, unit, differing, largest, at, rms}}",
+    "with --imu": "list of {file, total_deg, heading_deg, inclination_deg}: RMS angle between estimate and reference,"
+    " of its part about the vertical, of its part about a horizontal axis",
 }
+SHOWN = 3
+"""-; fields of a topic that a line shows, those with the most differing messages"""
 
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Run IMU recordings with a reference orientation (BROAD's .npz) through the flight's attitude filter."
+    summary = (
+        "Fly a recorded flight through the flight code again and say what differs, or IMU recordings with a reference"
+        " orientation (BROAD's .npz) through its attitude filter."
+    )
     parser = options.build_parser("replay", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="a log of a Wingbeat flight computer")
     parser.add_argument(
-        "--imu", action="append", required=True, type=Path, metavar="FILE|DIR", help="recordings; may be repeated"
+        "--set",
+        action="append",
+        default=[],
+        type=setting,
+        metavar="GAIN=VALUE",
+        help="with another gain, by its place in the vehicle file or its parameter's name; may be repeated",
+    )
+    parser.add_argument(
+        "--start", type=options.not_negative, metavar="S", help="s since boot; from the last snapshot before it"
+    )
+    parser.add_argument("--end", type=options.positive, metavar="S", help="s since boot")
+    parser.add_argument(
+        "--mavlink",
+        action="append",
+        default=[],
+        metavar="URL",
+        help="play it to ground stations on this link instead, such as udpout:127.0.0.1:14550; may be repeated",
+    )
+    parser.add_argument("--speed", type=options.positive, metavar="X", help="of playing, in flight time (1)")
+    options.add_identity(parser)
+    parser.add_argument(
+        "--imu", action="append", default=[], type=Path, metavar="FILE|DIR", help="recordings; may be repeated"
     )
     parser.add_argument(
         "--method",
@@ -43,13 +83,97 @@ def build_parser() -> options.Parser:
     return parser
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Replay, and print the orientation error of each recording.
+def setting(text: str) -> tuple[str, float]:
+    """A gain and its value from ``GAIN=VALUE``.
 
     Raises:
-        BadInput: no such file, or not such a recording.
+        argparse.ArgumentTypeError: it is none.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no GAIN=VALUE, such as pitch.proportional=0.5") from None
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Replay a flight and print what differs, or IMU recordings and print the error of each.
+
+    Raises:
+        BadInput: no such file, not such a recording, or an unknown gain.
     """
     chosen = build_parser().parse_args(arguments)
+    if bool(chosen.file) == bool(chosen.imu):
+        raise BadInput("either a log FILE or --imu is replayed (see wingbeat replay --help)")
+    if chosen.imu:
+        _replay_imu(chosen)
+    elif chosen.mavlink:
+        _play(chosen)
+    else:
+        _replay_flight(chosen)
+    return 0
+
+
+def _play(chosen: argparse.Namespace) -> None:
+    """Play a flight to ground stations.
+
+    Raises:
+        BadInput: other options than a player has.
+    """
+    if chosen.set or chosen.end or chosen.json:
+        raise BadInput("--set, --end and --json are not for playing over --mavlink")
+    identity = load_identity(chosen.identity)
+    with open_log(chosen.file) as log:
+        flight = recorded_flight(log)
+    play(Player(flight, chosen.speed or 1.0), Playing(chosen.mavlink, chosen.start or 0.0, identity))
+
+
+def _replay_flight(chosen: argparse.Namespace) -> None:
+    with open_log(chosen.file) as log, ProgressBar("replaying", quiet=chosen.json) as bar:
+        end = math.inf if chosen.end is None else chosen.end
+        done = replay_flight(log, dict(chosen.set), chosen.start or 0.0, end, bar.show)
+    if chosen.json:
+        print_document(_document(done))
+    else:
+        _print_flight(done)
+
+
+def _document(done: Replayed) -> dict[str, Any]:
+    topics = [each._asdict() | {"fields": [field._asdict() for field in each.fields]} for each in done.differences]
+    return {"start": done.start, "end": done.end, "ticks": done.ticks, "same": done.same, "topics": topics}
+
+
+def _print_flight(done: Replayed) -> None:
+    console = open_console()
+    messages = sum(each.recorded for each in done.differences)
+    span = f"{counted(done.ticks, 'tick')} from {done.start:.3f} to {done.end:.3f} s since boot"
+    if done.same:
+        said = f"the flight code said the same in every bit: {counted(messages, 'message')}"
+        console.print(f"{span}: {said} of {counted(len(done.differences), 'topic')}", highlight=False)
+        return
+    console.print(span, highlight=False)
+    table = tables.plain_table(
+        ("topic", ""), ("messages", "right"), ("differ", "right"), ("from", "right"), ("largest difference", "")
+    )
+    for each in (each for each in done.differences if not each.same):
+        first = "" if each.first is None else f"{each.first:.3f} s"
+        count = str(each.recorded) if each.recorded == each.replayed else f"{each.replayed} of {each.recorded}"
+        table.add_row(each.topic, count, str(each.differing or ""), first, "; ".join(map(_told, _foremost(each))))
+    console.print(table)
+    alike = sum(each.same for each in done.differences)
+    console.print(f"{alike} of {counted(len(done.differences), 'topic')} the same in every bit", highlight=False)
+
+
+def _foremost(each: TopicDifference) -> list[FieldDifference]:
+    return sorted(each.fields, key=lambda field: -field.differing)[:SHOWN]
+
+
+def _told(field: FieldDifference) -> str:
+    unit = "" if field.unit == "-" else f" {field.unit}"
+    return f"{field.field} {field.largest:+.3g}{unit} at {field.at:.1f} s"
+
+
+def _replay_imu(chosen: argparse.Namespace) -> None:
     files = recordings(chosen.imu)
     done: list[ImuScore] = []
     with ProgressBar("replaying", quiet=chosen.json) as bar:
@@ -64,7 +188,6 @@ def run(arguments: Sequence[str]) -> int:
         print_document(scores)
     else:
         _print_scores(scores)
-    return 0
 
 
 def _print_scores(scores: Sequence[ImuScore]) -> None:

@@ -1,0 +1,109 @@
+"""``wingbeat replay FILE --mavlink URL``: a recorded flight to any ground station, steered by keys."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from avionics.link.ground import GroundLink
+from avionics.link.vehicle import Identity
+from groundstation.views import wording
+from logs.replay.player import Player
+
+POLL = 0.004
+"""s; between two looks at the links"""
+SHOWN_EVERY = 0.2
+"""s; between two lines of where it is"""
+JUMP = 10.0
+"""s; of flight, by an arrow key"""
+KEYS = "space pauses, left and right jump 10 s, q ends"
+
+
+class Playing(NamedTuple):
+    """How a flight is played to ground stations."""
+
+    urls: Sequence[str]
+    start: float
+    """s; since boot"""
+    identity: Identity
+
+
+def play(player: Player, playing: Playing, clock: Callable[[], float] = time.monotonic) -> None:
+    """Play to the end of the flight, or until q is pressed.
+
+    Raises:
+        BadInput: not a link address, a port in use, a missing device.
+    """
+    link = GroundLink(playing.urls, player.view, playing.identity)
+    try:
+        if playing.start > 0.0:
+            player.seek(playing.start)
+        with _keyboard() as pressed:
+            print(f"playing on {', '.join(playing.urls)}" + (f": {KEYS}" if pressed else ""), file=sys.stderr)
+            _loop(player, link, pressed, clock)
+    finally:
+        link.close()
+    print(f"over at {wording.clock(player.time)}", file=sys.stderr)
+
+
+def _loop(player: Player, link: GroundLink, pressed: Callable[[], str] | None, clock: Callable[[], float]) -> None:
+    shown = float("-inf")
+    while not player.over:
+        now = clock()
+        player.advance(now)
+        link.poll(now)
+        link.stream(now)
+        if pressed is not None:
+            if not steer(player, pressed()):
+                break
+            if now - shown >= SHOWN_EVERY:
+                shown = now
+                _show(player)
+        time.sleep(POLL)
+    if pressed is not None:
+        print(file=sys.stderr)
+
+
+def steer(player: Player, key: str) -> bool:
+    """Do what a key says; False to end."""
+    if key == " ":
+        player.paused = not player.paused
+    elif key in ("\x1b[C", "\x1b[D"):
+        player.seek(min(max(player.time + (JUMP if key == "\x1b[C" else -JUMP), 0.0), player.end))
+    return key not in ("q", "\x03")
+
+
+def _show(player: Player) -> None:
+    state = "paused" if player.paused else "playing"
+    print(
+        f"\r{wording.clock(player.time)} of {wording.clock(player.end)}  {state}   ",
+        end="",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
+@contextlib.contextmanager
+def _keyboard() -> Iterator[Callable[[], str] | None]:
+    """What gives the key pressed last, or nothing; None where there is no terminal to press one on."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        yield None
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield _key
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _key() -> str:
+    ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+    return os.read(sys.stdin.fileno(), 8).decode(errors="replace") if ready else ""

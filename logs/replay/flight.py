@@ -1,0 +1,134 @@
+"""A recorded flight through the flight code again: with the gains it had, bit for bit, or with others, to compare."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from avionics import parameters, snapshot, topics
+from avionics.autopilot import Autopilot
+from avionics.quantities import BadInput
+from avionics.sensing.plausibility import shifted
+from avionics.state import AutopilotState
+from avionics.topics import Topic
+from avionics.vehicles.gains import FlightGains
+from logs.reader import Log
+from logs.replay.comparison import TopicDifference, comparison
+from logs.replay.recorded_flight import RecordedFlight, Tick, recorded_flight
+
+PROGRESS = 200
+"""ticks between two tellings of how far it is"""
+Progress = Callable[[int, int], None]
+"""is told how many ticks are done, of how many"""
+
+
+class Replayed(NamedTuple):
+    """What came of a replay."""
+
+    start: float
+    """s; since boot, of the snapshot that it began from; before the first tick 0"""
+    end: float
+    """s; since boot, of the last tick"""
+    ticks: int
+    """-; flown"""
+    differences: tuple[TopicDifference, ...]
+    """every topic of the flight computer that the log holds and that follows from what entered the flight"""
+
+    @property
+    def same(self) -> bool:
+        """Whether the flight computer said the same in every bit."""
+        return all(each.same for each in self.differences)
+
+
+def replay_flight(
+    log: Log,
+    changes: Mapping[str, float] | None = None,
+    start: float = 0.0,
+    end: float = math.inf,
+    progress: Progress | None = None,
+) -> Replayed:
+    """Fly the sensors and inputs of a log through the flight code, and compare what it says with what it said.
+
+    Args:
+        log: of one of our flight computers.
+        changes: gains by parameter name (``PITCH_PROPORT``) or place in the vehicle file (``pitch.proportional``).
+        start: s since boot; begin from the last snapshot of the memory not after it, or with the first tick.
+        end: s since boot; of the last tick.
+        progress: told now and then.
+
+    Raises:
+        BadInput: the log is not of our flight computer or is damaged, or a gain is unknown or refused.
+    """
+    flight = recorded_flight(log)
+    began, autopilot, publish = _begin(flight, changes or {}, start)
+    ticks = [tick for tick in flight.ticks if began < tick.frame.time_us <= end * 1e6]
+    last = ticks[-1].frame.time_us * 1e-6 if ticks else began * 1e-6
+    compared = {
+        topic.name: comparison(log, topic, began * 1e-6 if began >= 0 else -math.inf, last)
+        for topic in topics.TOPICS
+        if topic.deterministic and topic.name in log.topics
+    }
+    publish.to = lambda topic, message: compared[topic.name].take(message) if topic.name in compared else None
+    for done, tick in enumerate(ticks, 1):
+        step(autopilot, tick)
+        if progress is not None and done % PROGRESS == 0:
+            progress(done, len(ticks))
+    told = tuple(each.told() for each in compared.values())
+    return Replayed(max(began, 0) * 1e-6, last, len(ticks), told)
+
+
+def step(autopilot: Autopilot, tick: Tick) -> None:
+    """One recorded tick; a clock that was set right in flight is given as it was before, to be set right again."""
+    offset_us = autopilot.memory.plausibility.time_offset_us
+    frame = shifted(tick.frame, -offset_us) if offset_us else tick.frame
+    autopilot.step(frame, tick.inputs)
+
+
+class _Publish:
+    """Hands messages on to whoever is set."""
+
+    def __init__(self) -> None:
+        self.to: Callable[[Topic, Any], None] = lambda topic, message: None
+
+    def __call__(self, topic: Topic, message: Any) -> None:
+        self.to(topic, message)
+
+
+def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -> tuple[int, Autopilot, _Publish]:
+    """Time (us) after which it begins, -1 for the first tick, and the flight computer as it is then."""
+    publish = _Publish()
+    gains = changed(flight.vehicle.gains, changes)
+    autopilot = Autopilot(flight.vehicle._replace(gains=gains), flight.mission, publish)
+    earlier = [text for text in flight.snapshots if text.time_us <= start * 1e6]
+    if not earlier:
+        return -1, autopilot, publish
+    text = earlier[-1].text
+    if changes:
+        state = snapshot.decode(AutopilotState, text)
+        state.gains = changed(state.gains, changes)
+        text = snapshot.encode(state)
+    autopilot.restore(text)
+    return earlier[-1].time_us, autopilot, publish
+
+
+def place_of(parameter: parameters.Parameter) -> str:
+    """Where a parameter stands in a vehicle file, ``pitch.proportional`` or ``flapping.throttle_points[1]``."""
+    within = f"[{parameter.place}]" if parameter.place >= 0 else ""
+    return f"{parameter.section}.{parameter.key}{within}"
+
+
+def changed(gains: FlightGains, changes: Mapping[str, float]) -> FlightGains:
+    """Gains with some of them replaced, each by parameter name or by its place in the vehicle file.
+
+    Raises:
+        BadInput: one is unknown, or its value is refused or out of its range.
+    """
+    table = parameters.parameter_table(gains)
+    places = {place_of(parameter): name for name, parameter in table.items()}
+    for name, value in changes.items():
+        change = parameters.set_value(gains, table, places.get(name, name.upper()), value)
+        if not change.accepted or not math.isclose(change.value, value, rel_tol=1e-6):
+            raise BadInput(change.text)
+        gains = change.gains
+    return gains

@@ -1,0 +1,90 @@
+"""A recorded flight at a speed of one's choice, with seek and pause, for whoever reads a flight computer's memory."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+from avionics.messages import Command
+from avionics.topics import Topic
+from avionics.view import FlightView
+from logs.replay.flight import step
+from logs.replay.recorded_flight import RecordedFlight
+
+MOST = 400
+"""-; ticks in one go: who cannot keep up plays slower, and serves its links meanwhile"""
+OBEYS_NOBODY = "this is a replay: it obeys nobody"
+
+
+class ReplayView(FlightView):
+    """The memory of a flight computer that is played, as a ground link reads it; it takes nothing from there."""
+
+    def refusal(self, command: Command) -> str:
+        """Why a command is not taken: the flight is over."""
+        return OBEYS_NOBODY
+
+
+class Player:
+    """Plays a flight on the clock of its owner."""
+
+    def __init__(self, flight: RecordedFlight, speed: float = 1.0) -> None:
+        """At rest before the first tick; ``speed`` in s of flight per s of the clock."""
+        self.view = ReplayView(flight.vehicle, flight.mission, _nobody)
+        self.paused = False
+        self._ticks, self._speed = flight.ticks, speed
+        self._times = [tick.frame.time_us for tick in flight.ticks]
+        boot = self.view.autopilot.snapshot()
+        self._memories = [(-1, boot), *((text.time_us, text.text) for text in flight.snapshots)]
+        self._next = 0
+        self._now: float | None = None
+        self._ahead = 0.0
+
+    @property
+    def time(self) -> float:
+        """s; since boot, of the last tick played; 0 before the first."""
+        return self._times[self._next - 1] * 1e-6 if self._next else 0.0
+
+    @property
+    def end(self) -> float:
+        """s; since boot, of the last tick there is."""
+        return self._times[-1] * 1e-6 if self._times else 0.0
+
+    @property
+    def over(self) -> bool:
+        """Whether the last tick was played."""
+        return self._next >= len(self._ticks)
+
+    def advance(self, now: float) -> None:
+        """Play what is due at ``now`` (s, of the clock)."""
+        passed = 0.0 if self._now is None else now - self._now
+        self._now = now
+        if self.paused or self.over:
+            return
+        self._ahead += passed * self._speed * 1e6
+        for _ in range(MOST):
+            if self.over or self._due() > self._ahead:
+                return
+            self._ahead -= self._due()
+            self._play()
+        self._ahead = 0.0
+
+    def seek(self, time: float) -> None:
+        """Go to ``time`` (s since boot), by the last memory before it."""
+        place = bisect_right([at for at, _ in self._memories], time * 1e6) - 1
+        at, memory = self._memories[max(place, 0)]
+        self.view.autopilot.restore(memory)
+        self._next, self._ahead = bisect_right(self._times, at), 0.0
+        while not self.over and self._times[self._next] <= time * 1e6:
+            self._play()
+
+    def _due(self) -> float:
+        """us; from the last tick to the next, none where the clock ran back."""
+        before = self._times[self._next - 1] if self._next else self._times[0]
+        return float(max(self._times[self._next] - before, 0))
+
+    def _play(self) -> None:
+        step(self.view.autopilot, self._ticks[self._next])
+        self._next += 1
+
+
+def _nobody(topic: Topic, message: object) -> None:
+    pass

@@ -1,0 +1,127 @@
+"""What entered a recorded flight, tick by tick: sensor frames as they came, and what the ground sent with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from avionics import snapshot, topics
+from avionics.guidance.mission import ItemKind, Mission, MissionItem
+from avionics.inputs import decode_command
+from avionics.messages import Input, PilotInput, PilotSource, SensorFrame, Text
+from avionics.quantities import BadInput
+from avionics.tasks.intake import RECORDED
+from avionics.topics import Topic
+from avionics.vehicles import FlightVehicle
+from logs.attached import flight_vehicle
+from logs.reader import Log
+
+MISSION = "mission.json"
+"""Name of the attachment in which the flight computer leaves the mission it began with."""
+SENSORS = RECORDED
+"""topics of a frame's samples, in the order of its fields; the first one is in every frame"""
+INPUTS = (topics.INPUTS, topics.PILOT, topics.OVERRIDE)
+
+
+class Tick(NamedTuple):
+    """What the flight computer was given in one tick."""
+
+    frame: SensorFrame
+    inputs: tuple[Input, ...]
+
+
+class RecordedFlight(NamedTuple):
+    """A flight as its log has it, ready to be flown again."""
+
+    vehicle: FlightVehicle
+    """as the flight computer believed it to be at boot, with the parameters of then"""
+    mission: Mission
+    """the one it began with"""
+    ticks: list[Tick]
+    snapshots: list[Text]
+    """of the whole memory, in the order of time, each taken at the end of the tick whose time it has"""
+
+
+def recorded_flight(log: Log) -> RecordedFlight:
+    """Everything that a log holds of what entered a flight.
+
+    Raises:
+        BadInput: the log has no raw sensors or no vehicle file (it is not our flight computer's), or is damaged.
+    """
+    vehicle = flight_vehicle(log)
+    if vehicle is None or topics.IMU.name not in log.topics:
+        raise BadInput(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")
+    texts = log.texts(topics.SNAPSHOTS) if topics.SNAPSHOTS.name in log.topics else []
+    return RecordedFlight(vehicle, recorded_mission(log), list(_ticks(log)), texts)
+
+
+def recorded_mission(log: Log) -> Mission:
+    """The mission that a flight began with; none where the log has no document of it.
+
+    Raises:
+        BadInput: the document is damaged or of another version.
+    """
+    if all(attachment.name != MISSION for attachment in log.attachments):
+        return ()
+    try:
+        items = json.loads(log.attachment(MISSION))
+        return tuple(_item(item) for item in items)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise BadInput(f"{log.path}: the mission it began with cannot be read") from None
+
+
+def _item(document: dict[str, Any]) -> MissionItem:
+    document = document | {"kind": int(ItemKind[document["kind"]])}
+    item: MissionItem = snapshot.builder(MissionItem)([document[name] for name in MissionItem._fields])
+    return item
+
+
+def _ticks(log: Log) -> Iterator[Tick]:
+    """Ticks by the order in which their messages were written: inputs, then the IMU, then the other samples."""
+    present = [topic for topic in (*SENSORS, *INPUTS) if topic.name in log.topics]
+    kinds, rows = log.order(present)
+    messages = [_messages(log, topic) for topic in present]
+    inputs: list[Input] = []
+    taken: tuple[Input, ...] = ()
+    samples: dict[str, Any] = {}
+    for kind, row in zip(kinds.tolist(), rows.tolist(), strict=True):
+        topic, message = present[kind], messages[kind][row]
+        if topic in INPUTS:
+            if message is not None:
+                inputs.append(message)
+            continue
+        if topic is topics.IMU:
+            if samples:
+                yield _tick(samples, taken)
+            samples, taken, inputs = {}, tuple(inputs), []
+        samples[topic.name] = message
+    if samples:
+        yield _tick(samples, taken)
+
+
+def _tick(samples: dict[str, Any], inputs: tuple[Input, ...]) -> Tick:
+    imu = samples[topics.IMU.name]
+    return Tick(SensorFrame(imu.time_us, imu, *(samples.get(topic.name) for topic in SENSORS[1:])), inputs)
+
+
+def _messages(log: Log, topic: Topic) -> list[Any]:
+    """Messages of a topic as the flight computer takes them; None for sticks that follow from logged channels."""
+    if topic is topics.INPUTS:
+        return [decode_command(text.text) for text in log.texts(topic)]
+    columns = log.columns(topic)
+    names = topic.message._fields
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise BadInput(f"{log.path}: {topic.name} is of another version: it has no {', '.join(missing)}")
+    values = [[tuple(v) for v in columns[n].tolist()] if columns[n].ndim == 2 else columns[n].tolist() for n in names]
+    found = [topic.message(*row) for row in zip(*values, strict=True)]
+    if topic is topics.PILOT:
+        return [_sticks(one) for one in found]
+    return found
+
+
+def _sticks(sticks: PilotInput) -> PilotInput | None:
+    if sticks.source != PilotSource.MANUAL_CONTROL:
+        return None
+    return sticks._replace(source=PilotSource.MANUAL_CONTROL)

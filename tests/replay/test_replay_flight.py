@@ -1,0 +1,117 @@
+"""A recorded flight through the flight code again: bit for bit, from a snapshot, with another gain, damaged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from replayed import record_flight
+
+from avionics import topics
+from avionics.missions import load_mission
+from avionics.quantities import BadInput
+from groundstation.command import main
+from logs.reader import open_log
+from logs.recorder import McapRecorder
+from logs.replay.flight import replay_flight
+from logs.replay.recorded_flight import recorded_flight, recorded_mission
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_flight(tmp_path_factory.mktemp("flown") / "flight.mcap")
+
+
+def test_a_replay_says_the_same_in_every_bit(flown: Path) -> None:
+    with open_log(flown) as log:
+        done = replay_flight(log)
+        assert done.ticks == len(log.columns(topics.IMU).time)
+        assert [each for each in done.differences if not each.same] == []
+        told = {each.topic: each.recorded for each in done.differences}
+    expected = (topics.ACTUATORS, topics.ATTITUDE, topics.SNAPSHOTS, topics.EVENTS, topics.INPUTS, topics.PILOT)
+    assert all(told[topic.name] > 0 for topic in expected)
+
+
+def test_from_a_snapshot_too(flown: Path) -> None:
+    with open_log(flown) as log:
+        done = replay_flight(log, start=13.0, end=17.0)
+        snapshots = log.texts(topics.SNAPSHOTS)
+    assert done.start in [text.time_us * 1e-6 for text in snapshots] and 5.0 < done.start <= 13.0
+    assert done.end == pytest.approx(17.0, abs=0.006)
+    assert done.same and done.ticks == round((done.end - done.start) * 200.0)
+
+
+def test_the_frames_are_those_that_were_flown(flown: Path) -> None:
+    with open_log(flown) as log:
+        flight = recorded_flight(log)
+    assert [tick.frame.time_us for tick in flight.ticks[:3]] == [5000, 10000, 15000]
+    kept = [tick.frame for tick in flight.ticks]
+    assert sum(frame.adc is not None for frame in kept) == pytest.approx(len(kept) / 2, abs=1)
+    assert sum(len(tick.inputs) for tick in flight.ticks) == len(kept) // 40 + len(kept) // 50 + 3
+    assert flight.mission == load_mission("circuit")
+
+
+@pytest.mark.parametrize("name", ["pitch.proportional", "PITCH_P", "pitch_p"])
+def test_with_another_gain_it_says_where_and_by_how_much_it_differs(flown: Path, name: str) -> None:
+    with open_log(flown) as log:
+        done = replay_flight(log, {name: 0.2}, end=11.0)
+    differing = {each.topic: each for each in done.differences if not each.same}
+    sensors = {topics.IMU.name, topics.ENCODER.name, topics.GPS.name}
+    assert topics.PITCH_LOOP.name in differing and not sensors & set(differing)
+    pitch = differing[topics.PITCH_LOOP.name]
+    assert pitch.first is not None and pitch.recorded == pitch.replayed
+    assert all(field.differing > 0 and field.rms <= abs(field.largest) for field in pitch.fields)
+    assert topics.ATTITUDE.name not in differing, "the sensors were as they were"
+
+
+def test_another_gain_holds_from_a_snapshot_on(flown: Path) -> None:
+    with open_log(flown) as log:
+        done = replay_flight(log, {"pitch.proportional": 0.2}, start=13.0, end=14.0)
+    assert topics.PITCH_LOOP.name in {each.topic for each in done.differences if not each.same}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"pitch.nothing": 1.0}, "unknown parameter"), ({"pitch.proportional": 1e9}, "not in its range")],
+)
+def test_a_gain_that_cannot_be_is_refused(flown: Path, change: dict[str, float], said: str) -> None:
+    with open_log(flown) as log, pytest.raises(BadInput, match=said):
+        replay_flight(log, change)
+
+
+def test_a_log_without_raw_sensors_is_refused(tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "a.mcap"):
+        pass
+    with open_log(tmp_path / "a.mcap") as log:
+        assert recorded_mission(log) == ()
+        with pytest.raises(BadInput, match="holds no raw sensors"):
+            recorded_flight(log)
+
+
+def test_a_torn_log_is_replayed_up_to_where_it_ends(flown: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
+    with open_log(torn) as log:
+        done = replay_flight(log, end=log.columns(topics.IMU).time[-1] - 0.3)
+    assert done.ticks > 500 and done.same
+
+
+def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["replay", str(flown), "--end", "9"]) == 0
+    assert "the flight code said the same in every bit" in capsys.readouterr().out
+    assert main.main(["replay", str(flown), "--end", "9", "--set", "pitch.proportional=0.2", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert not document["same"] and document["end"] == pytest.approx(9.0, abs=0.006)
+    assert main.main(["replay", str(flown), "--end", "9", "--set", "pitch.proportional=0.2"]) == 0
+    told = capsys.readouterr().out
+    assert (
+        "/stabilization/pitch" in told and "the same in every bit" in told and max(map(len, told.splitlines())) < 160
+    )
+
+
+@pytest.mark.parametrize("words", [[], ["flight.mcap", "--imu", "x"], ["flight.mcap", "--set", "pitch"]])
+def test_a_wrong_command_line_is_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["replay", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("wingbeat: ") and err.count("\n") == 1
