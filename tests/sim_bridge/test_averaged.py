@@ -15,7 +15,7 @@ from sim_bridge.vehicles import load_vehicle
 VEHICLES = ("robo_raven_ii_d", "arizona_100cm")
 
 
-@pytest.fixture(scope="module", params=VEHICLES)
+@pytest.fixture(scope="module", params=[VEHICLES[0], pytest.param(VEHICLES[1], marks=pytest.mark.validate)])
 def linearised(request: pytest.FixtureRequest) -> tuple[str, Orbit, AveragedModel]:
     vehicle = load_vehicle(request.param)
     orbit = trim(vehicle, vehicle.cruise.airspeed, vehicle.cruise.climb_rate)

@@ -135,6 +135,7 @@ def test_settled_wings_leave_the_body_where_it_was() -> None:
     assert again[4:8] == pytest.approx(settled[4:8], abs=1e-2)
 
 
+@pytest.mark.validate
 def test_a_trim_that_does_not_exist_says_what_was_asked() -> None:
     bird = vehicle("robo_raven_ii_d")
     coarse = bird._replace(wing=bird.wing._replace(strips=4))

@@ -61,11 +61,12 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
             r"already at 4\.\d+ m/s .* it needs 0\.6\d rad of elevator, the servo has 0\.6$",
             marks=pytest.mark.validate,
         ),
-        (
+        pytest.param(
             "robo_raven_ii_d",
             2.0,
             0.0,
             r": below 3\.\d+ m/s the tail cannot hold the pitch moment \(elevator at 0\.\d+ of ±0\.6 rad\)",
+            marks=pytest.mark.validate,
         ),
         pytest.param(
             "slow_hawk",

@@ -17,11 +17,13 @@ from sim_bridge.flight.tuning.cascade import PARTS, design
 from sim_bridge.flight.tuning.vehicle_file import places, tuned_text, write
 from sim_bridge.tuning.margins import LIMITS
 
+BOTH = pytest.mark.parametrize("name", [VEHICLES[0], pytest.param(VEHICLES[1], marks=pytest.mark.validate)])
+"""a design takes some seconds: that of the second vehicle is for the long studies"""
 TRIM = 1e-3
 """rad; of a disturbance small enough for nothing to saturate"""
 
 
-@pytest.mark.parametrize("name", [VEHICLES[0], pytest.param(VEHICLES[1], marks=pytest.mark.validate)])
+@BOTH
 def test_every_designed_loop_keeps_its_margins_by_the_frequency_response_alone(name: str) -> None:
     found = {loop: nearest(response) for loop, response in loops(name, designed(name).gains).items()}
     assert set(found) == {"pitch", "roll", "climb", "altitude", "heading"}
@@ -30,7 +32,7 @@ def test_every_designed_loop_keeps_its_margins_by_the_frequency_response_alone(n
         assert margins.phase_deg >= 45.0, loop
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_the_margins_told_are_those_of_the_frequency_response(name: str) -> None:
     """Before and after: Padé's delays and python-control's crossings against exact delays and a fine grid."""
     for told, gains in ((designed(name).before, vehicle(name).gains), (designed(name).after, designed(name).gains)):
@@ -57,7 +59,7 @@ def test_a_pitch_that_answers_climb_errors_is_part_of_the_climb_loop(answer: flo
     assert told.values["altitude.throttle_integral"] != found.values["altitude.throttle_integral"]
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_nothing_but_the_cascade_is_changed(name: str) -> None:
     found, file = designed(name), vehicle(name).gains
     changed = {
@@ -72,7 +74,7 @@ def test_nothing_but_the_cascade_is_changed(name: str) -> None:
     assert all(getattr(getattr(found.gains, key.split(".")[0]), key.split(".")[1]) == values[key] for key in values)
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_a_loop_is_no_faster_than_the_flapping_and_the_loops_inside_it_allow(name: str) -> None:
     loop = {one.name: one for one in designed(name).after}
     flapping = 2.0 * math.pi * model(name).frequency
@@ -83,7 +85,7 @@ def test_a_loop_is_no_faster_than_the_flapping_and_the_loops_inside_it_allow(nam
     assert gains.proportional * max(gains.climb_max, gains.sink_max) <= gains.climb_rate_limit
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_a_designed_loop_is_as_fast_as_any_scaled_within_the_limits(name: str) -> None:
     """With P, I and D all larger by a fifth the pitch loop breaks a limit: the search left nothing there."""
     gains = designed(name).gains.pitch
@@ -139,7 +141,7 @@ def roll_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float =
 
 
 @pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_the_flight_code_stands_the_gain_it_was_designed_for_and_no_more(name: str, flown) -> None:  # type: ignore[no-untyped-def]
     gains = designed(name).gains
     loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
@@ -152,7 +154,7 @@ def test_the_flight_code_stands_the_gain_it_was_designed_for_and_no_more(name: s
 
 
 @pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_the_flight_code_stands_the_delay_its_phase_margin_says(name: str, flown) -> None:  # type: ignore[no-untyped-def]
     gains = designed(name).gains
     loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
@@ -179,7 +181,7 @@ def test_an_elevator_that_does_nothing_is_refused_by_the_loop_it_is_in() -> None
         design(limp, vehicle(name))
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@BOTH
 def test_the_written_file_loads_and_holds_the_designed_gains(name: str, tmp_path: Path) -> None:
     where = places(tmp_path / "my_bird")
     write(where, vehicle(name), designed(name), "# the world\n")

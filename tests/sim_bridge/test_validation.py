@@ -60,7 +60,13 @@ def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
     assert unreproducible(blank, 1.0, "it has no scale").difference is None
 
 
-@pytest.mark.parametrize("check", CHECKS)
+LONG = ("gerdes-wings in a wind tunnel", "malladi-short period", "han-hawkmoth in free flight")
+"""checks that fly, or fit, for seconds: what they find is in `tests/papers` too"""
+
+
+@pytest.mark.parametrize(
+    "check", [pytest.param(check, marks=pytest.mark.validate) if check in LONG else check for check in CHECKS]
+)
 def test_every_row_says_where_it_is_from_and_why_it_is_not_met(check: str) -> None:
     rows = rows_of(check)
     assert rows and len({(row.figure.where, row.figure.quantity) for row in rows}) == len(rows)

@@ -31,11 +31,11 @@ MID_STROKE_US = 12_345_000
 
 @pytest.fixture(scope="module")
 def first() -> Flight:
-    return flown(RAVEN, Scenario(seed=7, duration=20.0))
+    return flown(RAVEN, Scenario(seed=7, duration=10.0))
 
 
 def test_the_same_seed_gives_the_same_bytes_on_every_deterministic_topic(first: Flight) -> None:
-    again = flown(RAVEN, Scenario(seed=7, duration=20.0))
+    again = flown(RAVEN, Scenario(seed=7, duration=10.0))
     assert differing(first.log, again.log) == []
     silent = {topic.name for topic in DETERMINISTIC if not first.of(topic)}
     entered = {topics.PILOT.name, topics.OVERRIDE.name, topics.RECEIVER.name, topics.CALIBRATION.name}
@@ -43,7 +43,7 @@ def test_the_same_seed_gives_the_same_bytes_on_every_deterministic_topic(first: 
 
 
 def test_another_seed_differs_from_the_first_sample(first: Flight) -> None:
-    other = flown(RAVEN, Scenario(seed=8, duration=20.0))
+    other = flown(RAVEN, Scenario(seed=8, duration=10.0))
     different = differing(first.log, other.log)
     assert {topics.IMU.name, topics.ATTITUDE.name, topics.ACTUATORS.name, truth_topics.STATE.name} <= set(different)
     assert first.of(topics.IMU)[0] != other.of(topics.IMU)[0]

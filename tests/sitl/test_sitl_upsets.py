@@ -14,6 +14,8 @@ from avionics.missions import load_mission
 from sim_bridge.environment.dryden import Gust
 from sim_bridge.flight.world import STILL, Scenario
 
+pytestmark = pytest.mark.validate
+
 BEGUN = 45.0
 """s; in the turns of the circuit, 40 m high"""
 ROLLING = 5.0
@@ -40,7 +42,7 @@ def rolled(underway: Underway, rate: float) -> Flight:
     return twin.flight()
 
 
-@pytest.mark.parametrize("rate", [pytest.param(1.2, marks=pytest.mark.validate), 1.5])
+@pytest.mark.parametrize("rate", [1.2, 1.5])
 def test_a_spiral_ends_because_its_thrust_does(turning: Underway, rate: float) -> None:
     """With thrust it went on past 90 degrees and into the ground."""
     flight = rolled(turning, rate)
@@ -52,7 +54,6 @@ def test_a_spiral_ends_because_its_thrust_does(turning: Underway, rate: float) -
     assert altitude[-1] == pytest.approx(40.0, abs=3.0)
 
 
-@pytest.mark.validate
 def test_against_a_wind_of_its_cruise_it_flies_faster_and_comes_on() -> None:
     ahead = (MissionItem(ItemKind.TAKEOFF, altitude=15.0), MissionItem(ItemKind.WAYPOINT, north=300.0, altitude=15.0))
     flight = flown(RAVEN, Scenario(seed=2, wind_speed=WIND, wind_from=0.0, duration=50.0), ahead)
