@@ -12,21 +12,10 @@ from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
+from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, PARAMETERS, WORLD, WORLD_VEHICLE
 from logs.reader import Log
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
-WORLD_VEHICLE = "world_vehicle.toml"
-"""Name of the attachment in which the world leaves its vehicle file."""
-WORLD = "wingbeat.world"
-"""Name of the metadata record in which the world notes what a flight chose beside that file."""
-AERODYNAMICS = "aerodynamics"
-"""Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
-STICKS = "sticks.csv"
-"""Name of the attachment in which the world leaves how a scripted pilot moved his transmitter."""
-PARAMETERS = "wingbeat.parameters"
-"""Name of the metadata record in which the flight computer notes every parameter at boot."""
-FLIGHT_VEHICLE = "avionics_vehicle.toml"
-"""Name of the attachment in which the flight computer leaves its vehicle file."""
 Loaded = TypeVar("Loaded")
 
 

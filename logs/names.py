@@ -1,4 +1,4 @@
-"""Names of new recordings."""
+"""Names of new recordings, and of what stands in one beside the messages."""
 
 from __future__ import annotations
 
@@ -9,6 +9,21 @@ from pathlib import Path
 from logs.placing import numbered
 
 RECORDINGS = Path("recordings")
+
+WORLD_VEHICLE = "world_vehicle.toml"
+"""Name of the attachment in which the world leaves its vehicle file."""
+WORLD = "wingbeat.world"
+"""Name of the metadata record in which the world notes what a flight chose beside that file."""
+AERODYNAMICS = "aerodynamics"
+"""Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
+STICKS = "sticks.csv"
+"""Name of the attachment in which the world leaves how a scripted pilot moved his transmitter."""
+PARAMETERS = "wingbeat.parameters"
+"""Name of the metadata record in which the flight computer notes every parameter at boot."""
+FLIGHT_VEHICLE = "avionics_vehicle.toml"
+"""Name of the attachment in which the flight computer leaves its vehicle file."""
+MISSION = "mission.json"
+"""Name of the attachment in which the flight computer leaves the mission it began with."""
 
 
 def new_recording(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Path:

@@ -37,10 +37,9 @@ from groundstation.command.onboard import Onboard
 from groundstation.command.recordings import put_right, told_paths
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
-from logs.attached import FLIGHT_VEHICLE, PARAMETERS
-from logs.names import new_recording
+from logs.names import FLIGHT_VEHICLE, MISSION, PARAMETERS, new_recording
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
-from sim_bridge.flight.flight import fault_commands
+from sim_bridge.flight.faults import fault_commands
 
 ANGLES = ("roll", "pitch", "yaw")
 WITHOUT_LOCKSTEP = ("hil:serial:", "razor:")
@@ -254,6 +253,6 @@ def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) ->
     recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
     recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
     items = [item._asdict() | {"kind": item.kind.name} for item in mission]
-    recorder.attach("mission.json", "application/json", json.dumps(items, indent=1).encode())
+    recorder.attach(MISSION, "application/json", json.dumps(items, indent=1).encode())
     table = parameters.parameter_table(vehicle.gains)
     recorder.note(PARAMETERS, {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})

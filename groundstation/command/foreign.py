@@ -15,7 +15,7 @@ from sim_bridge.bridge.foreign.flight import Rig
 from sim_bridge.bridge.foreign.outputs import Channels, Pulses, parse_channels, parse_pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage
 from sim_bridge.flight.world import Scenario
-from sim_bridge.sensors.suite import TICK_RATE
+from sim_bridge.sensors.frame import TICK_RATE
 
 REST_TIME = 20.0
 """s; on the ground before the simulation ends: an autopilot must notice the landing and disarm"""

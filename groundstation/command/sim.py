@@ -16,8 +16,7 @@ from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
 from groundstation.command.recordings import put_right, told_paths
-from logs.attached import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE
-from logs.names import new_recording
+from logs.names import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE, new_recording
 from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import SceneRecorder, shape_of

@@ -15,10 +15,9 @@ from avionics.tasks.intake import RECORDED
 from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from logs.attached import flight_vehicle
+from logs.names import MISSION
 from logs.reader import Log
 
-MISSION = "mission.json"
-"""Name of the attachment in which the flight computer leaves the mission it began with."""
 SENSORS = RECORDED
 """topics of a frame's samples, in the order of its fields; the first one is in every frame"""
 INPUTS = (topics.INPUTS, topics.PILOT, topics.OVERRIDE)

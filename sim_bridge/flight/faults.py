@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
 from avionics.quantities import BadInput
 from sim_bridge.bridge.world import SimulationSilent
-from sim_bridge.sensors.frame import RawFrame, RawPressures, RawReceiver
+from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver
 from sim_bridge.sensors.receiver import ReceiverSpec
-from sim_bridge.sensors.suite import TICK_RATE
 
 if TYPE_CHECKING:
     from sim_bridge.plant import Plant
@@ -370,3 +370,17 @@ class FaultInjector:
         if healthy.pressures is not None:
             self._static = healthy.pressures.static_counts
         return frame
+
+
+def fault_commands(faults: Sequence[Fault]) -> tuple[Command, ...]:
+    """What those of ``faults`` that are inputs of the flight put in, at their beginnings and ends.
+
+    Raises:
+        BadInput: no such fault, or times that cannot be.
+    """
+    entering = []
+    for fault in divided(faults)[1]:
+        entering.append(Command(round(fault.at * 1e6), CommandKind.LINK_LOST, source="fault"))
+        if math.isfinite(fault.until):
+            entering.append(Command(round(fault.until * 1e6), CommandKind.LINK_REGAINED, source="fault"))
+    return tuple(entering)

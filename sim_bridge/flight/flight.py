@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 
 from avionics.autopilot import Autopilot
 from avionics.link.codec import quantised_command
-from avionics.messages import Command, CommandKind
+from avionics.messages import Command
 from sim_bridge.bridge.world import NEUTRAL, SimulationSilent
-from sim_bridge.flight.faults import Fault, divided
+from sim_bridge.flight.faults import fault_commands
 from sim_bridge.flight.world import SimulatedWorld
 
 
@@ -32,17 +31,3 @@ def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] =
         while waiting and waiting[0].time_us <= frame.time_us:
             due.append(waiting.popleft())
         command = quantised_command(autopilot.step(frame, due))
-
-
-def fault_commands(faults: Sequence[Fault]) -> tuple[Command, ...]:
-    """What those of ``faults`` that are inputs of the flight put in, at their beginnings and ends.
-
-    Raises:
-        BadInput: no such fault, or times that cannot be.
-    """
-    entering = []
-    for fault in divided(faults)[1]:
-        entering.append(Command(round(fault.at * 1e6), CommandKind.LINK_LOST, source="fault"))
-        if math.isfinite(fault.until):
-            entering.append(Command(round(fault.until * 1e6), CommandKind.LINK_REGAINED, source="fault"))
-    return tuple(entering)

@@ -30,10 +30,10 @@ from sim_bridge.flight.faults import Fault, FaultInjector
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.plant import Means, Plant
-from sim_bridge.sensors.frame import RawFrame
+from sim_bridge.sensors.frame import TICK_RATE, RawFrame
 from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
-from sim_bridge.sensors.suite import TICK_RATE, SensorSuite, sensor_spec
+from sim_bridge.sensors.suite import SensorSuite, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
 

@@ -12,6 +12,8 @@ BURST_LENGTH = 60
 """samples; of one ADC burst"""
 CHANNELS = 8
 """of the radio-control receiver"""
+TICK_RATE = 200.0
+"""Hz; IMU and encoders are sampled at every tick"""
 
 
 class RawImu(NamedTuple):

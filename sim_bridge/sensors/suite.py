@@ -13,7 +13,7 @@ from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
-from sim_bridge.sensors.frame import RawAdc, RawEncoder, RawFrame, RawGps, RawImu, RawPressures, RawTorque
+from sim_bridge.sensors.frame import TICK_RATE, RawAdc, RawEncoder, RawFrame, RawGps, RawImu, RawPressures, RawTorque
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
@@ -23,8 +23,6 @@ from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 
-TICK_RATE = 200.0
-"""Hz; IMU and encoders are sampled at every tick"""
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
 PRESSURE_RATE = 50.0

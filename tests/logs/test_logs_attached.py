@@ -11,7 +11,8 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.vehicles import load_vehicle
 from groundstation.command.avionics import note_inputs
-from logs.attached import FLIGHT_VEHICLE, PARAMETERS, aircraft_of, flight_vehicle
+from logs.attached import aircraft_of, flight_vehicle
+from logs.names import FLIGHT_VEHICLE, PARAMETERS
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 

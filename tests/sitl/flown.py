@@ -25,8 +25,8 @@ from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.flight.faults import Fault
-from sim_bridge.flight.flight import fault_commands, fly
+from sim_bridge.flight.faults import Fault, fault_commands
+from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 
