@@ -259,7 +259,7 @@ class Attitude(NamedTuple):
     time_us: Time
     """us; since boot"""
     roll: float
-    """rad; right wing down is positive"""
+    """rad; right wing down is positive, -pi to pi"""
     pitch: float
     """rad; nose up is positive"""
     yaw: float
@@ -529,7 +529,7 @@ class HeadingStatus(NamedTuple):
     time_us: Time
     """us; since boot"""
     heading: float
-    """rad; what is steered: the course over ground, or the yaw without a position"""
+    """rad; what is steered: the course over ground, or the yaw without a position; -pi to pi"""
     heading_error: float
     """rad; setpoint minus measured, -pi to pi"""
     roll_setpoint: float

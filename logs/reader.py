@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from avionics.messages import Event, Text
 from avionics.quantities import BadInput
 from avionics.topics import Topic
+from logs.alignment import aligned
 from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, rows_at, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
 from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
@@ -229,6 +230,32 @@ class Log:
             mine = np.flatnonzero(kind == i)
             row[mine[np.argsort(time[mine], kind="stable")]] = np.arange(len(mine))
         return kind, row
+
+    def aligned(
+        self,
+        topics: Iterable[str | Topic],
+        rate: float | None = None,
+        start: float | None = None,
+        end: float | None = None,
+        gap: float | None = None,
+    ) -> Columns:
+        """One table of several topics, its columns named ``/topic.field``, all at the same times.
+
+        Numbers are linear between two messages, angles that wrap take the shorter way round (their description in
+        the file tells the range, ``-pi to pi``), quaternions keep length 1 and their sign. Whole numbers, switches
+        and texts are the last message's. Nothing is extrapolated: NaN stands where a topic has nothing to say.
+
+        Args:
+            topics: names, ``topic.field`` or `Topic` values.
+            rate: Hz; rows at its multiples since boot, at the messages of the first topic when not given.
+            start: s since boot; of the first row.
+            end: s since boot; no row at or after it.
+            gap: s; NaN in pauses longer than this, or than five of the topic's median periods when not given.
+
+        Raises:
+            BadInput: the log has no such topic or field, a bad rate, or a part of the file is damaged.
+        """
+        return aligned(self, topics, rate, start, end, gap)
 
     def events(self, topic: str | Topic | None = None) -> list[Event]:
         """Events of one topic, or of all that carry them, in order of log time.

@@ -15,7 +15,7 @@ from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
 from logs.identification.results import Array
-from logs.identification.stroke import strokes_of
+from logs.strokes import strokes_of
 from sim_bridge import topics as truth
 
 BURST_RATE = 6000.0

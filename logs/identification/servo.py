@@ -21,7 +21,7 @@ from avionics.quantities import BadInput
 from logs.identification.data import DriveData
 from logs.identification.regression import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.stroke import interval_mean, stroke_cuts, stroke_means
+from logs.strokes import interval_mean, stroke_cuts, stroke_means
 
 Mask = NDArray[np.bool_]
 LEAST_SAMPLES = 40

@@ -1,0 +1,280 @@
+"""Several topics on one time base: what every field was at the same moments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.columns import Array, Columns
+
+if TYPE_CHECKING:
+    from logs.reader import Log
+
+ALIGNED = "aligned"
+"""Name of the table that is made."""
+GAP_PERIODS = 5.0
+"""A pause between two messages longer than this many of the topic's median periods is a gap, if nothing is asked."""
+MOST_ROWS = 50_000_000
+RANGES: Mapping[str, float] = {"-pi to pi": -math.pi, "0 to 2 pi": 0.0}
+"""rad; what the description of an angle that wraps says of its range, and where that begins"""
+TIME = "time_us"
+_AXES = "wxyz"
+
+Times = NDArray[np.int64]
+Known = NDArray[np.bool_]
+
+
+class _Places(NamedTuple):
+    """Where the rows of a time base lie among the messages of one topic."""
+
+    before: NDArray[np.intp]
+    """the last message not later"""
+    after: NDArray[np.intp]
+    """the one behind it"""
+    share: NDArray[np.float64]
+    """-; of the way from the one to the other, 0 to 1"""
+    between: Known
+    """the row lies between two messages, or on one, and in no gap"""
+    held: Known
+    """the last message still tells a flag, a state or a count"""
+
+
+def aligned(
+    log: Log,
+    topics: Iterable[str | Topic],
+    rate: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    gap: float | None = None,
+) -> Columns:
+    """One table of several topics, its columns named ``topic.field``; see `logs.reader.Log.aligned`."""
+    for value, what in ((rate, "rate"), (gap, "longest gap")):
+        if value is not None and not 0.0 < value < math.inf:
+            raise BadInput(f"the {what} of a table must be above 0, not {value:g}")
+    wanted = _wanted(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
+    tables = {name: _ordered(columns) for name, columns in log.tables(wanted).items()}
+    boot = log.boot_ns
+    base = _time_base([times for _, times in tables.values()], rate, start, end)
+    out = Columns(ALIGNED, {}, {}, base + boot, boot)
+    for name, fields in wanted.items():
+        columns, times = tables[name]
+        chosen = _fields(log, name, columns, fields)
+        # A topic without a rate has a message for each change: what it told holds until the next.
+        places = _places(times, base, gap, lasting=log.topics[name].rate == 0.0)
+        for field, values in _sampled(columns, chosen, places).items():
+            _add(out, f"{name}.{field}", columns, field, values)
+    return out
+
+
+def wraps_from(columns: Columns, field: str) -> float | None:
+    """Where the range of an angle begins (rad) that wraps, as its unit and description say; None for others."""
+    if columns.units.get(field) != "rad":
+        return None
+    text = columns.descriptions.get(field, "")
+    return next((low for words, low in RANGES.items() if words in text), None)
+
+
+def quaternions(columns: Columns) -> list[tuple[str, str, str, str]]:
+    """Fields that are the w, x, y and z of one quaternion: their names differ in the last letter alone."""
+    groups = [tuple(name[:-1] + axis for axis in _AXES) for name in columns if name.endswith("w")]
+    return [
+        (w, x, y, z)
+        for w, x, y, z in groups
+        if all(
+            name in columns and columns[name].dtype.kind == "f" and columns[name].ndim == 1 for name in (w, x, y, z)
+        )
+    ]
+
+
+# --- what is asked --------------------------------------------------------------------------------------
+
+
+def _wanted(log: Log, names: list[str]) -> dict[str, list[str] | None]:
+    """Fields by topic in the order asked, None for all of them."""
+    wanted: dict[str, list[str] | None] = {}
+    for name in names:
+        topic, field = _split(log, name)
+        fields = wanted.setdefault(topic, [])
+        if field is None:
+            wanted[topic] = None
+        elif fields is not None and field not in fields:
+            fields.append(field)
+    if not wanted:
+        raise BadInput("no topic to align was named")
+    return wanted
+
+
+def _split(log: Log, name: str) -> tuple[str, str | None]:
+    """Topic and field of ``topic`` or ``topic.field``: either may have dots in its name."""
+    if name in log.topics:
+        return name, None
+    found = [topic for topic in log.topics if name.startswith(f"{topic}.")]
+    if not found:
+        raise BadInput(f"{log.path} has no topic {name}; it has: {', '.join(log.topics) or 'none'}")
+    topic = max(found, key=len)
+    return topic, name[len(topic) + 1 :]
+
+
+def _fields(log: Log, topic: str, columns: Columns, fields: list[str] | None) -> list[str]:
+    chosen = [name for name in columns if name != TIME] if fields is None else fields
+    unknown = next((name for name in chosen if name not in columns), None)
+    if unknown is not None:
+        raise BadInput(f"{log.path}: {topic} has no field {unknown}; it has: {', '.join(columns) or 'none'}")
+    return chosen
+
+
+# --- time -----------------------------------------------------------------------------------------------
+
+
+def _ordered(columns: Columns) -> tuple[Columns, Times]:
+    """The columns in order of their time (ns since boot), the last of those with the same."""
+    times = np.rint(columns.time * 1e9).astype(np.int64)
+    order = np.argsort(times, kind="stable")
+    last = np.append(np.diff(times[order]) > 0, True)[: len(order)]
+    rows = order[last]
+    if len(rows) == len(times) and np.array_equal(rows, np.arange(len(rows))):
+        return columns, times
+    fields = {name: values[rows] for name, values in columns.items()}
+    kept = Columns(
+        columns.topic, fields, columns.units, columns.log_time_ns[rows], columns.boot_ns, columns.labels,
+        columns.descriptions,
+    )  # fmt: skip
+    return kept, times[rows]
+
+
+def _time_base(times: list[Times], rate: float | None, start: float | None, end: float | None) -> Times:
+    """Moments (ns since boot): those of the first topic, or the multiples of ``1 / rate`` where any topic speaks."""
+    spoken = [each for each in times if len(each)]
+    first = min((int(each[0]) for each in spoken), default=0)
+    last = max((int(each[-1]) for each in spoken), default=-1)
+    low = first if start is None else round(start * 1e9)
+    high = last + 1 if end is None else round(end * 1e9)
+    if rate is None:
+        return times[0][(times[0] >= low) & (times[0] < high)]
+    return _multiples(rate, low, high)
+
+
+def _multiples(rate: float, low: int, high: int) -> Times:
+    rows = (high - low) * 1e-9 * rate
+    if rows > MOST_ROWS:
+        raise BadInput(
+            f"{rate:g} Hz over {(high - low) * 1e-9:.6g} s are {rows:.3g} rows: ask for less than {MOST_ROWS:.0e}"
+        )
+    # One more on either side: which of them lie in the window is asked of the rounded times.
+    numbers = np.arange(math.floor(low * 1e-9 * rate) - 1, math.ceil(high * 1e-9 * rate) + 2)
+    times: Times = np.rint(numbers * (1e9 / rate)).astype(np.int64)
+    return times[(times >= low) & (times < high)]
+
+
+def _places(times: Times, base: Times, gap: float | None, lasting: bool) -> _Places:
+    if not len(times):
+        none, nowhere = np.zeros(len(base), np.intp), np.zeros(len(base), bool)
+        return _Places(none, none, np.zeros(len(base)), nowhere, nowhere)
+    last = np.searchsorted(times, base, side="right") - 1
+    before = np.maximum(last, 0)
+    after = np.minimum(last + 1, len(times) - 1)
+    since, step = base - times[before], times[after] - times[before]
+    share = np.divide(since, step, out=np.zeros(len(base)), where=step > 0)
+    between = (last >= 0) & ((since == 0) | ((base <= times[-1]) & (step <= _longest(times, gap))))
+    return _Places(before, after, share, between, last >= 0 if lasting and gap is None else between)
+
+
+def _longest(times: Times, gap: float | None) -> float:
+    """ns; the longest pause over which something is known."""
+    if gap is not None:
+        return gap * 1e9
+    return GAP_PERIODS * float(np.median(np.diff(times))) if len(times) > 1 else math.inf
+
+
+# --- values ---------------------------------------------------------------------------------------------
+
+
+def _sampled(columns: Columns, fields: list[str], places: _Places) -> dict[str, Array]:
+    """The fields at the places, in their order."""
+    sampled: dict[str, Array] = {}
+    for names in quaternions(columns):
+        if not set(names).isdisjoint(fields):
+            rows = _quaternion(np.column_stack([columns[name] for name in names]), places)
+            sampled |= dict(zip(names, rows.T, strict=True))
+    for name in fields:
+        if name not in sampled:
+            sampled[name] = _sample(columns, name, places)
+    return {name: sampled[name] for name in fields}
+
+
+def _sample(columns: Columns, name: str, places: _Places) -> Array:
+    values = columns[name]
+    if not len(values):
+        return np.full((len(places.before), *values.shape[1:]), np.nan)
+    if values.dtype.kind != "f" or name in columns.labels:
+        return _held(values, places)
+    if values.shape[1:] == (4,) and (name == "q" or name.endswith("quaternion")):
+        return _quaternion(values, places)
+    low = wraps_from(columns, name)
+    return _linear(values, places) if low is None else _angle(values, low, places)
+
+
+def _known(values: Array, known: Known) -> Array:
+    values[~known] = np.nan
+    return values
+
+
+def _linear(values: Array, places: _Places) -> Array:
+    share = places.share.reshape(-1, *[1] * (values.ndim - 1))
+    first = values[places.before]
+    return _known(first + (values[places.after] - first) * share, places.between)
+
+
+def _angle(values: Array, low: float, places: _Places) -> Array:
+    """By the shorter way round, in the range of 2 pi that begins at ``low``."""
+    first = values[places.before]
+    turned = values[places.after] - first
+    turned -= math.tau * np.rint(turned / math.tau)
+    found = first + turned * places.share
+    inside = found - math.tau * np.floor((found - low) / math.tau)
+    # A recorded value stays as it is, at the end of its range too.
+    return _known(np.where(places.share == 0.0, first, inside), places.between)
+
+
+def _quaternion(values: Array, places: _Places) -> Array:
+    """Rotations (n, 4) on the way between two, of length 1; no row has the other sign than the one before it."""
+    if not len(values):
+        return np.full((len(places.before), 4), np.nan)
+    first, second = values[places.before], values[places.after]
+    second = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -second, second)
+    rows = first + (second - first) * places.share[:, None]
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = np.divide(rows, length, out=np.full_like(rows, np.nan), where=length > 0.0)
+    return _continuous(_known(rows, places.between))
+
+
+def _continuous(rows: Array) -> Array:
+    known = np.flatnonzero(np.isfinite(rows).all(axis=1))
+    against = np.sum(rows[known[1:]] * rows[known[:-1]], axis=1) < 0.0
+    rows[known[1:]] *= np.cumprod(np.where(against, -1.0, 1.0))[:, None]
+    return rows
+
+
+def _held(values: Array, places: _Places) -> Array:
+    """The last message's; whole numbers become floating point where one is missing."""
+    found = values[places.before]
+    if places.held.all():
+        return found
+    if found.dtype == object:
+        found[~places.held] = None
+        return found
+    return _known(found.astype(np.float64), places.held)
+
+
+def _add(out: Columns, name: str, columns: Columns, field: str, values: Any) -> None:
+    out.fields[name] = values
+    out.units[name] = columns.units[field]
+    out.descriptions[name] = columns.descriptions.get(field, "")
+    if field in columns.labels:
+        out.labels[name] = columns.labels[field]
