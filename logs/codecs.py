@@ -21,6 +21,7 @@ from avionics.messages import Event, Severity, Text
 from avionics.topics import Topic
 from logs.layout import Layout, layout_of
 from logs.records import Damage
+from logs.ros2 import cdr_decoder
 from logs.schema import channel_metadata, descriptor_set
 
 Encoder = Callable[[Any, int, int], bytes]
@@ -235,10 +236,13 @@ def value_decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], 
     """Decoder of a message to its plain values; members of nested messages are named ``outer.inner``.
 
     Raises:
-        Damage: neither JSON nor protobuf with a whole schema.
+        BadInput: ROS 2, and the package that decodes it is not installed.
+        Damage: neither JSON, nor protobuf or ROS 2 with a whole schema.
     """
     if channel.message_encoding == "json":
         return _decode_json
+    if channel.message_encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
+        return cdr_decoder(channel, schema)
     if channel.message_encoding != "protobuf" or schema is None or schema.encoding != "protobuf":
         raise Damage(f"{channel.topic} is encoded as {channel.message_encoding or 'nothing known'}")
     kind = _message_class(schema)

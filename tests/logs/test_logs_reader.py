@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
+from mcap_ros2.writer import Writer as Ros2Writer
 from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
@@ -205,3 +207,95 @@ def test_a_message_that_lacks_a_field_is_decoded_one_by_one(tmp_path: Path) -> N
     assert columns["right"].tolist() == [2.5, 0.0, 2.5]
     assert columns["time_us"].tolist() == [7, 7, 7]
     assert columns.units["right"] == "N m"
+
+
+# --- ROS 2 ----------------------------------------------------------------------------------------------
+
+ODOMETRY = """\
+builtin_interfaces/Time stamp
+string frame
+bool good
+float64[3] position
+float32[] ranges
+uint8[] picture
+geometry_msgs/Quaternion orientation
+geometry_msgs/Vector3[] points
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x 0
+float64 y 0
+float64 z 0
+float64 w 1
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+
+
+def ros2(path: Path, **options: Any) -> Path:
+    """A file by the writer of the mcap-ros2-support package."""
+    with path.open("wb") as file, Ros2Writer(file, chunk_size=500, **options) as writer:
+        schema = writer.register_msgdef("nav_msgs/msg/Odometry", ODOMETRY)
+        for n in range(30):
+            message = {
+                "stamp": {"sec": -1, "nanosec": n},
+                "frame": f"bird{n}",
+                "good": n % 2 == 0,
+                "position": [n, n + 0.5, -n],
+                "ranges": [0.25 * n] * (n % 3),
+                "picture": bytes([n, 255]),
+                "orientation": {"w": 0.5, "x": n * 0.1},
+                "points": [{"x": n, "y": 1.5}],
+            }
+            writer.write_message("/odometry", schema, message, log_time=n * 10**8, sequence=n)
+    return path
+
+
+@pytest.mark.parametrize("compression", list(CompressionType), ids=lambda one: one.name)
+def test_messages_of_ros_2(tmp_path: Path, compression: CompressionType) -> None:
+    log = open_log(ros2(tmp_path / "a.mcap", compression=compression))
+    columns = log.columns("/odometry")
+    assert (log.topics["/odometry"].encoding, log.topics["/odometry"].messages) == ("cdr", 30)
+    assert columns["stamp.nanosec"].tolist() == list(range(30)) and set(columns["stamp.sec"]) == {-1}
+    assert columns["frame"][7] == "bird7" and columns["good"].tolist()[:3] == [True, False, True]
+    assert columns["position"].shape == (30, 3) and columns["position"][4].tolist() == [4.0, 4.5, -4.0]
+    assert columns["picture"].tolist()[3] == [3, 255]
+    assert columns["ranges"].dtype == object and columns["ranges"][2] == [0.5, 0.5]
+    assert columns["orientation.x"] == pytest.approx(0.1 * np.arange(30)) and set(columns["orientation.w"]) == {0.5}
+    assert columns["points"][9] == [{"x": 9.0, "y": 1.5, "z": 0.0}]
+    assert columns.time == pytest.approx(0.1 * np.arange(30))
+    table = log.aligned(["/odometry.orientation.w", "/odometry.orientation.x"], rate=100.0)
+    assert np.all(table["/odometry.orientation.w"] ** 2 + table["/odometry.orientation.x"] ** 2 <= 1.0 + 1e-12)
+
+
+def test_a_message_of_ros_2_that_is_too_short_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schemas = [
+            writer.register_schema(name, "ros2msg", text) for name, text in (("a/A", b"int64 x"), ("b/B", b"?"))
+        ]
+        whole, wrong = (writer.register_channel(f"/{n}", "cdr", schema) for n, schema in enumerate(schemas))
+        writer.add_message(whole, 1, b"\x00\x01\x00\x00" + b"\x07" * 4, 1)
+        writer.add_message(wrong, 1, b"\x00\x01\x00\x00", 1)
+        writer.finish()
+    log = open_log(path)
+    with pytest.raises(BadInput, match="a message of /0 cannot be read"):
+        log.columns("/0")
+    with pytest.raises(BadInput, match="schema b/B cannot be read"):
+        log.columns("/1")
+
+
+def test_without_its_package_ros_2_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = open_log(ros2(tmp_path / "a.mcap"))
+    monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)
+    with pytest.raises(BadInput, match="needs mcap-ros2-support, which is not installed: pip install") as raised:
+        log.columns("/odometry")
+    assert "\n" not in str(raised.value)
