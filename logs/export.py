@@ -1,82 +1,142 @@
-"""Topics for other programs: CSV and NumPy's npz."""
+"""Topics for other programs: CSV, NumPy's npz, Parquet, MATLAB."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from avionics.quantities import BadInput
 from logs.columns import Columns
+from logs.flat import split, split_units, texts, with_time
+from logs.matlab import write_mat
+from logs.parquet import write_parquet
 from logs.placing import claim, draft, settle
 from logs.reader import Log
+
+Tables = Mapping[str, Columns]
+Show = Callable[[float, float, str], None]
+"""(done, total, what) for a progress bar"""
+
+
+class Part(NamedTuple):
+    """What of a log is exported; all of it when nothing is said."""
+
+    topics: Sequence[str] | None = None
+    """names, with a rate ``topic.field`` too; all topics with messages when not given"""
+    start: float | None = None
+    """s; since boot"""
+    end: float | None = None
+    """s; since boot, not included"""
+    rate: float | None = None
+    """Hz; of one table of all topics, see `Log.aligned`; a table for each topic when not given"""
+
+
+WHOLE = Part()
+
+
+class Exported(NamedTuple):
+    """What was written."""
+
+    files: list[Path]
+    left_out: list[str]
+    """topics that cannot be decoded, each with the reason"""
+
+
+def export(
+    log: Log,
+    target: Path,
+    part: Part = WHOLE,
+    form: str | None = None,
+    show: Show = lambda done, total, what: None,
+) -> Exported:
+    """Write a part of a log as one of `FORMS`.
+
+    Args:
+        log: what to export.
+        target: a file, or a folder for CSV and Parquet with a file per topic.
+        part: what of it.
+        form: by the suffix of ``target`` when not given, CSV for a folder.
+        show: hears how far it is.
+
+    Raises:
+        BadInput: unknown topic or form, a file exists (then none is written), it cannot be written, a package is not
+            installed, or several tables would have to go to one file.
+    """
+    form = form or (target.suffix[1:] if target.suffix[1:] in FORMS else "csv")
+    if form not in FORMS:
+        raise BadInput(f"no export as {form}; there are {', '.join(FORMS)}")
+    part, left_out = _decodable(log, part)
+    tables = _tables(log, part)
+    if form in TOGETHER:
+        files = _write_together(tables, target, TOGETHER[form])
+    elif target.suffix == f".{form}":
+        files = _write_one(tables, target, EACH[form])
+    else:
+        files = _write_each(tables, target, form, show)
+    return Exported(files, left_out)
+
+
+def export_csv(log: Log, folder: Path, topics: Sequence[str] | None = None) -> list[Path]:
+    """Write one CSV file per topic, ``main_wing.csv`` for ``/main/wing``; see `export`."""
+    return _write_each(_tables(log, Part(topics)), folder, "csv")
+
+
+def export_npz(log: Log, path: Path, topics: Sequence[str] | None = None) -> Path:
+    """Write topics to one npz file; see `export` and `write_npz`."""
+    return _write_together(_tables(log, Part(topics)), path, write_npz)[0]
+
+
+# --- what ------------------------------------------------------------------------------------------------
+
+
+def _decodable(log: Log, part: Part) -> tuple[Part, list[str]]:
+    """The part with all that can be decoded where no topics were named, and why the others are left out."""
+    if part.topics is not None:
+        return part, []
+    names, left_out = [], []
+    for name in _with_messages(log):
+        try:
+            if log.topics[name].layout is None:
+                log.columns(name, 0.0, 0.0)
+            names.append(name)
+        except BadInput as reason:
+            left_out.append(f"{name}: {reason}")
+    return part._replace(topics=names), left_out
+
+
+def _tables(log: Log, part: Part) -> dict[str, Columns]:
+    topics = _with_messages(log) if part.topics is None else part.topics
+    if part.rate is None:
+        found = log.tables(topics, part.start, part.end)
+    else:
+        found = {"aligned": log.aligned(topics, part.rate, part.start, part.end)}
+    return {name: with_time(columns) for name, columns in found.items()}
+
+
+def _with_messages(log: Log) -> list[str]:
+    return [name for name, info in log.topics.items() if info.messages]
+
+
+# --- how -------------------------------------------------------------------------------------------------
 
 
 def csv_header(columns: Columns) -> list[str]:
     """Names of a topic's columns with their units in brackets; a packed array has one column per value."""
-    names: list[str] = []
-    for name, values in columns.items():
-        unit = columns.units[name]
-        ending = "" if unit == "-" else f" [{unit}]"
-        parts = [f"{name}_{i}" for i in range(values.shape[1])] if values.ndim == 2 else [name]
-        names += [part + ending for part in parts]
-    return names
+    return [name if unit == "-" else f"{name} [{unit}]" for name, unit in split_units(columns).items()]
 
 
 def write_csv(columns: Columns, file: IO[str]) -> None:
     """Write a topic as CSV: a header line, then one line per message; numbers keep all their digits."""
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(csv_header(columns))
-    flat: list[list[Any]] = []
-    for values in columns.values():
-        flat += [part.tolist() for part in (values.T if values.ndim == 2 else [values])]
-    writer.writerows(zip(*flat, strict=True))
-
-
-def export_csv(log: Log, folder: Path, topics: Sequence[str] | None = None) -> list[Path]:
-    """Write one file per topic, ``main_wing.csv`` for ``/main/wing``; return their paths.
-
-    Args:
-        log: what to export.
-        folder: where to; created when missing.
-        topics: names; all topics with messages when not given.
-
-    Raises:
-        BadInput: unknown topic, a file exists (then none is written), or the folder cannot be written to.
-    """
-    tables = log.tables(_with_messages(log) if topics is None else topics)
-    paths = {name: folder / f"{_plain(name)}.csv" for name in tables}
-    taken = next((path for path in paths.values() if path.exists()), None)
-    if taken is not None:
-        raise BadInput(f"{taken} exists: it is not overwritten")
-    _make(folder)
-    for name, columns in tables.items():
-        _write(paths[name], partial(_write_csv_bytes, columns))
-    return list(paths.values())
-
-
-def export_npz(log: Log, path: Path, topics: Sequence[str] | None = None) -> Path:
-    """Write topics to one npz file: array ``main_wing/angle_left`` for field ``angle_left`` of ``/main/wing``.
-
-    Units are in the arrays ``main_wing/units`` of (field, unit) pairs. Fields that are not numbers are left out.
-
-    Raises:
-        BadInput: unknown topic, the file exists, or it cannot be written.
-    """
-    tables = log.tables(_with_messages(log) if topics is None else topics)
-    arrays: dict[str, Any] = {}
-    for name, columns in tables.items():
-        numbers = {field: values for field, values in columns.items() if values.dtype != object}
-        arrays |= {f"{_plain(name)}/{field}": values for field, values in numbers.items()}
-        arrays[f"{_plain(name)}/units"] = np.array([[field, columns.units[field]] for field in numbers])
-    _make(path.parent)
-    _write(path, lambda file: np.savez_compressed(file, **arrays))
-    return path
+    cells = [texts(part) if part.dtype == object else part.tolist() for part in split(columns).values()]
+    writer.writerows(zip(*cells, strict=True))
 
 
 def _write_csv_bytes(columns: Columns, file: IO[bytes]) -> None:
@@ -85,8 +145,55 @@ def _write_csv_bytes(columns: Columns, file: IO[bytes]) -> None:
     file.write(text.getvalue().encode())
 
 
-def _with_messages(log: Log) -> list[str]:
-    return [name for name, info in log.topics.items() if info.messages]
+def write_npz(tables: Tables, file: IO[bytes]) -> None:
+    """Write tables: array ``main_wing/angle_left`` for field ``angle_left`` of ``/main/wing``.
+
+    Units are in the arrays ``main_wing/units`` of (field, unit) pairs. Fields that are not numbers are left out.
+    """
+    arrays: dict[str, Any] = {}
+    for name, columns in tables.items():
+        numbers = [field for field, values in columns.items() if values.dtype != object]
+        arrays |= {f"{_plain(name)}/{field.lstrip('/')}": columns[field] for field in numbers}
+        arrays[f"{_plain(name)}/units"] = np.array([[field.lstrip("/"), columns.units[field]] for field in numbers])
+    np.savez_compressed(file, **arrays)
+
+
+EACH: dict[str, Callable[[Columns, IO[bytes]], None]] = {"csv": _write_csv_bytes, "parquet": write_parquet}
+"""forms with a file for each table"""
+TOGETHER: dict[str, Callable[[Tables, IO[bytes]], None]] = {"npz": write_npz, "mat": write_mat}
+"""forms with all tables in one file"""
+FORMS = (*EACH, *TOGETHER)
+
+
+# --- where -----------------------------------------------------------------------------------------------
+
+
+def _write_each(tables: Tables, folder: Path, form: str, show: Show = lambda done, total, what: None) -> list[Path]:
+    """A file for each table in a folder, which is made when it is missing; none if one of them exists."""
+    paths = {name: folder / f"{_plain(name)}.{form}" for name in tables}
+    taken = next((path for path in paths.values() if path.exists()), None)
+    if taken is not None:
+        raise BadInput(f"{taken} exists: it is not overwritten")
+    _make(folder)
+    for done, (name, columns) in enumerate(tables.items()):
+        show(done, len(tables), name)
+        _write(paths[name], partial(EACH[form], columns))
+    return list(paths.values())
+
+
+def _write_one(tables: Tables, path: Path, write: Callable[[Columns, IO[bytes]], None]) -> list[Path]:
+    if len(tables) != 1:
+        raise BadInput(
+            f"{path} is one file for {len(tables)} topics: name a folder, one topic or a rate for one table"
+        )
+    (columns,) = tables.values()
+    return _write_together(tables, path, lambda _, file: write(columns, file))
+
+
+def _write_together(tables: Tables, path: Path, write: Callable[[Tables, IO[bytes]], None]) -> list[Path]:
+    _make(path.parent)
+    _write(path, partial(write, tables))
+    return [path]
 
 
 def _plain(topic: str) -> str:

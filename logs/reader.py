@@ -21,6 +21,7 @@ from logs.alignment import aligned
 from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, rows_at, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
 from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
+from logs.frames import frame
 from logs.index import Index, read_index
 from logs.layout import Layout
 from logs.recorder import RECORDING
@@ -256,6 +257,18 @@ class Log:
             BadInput: the log has no such topic or field, a bad rate, or a part of the file is damaged.
         """
         return aligned(self, topics, rate, start, end, gap)
+
+    def frame(
+        self, topic: str | Topic, library: str = "pandas", start: float | None = None, end: float | None = None
+    ) -> Any:
+        """One topic as a data frame of ``pandas`` (index: s since boot) or ``polars`` (the same as its first column).
+
+        An array of n values is n columns, ``name_0`` and so on. pandas keeps the units in ``attrs["units"]``.
+
+        Raises:
+            BadInput: as `tables`, or the library is not installed.
+        """
+        return frame(self.columns(topic, start, end), library)
 
     def events(self, topic: str | Topic | None = None) -> list[Event]:
         """Events of one topic, or of all that carry them, in order of log time.

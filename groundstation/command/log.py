@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from avionics.quantities import counted
 from groundstation.command import options
 from groundstation.views import tables, wording
 from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from logs.export import export_csv, export_npz
+from logs.export import EACH, FORMS, Part, export
 from logs.info import summary
 from logs.reader import open_log
 from logs.recover import recover
@@ -20,12 +22,15 @@ from logs.recover import recover
 EXAMPLES = (
     "wingbeat log info recordings/flight.mcap",
     "wingbeat log export recordings/flight.mcap --to flight.npz --topic /attitude/ahrs",
+    "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
+    "wingbeat log export recordings/flight.mcap --to folder --format parquet",
+    "wingbeat log export recordings/flight.mcap --to flight.csv --rate 100 --topic /main/wing --topic /power/state",
     "wingbeat log recover recordings/flight.mcap",
 )
 JSON_KEYS = {
     "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
     " attachments, metadata",
-    "export": "files: what was written",
+    "export": "files: what was written; left_out: topics that cannot be decoded, and why",
     "recover": "messages, damage, torn, torn_bytes",
 }
 EVENTS_SHOWN = 20
@@ -35,16 +40,38 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     parser = options.build_parser("log", "Look into a log, export it, repair it.", EXAMPLES, JSON_KEYS)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|export|recover")
-    for verb, text in (("info", "what it holds"), ("export", "write it as CSV or npz"), ("recover", "repair it")):
+    for verb, text in (
+        ("info", "what it holds"),
+        ("export", f"write it as {', '.join(FORMS)}"),
+        ("recover", "repair it"),
+    ):
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument("file", type=Path, metavar="FILE")
         options.add_json(one)
         if verb == "export":
-            one.add_argument(
-                "--to", type=Path, metavar="PATH", help="a file ending in .npz, or a folder for CSV files"
-            )
-            one.add_argument("--topic", action="append", metavar="NAME", help="only this topic; may be repeated")
+            _add_export(one)
     return parser
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--to",
+        type=Path,
+        metavar="PATH",
+        help="a file whose ending tells the format, or a folder for a CSV or Parquet file per topic",
+    )
+    parser.add_argument("--format", choices=FORMS, help="where the ending does not tell it (csv)")
+    parser.add_argument(
+        "--topic",
+        action="append",
+        metavar="NAME",
+        help="only this topic, with --rate NAME.FIELD too; may be repeated",
+    )
+    parser.add_argument("--start", type=options.number, metavar="S", help="from so many seconds since boot on")
+    parser.add_argument("--end", type=options.number, metavar="S", help="to so many seconds since boot")
+    parser.add_argument(
+        "--rate", type=options.positive, metavar="HZ", help="one table of all topics, at the multiples of 1/HZ"
+    )
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -91,18 +118,17 @@ def _print_info(document: dict[str, Any], file: Path) -> None:
 
 
 def _export(chosen: argparse.Namespace) -> None:
-    target = chosen.to or chosen.file.with_suffix(".npz")
-    with open_log(chosen.file) as log:
-        files = (
-            [export_npz(log, target, chosen.topic)]
-            if target.suffix == ".npz"
-            else export_csv(log, target, chosen.topic)
-        )
+    target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
+    part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
+    with open_log(chosen.file) as log, ProgressBar("exporting", quiet=chosen.json) as bar:
+        done = export(log, target, part, chosen.format, bar.show)
     if chosen.json:
-        print_document({"files": [str(file) for file in files]})
+        print_document({"files": [str(file) for file in done.files], "left_out": done.left_out})
         return
-    for file in files:
+    for file in done.files:
         print(file)
+    for line in done.left_out:
+        print(f"left out: {line}", file=sys.stderr)
 
 
 def _recover(chosen: argparse.Namespace) -> None:

@@ -231,6 +231,26 @@ def test_log_info_and_export(log: Path, tmp_path: Path, capsys: Capture) -> None
     assert "/nope" in complaint(capsys)
 
 
+def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: Path, capsys: Capture) -> None:
+    part = ["--topic", "/attitude/ahrs.roll", "--rate", "10", "--start", "0.5", "--end", "1.5"]
+    assert main(["log", "export", str(log), "--to", str(tmp_path / "a.csv"), *part]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'a.csv'}\n"
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    assert lines[0] == "time [s],/attitude/ahrs.roll [rad]" and len(lines) == 11 and lines[1] == "0.5,0.0"
+    assert main(["log", "export", str(log), "--format", "mat", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document == {"files": [str(log.with_suffix(".mat"))], "left_out": []}
+    assert main(["log", "export", str(log), "--format", "csv"]) == 0
+    assert (log.with_suffix("") / "attitude_ahrs.csv").exists()
+    capsys.readouterr()
+    assert main(["log", "export", str(log), "--format", "xls"]) == 2
+    assert "invalid choice: 'xls'" in complaint(capsys)
+    assert main(["log", "export", str(log), "--to", str(tmp_path / "b.csv"), "--rate", "0"]) == 2
+    assert "0 is not above 0" in complaint(capsys)
+    assert main(["log", "export", str(log), "--to", str(tmp_path / "a.csv"), *part]) == 2
+    assert "exists: it is not overwritten" in complaint(capsys)
+
+
 def test_a_log_that_was_cut_off_says_so_and_is_recovered(log: Path, capsys: Capture) -> None:
     log.write_bytes(log.read_bytes()[:-700])
     assert main(["log", "info", str(log)]) == 0

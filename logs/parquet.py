@@ -1,0 +1,52 @@
+"""A table as Apache Parquet; needs the ``pyarrow`` package."""
+
+from __future__ import annotations
+
+import json
+from typing import IO, Any
+
+from logs.columns import Array, Columns
+from logs.extras import load_extra
+from logs.flat import texts
+
+
+def write_parquet(columns: Columns, file: IO[bytes]) -> None:
+    """Write a table; arrays are lists of fixed size.
+
+    Every column's metadata has its ``unit`` and, where known, ``description`` and ``labels`` (JSON); the table's
+    ``wingbeat.topic`` and ``wingbeat.boot_ns``, the epoch time (ns) at which the vehicle's clock was zero.
+
+    Raises:
+        BadInput: pyarrow is not installed.
+    """
+    arrow = load_extra("pyarrow", "pyarrow", "writing Parquet")
+    parquet = load_extra("pyarrow.parquet", "pyarrow", "writing Parquet")
+    arrays = {name: _array(arrow, values) for name, values in columns.items()}
+    fields = [arrow.field(name, values.type, metadata=_about(columns, name)) for name, values in arrays.items()]
+    about = {"wingbeat.topic": columns.topic, "wingbeat.boot_ns": str(columns.boot_ns)}
+    table = arrow.Table.from_arrays(list(arrays.values()), schema=arrow.schema(fields, metadata=about))
+    content = arrow.BufferOutputStream()
+    parquet.write_table(table, content, compression="zstd")
+    file.write(memoryview(content.getvalue()))
+
+
+def _array(arrow: Any, values: Array) -> Any:
+    if values.dtype == object:
+        return arrow.array(texts(values), arrow.string())
+    if values.ndim == 1:
+        return arrow.array(values)
+    kind = arrow.list_(arrow.from_numpy_dtype(values.dtype), values.shape[1])
+    # One by one only where a list is empty: its length does not tell how many there are.
+    return (
+        arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), type=kind)
+        if values.size
+        else (arrow.array(values.tolist(), kind))
+    )
+
+
+def _about(columns: Columns, name: str) -> dict[str, str]:
+    about = {"unit": columns.units[name], "description": columns.descriptions.get(name, "")}
+    labels = columns.labels.get(name)
+    if labels:
+        about["labels"] = json.dumps({str(value): label for value, label in labels.items()})
+    return {key: text for key, text in about.items() if text}
