@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from avionics import parameters
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
-from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, PARAMETERS, WORLD, WORLD_VEHICLE
+from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, WORLD, WORLD_VEHICLE
 from logs.reader import Log
+from logs.settings import initial_parameters
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 
 Loaded = TypeVar("Loaded")
@@ -44,11 +44,7 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
     if vehicle is None:
         return None
     gains, table = vehicle.gains, parameters.parameter_table(vehicle.gains)
-    for name, text in log.metadata.get(PARAMETERS, {}).items():
-        try:
-            value = float(text)
-        except ValueError:
-            raise BadInput(f"the log's parameter {name} is not a number: {text!r}") from None
+    for name, value in initial_parameters(log).items():
         # A parameter that this version does not have changes nothing here.
         if name in table and value != parameters.get(gains, table[name]):
             gains = parameters.set_value(gains, table, name, value).gains

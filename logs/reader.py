@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -26,6 +26,9 @@ from logs.index import Index, read_index
 from logs.layout import Layout
 from logs.recorder import RECORDING
 from logs.records import Damage, attachment_at, parse
+
+if TYPE_CHECKING:
+    from logs.settings import FlownMission, Parameters
 
 Result = TypeVar("Result")
 EVENT_SCHEMA = "foxglove.Log"
@@ -161,6 +164,30 @@ class Log:
             names = ", ".join(attachment.name for attachment in attachments) or "none"
             raise BadInput(f"{self.path} has no attachment {name}; it has: {names}")
         return found[-1]
+
+    @property
+    def parameters(self) -> Parameters:
+        """The flight computer's parameters: ``initial`` by name, ``changes`` in flight, ``at(time)``.
+
+        A change is what the flight computer answered to; what a calibration set shows in the next State snapshot.
+
+        Raises:
+            BadInput: one is not a number, or a part of the file is damaged.
+        """
+        from logs.settings import parameters_of  # brings the gains, which a reader of columns need not wait for
+
+        return parameters_of(self)
+
+    @property
+    def missions(self) -> tuple[FlownMission, ...]:
+        """The mission at boot and those that replaced it, each with the time from which it held.
+
+        Raises:
+            BadInput: one cannot be read, or a part of the file is damaged.
+        """
+        from logs.settings import missions_of
+
+        return missions_of(self)
 
     def columns(self, topic: str | Topic, start: float | None = None, end: float | None = None) -> Columns:
         """One topic as columns; see `tables`."""

@@ -39,6 +39,7 @@ from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
 from logs.names import FLIGHT_VEHICLE, MISSION, PARAMETERS, new_recording
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from logs.settings import mission_document
 from sim_bridge.flight.faults import fault_commands
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -252,7 +253,6 @@ def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) ->
     """Store what the flight begins with: vehicle file, mission, parameters, version."""
     recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
     recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
-    items = [item._asdict() | {"kind": item.kind.name} for item in mission]
-    recorder.attach(MISSION, "application/json", json.dumps(items, indent=1).encode())
+    recorder.attach(MISSION, "application/json", json.dumps(mission_document(mission), indent=1).encode())
     table = parameters.parameter_table(vehicle.gains)
     recorder.note(PARAMETERS, {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})
