@@ -127,7 +127,7 @@ def _column(values: Array, kind: Field) -> Array:
 
 
 def free_columns(topic: str, boot_ns: int, layout: Layout | None, messages: Sequence[Stamped]) -> Columns:
-    """Columns from decoded messages; a field that is not a number in all of them is a column of objects."""
+    """Columns from decoded messages; a number that one of them lacks is NaN, other than numbers come as objects."""
     messages = sorted(messages, key=lambda message: message[0])
     names = list(dict.fromkeys(name for _, values in messages for name in values))
     if layout is not None and not messages:
@@ -139,6 +139,8 @@ def free_columns(topic: str, boot_ns: int, layout: Layout | None, messages: Sequ
 def _gathered(values: list[Any]) -> Array:
     if all(isinstance(value, int | float) for value in values):
         return np.array(values)
+    if None in values and all(value is None or _is_float(value) for value in values):
+        return np.array([np.nan if value is None else value for value in values], np.float64)
     lengths = {len(value) if isinstance(value, list) else -1 for value in values}
     if len(lengths) == 1 and lengths != {-1} and all(isinstance(v, int | float) for value in values for v in value):
         return np.array(values)
@@ -146,6 +148,13 @@ def _gathered(values: list[Any]) -> Array:
     for row, value in enumerate(values):
         out[row] = value
     return out
+
+
+def _is_float(value: Any) -> bool:
+    """Whether a number is one that a double holds exactly; switches are no numbers."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return isinstance(value, float) or abs(value) <= 2**53
 
 
 def _columns(

@@ -28,7 +28,8 @@ class Part(NamedTuple):
     """What of a log is exported; all of it when nothing is said."""
 
     topics: Sequence[str] | None = None
-    """names, with a rate ``topic.field`` too; all topics with messages when not given"""
+    """names, with a rate ``topic.field`` too; when not given all topics with messages, for one table those of fixed
+    layout where there are any (others are events, documents and pictures)"""
     start: float | None = None
     """s; since boot"""
     end: float | None = None
@@ -100,7 +101,8 @@ def _decodable(log: Log, part: Part) -> tuple[Part, list[str]]:
     if part.topics is not None:
         return part, []
     names, left_out = [], []
-    for name in _with_messages(log):
+    fixed = [name for name in _with_messages(log) if log.topics[name].layout is not None]
+    for name in fixed if fixed and part.rate is not None else _with_messages(log):
         try:
             if log.topics[name].layout is None:
                 log.columns(name, 0.0, 0.0)

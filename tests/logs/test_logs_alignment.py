@@ -117,6 +117,23 @@ def test_quaternions_keep_their_length_and_sign(tmp_path: Path) -> None:
     assert np.max(np.abs(turned)) < 1e-5
 
 
+def test_a_quaternion_in_an_array(tmp_path: Path) -> None:
+    """As PX4 writes them: the field ``q`` of four numbers, here every second with the other sign."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/vehicle_attitude", "json", 0)
+        for n in range(100):
+            q = (-1.0) ** n * np.array([math.cos(0.02 * n), 0.0, math.sin(0.02 * n), 0.0])
+            writer.add_message(channel, n * 10**7, json.dumps({"q": q.tolist()}).encode(), n)
+        writer.finish()
+    table = open_log(path).aligned(["/vehicle_attitude"], rate=333.0)
+    found = table["/vehicle_attitude.q"]
+    expected = np.column_stack([np.cos(2.0 * table.time), np.sin(2.0 * table.time)])
+    assert found.shape == (len(table.time), 4) and np.allclose(found[:, [0, 2]], expected, atol=1e-5)
+
+
 def test_one_part_of_a_quaternion_is_that_of_the_whole(tmp_path: Path) -> None:
     log = open_log(record(tmp_path / "a.mcap", flight(0.5, (topics.ATTITUDE,))))
     whole = log.aligned([topics.ATTITUDE], rate=777.0)

@@ -155,6 +155,15 @@ def test_one_table_at_one_rate(log: Log, tmp_path: Path) -> None:
     assert np.array_equal(struct["main_wing_angle_left"][:, 0], wing["angle_left"][::2])
 
 
+def test_one_table_of_everything_leaves_out_what_is_no_series_of_numbers(log: Log, tmp_path: Path) -> None:
+    rows = rows_of(export(log, tmp_path / "a.csv", Part(rate=50.0)).files[0])
+    names = set(rows[0])
+    assert {"/main/wing.phase [rad]", "/sensors/adc.voltage_counts_59 [counts]"} <= names
+    assert not any(name.startswith("/system/events") for name in names)
+    other = rows_of(export(foreign(tmp_path / "a.mcap"), tmp_path / "b.csv", Part(rate=10.0)).files[0])
+    assert other[2]["/json.name"] == "n2"
+
+
 def test_one_file_holds_one_table(log: Log, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="is one file for 5 topics: name a folder, one topic or a rate"):
         export(log, tmp_path / "a.csv")

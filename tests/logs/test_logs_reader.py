@@ -209,6 +209,27 @@ def test_a_message_that_lacks_a_field_is_decoded_one_by_one(tmp_path: Path) -> N
     assert columns.units["right"] == "N m"
 
 
+def test_numbers_that_some_messages_of_json_lack(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    documents = [
+        {"x": 1, "on": True, "id": 2**60, "none": None},
+        {"x": None, "y": 0.5, "none": None},
+        {"on": False, "id": 3, "text": "a", "none": None},
+    ]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/json", "json", 0)
+        for time, document in enumerate(documents):
+            writer.add_message(channel, time, json.dumps(document).encode(), time)
+        writer.finish()
+    columns = open_log(path).columns("/json")
+    assert columns["x"].tolist() == pytest.approx([1.0, np.nan, np.nan], nan_ok=True)
+    assert columns["y"].tolist() == pytest.approx([np.nan, 0.5, np.nan], nan_ok=True)
+    assert columns["on"].tolist() == [True, None, False] and columns["id"].tolist() == [2**60, None, 3]
+    assert columns["text"].tolist() == [None, None, "a"]
+
+
 # --- ROS 2 ----------------------------------------------------------------------------------------------
 
 ODOMETRY = """\
