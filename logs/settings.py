@@ -79,7 +79,7 @@ def initial_parameters(log: Log) -> Values:
 def parameters_of(log: Log) -> Parameters:
     """The parameters of a flight and how they changed; see `logs.reader.Log.parameters`."""
     initial = initial_parameters(log)
-    events, commands = log.events(), _commands(log)
+    events, commands = _events(log), _commands(log)
     asked = list(_taken(commands, events))
     found = _calibrated(log, Parameters(initial, tuple(asked)), events)
     return Parameters(initial, tuple(sorted(asked + found, key=lambda change: change.time)))
@@ -89,7 +89,7 @@ def missions_of(log: Log) -> tuple[FlownMission, ...]:
     """The missions of a flight; see `logs.reader.Log.missions`."""
     loaded = [item.data for item in log.attachments if item.name == MISSION]
     first = [FlownMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
-    answers = _answers(log.events(), "mission")
+    answers = _answers(_events(log), "mission")
     sent = [command for command in _commands(log) if command.kind == CommandKind.SET_MISSION]
     return (*first, *(
         FlownMission(command.time_us * 1e-6, tuple(mission_document(_mission(log, command.payload))))
@@ -106,6 +106,11 @@ def _commands(log: Log) -> list[Command]:
     if topics.INPUTS.name not in log.topics:
         return []
     return list(_decoded(text.text for text in log.texts(topics.INPUTS)))
+
+
+def _events(log: Log) -> list[Event]:
+    """What the flight computer said."""
+    return log.events(topics.EVENTS) if topics.EVENTS.name in log.topics else []
 
 
 def _decoded(texts: Iterable[str]) -> Iterator[Command]:

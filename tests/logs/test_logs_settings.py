@@ -20,9 +20,10 @@ from avionics.quantities import BadInput
 from avionics.topics import EVENTS, INPUTS, SNAPSHOTS, Topic
 from avionics.vehicles import load_vehicle
 from groundstation.command.avionics import note_inputs
+from logs.names import MISSION, PARAMETERS
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder
-from logs.settings import MISSION, PARAMETERS, Change, mission_document
+from logs.settings import Change, mission_document
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 TABLE = parameters.parameter_table(RAVEN.gains)
