@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import zstandard
@@ -30,6 +30,15 @@ MESSAGE_HEAD = np.dtype(
     }
 )
 """A message record up to its data."""
+INDEX_HEAD = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "size"],
+        "formats": ["u1", "<u8", "<u2", "<u4"],
+        "offsets": [0, 1, 9, 11],
+        "itemsize": 15,
+    }
+)
+"""A message index record up to its entries."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE = struct.Struct("<BQHIQ")
 _INDEX_HEAD = struct.Struct("<HI")
@@ -54,8 +63,8 @@ class ChunkSpan(NamedTuple):
     """log time of the first message"""
     end_ns: int
     """log time of the last message"""
-    indexes: dict[int, Span]
-    """message index records by channel, when the summary told them"""
+    indexes: dict[int, int]
+    """offsets of the message index records by channel, when the summary told them; not yet looked at"""
     entries: dict[int, Entries]
     """message indexes by channel, when the chunk was walked through"""
 
@@ -179,19 +188,46 @@ def entries_of(data: Buffer, chunk: ChunkSpan, content: bytes, channel: int) -> 
     return entries
 
 
-def stored_entries(data: Buffer, place: Span) -> Entries:
-    """The entries of the message index record at ``place``.
+def stored_entries(data: Buffer, offset: int) -> Entries:
+    """The entries of the message index record at ``offset``.
 
     Raises:
         Damage: there is none, or its lengths contradict each other.
     """
-    span = expected(data, Opcode.MESSAGE_INDEX, place.offset, len(data))
+    span = expected(data, Opcode.MESSAGE_INDEX, offset, len(data))
     if span.length < HEAD.size + _INDEX_HEAD.size:
         raise Damage(f"message index at byte {span.offset} is too short")
     _, size = _INDEX_HEAD.unpack_from(data, span.body)
     if size % ENTRY_TYPE.itemsize or span.body + _INDEX_HEAD.size + size != span.end:
         raise Damage(f"message index at byte {span.offset} has lengths that contradict each other")
     return np.frombuffer(bytes(data[span.end - size : span.end]), ENTRY_TYPE)
+
+
+def listed_times(data: Buffer, offsets: NDArray[np.int64], channel: int) -> NDArray[np.int64] | None:
+    """Log times (ns) by the message index records of one channel at ``offsets``, all of them at once.
+
+    None where one of them is not such a record, or not a whole one.
+    """
+    raw = np.frombuffer(data, np.uint8)
+    if len(offsets) and not 0 <= int(offsets.min()) <= int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
+        return None
+    heads = _gathered(raw, offsets, INDEX_HEAD)
+    counts, rest = np.divmod(heads["size"].astype(np.int64), ENTRY_TYPE.itemsize)
+    first = offsets + INDEX_HEAD.itemsize
+    whole = (heads["opcode"] == int(Opcode.MESSAGE_INDEX)) & (heads["channel"] == channel) & (rest == 0)
+    whole &= (heads["length"] == heads["size"] + 6) & (first + counts * ENTRY_TYPE.itemsize <= len(raw))
+    if not whole.all():
+        return None
+    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    places = np.repeat(first, counts) + within * ENTRY_TYPE.itemsize
+    return _gathered(raw, places, np.dtype("<i8"))
+
+
+def _gathered(raw: NDArray[np.uint8], places: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Values of type ``kind`` at any bytes, copied."""
+    count = len(raw) - kind.itemsize + 1
+    windows: Entries = np.ndarray((count,), np.dtype((np.void, kind.itemsize)), raw.data, strides=(1,))
+    return windows[places].view(kind)
 
 
 def _agree(content: bytes, entries: Entries, channel: int) -> bool:

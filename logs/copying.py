@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import zstandard
+from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Metadata
 
 from logs.chunks import ChunkSpan, unpack, walk
@@ -59,7 +60,7 @@ def _raw(data: Buffer, chunk: ChunkSpan) -> RawChunk:
         return _packed(chunk, content)
     indexes = {number: pack_index(number, entries.tobytes()) for number, entries in chunk.entries.items()}
     for number, place in chunk.indexes.items():
-        indexes.setdefault(number, _bytes(data, expected(data, place.opcode, place.offset, len(data))))
+        indexes.setdefault(number, _bytes(data, expected(data, Opcode.MESSAGE_INDEX, place, len(data))))
     return RawChunk(
         _bytes(data, chunk.span),
         indexes,

@@ -18,7 +18,7 @@ from avionics.messages import Event, Text
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.alignment import aligned
-from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, rows_at, unpack
+from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, listed_times, rows_at, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
 from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
 from logs.frames import frame
@@ -224,14 +224,18 @@ class Log:
             BadInput: the log has no such topic, or a chunk's own index of it cannot be made.
         """
         name = topic if isinstance(topic, str) else topic.name
-        parts = [
-            self._checked(partial(self._listed, chunk, channel.id))["time"]
-            for channel in self._channels(name)
-            for chunk in self._chunks()
-            if channel.id in chunk.channels
-        ]
-        times = np.concatenate(parts) if parts else np.empty(0, np.uint64)
-        return np.asarray((times.astype(np.int64) - self.boot_ns) * 1e-9, np.float64)
+        parts = [self._listed_times(channel.id) for channel in self._channels(name)]
+        return np.asarray((np.concatenate(parts) - self.boot_ns) * 1e-9, np.float64)
+
+    def _listed_times(self, channel: int) -> NDArray[np.int64]:
+        chunks = [chunk for chunk in self._index.chunks if channel in chunk.indexes or channel in chunk.entries]
+        if all(channel in chunk.indexes for chunk in chunks):
+            offsets = np.array([chunk.indexes[channel] for chunk in chunks], np.int64)
+            times = listed_times(self._data, offsets, channel)
+            if times is not None:
+                return times
+        parts = [self._checked(partial(self._listed, chunk, channel))["time"].astype(np.int64) for chunk in chunks]
+        return np.concatenate([np.empty(0, np.int64), *parts])
 
     def order(self, topics: Iterable[str | Topic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Messages of several topics in the order in which they were written, whatever their times.

@@ -20,6 +20,7 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 from avionics import messages as m
 from avionics import topics
 from avionics.quantities import BadInput
+from logs.index import read_index
 from logs.layout import layout_of
 from logs.reader import open_log
 from logs.schema import descriptor_set
@@ -320,3 +321,40 @@ def test_without_its_package_ros_2_is_one_line(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(BadInput, match="needs mcap-ros2-support, which is not installed: pip install") as raised:
         log.columns("/odometry")
     assert "\n" not in str(raised.value)
+
+
+def test_times_come_from_the_message_indexes_alone(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", flight(2.0))
+    log = open_log(path)
+    for topic in FIXED_TOPICS:
+        assert log.times(topic) == pytest.approx(log.columns(topic).time, abs=1e-9)
+    with pytest.raises(BadInput, match="has no topic /nothing"):
+        log.times("/nothing")
+
+
+def test_a_damaged_message_index_gives_no_wrong_times(tmp_path: Path) -> None:
+    """GIVEN indexes whose channel was flipped THEN the chunks are walked through instead."""
+    path = record(tmp_path / "a.mcap", flight(2.0, (topics.IMU, topics.HEALTH)))
+    whole = open_log(path).times(topics.IMU)
+    data = bytearray(path.read_bytes())
+    spans = [chunk.indexes[topics.IMU.channel] for chunk in read_index(bytes(data)).chunks]
+    for offset in spans:
+        data[offset + 9] ^= 0x40
+    path.write_bytes(data)
+    assert open_log(path).times(topics.IMU).tolist() == whole.tolist()
+
+
+def test_the_order_of_writing_is_told_whatever_the_times(tmp_path: Path) -> None:
+    """GIVEN a clock that ran back by a second WHEN the order is asked for THEN it is that of the recorder."""
+    times = [*range(0, 2_000_000, 50_000), *range(1_000_000, 3_000_000, 50_000)]
+    written: list[Any] = []
+    for i, time_us in enumerate(times):
+        written.append((topics.HEALTH, m.Health(time_us, 0, 0, i)))
+        written.append((topics.EVENTS, m.Event(time_us, m.Severity.INFO, "x", str(i))))
+    path = record(tmp_path / "a.mcap", written)
+    log = open_log(path)
+    kinds, rows = log.order([topics.HEALTH, topics.EVENTS])
+    assert kinds.tolist() == [0, 1] * len(times)
+    ticks, said = log.columns(topics.HEALTH)["ticks"], log.events()
+    assert ticks[rows[kinds == 0]].tolist() == list(range(len(times)))
+    assert [int(said[row].text) for row in rows[kinds == 1]] == list(range(len(times)))
