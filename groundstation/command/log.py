@@ -1,4 +1,4 @@
-"""``wingbeat log``: look into a log, export it, repair it."""
+"""``wingbeat log``: look into a log, export it, import one of another program, repair it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from avionics.quantities import counted
-from groundstation.command import options
+from groundstation.command import log_import, options
 from groundstation.views import tables, wording
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -25,12 +25,16 @@ EXAMPLES = (
     "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
     "wingbeat log export recordings/flight.mcap --to folder --format parquet",
     "wingbeat log export recordings/flight.mcap --to flight.csv --rate 100 --topic /main/wing --topic /power/state",
+    "wingbeat log import flight.bin --to recordings/flight.mcap",
+    "wingbeat log import stand.csv --map stand.toml",
     "wingbeat log recover recordings/flight.mcap",
 )
 JSON_KEYS = {
     "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
     " attachments, metadata",
     "export": "files: what was written; left_out: topics that cannot be decoded, and why",
+    "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
+    " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
     "recover": "messages, damage, torn, torn_bytes",
 }
 EVENTS_SHOWN = 20
@@ -38,8 +42,9 @@ EVENTS_SHOWN = 20
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    parser = options.build_parser("log", "Look into a log, export it, repair it.", EXAMPLES, JSON_KEYS)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|export|recover")
+    summary = "Look into a log, export it, import one of another program, repair it."
+    parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|export|import|recover")
     for verb, text in (
         ("info", "what it holds"),
         ("export", f"write it as {', '.join(FORMS)}"),
@@ -50,6 +55,7 @@ def build_parser() -> options.Parser:
         options.add_json(one)
         if verb == "export":
             _add_export(one)
+    log_import.add_verb(verbs)
     return parser
 
 
@@ -145,4 +151,9 @@ def _recover(chosen: argparse.Namespace) -> None:
     print(f"{counted(done.messages, 'message')} kept{kept}")
 
 
-VERBS: dict[str, Callable[[argparse.Namespace], None]] = {"info": _info, "export": _export, "recover": _recover}
+VERBS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "info": _info,
+    "export": _export,
+    "import": log_import.run_verb,
+    "recover": _recover,
+}

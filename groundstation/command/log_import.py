@@ -1,0 +1,57 @@
+"""``wingbeat log import``: a log of another program becomes one that opens as a flown one does."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from pathlib import Path
+from typing import Any
+
+from groundstation.command import options
+from groundstation.views.imported import print_imported
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
+from logs.importing.mapping import EXAMPLE
+
+SUMMARY = (
+    "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), or any table of"
+    " columns with a mapping (--map). What has the same meaning becomes the topics of a flown log, in SI and"
+    " radians; everything is kept under topics named after the source. Every row is checked; what is dropped is told."
+)
+CLOCKS = ("vehicle", "ground")
+
+
+def add_verb(verbs: Any) -> None:
+    """Offer ``import``."""
+    lines = "\n".join(f"  {line}".rstrip() for line in EXAMPLE.splitlines())
+    one = verbs.add_parser(
+        "import",
+        help="make one of a log of another program",
+        description=textwrap.fill(SUMMARY, 100),
+        epilog=f"a mapping, column by column:\n{lines}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    one.add_argument("file", type=Path, metavar="FILE")
+    one.add_argument("--to", type=Path, metavar="OUT.mcap", help="the new log (FILE with the ending .mcap)")
+    one.add_argument("--map", type=Path, metavar="MAP.toml", help="what the columns of a table are; see below")
+    one.add_argument(
+        "--clock", choices=CLOCKS, default="vehicle", help="whose times a .tlog is written with (vehicle)"
+    )
+    options.add_json(one)
+
+
+def run_verb(chosen: argparse.Namespace) -> None:
+    """Import, and say what came of it.
+
+    Raises:
+        BadInput: the file cannot be read or is no log that is known, or the new log exists; nothing is written then.
+    """
+    from logs.importing.log_import import Choice, import_log  # its readers are heavy
+
+    target = chosen.to or chosen.file.with_suffix(".mcap")
+    with ProgressBar(f"importing {chosen.file.name}") as bar:
+        report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock), bar.show)
+    if chosen.json:
+        print_document(report)
+    else:
+        print_imported(report)

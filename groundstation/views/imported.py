@@ -1,0 +1,31 @@
+"""What an import made of a log of another program, and what it left out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from avionics.quantities import counted
+from groundstation.views import tables
+from groundstation.views.terminal import open_console
+
+if TYPE_CHECKING:
+    from logs.importing.log_import import ImportReport
+
+
+def print_imported(report: ImportReport) -> None:
+    """The topics with what they were made of, then damage and dropped rows, then the new file."""
+    console = open_console()
+    console.print(
+        f"[bold]{report.vehicle or report.format}[/]   {counted(report.messages, 'message')}   "
+        f"{counted(report.events, 'event')}   {counted(report.parameters, 'parameter')}"
+    )
+    table = tables.plain_table(("topic", ""), ("messages", "right"), ("made of", ""))
+    for row in report.topics:
+        table.add_row(row.topic, str(row.messages), row.source)
+    console.print(table)
+    for line in report.damage:
+        console.print(f"damaged: {line}", style="yellow", markup=False, highlight=False)
+    for lost in report.dropped:
+        told = f"dropped: {counted(lost.rows, 'row')} of {lost.topic}: {lost.reason}"
+        console.print(told, style="yellow", markup=False, highlight=False)
+    console.print(report.file, markup=False, highlight=False)

@@ -1,0 +1,1 @@
+"""Logs of other programs as logs of this one."""

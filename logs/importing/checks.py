@@ -1,0 +1,131 @@
+"""Which rows of a foreign log can be true: time that goes on, and values within what is physically possible.
+
+A damaged file gives rows of garbage without an error, so every row is looked at before it is kept.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from logs.importing.source import Array, Dropped, Series
+from logs.importing.units import limits_in
+
+Mask = NDArray[np.bool_]
+LONGEST_PAUSE_US = 3_600_000_000
+"""us; between two rows of a topic; what lies behind a longer one was stamped by garbage"""
+ABSURD = 1e15
+"""-; no column without a unit goes so far, and garbage read as a float mostly does"""
+NEVER = "time before the clock's zero"
+BACKWARDS = "time runs backwards"
+ELSEWHERE = "time far from the rest of the log"
+BEHIND = "time behind the end of the log"
+MANY = 20
+"""rows; of topics that together tell how long a log is"""
+LATE_US = 10_000_000
+"""us; that a row may be behind the last one of those topics"""
+
+
+def sound(series: Series, topic: str, trusted: bool = False) -> tuple[Series, list[Dropped]]:
+    """The rows of a series that can be true, and what was dropped of it under the name ``topic``.
+
+    The values of ``trusted`` ones are not looked at, their times are.
+    """
+    dropped: list[Dropped] = []
+    for reason, mask in _verdicts(series, trusted):
+        series = series.taken(mask)
+        if not mask.all():
+            dropped.append(Dropped(topic, reason, int((~mask).sum())))
+    return series, dropped
+
+
+def _verdicts(series: Series, trusted: bool) -> Iterator[tuple[str, Mask]]:
+    """Reasons, each with a mask of the rows that are left by the ones before it."""
+    kept = np.asarray(series.time_us >= 0, bool)
+    yield NEVER, kept.copy()
+    for name, values in () if trusted else series.columns.items():
+        mask = possible(values[kept], series.units.get(name, ""))
+        if not mask.all():
+            yield f"{name} out of range", mask
+            kept[kept] = mask
+    order = going_on(series.time_us[kept])
+    yield BACKWARDS, order
+    kept[kept] = order
+    yield ELSEWHERE, together(series.time_us[kept])
+
+
+def possible(values: Array, unit: str) -> Mask:
+    """Rows whose values lie within what a quantity of that unit can be; a value that is not a number may stand.
+
+    Foreign logs say with NaN that something is not known.
+    """
+    if values.dtype.kind not in "iuf":
+        return np.ones(len(values), bool)
+    limits = limits_in(unit)
+    if limits is None:
+        if values.dtype.kind != "f":
+            return np.ones(len(values), bool)
+        # Infinity is a setting for 'no limit' in some logs.
+        mask = ~(np.abs(values) > ABSURD) | np.isinf(values)
+    else:
+        low, high = limits
+        mask = ~((values < low) | (values > high))
+    return np.asarray(mask if mask.ndim == 1 else mask.all(axis=1), bool)
+
+
+def within(
+    columns: Mapping[str, Array], limits: Mapping[str, tuple[float, float] | None]
+) -> Iterator[tuple[str, Mask]]:
+    """For each column, the rows that lie within its limits or are not known."""
+    for name, values in columns.items():
+        bounds = limits.get(name)
+        if bounds is not None:
+            mask = ~((values < bounds[0]) | (values > bounds[1]))
+            yield name, np.asarray(mask if mask.ndim == 1 else mask.all(axis=1), bool)
+
+
+def going_on(times: NDArray[np.int64]) -> Mask:
+    """The most rows whose times never run backwards: one false stamp costs one row, wherever it points."""
+    if not len(times) or np.all(np.diff(times) >= 0):
+        return np.ones(len(times), bool)
+    ends: list[int] = []
+    rows: list[int] = []
+    before = np.full(len(times), -1)
+    for row, time in enumerate(times.tolist()):
+        place = bisect_right(ends, time)
+        before[row] = rows[place - 1] if place else -1
+        ends[place : place + 1] = [time]
+        rows[place : place + 1] = [row]
+    mask = np.zeros(len(times), bool)
+    last = rows[-1]
+    while last >= 0:
+        mask[last] = True
+        last = int(before[last])
+    return mask
+
+
+def together(times: NDArray[np.int64]) -> Mask:
+    """The longest run of rising times without a pause of more than an hour."""
+    edges = np.flatnonzero(np.diff(times) > LONGEST_PAUSE_US) + 1
+    bounds = [0, *edges.tolist(), len(times)]
+    first = int(np.argmax(np.diff(bounds)))
+    mask = np.zeros(len(times), bool)
+    mask[bounds[first] : bounds[first + 1]] = True
+    return mask
+
+
+def not_behind(times: NDArray[np.int64], end_us: int) -> Mask:
+    """Rows that are not far behind the ``end_us`` of the log: one that was never set has any stamp."""
+    return np.asarray(times <= end_us + LATE_US, bool)
+
+
+def end_of(series: Sequence[Series]) -> int:
+    """us; last time of the topics with many rows, or where there is none, of all rows that lie together."""
+    many = [int(one.time_us[-1]) for one in series if len(one.time_us) >= MANY]
+    if many:
+        return max(many)
+    every = np.sort(np.concatenate([one.time_us for one in series]))
+    return int(every[together(every)][-1])

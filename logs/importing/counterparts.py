@@ -1,0 +1,239 @@
+"""The project's own topics, made of what a foreign log holds: SI and radians, NED and FRD, rows that can be true."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics as t
+from avionics.quantities import BadInput
+from avionics.topics import Topic
+from logs.importing.checks import Mask, within
+from logs.importing.source import Array, Dropped, Own, Series
+from logs.importing.units import LIMITS, conversion
+from logs.layout import Field, layout_of
+
+Columns = dict[str, Array]
+DRY_AIR = 287.05
+"""J/(kg K); specific gas constant"""
+SEA_LEVEL_DENSITY = 1.225
+"""kg/m^3; of the standard atmosphere, which equivalent airspeed refers to"""
+CORE: Mapping[Topic, tuple[str, ...]] = {
+    t.IMU: ("accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z"),
+    t.ATTITUDE: ("roll", "pitch", "yaw"),
+    t.AIR_DATA: ("airspeed",),
+    t.ALTITUDE: ("altitude",),
+    t.POSITION: (),
+    t.POWER: ("voltage",),
+    t.GPS: ("latitude", "longitude"),
+}
+"""Fields that a row is worth nothing without; of a topic that is not here, all that the source gives."""
+KNOWN: Mapping[str, float] = {"bias_x": 0.0, "bias_y": 0.0, "bias_z": 0.0, "valid": 1}
+"""What stands where a source tells nothing; elsewhere it is NaN, in a count or flag 0."""
+_TURN = 1.001 * math.pi
+FIELD_LIMITS: Mapping[str, tuple[float, float]] = {
+    "roll": (-2.0 * _TURN, 2.0 * _TURN),
+    "pitch": (-0.501 * math.pi, 0.501 * math.pi),
+    "latitude": (-0.5 * math.pi, 0.5 * math.pi),
+    "longitude": (-_TURN, _TURN),
+    "battery_remaining": (-0.01, 1.01),
+    "static_pressure": (1e3, 1.2e5),
+    "satellites": (0, 255),
+}
+
+
+class View:
+    """The series that a counterpart is made of, with others at its times; all values in SI as the units say."""
+
+    def __init__(self, series: Mapping[str, Series], name: str) -> None:
+        self._series = series
+        self.here = series[name]
+
+    def __getitem__(self, column: str) -> Array:
+        """A column of the series itself, (N,) or (N, k); raises `KeyError` where it has none of numbers."""
+        return _in_si(self.here, column)
+
+    def raw(self, column: str) -> Array:
+        """A column as the source has it, in its unit; raises `KeyError` where it has none of numbers."""
+        return _numbers(self.here, column)
+
+    def get(self, column: str) -> Array:
+        """A column of the series itself, NaN where it has none."""
+        return self[column] if column in self.here.columns else self.unknown()
+
+    def has(self, name: str) -> bool:
+        """Whether the log has another series of that name."""
+        return name in self._series
+
+    def unknown(self) -> Array:
+        """NaN for every row."""
+        return np.full(len(self.here.time_us), np.nan)
+
+    def held(self, name: str, column: str, part: int | None = None) -> Array:
+        """A column of another series, held since its last row; NaN before that, and where there is none.
+
+        ``part`` is the place in an array.
+        """
+        other = self._series.get(name)
+        if other is None or not len(other.time_us):
+            return self.unknown()
+        try:
+            values = _in_si(other, column)
+        except KeyError:
+            return self.unknown()
+        values = values if part is None else values[:, part]
+        last = np.searchsorted(other.time_us, self.here.time_us, side="right") - 1
+        return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
+
+
+def _numbers(series: Series, column: str) -> Array:
+    values = series.columns[column]
+    if values.dtype == object:
+        raise KeyError(column)
+    return values
+
+
+def _in_si(series: Series, column: str) -> Array:
+    values = _numbers(series, column)
+    known = conversion(series.units.get(column, ""))
+    if known.factor == 1.0 and known.offset == 0.0:
+        return values
+    return np.asarray(values * known.factor + known.offset, float)
+
+
+class Counterpart(NamedTuple):
+    """How one of the project's topics is made of a series."""
+
+    topic: Topic
+    source: str
+    """name of the series that gives its times"""
+    build: Callable[[View], Columns]
+    """fields from columns; raises `KeyError` where the source lacks one"""
+
+
+def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[Own]:
+    """The first counterpart of each topic that the series give."""
+    made: dict[Topic, Own] = {}
+    for counterpart in table:
+        if counterpart.topic in made or counterpart.source not in series:
+            continue
+        try:
+            columns = counterpart.build(View(series, counterpart.source))
+        except (KeyError, IndexError, BadInput):
+            continue  # another version of the source, without the column or in another unit
+        own = checked(counterpart.topic, series[counterpart.source], columns)
+        if len(own.series.time_us):
+            made[counterpart.topic] = own
+    return list(made.values())
+
+
+def checked(topic: Topic, source: Series, columns: Columns) -> Own:
+    """A topic of ``columns`` at the times of ``source``, without the rows that cannot be true."""
+    columns = {name: np.asarray(values) for name, values in columns.items()}
+    kept = np.ones(len(source.time_us), bool)
+    dropped: list[Dropped] = []
+    for reason, mask in _verdicts(topic, columns):
+        lost = int((kept & ~mask).sum())
+        kept &= mask
+        if lost:
+            dropped.append(Dropped(topic.name, reason, lost))
+    whole = Series(topic.name, source.time_us, _completed(topic, columns, len(kept)), {})
+    return Own(topic, source.name, whole.taken(kept), kept, tuple(dropped))
+
+
+def _verdicts(topic: Topic, columns: Columns) -> list[tuple[str, Mask]]:
+    """Reasons, each with a mask of the rows that pass."""
+    core = CORE.get(topic, tuple(columns))
+    verdicts = [(f"{name} not finite", _finite(columns[name])) for name in core if name in columns]
+    fields = {field.name: field for field in fields_of(topic)}
+    limits = {name: FIELD_LIMITS.get(name, LIMITS.get(fields[name].unit)) for name in columns}
+    return verdicts + [(f"{name} out of range", mask) for name, mask in within(columns, limits)]
+
+
+def fields_of(topic: Topic) -> tuple[Field, ...]:
+    """Fields of a topic's message, the time first."""
+    message: Any = topic.message
+    return layout_of(message).fields
+
+
+def _finite(values: Array) -> Mask:
+    mask = np.isfinite(values)
+    return np.asarray(mask if mask.ndim == 1 else mask.all(axis=1), bool)
+
+
+def _completed(topic: Topic, columns: Columns, rows: int) -> Columns:
+    """Every field of the message: as given, as it follows from the others, or not known."""
+    if topic is t.ATTITUDE:
+        columns = _whole_attitude(columns)
+    fields = fields_of(topic)[1:]
+    return {field.name: _fitting(field, columns.get(field.name), rows) for field in fields}
+
+
+def _fitting(field: Field, values: Array | None, rows: int) -> Array:
+    """A column in the type of its field."""
+    whole = field.scalar not in ("double", "float")
+    shape = (rows, field.length) if field.length else (rows,)
+    if values is None:
+        values = np.full(shape, KNOWN.get(field.name, 0 if whole else math.nan))
+    if not whole:
+        return np.asarray(values, float)
+    low, high = (-(2**31), 2**31 - 1) if field.scalar == "sfixed32" else (0, 2**32 - 1)
+    rounded: Array = np.nan_to_num(np.rint(np.asarray(values, float)))
+    return rounded.clip(low, high).astype(np.int64)
+
+
+def _whole_attitude(columns: Columns) -> Columns:
+    """Angles and quaternion, whichever of them the source has; roll and yaw from -pi to pi."""
+    names = tuple(f"quaternion_{axis}" for axis in "wxyz")
+    angles = ("roll", "pitch", "yaw")
+    if all(name in columns for name in names) and not any(name in columns for name in angles):
+        columns = columns | dict(zip(angles, angles_of(*(columns[name] for name in names)), strict=True))
+    columns = columns | {name: wrapped(columns[name]) for name in ("roll", "yaw") if name in columns}
+    if all(name in columns for name in angles) and not any(name in columns for name in names):
+        columns |= dict(zip(names, quaternion_of(*(columns[name] for name in angles)), strict=True))
+    return columns
+
+
+def wrapped(angle: Array) -> Array:
+    """An angle in rad, from -pi to pi."""
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), float)
+
+
+def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Roll, pitch, yaw in rad of unit quaternions r_ned_from_frd."""
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def quaternion_of(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array, Array]:
+    """w, x, y, z of r_ned_from_frd, from angles in rad of yaw, pitch, roll in turn."""
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(0.5 * angle), np.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def true_airspeed(equivalent: Array, density: Array) -> Array:
+    """m/s; where the density (kg/m^3) is known, else the equivalent airspeed as it is."""
+    ratio = np.where(np.isfinite(density) & (density > 0.1), SEA_LEVEL_DENSITY / np.maximum(density, 0.1), 1.0)
+    return np.asarray(equivalent * np.sqrt(ratio), float)
+
+
+def ground_velocity(speed: Array, course: Array) -> tuple[Array, Array]:
+    """North and east (m/s) of a speed along a course (rad)."""
+    return speed * np.cos(course), speed * np.sin(course)
+
+
+def pulse_array(view: View, columns: Sequence[str], count: int) -> NDArray[np.int64]:
+    """Radio-control pulse widths in whole us, (N, count): 0 where a channel was not recorded."""
+    zeros = np.zeros(len(view.here.time_us))
+    table = [np.nan_to_num(view.raw(name)) if name in view.here.columns else zeros for name in columns[:count]]
+    return np.stack(table + [zeros] * (count - len(table)), axis=1).astype(np.int64)

@@ -1,0 +1,224 @@
+"""Any table of comma-separated values, with a mapping file that says what its columns are.
+
+The mapping is TOML: how time is told, and for each topic its fields with column, unit, scale and offset.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics
+from avionics.messages import Event, Text
+from avionics.quantities import BadInput, counted
+from avionics.topics import Topic
+from logs.importing.checks import sound
+from logs.importing.counterparts import checked, fields_of
+from logs.importing.mapping import load_mapping
+from logs.importing.source import Array, Dropped, Own, Series, Source
+from logs.importing.units import conversion
+from logs.layout import Field
+
+OWN_PREFIX = "/csv/"
+_ENTRY = ("column", "value", "unit", "scale", "offset")
+KNOWN_TOPICS: Mapping[str, Topic] = {
+    topic.name: topic for topic in topics.TOPICS if topic.message not in (Event, Text)
+}
+
+
+class Table(NamedTuple):
+    """A table as read: columns by name, NaN where a cell is no number."""
+
+    columns: Mapping[str, NDArray[np.float64]]
+    rows: int
+    strange: int
+    """cells with something in them that is no number"""
+
+
+def read_table(data: bytes, mapping: Path | None) -> Source:
+    """Read a table by its mapping.
+
+    Raises:
+        BadInput: no mapping, one that cannot be used, or a table that it does not fit.
+    """
+    if mapping is None:
+        raise BadInput("a table of columns needs --map MAP.toml (wingbeat log import --help has an example)")
+    chosen = load_mapping(mapping)
+    try:
+        table = parse_table(data, chosen.get("table", {}))
+        times = _times(table, chosen["time"])
+        clock, dropped = sound(times, "time")
+        if len(times.time_us) < table.rows:
+            dropped.append(Dropped("time", "no time from 0 on", table.rows - len(times.time_us)))
+        rows = clock.columns["row"]
+        made: list[Own] = []
+        series: dict[str, Series] = {}
+        for name, entries in chosen["topics"].items():
+            one = _topic(name, entries, table, clock.time_us, rows)
+            made += [one] if isinstance(one, Own) else []
+            series |= {one.name: one} if isinstance(one, Series) else {}
+    except BadInput as reason:
+        raise BadInput(f"{reason} (mapping {mapping})") from None
+    entries = [entry for fields in chosen["topics"].values() for entry in _entries(fields).values()]
+    used = {chosen["time"].get("column"), *(entry.get("column") for entry in entries)}
+    left = [name for name in table.columns if name not in used]
+    notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(left)}
+    damage = (f"{counted(table.strange, 'cell')} with something that is no number",) if table.strange else ()
+    return Source(
+        "csv", series, notes=notes, damage=damage, dropped=tuple(dropped), made=tuple(made),
+    )  # fmt: skip
+
+
+def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
+    """A table as columns of numbers.
+
+    Raises:
+        BadInput: it is no text, or has no row below its names.
+    """
+    try:
+        lines = data.decode("utf-8-sig").splitlines()[_whole(layout, "skip") :]
+    except UnicodeDecodeError:
+        raise BadInput("it is no text in UTF-8") from None
+    delimiter, decimal = str(layout.get("delimiter", ",")), str(layout.get("decimal", "."))
+    if len(delimiter) != 1 or len(decimal) != 1:
+        raise BadInput("delimiter and decimal must be one character each")
+    try:
+        rows = [row for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise BadInput(f"it cannot be read as a table: {error}") from None
+    if len(rows) < 2:
+        raise BadInput("there is no row of numbers in it")
+    names, body = [name.strip() for name in rows[0]], rows[1:]
+    cells = {
+        name: [row[place] if place < len(row) else "" for row in body] for place, name in enumerate(names) if name
+    }
+    columns = {name: np.array([_number(cell, decimal) for cell in column]) for name, column in cells.items()}
+    strange = sum(
+        1 for name, column in cells.items() for cell, value in zip(column, columns[name].tolist(), strict=True)
+        if math.isnan(value) and cell.strip() and cell.strip().lower() != "nan" and np.isfinite(columns[name]).any()
+    )  # fmt: skip
+    return Table(columns, len(body), strange)
+
+
+def _whole(layout: Mapping[str, Any], key: str) -> int:
+    value = layout.get(key, 0)
+    if not isinstance(value, int) or value < 0:
+        raise BadInput(f"{key} must be a whole number from 0")
+    return value
+
+
+def _number(cell: str, decimal: str) -> float:
+    try:
+        return float(cell if decimal == "." else cell.replace(decimal, "."))
+    except ValueError:
+        return math.nan
+
+
+def _times(table: Table, chosen: Mapping[str, Any]) -> Series:
+    """us since boot, of the rows of the table that have a time at all, with their numbers."""
+    if "rate" in chosen:
+        rate = _plain_number(chosen["rate"], "time.rate")
+        if rate <= 0.0:
+            raise BadInput("time.rate must be above 0")
+        seconds = np.arange(table.rows) / rate
+    else:
+        known = conversion(chosen.get("unit", "s"))
+        if known.unit != "s":
+            raise BadInput(f"unit {chosen.get('unit')!r} of time is none of time")
+        seconds = (
+            _column(table, chosen["column"]) - _plain_number(chosen.get("start", 0.0), "time.start")
+        ) * known.factor
+    rows = np.flatnonzero(np.isfinite(seconds) & (seconds >= 0.0) & (seconds < 1e12))
+    if not len(rows):
+        raise BadInput("no row has a time from 0 on (time.column, time.start)")
+    return Series("time", np.rint(seconds[rows] * 1e6).astype(np.int64), {"row": rows}, {})
+
+
+def _column(table: Table, name: Any) -> NDArray[np.float64]:
+    if name not in table.columns:
+        raise BadInput(f"the table has no column {name!r}; it has: {', '.join(table.columns)}")
+    return table.columns[name]
+
+
+def _plain_number(value: Any, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise BadInput(f"{key} must be a number, not {value!r}")
+    return float(value)
+
+
+def _entries(fields: Any) -> dict[str, Any]:
+    if not isinstance(fields, dict):
+        return {}
+    return {name: entry for name, entry in fields.items() if isinstance(entry, dict)}
+
+
+def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows: Array) -> Own | Series:
+    """One topic of the mapping: one of the project's, or one that the mapping makes up."""
+    topic = KNOWN_TOPICS.get(name)
+    if topic is None and not (name.startswith(OWN_PREFIX) and len(name) > len(OWN_PREFIX)):
+        raise BadInput(
+            f"topic {name} is not known; known: {', '.join(KNOWN_TOPICS)}, and any of yours after {OWN_PREFIX}"
+        )
+    if not isinstance(fields, dict) or not fields.keys() - {"rate"}:
+        raise BadInput(f"topic {name} has no field")
+    known = None if topic is None else {field.name: field for field in fields_of(topic)[1:]}
+    read = {field: _field(f"{name}.{field}", fields[field], table, known) for field in fields if field != "rate"}
+    kept = ~_all_unknown([read[field][0] for field, entry in _entries(fields).items() if "column" in entry])[rows]
+    if "rate" in fields:
+        kept &= _thinned(times, _plain_number(fields["rate"], f"{name}.rate"))
+    columns = {field: values[rows[kept]] for field, (values, _) in read.items()}
+    units = {field: unit for field, (_, unit) in read.items()}
+    series = Series(name.removeprefix(OWN_PREFIX), times[kept], columns, units)
+    return series if topic is None else checked(topic, series, columns)
+
+
+def _field(name: str, entry: Any, table: Table, known: Mapping[str, Field] | None) -> tuple[Array, str]:
+    """A field's values in SI, and its unit."""
+    if not isinstance(entry, dict) or ("column" in entry) == ("value" in entry):
+        raise BadInput(f'{name} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
+    for key in entry:
+        if key not in _ENTRY:
+            raise BadInput(f"{name}: unknown key {key}; known: {', '.join(_ENTRY)}")
+    field = name.rpartition(".")[2]
+    if known is not None and field not in known:
+        raise BadInput(f"{name}: the topic has no such field; it has: {', '.join(known)}")
+    if known is not None and known[field].length:
+        raise BadInput(f"{name} has several values, which a table of columns does not give")
+    told = conversion(entry.get("unit", "-"))
+    if known is not None and told.unit != _base(known[field].unit):
+        raise BadInput(f"{name} is in {known[field].unit}; a column in {entry.get('unit', '-')!r} cannot be that")
+    scale, offset = (_plain_number(entry.get(key, by), f"{name}.{key}") for key, by in (("scale", 1), ("offset", 0)))
+    if "column" in entry:
+        raw = _column(table, entry["column"])
+    else:
+        raw = np.full(table.rows, _plain_number(entry["value"], name))
+    return (raw * scale + offset) * told.factor + told.offset, told.unit
+
+
+def _base(unit: str) -> str:
+    """Unit of a field as a column can have it."""
+    return conversion(unit).unit
+
+
+def _all_unknown(columns: list[Array]) -> NDArray[np.bool_]:
+    """Rows in which a topic has nothing: a table of several rates leaves cells empty."""
+    if not columns:
+        raise BadInput("a topic must have a field with a column")
+    return np.asarray(np.all([np.isnan(values) for values in columns], axis=0), bool)
+
+
+def _thinned(times: NDArray[np.int64], rate: float) -> NDArray[np.bool_]:
+    """The first row of each period."""
+    if rate <= 0.0:
+        raise BadInput("a topic's rate must be above 0")
+    _, first = np.unique(np.floor(times * 1e-6 * rate + 1e-6), return_index=True)
+    mask = np.zeros(len(times), bool)
+    mask[first] = True
+    return mask

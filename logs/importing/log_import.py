@@ -1,0 +1,243 @@
+"""``wingbeat log import``: a log of another program becomes one of the project's kind."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.messages import Event
+from avionics.quantities import BadInput
+from avionics.topics import EVENTS
+from logs.importing import csv_table, dataflash, tlog, ulog
+from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
+from logs.importing.counterparts import Counterpart, make_all
+from logs.importing.source import Dropped, Own, Series, Source
+from logs.importing.writing import Extras, Progress, own_stream, source_streams, topic_name, write_log
+
+IMPORT = "wingbeat.import"
+"""Name of the metadata record that says what a log was made of."""
+PARAMETERS = "source.parameters"
+"""Name of the metadata record with the parameters of the source."""
+NOTES = "source.notes"
+"""Name of the metadata record with what else the source says of itself."""
+REPORT = "import_report.json"
+"""Name of the attachment with the whole report."""
+
+
+class Format(NamedTuple):
+    """How logs of one program are read."""
+
+    name: str
+    topics: str
+    """-; first part of the names of its own topics"""
+    counterparts: Sequence[Counterpart]
+
+
+FORMATS: Mapping[str, Format] = {
+    "dataflash": Format("ArduPilot dataflash", "dataflash", dataflash.COUNTERPARTS),
+    "ulog": Format("PX4 ULog", "ulg", ulog.COUNTERPARTS),
+    "tlog": Format("MAVLink telemetry log", "tlog", tlog.COUNTERPARTS),
+    "csv": Format("table of comma-separated values", "csv", ()),
+}
+"""By `Source.format`."""
+
+
+class TopicCount(NamedTuple):
+    """One topic that was written."""
+
+    topic: str
+    source: str
+    """-; what it was made of; empty for what stands as it came"""
+    messages: int
+
+
+class ImportReport(NamedTuple):
+    """What an import did."""
+
+    file: str
+    """-; the new log"""
+    source: str
+    """-; name of the file that was read"""
+    format: str
+    sha256: str
+    """-; of the source"""
+    importer: str
+    """-; version of this program"""
+    vehicle: str
+    """-; what the source says of itself"""
+    messages: int
+    topics: tuple[TopicCount, ...]
+    events: int
+    parameters: int
+    damage: tuple[str, ...]
+    """what was wrong with the source, one line each"""
+    dropped: tuple[Dropped, ...]
+    """rows that were left out, by topic and reason"""
+
+
+class Checked(NamedTuple):
+    """What is left of a source."""
+
+    own: list[Own]
+    """the project's topics"""
+    series: dict[str, Series]
+    """the source's own"""
+    events: list[Event]
+    dropped: list[Dropped]
+
+
+class Choice(NamedTuple):
+    """What to import, and how."""
+
+    source: Path
+    target: Path
+    mapping: Path | None = None
+    """TOML; what the columns of a table are"""
+    clock: str = "vehicle"
+    """of a .tlog, one of `tlog.CLOCKS`"""
+
+
+def import_log(choice: Choice, progress: Progress = lambda done, total: None) -> ImportReport:
+    """Read a log of another program and write it as a new one.
+
+    Raises:
+        BadInput: it cannot be read, is of no known format, has nothing in it, or the target exists; nothing is
+            written then.
+    """
+    if choice.target.exists():
+        raise BadInput(f"{choice.target} exists: it is not overwritten")
+    data = _bytes(choice.source)
+    try:
+        source = _read(choice, data)
+    except BadInput as reason:
+        raise BadInput(f"{choice.source}: {reason}") from None
+    found = _checked(source)
+    if not found.own and not found.series:
+        raise BadInput(f"{choice.source}: no row of it can be true{_reasons(found.dropped)}")
+    report = _report(choice, data, source, found)
+    streams = [*map(own_stream, found.own), *source_streams(FORMATS[source.format].topics, found.series)]
+    extras = Extras(source.epoch_ns, found.events, _notes(report, source), {REPORT: _json(report)})
+    write_log(choice.target, streams, extras, progress)
+    return report
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+
+
+def _read(choice: Choice, data: bytes) -> Source:
+    """By what the file begins with, and for what begins with anything, by its name."""
+    if not data:
+        raise BadInput("it is empty")
+    suffix = choice.source.suffix.lower()
+    if choice.mapping is not None and (suffix in (".bin", ".ulg", ".tlog") or ulog.is_ulog(data)):
+        raise BadInput("it tells itself what is in it: --map is for tables of columns")
+    if ulog.is_ulog(data):
+        return ulog.read_ulog(data)
+    if dataflash.is_dataflash(data):
+        return dataflash.read_dataflash(data)
+    named: dict[str, Callable[[], Source]] = {
+        ".tlog": lambda: tlog.read_tlog(data, choice.clock),
+        ".csv": lambda: csv_table.read_table(data, choice.mapping),
+        ".bin": lambda: _refuse("an ArduPilot dataflash log"),
+        ".ulg": lambda: _refuse("a PX4 ULog"),
+    }
+    suffix = ".csv" if choice.mapping is not None and suffix not in named else suffix
+    if suffix not in named:
+        raise BadInput("it is no log that is known; known: .bin, .ulg, .tlog, and any table of columns with --map")
+    return named[suffix]()
+
+
+def _refuse(name: str) -> Source:
+    raise BadInput(f"it does not begin as {name} does")
+
+
+def _checked(source: Source) -> Checked:
+    """What can be true of a source; a row that is refused in one topic is in no other."""
+    known, dropped = FORMATS[source.format], list(source.dropped)
+    series: dict[str, Series] = {}
+    for name, one in source.series.items():
+        whole, lost = sound(one, topic_name(known.topics, name), source.checksummed)
+        dropped += lost
+        if len(whole.time_us):
+            series[name] = whole
+    end = _end(source, series)
+    dropped += _drop_behind(series, known.topics, end)
+    own = [*source.made, *make_all(known.counterparts, series)]
+    masks: dict[str, Mask] = {}
+    for made in own:
+        dropped += made.dropped
+        masks[made.source] = masks.get(made.source, np.True_) & made.kept
+    series |= {name: series[name].taken(mask) for name, mask in masks.items() if name in series}
+    events = [event for event in source.events if 0 <= event.time_us <= end + LATE_US]
+    if len(events) < len(source.events):
+        dropped.append(Dropped(EVENTS.name, "time outside of the log", len(source.events) - len(events)))
+    return Checked(own, series, events, dropped)
+
+
+def _end(source: Source, series: Mapping[str, Series]) -> int:
+    """us; when the log ends, 0 for one without a row."""
+    rows = [one for one in (*series.values(), *(made.series for made in source.made)) if len(one.time_us)]
+    return end_of(rows) if rows else 0
+
+
+def _drop_behind(series: dict[str, Series], topics: str, end: int) -> list[Dropped]:
+    """Take the rows far behind the end of the log out of ``series``."""
+    dropped = []
+    for name, one in list(series.items()):
+        mask = not_behind(one.time_us, end)
+        if mask.all():
+            continue
+        dropped.append(Dropped(topic_name(topics, name), BEHIND, int((~mask).sum())))
+        series[name] = one.taken(mask)
+        if not mask.any():
+            del series[name]
+    return dropped
+
+
+def _reasons(dropped: Sequence[Dropped]) -> str:
+    return "".join(f"; {one.topic}: {one.reason} ({one.rows})" for one in dropped[:3])
+
+
+def _report(choice: Choice, data: bytes, source: Source, found: Checked) -> ImportReport:
+    known = FORMATS[source.format]
+    topics = [TopicCount(one.topic.name, one.source, len(one.series.time_us)) for one in found.own]
+    kept = sorted(found.series.items())
+    topics += [TopicCount(topic_name(known.topics, name), "", len(one.time_us)) for name, one in kept]
+    return ImportReport(
+        str(choice.target), choice.source.name, known.name, hashlib.sha256(data).hexdigest(), version("wingbeat"),
+        source.vehicle, sum(topic.messages for topic in topics), tuple(topics), len(found.events),
+        len(source.parameters), source.damage, tuple(found.dropped),
+    )  # fmt: skip
+
+
+def _notes(report: ImportReport, source: Source) -> dict[str, dict[str, str]]:
+    facts = {
+        "source": report.source,
+        "format": report.format,
+        "sha256": report.sha256,
+        "importer": f"wingbeat {report.importer}",
+        "clock": source.clock,
+        "damage": "; ".join(report.damage),
+        "dropped": str(sum(one.rows for one in report.dropped)),
+    } | ({"vehicle": report.vehicle} if report.vehicle else {})
+    notes = {IMPORT: facts, NOTES: dict(source.notes)}
+    notes[PARAMETERS] = {name: f"{value:.9g}" for name, value in source.parameters.items()}
+    return {name: values for name, values in notes.items() if values}
+
+
+def _json(report: ImportReport) -> bytes:
+    """The report but for the new log's own name, so that it tells of the source alone."""
+    document = report._asdict() | {"topics": [topic._asdict() for topic in report.topics]}
+    document["dropped"] = [one._asdict() for one in report.dropped]
+    del document["file"]
+    return json.dumps(document, indent=2).encode()

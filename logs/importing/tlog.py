@@ -1,0 +1,368 @@
+"""MAVLink telemetry logs (``.tlog``): frames as a ground station heard and sent them, each behind its own clock.
+
+The vehicle is who sends an autopilot's heartbeats; what others say stands apart. Times are the vehicle's: by the
+stamps that some of its messages carry, and between them by the ground's clock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import struct
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics as t
+from avionics.link.dialect import mavlink
+from avionics.link.framing import MARKER_V1, MARKER_V2, SIGNED
+from avionics.messages import CHANNELS, Event, Severity
+from avionics.quantities import BadInput, counted
+from logs.importing.checks import going_on
+from logs.importing.counterparts import Columns, Counterpart, View, ground_velocity, pulse_array
+from logs.importing.source import Array, Series, Source
+
+CLOCKS = ("vehicle", "ground")
+"""whose times a log is written with"""
+STAMP = struct.Struct(">Q")
+"""us since 1970 on the ground's clock, before each frame"""
+NO_AUTOPILOT = 8
+"""MAV_AUTOPILOT_INVALID"""
+NOT_VEHICLES = frozenset((5, 6, 18, 26, 27, 30))
+"""MAV_TYPE of antenna trackers, ground stations, onboard computers, gimbals, ADS-B receivers and cameras"""
+PX4 = 12
+_DTYPES = {
+    "uint8_t": "u1", "int8_t": "i1", "uint16_t": "u2", "int16_t": "i2", "uint32_t": "u4", "int32_t": "i4",
+    "uint64_t": "u8", "int64_t": "i8", "float": "f4", "double": "f8", "char": "O",
+}  # fmt: skip
+Sender = tuple[int, int]
+"""system and component"""
+
+
+class Heard(NamedTuple):
+    """One message."""
+
+    ground_us: int
+    """us since 1970; on the ground's clock"""
+    sender: Sender
+    message: Any
+
+
+def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
+    """Read a telemetry log with the times of the ``vehicle`` or of the ``ground``.
+
+    Raises:
+        BadInput: there is no whole frame in it.
+    """
+    heard, damage = _frames(data)
+    if not heard:
+        raise BadInput("there is no whole MAVLink frame behind a time stamp in it")
+    vehicle = vehicle_of(heard)
+    times = VehicleClock.of(heard, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(heard)
+    series = _series(heard, vehicle, times)
+    spoken = [one for one in heard if one.sender == vehicle]
+    stamps = times.at(spoken)
+    return Source(
+        "tlog", series, _name(spoken), times.boot_us * 1000, tuple(_events(spoken, stamps)), _parameters(spoken),
+        {"system": str(vehicle[0]), "component": str(vehicle[1])}, damage, clock=times.told, checksummed=True,
+    )  # fmt: skip
+
+
+def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
+    heard: list[Heard] = []
+    lost = places = at = 0
+    unknown: Counter[int] = Counter()
+    whole = True
+    while at + STAMP.size < len(data):
+        end = _end(data, at + STAMP.size)
+        frame = data[at + STAMP.size : end] if end <= len(data) else b""
+        decoded = _decode(frame, unknown) if frame else None
+        if decoded is None:
+            if whole and end > len(data) > at + STAMP.size:
+                return heard, (*_told(lost, places, unknown), f"cut off in the middle of a frame, at byte {at}")
+            lost, places, whole, at = lost + 1, places + whole, False, at + 1
+            continue
+        sender, message = decoded
+        if message is not None:
+            heard.append(Heard(STAMP.unpack_from(data, at)[0], sender, message))
+        whole, at = True, end
+    rest = len(data) - at
+    cut = (f"cut off in the middle of a frame, {counted(rest, 'byte')} before the end",) if rest else ()
+    return heard, (*_told(lost, places, unknown), *cut)
+
+
+def _told(lost: int, places: int, unknown: Counter[int]) -> tuple[str, ...]:
+    damage: list[str] = []
+    if lost:
+        damage.append(f"{counted(lost, 'byte')} in {counted(places, 'place')} that are no whole frame")
+    if unknown:
+        ids = ", ".join(str(number) for number in sorted(unknown))
+        damage.append(f"{counted(unknown.total(), 'message')} that no dialect at hand knows (ids {ids})")
+    return tuple(damage)
+
+
+def _end(data: bytes, at: int) -> int:
+    """Where a frame that begins at ``at`` would end; beyond all data where none begins."""
+    if at + 6 > len(data):
+        return len(data) + 1
+    if data[at] == MARKER_V1:
+        return at + 8 + data[at + 1]
+    if data[at] == MARKER_V2:
+        return at + 12 + data[at + 1] + (13 if data[at + 2] & SIGNED else 0)
+    return at
+
+
+def _decode(frame: bytes, unknown: Counter[int]) -> tuple[Sender, Any] | None:
+    """Sender and message of a frame, the message None where no dialect knows it; None for what is no frame."""
+    first = frame[0] == MARKER_V1
+    number = frame[5] if first else int.from_bytes(frame[7:10], "little")
+    sender = (frame[3], frame[4]) if first else (frame[5], frame[6])
+    for dialect in _dialects():
+        if number in dialect.mavlink_map:
+            with contextlib.suppress(dialect.MAVError, ValueError, struct.error):
+                return sender, _decoder(dialect).decode(bytearray(frame))
+            return None
+    unknown[number] += 1
+    return sender, None
+
+
+@functools.cache
+def _dialects() -> tuple[Any, ...]:
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    return mavlink, ardupilotmega
+
+
+@functools.cache
+def _decoder(dialect: Any) -> Any:
+    return dialect.MAVLink(None)
+
+
+def vehicle_of(heard: Sequence[Heard]) -> Sender:
+    """Who sends an autopilot's heartbeats, the most of them; without any, who says the most."""
+    autopilots = Counter(
+        one.sender
+        for one in heard
+        if one.message.get_type() == "HEARTBEAT"
+        and one.message.autopilot != NO_AUTOPILOT
+        and one.message.type not in NOT_VEHICLES
+    )
+    return (autopilots or Counter(one.sender for one in heard)).most_common(1)[0][0]
+
+
+class VehicleClock(NamedTuple):
+    """The vehicle's clock as its stamps tell it."""
+
+    ground_us: NDArray[np.int64]
+    """us; on the ground's clock, of messages with a stamp"""
+    offset_us: NDArray[np.int64]
+    """us; that the ground's clock is before the vehicle's, at each of them"""
+    stamped: bool
+    """whether messages are taken at their own stamps"""
+    told: str
+    """-; in words"""
+
+    @classmethod
+    def of(cls, heard: Sequence[Heard], vehicle: Sender) -> VehicleClock:
+        """By all stamps of the vehicle that go on; the ground's clock from the first frame on where it has none."""
+        pairs = [(one.ground_us, _boot_us(one.message)) for one in heard if one.sender == vehicle]
+        stamped = np.array([pair for pair in pairs if pair[1]], np.int64).reshape(-1, 2)
+        stamped = stamped[going_on(stamped[:, 1])]
+        stamped = stamped[going_on(stamped[:, 0])]
+        if not len(stamped):
+            return cls.on_the_ground(heard)
+        return cls(stamped[:, 0], stamped[:, 0] - stamped[:, 1], True, "since the vehicle's boot, by its stamps")
+
+    @classmethod
+    def on_the_ground(cls, heard: Sequence[Heard]) -> VehicleClock:
+        """The ground's clock, from the first frame on."""
+        first = min(one.ground_us for one in heard)
+        return cls(np.array([first]), np.array([first]), False, "the ground computer's clock, since the first frame")
+
+    @property
+    def boot_us(self) -> int:
+        """us since 1970; of the moment that times count from."""
+        return max(int(np.median(self.offset_us)), 0)
+
+    def at(self, heard: Sequence[Heard]) -> NDArray[np.int64]:
+        """us since boot of each message: its own stamp, or the ground's time less the last known offset."""
+        ground = np.array([one.ground_us for one in heard], np.int64)
+        last = np.maximum(np.searchsorted(self.ground_us, ground, side="right") - 1, 0)
+        times: NDArray[np.int64] = np.maximum(ground - self.offset_us[last], 0)
+        if not self.stamped:
+            return times
+        own = np.array([_boot_us(one.message) for one in heard], np.int64)
+        passed: NDArray[np.int64] = np.maximum.accumulate(times)
+        return np.where(own > 0, own, passed)
+
+
+def _boot_us(message: Any) -> int:
+    """us since boot that a message was stamped with; 0 without such a stamp."""
+    return 0 if message.get_type() == "SYSTEM_TIME" else 1000 * int(getattr(message, "time_boot_ms", 0))
+
+
+def _series(heard: Sequence[Heard], vehicle: Sender, clock: VehicleClock) -> dict[str, Series]:
+    groups: dict[str, list[Heard]] = {}
+    for one in heard:
+        groups.setdefault(_series_name(one, vehicle), []).append(one)
+    return {name: _one_series(name, members, clock) for name, members in groups.items()}
+
+
+def _series_name(one: Heard, vehicle: Sender) -> str:
+    kind = one.message.get_type()
+    if one.sender == vehicle:
+        return str(kind)
+    system, component = one.sender
+    return f"component_{component}/{kind}" if system == vehicle[0] else f"system_{system}/{kind}"
+
+
+def _one_series(name: str, members: list[Heard], clock: VehicleClock) -> Series:
+    kind = type(members[0].message)
+    columns: Columns = {}
+    units: dict[str, str] = {}
+    for field in kind.fieldnames:
+        dtype = _DTYPES[kind.fieldtypes[kind.fieldnames.index(field)]]
+        values = [getattr(one.message, field) for one in members]
+        columns[field] = _texts(values) if dtype == "O" else np.array(values, dtype)
+        units[field] = kind.fieldunits_by_name.get(field, "")
+    return Series(name, clock.at(members), columns, units)
+
+
+def _texts(values: list[Any]) -> Array:
+    return np.array([_text(value) for value in values], object)
+
+
+def _text(value: Any) -> str:
+    told = value.decode("utf-8", "replace") if isinstance(value, bytes | bytearray) else str(value)
+    return told.partition("\0")[0]
+
+
+def _name(spoken: Sequence[Heard]) -> str:
+    """Kind of the vehicle and its number, as ``QUADROTOR 1``."""
+    beat = next((one.message for one in spoken if one.message.get_type() == "HEARTBEAT"), None)
+    if beat is None:
+        return ""
+    entry = _dialects()[1].enums["MAV_TYPE"].get(beat.type)
+    told = entry.name.removeprefix("MAV_TYPE_") if entry else str(beat.type)
+    return f"{told} {spoken[0].sender[0]}"
+
+
+def _events(spoken: Sequence[Heard], stamps: NDArray[np.int64]) -> Iterator[Event]:
+    """Texts, and changes of mode and arming."""
+    before = ""
+    for one, at in zip(spoken, stamps.tolist(), strict=True):
+        kind = one.message.get_type()
+        if kind == "STATUSTEXT":
+            severity = one.message.severity
+            yield Event(at, Severity(severity) if severity < 8 else Severity.INFO, "vehicle", _text(one.message.text))
+        elif kind == "HEARTBEAT" and (now := _mode(one.message)) != before:
+            before = now
+            yield Event(at, Severity.INFO, "vehicle", now)
+
+
+def _mode(beat: Any) -> str:
+    """Mode and arming of a heartbeat, the mode in the autopilot's words where it is one that is known."""
+    from pymavlink import mavutil
+
+    with contextlib.suppress(Exception):  # the package's tables have gaps
+        named = mavutil.mode_string_v10(beat)
+        return f"mode {named}, {'armed' if beat.base_mode & 128 else 'disarmed'}"
+    return f"mode {beat.custom_mode}, {'armed' if beat.base_mode & 128 else 'disarmed'}"
+
+
+def _parameters(spoken: Sequence[Heard]) -> dict[str, float]:
+    """First value heard of each."""
+    bytewise = any(one.message.get_type() == "HEARTBEAT" and one.message.autopilot == PX4 for one in spoken)
+    found: dict[str, float] = {}
+    for one in spoken:
+        if one.message.get_type() == "PARAM_VALUE":
+            found.setdefault(_text(one.message.param_id), _value(one.message, bytewise))
+    return found
+
+
+def _value(message: Any, bytewise: bool) -> float:
+    """A parameter's value; PX4 puts the bytes of a whole number in the place of a float."""
+    if bytewise and message.param_type != 9:
+        return float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
+    return float(message.param_value)
+
+
+# --- what the project's own topics are made of ------------------------------------------------------------
+
+
+def _attitude(view: View) -> Columns:
+    rates = {f"{name}_rate": view[f"{name}speed"] for name in ("roll", "pitch", "yaw")}
+    return {name: view[name] for name in ("roll", "pitch", "yaw")} | rates
+
+
+def _imu(view: View) -> Columns:
+    return {
+        f"{name}_{axis}": view[f"{axis}{told}"]
+        for name, told in (("accel", "acc"), ("gyro", "gyro"), ("mag", "mag"))
+        for axis in "xyz"
+    }
+
+
+def _altitude(view: View) -> Columns:
+    return {"altitude": view["relative_alt"], "climb_rate": -view["vz"]}
+
+
+def _local_position(view: View) -> Columns:
+    place = {
+        "latitude": view.held("GLOBAL_POSITION_INT", "lat"),
+        "longitude": view.held("GLOBAL_POSITION_INT", "lon"),
+    }
+    return {"north": view["x"], "east": view["y"], "v_north": view["vx"], "v_east": view["vy"]} | place
+
+
+def _global_position(view: View) -> Columns:
+    return {"latitude": view["lat"], "longitude": view["lon"], "v_north": view["vx"], "v_east": view["vy"]}
+
+
+def _power(view: View) -> Columns:
+    voltage = np.where(view.raw("voltage_battery") == 65535, np.nan, view["voltage_battery"])
+    current = np.where(view.raw("current_battery") < 0, np.nan, view["current_battery"])
+    remaining = view.raw("battery_remaining")
+    return {
+        "voltage": voltage,
+        "current": current,
+        "power": voltage * current,
+        "battery_remaining": np.where(remaining < 0, np.nan, remaining * 0.01),
+    }
+
+
+def _gps(view: View) -> Columns:
+    unknown = (view.raw("vel") == 65535) | (view.raw("cog") == 65535)
+    north, east = ground_velocity(view["vel"], view["cog"])
+    satellites = view.raw("satellites_visible")
+    return {
+        "latitude": view["lat"],
+        "longitude": view["lon"],
+        "altitude": view["alt"],
+        "v_north": np.where(unknown, np.nan, north),
+        "v_east": np.where(unknown, np.nan, east),
+        "fix_type": view["fix_type"],
+        "satellites": np.where(satellites == 255, 0, satellites),
+    }
+
+
+def _receiver(view: View) -> Columns:
+    pulses = pulse_array(view, [f"chan{number}_raw" for number in range(1, CHANNELS + 1)], CHANNELS)
+    return {"pulses": pulses, "rssi": view["rssi"]}
+
+
+COUNTERPARTS: Sequence[Counterpart] = (
+    Counterpart(t.IMU, "HIGHRES_IMU", _imu),
+    Counterpart(t.IMU, "SCALED_IMU", _imu),
+    Counterpart(t.ATTITUDE, "ATTITUDE", _attitude),
+    Counterpart(t.ALTITUDE, "GLOBAL_POSITION_INT", _altitude),
+    Counterpart(t.POSITION, "LOCAL_POSITION_NED", _local_position),
+    Counterpart(t.POSITION, "GLOBAL_POSITION_INT", _global_position),
+    Counterpart(t.POWER, "SYS_STATUS", _power),
+    Counterpart(t.GPS, "GPS_RAW_INT", _gps),
+    Counterpart(t.RECEIVER, "RC_CHANNELS", _receiver),
+)
+"""In the order in which they are tried. VFR_HUD's airspeed has none: it is not told whether it is true."""

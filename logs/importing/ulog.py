@@ -1,0 +1,290 @@
+"""PX4's logs (``.ulg``), read by `pyulog`. Format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from pyulog import ULog
+
+from avionics import topics as t
+from avionics.messages import CHANNELS, Event, Severity
+from avionics.quantities import BadInput, counted
+from logs.importing.checks import LONGEST_PAUSE_US
+from logs.importing.counterparts import Columns, Counterpart, View, true_airspeed
+from logs.importing.source import OF_BOOT, Array, Series, Source
+
+MAGIC = b"ULog\x01\x12\x35"
+_LONGEST_UPTIME_US = 10**14
+"""us; three years"""
+_HEADER = 16
+"""bytes; before the first message"""
+_SUFFIXES = {
+    "_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_rad": "rad", "_deg": "deg", "_ga": "gauss", "_pa": "Pa",
+    "_celcius": "degC", "_celsius": "degC", "_degc": "degC", "_v": "V", "_a": "A", "_w": "W", "_mah": "mAh",
+    "_wh": "Wh", "_m": "m", "_hz": "Hz", "_us": "us", "_ms": "ms", "_s": "s", "_rpm": "rpm",
+}  # fmt: skip
+"""PX4 tells a unit in the name of a field, where it tells one."""
+_NOT_UNITS = ("var_", "_var", "variance", "cov", "offset", "innov", "test_ratio", "device", "flag", "fault", "cs_")
+_NAMES = {"timestamp": "us", "timestamp_sample": "us", "gyro_rad": "rad/s"}
+_NAVIGATION = (
+    "MANUAL", "ALTCTL", "POSCTL", "AUTO_MISSION", "AUTO_LOITER", "AUTO_RTL", "POSITION_SLOW", "FREE5",
+    "ALTITUDE_CRUISE", "FREE3", "ACRO", "FREE2", "DESCEND", "TERMINATION", "OFFBOARD", "STAB", "FREE1",
+    "AUTO_TAKEOFF", "AUTO_LAND", "AUTO_FOLLOW_TARGET", "AUTO_PRECLAND", "ORBIT", "AUTO_VTOL_TAKEOFF",
+)  # fmt: skip
+"""vehicle_status.nav_state"""
+
+
+def is_ulog(head: bytes) -> bool:
+    """Whether a file that begins so is a ULog."""
+    return head.startswith(MAGIC)
+
+
+def read_ulog(data: bytes) -> Source:
+    """Read a ULog; what is damaged is left out and told in ``damage``.
+
+    Raises:
+        BadInput: it cannot be read, or has no data in it.
+    """
+    log = _parsed(data)
+    zero = _zero_us(log)
+    series = dict(_series(log, zero))
+    if not series:
+        raise BadInput("there is no whole message of data in it")
+    texts = {str(key): str(value) for key, value in log.msg_info_dict.items()}
+    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
+    return Source(
+        "ulog", series, _vehicle(texts), zero * 1000 or _epoch_ns(series), (*_events(log, zero), *_modes(series)),
+        parameters, texts, _damage(data, log), clock="since 1970, from the log's first time on" if zero else OF_BOOT,
+    )  # fmt: skip
+
+
+def _zero_us(log: Any) -> int:
+    """us; where the times begin: at boot, or in a simulation, which counts since 1970, with the first message."""
+    start = int(log.start_timestamp)
+    if start < _LONGEST_UPTIME_US:
+        return 0
+    every = np.concatenate([one.data["timestamp"] for one in log.data_list if "timestamp" in one.data])
+    stamps = every.astype(np.int64)  # latched messages are somewhat older than the log, and some never got a stamp
+    return int(min(start, stamps[stamps > start - LONGEST_PAUSE_US].min(initial=start)))
+
+
+def _events(log: Any, zero: int) -> Iterator[Event]:
+    for one in log.logged_messages:
+        yield Event(int(one.timestamp) - zero, _severity(one.log_level), "vehicle", one.message.strip())
+    for at, name, value in log.changed_parameters:
+        yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:g}")
+    for lost in log.dropouts:
+        yield Event(
+            int(lost.timestamp) - zero, Severity.WARNING, "logger", f"{lost.duration} ms of the log were lost"
+        )
+
+
+def _parsed(data: bytes) -> Any:
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            return ULog(io.BytesIO(data))
+    except MemoryError:
+        raise
+    except Exception as error:  # a damaged file makes the package raise whatever it comes to
+        raise BadInput(f"it cannot be read as a ULog: {error or type(error).__name__}") from None
+
+
+def _damage(data: bytes, log: Any) -> tuple[str, ...]:
+    if log.file_corruption:
+        return ("damaged inside: messages that could not be read are missing",)
+    rest = 0 if log.has_data_appended else len(data) - _end_of_messages(data)
+    return (f"cut off in the middle of a message, {counted(rest, 'byte')} before the end",) if rest else ()
+
+
+def _end_of_messages(data: bytes) -> int:
+    """Where the last whole message ends: each says how long it is."""
+    at = end = _HEADER
+    while at + 3 <= len(data):
+        at += 3 + struct.unpack_from("<H", data, at)[0]
+        end = at if at <= len(data) else end
+    return end
+
+
+def _series(log: Any, zero: int) -> Iterator[tuple[str, Series]]:
+    for one in log.data_list:
+        name = one.name if not one.multi_id else f"{one.name}_{one.multi_id}"
+        times = one.data.get("timestamp")
+        if times is None or not len(times):
+            continue
+        stamps = np.minimum(times, np.uint64(2**62)).astype(np.int64) - zero
+        columns = _columns({key: value for key, value in one.data.items() if key != "timestamp"})
+        yield name, Series(name, stamps, columns, {column: unit_of(column) for column in columns})
+
+
+def _columns(flat: Mapping[str, Array]) -> Columns:
+    """Columns with arrays put together again: ``q[0]``, ``q[1]`` become ``q``; members become ``esc_0_voltage``."""
+    arrays: dict[str, list[str]] = {}
+    for name in flat:
+        whole = re.fullmatch(r"(.*)\[\d+\]", name)
+        arrays.setdefault(whole[1] if whole else name, []).append(name)
+    columns = {}
+    for name, parts in arrays.items():
+        plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+        single = len(parts) == 1 and parts[0] == name
+        columns[plain] = flat[parts[0]] if single else np.stack([flat[part] for part in parts], axis=1)
+    return columns
+
+
+def unit_of(field: str) -> str:
+    """Unit that the name of a field tells, empty for none."""
+    if any(word in field for word in _NOT_UNITS):
+        return ""
+    return _NAMES.get(field) or next((unit for end, unit in _SUFFIXES.items() if field.endswith(end)), "")
+
+
+def _severity(level: int) -> Severity:
+    """Of the digit that ULog writes it as."""
+    return Severity(level - ord("0")) if ord("0") <= level <= ord("7") else Severity.INFO
+
+
+def _vehicle(texts: Mapping[str, str]) -> str:
+    return " ".join(filter(None, (texts.get("sys_name", ""), texts.get("ver_hw", ""))))
+
+
+def _modes(series: Mapping[str, Series]) -> Iterator[Event]:
+    status = series.get("vehicle_status")
+    for field, word in (("nav_state", "mode"), ("arming_state", "arming state")):
+        values = () if status is None else status.columns.get(field, ())
+        if status is None or not len(values):
+            continue
+        values = np.asarray(values)
+        for row in [0, *(np.flatnonzero(np.diff(values.astype(int))) + 1).tolist()]:
+            number = int(values[row])
+            named = field == "nav_state" and number < len(_NAVIGATION)
+            told = _NAVIGATION[number] if named else str(number)
+            yield Event(int(status.time_us[row]), Severity.INFO, "vehicle", f"{word} {told}")
+
+
+def _epoch_ns(series: Mapping[str, Series]) -> int:
+    """ns since 1970 of the boot, by the GPS; 0 where it tells nothing."""
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        fixes = series.get(name)
+        told = None if fixes is None else fixes.columns.get("time_utc_usec")
+        if fixes is not None and told is not None and np.any(told > 0):
+            first = int(np.flatnonzero(told > 0)[0])
+            return max((int(told[first]) - int(fixes.time_us[first])) * 1000, 0)
+    return 0
+
+
+# --- what the project's own topics are made of ------------------------------------------------------------
+
+
+def _axes(name: str, values: Array) -> Columns:
+    return {f"{name}_{axis}": values[:, place] for place, axis in enumerate("xyz")}
+
+
+def _imu(view: View) -> Columns:
+    field = {
+        f"mag_{axis}": view.held("vehicle_magnetometer", "magnetometer_ga", place) for place, axis in enumerate("xyz")
+    }
+    return _axes("accel", view["accelerometer_m_s2"]) | _axes("gyro", view["gyro_rad"]) | field
+
+
+def _attitude(view: View) -> Columns:
+    columns = {f"quaternion_{axis}": view["q"][:, place] for place, axis in enumerate("wxyz")}
+    for place, name in enumerate(("roll", "pitch", "yaw")):
+        old = f"{name}speed"
+        now = view.held("vehicle_angular_velocity", "xyz", place)
+        columns[f"{name}_rate"] = view[old] if old in view.here.columns else now
+    for place, axis in enumerate("xyz"):
+        columns[f"bias_{axis}"] = np.nan_to_num(view.held("estimator_sensor_bias", "gyro_bias", place))
+    return columns
+
+
+def _air_data(view: View) -> Columns:
+    told = "true_airspeed_m_s" if "true_airspeed_m_s" in view.here.columns else "true_airspeed"
+    density = view.held("vehicle_air_data", "rho")
+    known = told in view.here.columns
+    return {
+        "airspeed": view[told] if known else true_airspeed(view["indicated_airspeed_m_s"], density),
+        "dynamic_pressure": view.held("differential_pressure", "differential_pressure_pa"),
+        "static_pressure": view.held("vehicle_air_data", "baro_pressure_pa"),
+        "temperature": view.held("vehicle_air_data", "baro_temp_celcius"),
+        "density": density,
+    }
+
+
+def _altitude(view: View) -> Columns:
+    return {"altitude": -view["z"], "climb_rate": -view["vz"]}
+
+
+def _position(view: View) -> Columns:
+    wind = "wind" if view.has("wind") else "wind_estimate"
+    return {
+        "north": view["x"],
+        "east": view["y"],
+        "v_north": view["vx"],
+        "v_east": view["vy"],
+        "wind_north": view.held(wind, "windspeed_north"),
+        "wind_east": view.held(wind, "windspeed_east"),
+        "latitude": np.radians(view.held("vehicle_global_position", "lat")),
+        "longitude": np.radians(view.held("vehicle_global_position", "lon")),
+        "valid": view["xy_valid"],
+    }
+
+
+def _power(view: View) -> Columns:
+    voltage, current = view["voltage_v"], _not_below(view["current_a"], 0.0)
+    return {
+        "voltage": voltage,
+        "current": current,
+        "power": voltage * current,
+        "charge": view.get("discharged_mah"),
+        "battery_remaining": _not_below(view.get("remaining"), 0.0),
+    }
+
+
+def _not_below(values: Array, low: float) -> Array:
+    """NaN where a value is below, by which PX4 says that it does not know."""
+    return np.where(values < low, np.nan, values)
+
+
+def _gps(view: View) -> Columns:
+    old = "lat" in view.here.columns
+    place = (view["lat"] * 1e-7, view["lon"] * 1e-7) if old else (view["latitude_deg"], view["longitude_deg"])
+    degree = np.pi / 180.0 if old else 1.0  # the new names tell their unit, so that they are radians here
+    return {
+        "latitude": place[0] * degree,
+        "longitude": place[1] * degree,
+        "altitude": view["alt"] * 1e-3 if old else view["altitude_msl_m"],
+        "v_north": view["vel_n_m_s"],
+        "v_east": view["vel_e_m_s"],
+        "v_down": view["vel_d_m_s"],
+        "horizontal_accuracy": view["eph"],
+        "vertical_accuracy": view["epv"],
+        "fix_type": view["fix_type"],
+        "satellites": view["satellites_used"],
+    }
+
+
+def _receiver(view: View) -> Columns:
+    pulses = np.zeros((len(view.here.time_us), CHANNELS), np.int64)
+    values = view["values"][:, :CHANNELS]
+    pulses[:, : values.shape[1]] = values
+    return {"pulses": pulses, "lost": view.get("rc_lost"), "rssi": np.full(len(pulses), 255)}
+
+
+COUNTERPARTS = (
+    Counterpart(t.IMU, "sensor_combined", _imu),
+    Counterpart(t.ATTITUDE, "vehicle_attitude", _attitude),
+    Counterpart(t.AIR_DATA, "airspeed", _air_data),
+    Counterpart(t.AIR_DATA, "airspeed_validated", _air_data),
+    Counterpart(t.ALTITUDE, "vehicle_local_position", _altitude),
+    Counterpart(t.POSITION, "vehicle_local_position", _position),
+    Counterpart(t.POWER, "battery_status", _power),
+    Counterpart(t.GPS, "vehicle_gps_position", _gps),
+    Counterpart(t.GPS, "sensor_gps", _gps),
+    Counterpart(t.RECEIVER, "input_rc", _receiver),
+)
+"""In the order in which they are tried."""

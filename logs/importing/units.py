@@ -1,0 +1,132 @@
+"""Units that logs are written in, what they are in SI, and how far a physical quantity can go."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from avionics.constants import STANDARD_GRAVITY
+from avionics.quantities import BadInput
+
+
+class Conversion(NamedTuple):
+    """SI value = value * factor + offset."""
+
+    unit: str
+    factor: float
+    offset: float = 0.0
+
+
+_DEG, _INCH = math.radians(1.0), 0.0254
+CONVERSIONS: dict[str, Conversion] = {
+    "-": Conversion("-", 1.0),
+    "": Conversion("-", 1.0),
+    "%": Conversion("-", 0.01),
+    "counts": Conversion("counts", 1.0),
+    "s": Conversion("s", 1.0),
+    "ms": Conversion("s", 1e-3),
+    "us": Conversion("s", 1e-6),
+    "ns": Conversion("s", 1e-9),
+    "min": Conversion("s", 60.0),
+    "Hz": Conversion("Hz", 1.0),
+    "kHz": Conversion("Hz", 1e3),
+    "rpm": Conversion("Hz", 1.0 / 60.0),
+    "rad": Conversion("rad", 1.0),
+    "mrad": Conversion("rad", 1e-3),
+    "deg": Conversion("rad", _DEG),
+    "cdeg": Conversion("rad", 1e-2 * _DEG),
+    "degE7": Conversion("rad", 1e-7 * _DEG),
+    "rev": Conversion("rad", 2.0 * math.pi),
+    "rad/s": Conversion("rad/s", 1.0),
+    "mrad/s": Conversion("rad/s", 1e-3),
+    "deg/s": Conversion("rad/s", _DEG),
+    "m": Conversion("m", 1.0),
+    "cm": Conversion("m", 1e-2),
+    "mm": Conversion("m", 1e-3),
+    "ft": Conversion("m", 12.0 * _INCH),
+    "m/s": Conversion("m/s", 1.0),
+    "cm/s": Conversion("m/s", 1e-2),
+    "mm/s": Conversion("m/s", 1e-3),
+    "km/h": Conversion("m/s", 1.0 / 3.6),
+    "kn": Conversion("m/s", 1852.0 / 3600.0),
+    "m/s^2": Conversion("m/s^2", 1.0),
+    "m/s/s": Conversion("m/s^2", 1.0),
+    "g": Conversion("m/s^2", STANDARD_GRAVITY),
+    "mG": Conversion("m/s^2", 1e-3 * STANDARD_GRAVITY),
+    "m^2": Conversion("m^2", 1.0),
+    "m^2/s^2": Conversion("m^2/s^2", 1.0),
+    "V": Conversion("V", 1.0),
+    "cV": Conversion("V", 1e-2),
+    "mV": Conversion("V", 1e-3),
+    "A": Conversion("A", 1.0),
+    "cA": Conversion("A", 1e-2),
+    "mA": Conversion("A", 1e-3),
+    "W": Conversion("W", 1.0),
+    "mW": Conversion("W", 1e-3),
+    "C": Conversion("C", 1.0),
+    "mAh": Conversion("C", 3.6),
+    "Ah": Conversion("C", 3600.0),
+    "J": Conversion("J", 1.0),
+    "hJ": Conversion("J", 100.0),
+    "Wh": Conversion("J", 3600.0),
+    "ohm": Conversion("ohm", 1.0),
+    "mohm": Conversion("ohm", 1e-3),
+    "Pa": Conversion("Pa", 1.0),
+    "hPa": Conversion("Pa", 100.0),
+    "mbar": Conversion("Pa", 100.0),
+    "kPa": Conversion("Pa", 1e3),
+    "K": Conversion("K", 1.0),
+    "degC": Conversion("K", 1.0, 273.15),
+    "cdegC": Conversion("K", 0.01, 273.15),
+    "kg/m^3": Conversion("kg/m^3", 1.0),
+    "gauss": Conversion("gauss", 1.0),
+    "mgauss": Conversion("gauss", 1e-3),
+    "uT": Conversion("gauss", 1e-2),
+    "T": Conversion("gauss", 1e4),
+    "N": Conversion("N", 1.0),
+    "mN": Conversion("N", 1e-3),
+    "gf": Conversion("N", 1e-3 * STANDARD_GRAVITY),
+    "N m": Conversion("N m", 1.0),
+    "mN m": Conversion("N m", 1e-3),
+    "N mm": Conversion("N m", 1e-3),
+}
+"""By the unit as it is written; ``g`` is the acceleration and ``gf`` the force of a gram."""
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "rad": (-4.0 * math.pi, 4.0 * math.pi),
+    "rad/s": (-200.0, 200.0),
+    "m": (-2e4, 1e5),
+    "m/s": (-500.0, 500.0),
+    "m/s^2": (-2000.0, 2000.0),
+    "V": (-1000.0, 1000.0),
+    "A": (-1000.0, 1000.0),
+    "W": (-1e5, 1e5),
+    "Pa": (-2e5, 2e5),
+    "K": (150.0, 500.0),
+    "kg/m^3": (0.0, 3.0),
+    "gauss": (-50.0, 50.0),
+    "Hz": (-1e5, 1e5),
+    "N": (-1e4, 1e4),
+    "N m": (-1e3, 1e3),
+}
+"""What a quantity of small aircraft can be, by SI unit; what lies outside was not measured."""
+
+
+def conversion(unit: str) -> Conversion:
+    """How a unit becomes SI.
+
+    Raises:
+        BadInput: it is not known; the text lists what is.
+    """
+    if unit not in CONVERSIONS:
+        raise BadInput(f"unit {unit!r} is not known; known: {', '.join(one for one in CONVERSIONS if one)}")
+    return CONVERSIONS[unit]
+
+
+def limits_in(unit: str) -> tuple[float, float] | None:
+    """What a quantity can be in ``unit`` itself; None where the unit says nothing of that."""
+    known = CONVERSIONS.get(unit)
+    if known is None or known.unit not in LIMITS:
+        return None
+    low, high = LIMITS[known.unit]
+    return (low - known.offset) / known.factor, (high - known.offset) / known.factor

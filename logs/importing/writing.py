@@ -1,0 +1,176 @@
+"""Writes series of columns as an MCAP log of the project's kind."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics.messages import Event
+from avionics.quantities import BadInput
+from avionics.topics import EVENTS, Topic
+from logs.codecs import Document
+from logs.importing.source import Array, Own, Series
+from logs.layout import Field, Layout
+from logs.placing import claim, settle
+from logs.recorder import McapRecorder
+
+FIRST_CHANNEL = 4000
+"""of the topics of other programs, in the order of their names"""
+TIME = Field("time_us", 1, "fixed64", 0, "us", "since the source's boot")
+_SCALARS = {"f8": "double", "f4": "float", "f2": "float", "u8": "fixed64", "i8": "sfixed64"}
+Progress = Callable[[float, float], None]
+"""takes how much is done, and of how much"""
+
+
+class Stream(NamedTuple):
+    """A topic with all its messages, as columns of their fields."""
+
+    topic: Topic
+    series: Series
+
+
+class Extras(NamedTuple):
+    """What a log has beside its topics."""
+
+    epoch_ns: int
+    """ns since 1970 at which the source's clock was zero"""
+    events: Sequence[Event]
+    notes: Mapping[str, Mapping[str, str]]
+    """metadata by name"""
+    attachments: Mapping[str, bytes]
+    """JSON documents by name"""
+
+
+def own_stream(own: Own) -> Stream:
+    """One of the project's topics with the rate that the source had."""
+    rate = rate_of(own.series)
+    return Stream(own.topic._replace(rate=rate), own.series)
+
+
+def source_streams(format_name: str, series: Mapping[str, Series]) -> list[Stream]:
+    """The source's own messages as topics, ``/ulg/vehicle_status``."""
+    return [
+        Stream(_source_topic(format_name, FIRST_CHANNEL + number, one), one)
+        for number, (_, one) in enumerate(sorted(series.items()))
+    ]
+
+
+def topic_name(format_name: str, name: str) -> str:
+    """Name of the topic that a series of the source has."""
+    return f"/{format_name}/{name}"
+
+
+def rate_of(series: Series) -> float:
+    """Hz; of the median period, to three digits; 0 where there is none, as of what comes now and then."""
+    periods = np.diff(series.time_us)
+    median = float(np.median(periods)) if len(periods) else 0.0
+    return float(f"{1e6 / median:.3g}") if median > 0.0 else 0.0
+
+
+def _source_topic(format_name: str, channel: int, series: Series) -> Topic:
+    text = any(values.dtype == object for values in series.columns.values())
+    message: Any = Document if text else _message(format_name, series)
+    return Topic(topic_name(format_name, series.name), message, channel, rate_of(series), deterministic=True)
+
+
+def _message(format_name: str, series: Series) -> Any:
+    """A tuple of the time and every column, with the layout that the log needs."""
+    fields = (TIME, *_fields(series))
+    make: Any = namedtuple
+    made: Any = make("Row", ["time_us", *(f"column_{number}" for number in range(1, len(fields)))])
+    name = re.sub(r"[^A-Za-z0-9_]+", "_", series.name)
+    made.LAYOUT = Layout(f"{format_name}.{name}", f"{series.name} of the imported log", fields)
+    return made
+
+
+def _fields(series: Series) -> Iterator[Field]:
+    names: set[str] = {TIME.name}
+    for number, (column, values) in enumerate(series.columns.items(), 2):
+        name = re.sub(r"[^A-Za-z0-9_]+", "_", column) or f"column_{number}"
+        name = name if not name[0].isdigit() else f"_{name}"
+        while name in names:
+            name += "_"
+        names.add(name)
+        length = values.shape[1] if values.ndim == 2 else 0
+        yield Field(name, number, _scalar(values), length, series.units.get(column, "") or "-")
+
+
+def _scalar(values: Array) -> str:
+    kind = values.dtype
+    default = "sfixed32" if kind.kind == "i" else "fixed32"
+    return _SCALARS.get(f"{kind.kind}{kind.itemsize}", default)
+
+
+def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> int:
+    """Write a new log, which appears whole or not at all; return how many messages it has.
+
+    Raises:
+        BadInput: the file exists, or cannot be written.
+    """
+    if path.exists():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", suffix=".part", dir=path.parent) as folder:
+            draft = Path(folder) / "draft.mcap"
+            count = _write(draft, streams, extras, progress)
+            with draft.open("rb+") as file:
+                settle(file)
+            claim(draft, path)
+    except OSError as error:
+        raise BadInput(f"cannot write {path}: {error.strerror or error}") from None
+    return count
+
+
+def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> int:
+    # A wall clock that stands still: the same source gives the same file.
+    with McapRecorder(path, start_epoch_ns=extras.epoch_ns, clock=lambda: 0.0) as recorder:
+        for name, values in extras.notes.items():
+            recorder.note(name, dict(values))
+        for name, data in extras.attachments.items():
+            recorder.attach(name, "application/json", data)
+        feeds = [(stream.topic, stream.series.time_us, _messages(stream)) for stream in streams]
+        if extras.events:
+            said = sorted(extras.events, key=lambda event: event.time_us)
+            feeds.append((EVENTS, np.array([event.time_us for event in said], np.int64), iter(said)))
+        order = _order([times for _, times, _ in feeds])
+        for number, feed in enumerate(order):
+            topic, _, messages = feeds[feed]
+            recorder.record(topic, next(messages))
+            if number % 10_000 == 0:
+                progress(number, len(order))
+    trouble = recorder.failure or recorder.refusal
+    if trouble:
+        raise BadInput(trouble)
+    return len(order)
+
+
+def _order(times: Sequence[Array]) -> list[int]:
+    """Which feed has the next message, in order of time."""
+    feeds = np.repeat(np.arange(len(times)), [len(one) for one in times])
+    every = np.concatenate([*times, np.empty(0, np.int64)])
+    order: list[int] = feeds[np.argsort(every, kind="stable")].tolist()
+    return order
+
+
+def _messages(stream: Stream) -> Iterator[Any]:
+    series, message = stream.series, stream.topic.message
+    columns = [values.tolist() for values in series.columns.values()]
+    rows = zip(series.time_us.tolist(), *columns, strict=True)
+    if message is not Document:
+        return map(message._make, rows)
+    names = tuple(series.columns)
+    return (Document(row[0], dict(zip(names, map(_plain, row[1:]), strict=True))) for row in rows)
+
+
+def _plain(value: Any) -> Any:
+    """A value in the types of JSON, which has no word for what is not finite."""
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,198 @@
+"""Tables of columns with a mapping: units, rates, empty cells, and what cannot be meant."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import DATA, ROOT, imported
+
+from avionics import topics
+from avionics.quantities import BadInput
+from logs.identification.report import identify
+from logs.importing.log_import import NOTES
+from logs.importing.mapping import EXAMPLE, load_mapping
+from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
+from logs.reader import open_log
+
+sys.path.append(str(ROOT / "tests" / "logs" / "identification"))
+from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
+
+EXAMPLE_TABLE = "t,Q,Ax,F,note\n1200,90,0,100,a\n1210,-90,1,100,b\n1230,0,0.5,200,c\n"
+
+
+def mapped(folder: Path, table: str, mapping: str) -> tuple[Path, Path]:
+    source, chosen = folder / "table.csv", folder / "map.toml"
+    source.write_text(table)
+    chosen.write_text(mapping)
+    return source, chosen
+
+
+def test_the_example_in_the_help_imports_the_table_that_it_speaks_of(tmp_path: Path) -> None:
+    source, mapping = mapped(tmp_path, EXAMPLE_TABLE, EXAMPLE)
+    out, report = imported(source, tmp_path, mapping=mapping)
+    assert report.dropped == ()
+    with open_log(out) as log:
+        imu, cell = log.columns(topics.IMU), log.columns("/csv/load_cell")
+        assert imu["time_us"].tolist() == [0, 10_000, 30_000]
+        assert imu["gyro_y"] == pytest.approx([math.pi / 2, -math.pi / 2, 0.0])
+        assert imu["accel_x"] == pytest.approx([0.02 * 9.80665, -0.98 * 9.80665, -0.48 * 9.80665])
+        assert set(imu["accel_z"]) == {-9.81} and np.isnan(imu["gyro_x"]).all()
+        assert cell.units["thrust"] == "N" and cell["thrust"] == pytest.approx([0.0980665 * 10, 0.1961330 * 10])
+        assert cell["time_us"].tolist() == [0, 30_000]  # 50 Hz: one row every 20 ms
+        assert log.metadata[NOTES]["columns_not_mapped"] == "note"
+
+
+def test_the_fixed_wing_record_opens_like_a_flown_log(tmp_path: Path) -> None:
+    out, report = imported(DATA / "fixedwing_model.csv", tmp_path, mapping=DATA / "fixedwing_model.toml")
+    assert report.dropped == () and report.damage == ()
+    with open_log(out) as log:
+        imu, attitude, command = (log.columns(t) for t in (topics.IMU, topics.ATTITUDE, topics.ACTUATORS))
+        assert log.topics["/sensors/imu"].rate == pytest.approx(33.3) and log.duration == pytest.approx(60.0, abs=0.1)
+        assert attitude["pitch"][0] == pytest.approx(2.0 * math.asin(0.18856), abs=1e-3)
+        rate = np.gradient(attitude["pitch"], attitude.time)
+        assert np.corrcoef(rate, imu["gyro_y"])[0, 1] > 0.99
+        assert np.ptp(command["elevator"]) > 0.05 and command.units["elevator"] == "rad"
+        assert set(command["armed"]) == {1}
+
+
+def test_cells_left_empty_are_of_another_rate_and_no_loss(tmp_path: Path) -> None:
+    """GIVEN a stand that samples force twice as often as voltage THEN each topic has its own rows."""
+    table = "t,V,T\n0,7.4,1\n1,,2\n2,7.3,3\n3,,nan\n"
+    mapping = (
+        '[time]\ncolumn = "t"\n[topics."/power/state"]\nvoltage = { column = "V", unit = "V" }\n'
+        '[topics."/main/drive_torque"]\nleft = { column = "T", unit = "mN m" }\n'
+    )
+    source, chosen = mapped(tmp_path, table, mapping)
+    out, report = imported(source, tmp_path, mapping=chosen)
+    assert report.dropped == ()
+    with open_log(out) as log:
+        assert log.columns(topics.POWER).time.tolist() == [0.0, 2.0]
+        assert log.columns(topics.DRIVE_TORQUE)["left"].tolist() == [0.001, 0.002, 0.003]
+
+
+def test_a_load_cell_stand_gives_the_torque_constant_that_its_drives_have(tmp_path: Path) -> None:
+    """An imported stand goes into identification as a flown log does: the truth lies in the 95 % interval."""
+    data = measure(simulate(Drives(duration=25.0)), Drives(duration=25.0))
+    step = data.wing_time[1] - data.wing_time[0]
+    angles = [np.degrees(np.cumsum(rate) * step) for rate in (data.rate_left, data.rate_right)]
+    phase = np.degrees(2.0 * np.pi * (data.strokes % 1.0))
+    slow = {
+        "I": (data.power_time, data.current * 1e3),
+        "U": (data.power_time, data.voltage),
+        "L": (data.torque_time, data.torque_left * 1e3),
+        "R": (data.torque_time, data.torque_right * 1e3),
+    }
+    cells = {
+        name: dict(zip(np.round(at * 1e3, 3).tolist(), v.tolist(), strict=True)) for name, (at, v) in slow.items()
+    }
+    fast = zip(np.round(data.wing_time * 1e3, 3).tolist(), phase, *angles, strict=True)
+    rows = {at: [f"{value:.9g}" for value in values] for at, *values in fast}
+    times = sorted({*rows, *(at for column in cells.values() for at in column)})
+    lines = ["ms;phase;left;right;I;U;L;R"]
+    for at in times:
+        told = [f"{column[at]:.9g}" if at in column else "" for column in cells.values()]
+        lines.append(";".join([f"{at:.3f}", *rows.get(at, ["", "", ""]), *told]))
+    mapping = """
+[time]
+column = "ms"
+unit = "ms"
+[table]
+delimiter = ";"
+[topics."/main/wing"]
+phase = { column = "phase", unit = "deg" }
+angle_left = { column = "left", unit = "deg" }
+angle_right = { column = "right", unit = "deg" }
+[topics."/main/drive_torque"]
+left = { column = "L", unit = "mN m" }
+right = { column = "R", unit = "mN m" }
+[topics."/power/state"]
+current = { column = "I", unit = "mA" }
+voltage = { column = "U", unit = "V" }
+"""
+    source, chosen = mapped(tmp_path, "\n".join(lines), mapping)
+    out, _ = imported(source, tmp_path, mapping=chosen)
+    with open_log(out) as log:
+        found = identify(log, "servo")
+    assert found.torque is not None
+    estimates = {estimate.name: estimate for estimate in found.torque.estimates}
+    assert estimates["K_tau"].contains(K_TAU) and estimates["K_tau0"].contains(K_TAU0)
+
+
+def test_cells_that_are_no_number_and_rows_out_of_range_are_told(tmp_path: Path) -> None:
+    table = "Q,Ax\n1,0\n99999,0\noops,0\n2,\n"
+    mapping = (
+        '[time]\nrate = 10.0\n[topics."/sensors/imu"]\n'
+        'gyro_y = { column = "Q", unit = "deg/s" }\naccel_x = { column = "Ax", unit = "g" }\n'
+    )
+    source, chosen = mapped(tmp_path, table, mapping)
+    out, report = imported(source, tmp_path, mapping=chosen)
+    assert report.damage == ("1 cell with something that is no number",)
+    assert {(one.reason, one.rows) for one in report.dropped} == {
+        ("gyro_y out of range", 1),
+        ("gyro_y not finite", 1),
+        ("accel_x not finite", 1),
+    }
+    with open_log(out) as log:
+        assert log.columns(topics.IMU).time.tolist() == [0.0]
+
+
+WHOLE = '[time]\nrate = 10.0\n[topics."/sensors/imu"]\ngyro_y = { column = "Q", unit = "deg/s" }\n'
+
+
+@pytest.mark.parametrize(
+    ("mapping", "reason"),
+    [
+        ("nonsense", "not valid TOML"),
+        ("[time]\nrate = 1.0\n", "no topic in it"),
+        (WHOLE.replace("rate = 10.0", ""), "either a column or a rate"),
+        (WHOLE.replace("rate = 10.0", "rate = -1.0"), "above 0"),
+        (WHOLE.replace("rate = 10.0", 'column = "Q"\nunit = "m"'), "none of time"),
+        (WHOLE.replace("[time]", "[times]"), r"unknown section \[times\]"),
+        (WHOLE.replace("rate = 10.0", "rate = 10.0\nzero = 1"), "unknown key time.zero"),
+        (WHOLE.replace('"Q"', '"P"'), "no column 'P'; it has: Q"),
+        (WHOLE.replace("gyro_y", "gyro_q"), "no such field; it has: accel_x"),
+        (WHOLE.replace("deg/s", "deg"), "gyro_y is in rad/s; a column in 'deg' cannot be that"),
+        (WHOLE.replace("deg/s", "furlong"), "unit 'furlong' is not known; known: "),
+        (WHOLE.replace("/sensors/imu", "/sensors/nose"), "topic /sensors/nose is not known"),
+        (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", gain = 2'), "unknown key gain"),
+        (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", scale = "two"'), "must be a number"),
+        (WHOLE.replace('{ column = "Q", unit = "deg/s" }', "3"), "must be { column"),
+        (WHOLE + "rate = 0\n", "rate must be above 0"),
+    ],
+)
+def test_a_mapping_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, mapping: str, reason: str) -> None:
+    source, chosen = mapped(tmp_path, "Q\n1\n2\n", mapping)
+    with pytest.raises(BadInput, match=reason) as error:
+        imported(source, tmp_path, mapping=chosen)
+    assert "\n" not in str(error.value)
+    assert sorted(tmp_path.iterdir()) == sorted((source, chosen))
+
+
+def test_a_table_without_a_mapping_or_without_rows_is_refused(tmp_path: Path) -> None:
+    source, chosen = mapped(tmp_path, "Q\n", WHOLE)
+    with pytest.raises(BadInput, match="no row of numbers"):
+        imported(source, tmp_path, mapping=chosen)
+    with pytest.raises(BadInput, match="needs --map"):
+        imported(source, tmp_path)
+    source.write_bytes(b"\xff\xfe\0Q")
+    with pytest.raises(BadInput, match="no text in UTF-8"):
+        imported(source, tmp_path, mapping=chosen)
+    with pytest.raises(BadInput, match="cannot read mapping"):
+        load_mapping(tmp_path / "none.toml")
+
+
+def test_units_agree_with_each_other() -> None:
+    assert conversion("Wh").factor == 3600.0 and conversion("mAh").factor == pytest.approx(3.6)
+    assert conversion("rpm").factor == pytest.approx(1.0 / 60.0) and conversion("kn").factor == pytest.approx(
+        0.5144, abs=1e-4
+    )
+    for name, known in CONVERSIONS.items():
+        limits = limits_in(name)
+        if known.unit in LIMITS:
+            assert limits is not None
+            back = tuple(value * known.factor + known.offset for value in limits)
+            assert back == pytest.approx(LIMITS[known.unit])

@@ -1,0 +1,105 @@
+"""Telemetry logs: the vehicle apart from its ground station, and its clock instead of the ground's."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import imported, stamped, tlog
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from avionics import topics
+from avionics.quantities import BadInput
+from logs.importing.log_import import IMPORT, PARAMETERS
+from logs.reader import open_log
+
+BOOT_US = 1_700_000_000_000_000
+
+
+def imported_tlog(folder: Path, data: bytes, **options: str) -> Path:
+    source = folder / "flight.tlog"
+    source.write_bytes(data)
+    return imported(source, folder, **options)[0]
+
+
+def test_the_vehicle_is_kept_apart_from_its_ground_station(tmp_path: Path) -> None:
+    with open_log(imported_tlog(tmp_path, tlog())) as log:
+        assert set(log.columns("/tlog/HEARTBEAT")["type"]) == {1}
+        assert set(log.columns("/tlog/system_255/HEARTBEAT")["type"]) == {6}
+        assert log.columns("/tlog/system_255/COMMAND_LONG")["command"].tolist() == [400]
+        assert log.metadata[IMPORT]["vehicle"] == "FIXED_WING 1"
+
+
+def test_the_vehicle_is_found_though_its_ground_station_speaks_more(tmp_path: Path) -> None:
+    ground = mavlink.MAVLink(None, 255, 190)
+    beat = mavlink.MAVLink_heartbeat_message(18, 0, 0, 0, 4, 3)
+    chatter = b"".join(stamped(BOOT_US + n, beat, ground) for n in range(500))
+    with open_log(imported_tlog(tmp_path, chatter + tlog(5))) as log:
+        assert len(log.columns("/tlog/ATTITUDE").time) == 50
+
+
+def test_times_are_the_vehicles_by_its_stamps_and_between_them(tmp_path: Path) -> None:
+    with open_log(imported_tlog(tmp_path, tlog())) as log:
+        attitude, power = log.columns(topics.ATTITUDE), log.columns(topics.POWER)
+        assert attitude["time_us"].tolist() == [1000 * (5000 + 100 * n) for n in range(200)]
+        # What carries no stamp is as late as the last message that did.
+        assert power["time_us"].tolist() == [1000 * (5000 + 1000 * n) + 300 for n in range(20)]
+        assert log.boot_ns == pytest.approx(BOOT_US * 1000, abs=20_000_000)
+        assert log.metadata[IMPORT]["clock"] == "since the vehicle's boot, by its stamps"
+
+
+def test_the_grounds_clock_when_asked_for(tmp_path: Path) -> None:
+    with open_log(imported_tlog(tmp_path, tlog(), clock="ground")) as log:
+        times = log.columns(topics.ATTITUDE).time
+        assert times[0] == 0.0 and set(np.round(np.diff(times), 3)) == {0.107, 0.086}
+        assert "ground" in log.metadata[IMPORT]["clock"]
+
+
+def test_values_are_in_si_and_the_rest_keeps_the_units_of_the_wire(tmp_path: Path) -> None:
+    with open_log(imported_tlog(tmp_path, tlog())) as log:
+        attitude, power = log.columns(topics.ATTITUDE), log.columns(topics.POWER)
+        assert attitude["roll"][7] == pytest.approx(0.07) and attitude["pitch"][7] == pytest.approx(-0.07)
+        assert attitude["yaw_rate"][0] == pytest.approx(0.3)
+        assert power["voltage"][0] == pytest.approx(7.4) and power["current"][0] == pytest.approx(12.5)
+        assert power["battery_remaining"][0] == pytest.approx(0.8)
+        assert log.columns("/tlog/SYS_STATUS").units["voltage_battery"] == "mV"
+
+
+def test_texts_modes_and_parameters(tmp_path: Path) -> None:
+    with open_log(imported_tlog(tmp_path, tlog())) as log:
+        told = [(round(event.time_us * 1e-6), event.text) for event in log.events()]
+        assert told == [(5, "mode AUTO, armed"), (8, "Low airspeed"), (15, "mode RTL, armed")]
+        assert log.metadata[PARAMETERS] == {"TRIM_ARSPD_CM": "1200"}
+
+
+def test_noise_and_a_cut_are_told_and_cost_themselves_alone(tmp_path: Path) -> None:
+    data = tlog(10)
+    frame = data.index(b"\xfd", len(data) // 2) - 8
+    source = tmp_path / "noisy.tlog"
+    source.write_bytes(data[:frame] + b"noise on the line" + data[frame:-3])
+    out, report = imported(source, tmp_path)
+    assert report.damage[0] == "17 bytes in 1 place that are no whole frame"
+    assert report.damage[1].startswith("cut off in the middle of a frame")
+    with open_log(out) as log:
+        assert len(log.columns(topics.ATTITUDE).time) == 99
+
+
+def test_a_vehicle_that_booted_anew_is_imported_once_and_the_rest_told(tmp_path: Path) -> None:
+    source = tmp_path / "twice.tlog"
+    source.write_bytes(tlog(20) + tlog(5, BOOT_US + 60_000_000))
+    out, report = imported(source, tmp_path)
+    assert ("/tlog/ATTITUDE", "time runs backwards") in {(one.topic, one.reason) for one in report.dropped}
+    with open_log(out) as log:
+        assert (np.diff(log.columns(topics.ATTITUDE).time) >= 0.0).all()
+        assert len(log.columns(topics.ATTITUDE).time) >= 200
+
+
+def test_what_is_no_telemetry_log_is_refused_in_one_line(tmp_path: Path) -> None:
+    source = tmp_path / "no.tlog"
+    for data in (b"\0" * 64, struct.pack(">Q", BOOT_US) + b"\xfd\x09", b"text and nothing else"):
+        source.write_bytes(data)
+        with pytest.raises(BadInput, match="no whole MAVLink frame"):
+            imported(source, tmp_path)
+    assert list(tmp_path.iterdir()) == [source]
