@@ -14,9 +14,10 @@ from groundstation.views.progress import ProgressBar
 from logs.importing.mapping import EXAMPLE
 
 SUMMARY = (
-    "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), or any table of"
-    " columns with a mapping (--map). What has the same meaning becomes the topics of a flown log, in SI and"
-    " radians; everything is kept under topics named after the source. Every row is checked; what is dropped is told."
+    "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), a capture of a"
+    " Razor's serial line, or any table of columns with a mapping (--map). What has the same meaning becomes the"
+    " topics of a flown log, in SI and radians; everything is kept under topics named after the source. Every row"
+    " is checked; what is dropped is told."
 )
 CLOCKS = ("vehicle", "ground")
 

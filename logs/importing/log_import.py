@@ -14,7 +14,7 @@ import numpy as np
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
-from logs.importing import csv_table, dataflash, tlog, ulog
+from logs.importing import csv_table, dataflash, razor, tlog, ulog
 from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
 from logs.importing.counterparts import Counterpart, make_all
 from logs.importing.source import Dropped, Own, Series, Source
@@ -43,6 +43,7 @@ FORMATS: Mapping[str, Format] = {
     "dataflash": Format("ArduPilot dataflash", "dataflash", dataflash.COUNTERPARTS),
     "ulog": Format("PX4 ULog", "ulg", ulog.COUNTERPARTS),
     "tlog": Format("MAVLink telemetry log", "tlog", tlog.COUNTERPARTS),
+    "razor": Format("Razor 9DOF serial capture", "razor", ()),
     "csv": Format("table of comma-separated values", "csv", ()),
 }
 """By `Source.format`."""
@@ -145,6 +146,8 @@ def _read(choice: Choice, data: bytes) -> Source:
         return ulog.read_ulog(data)
     if dataflash.is_dataflash(data):
         return dataflash.read_dataflash(data)
+    if suffix not in (".tlog", ".csv") and choice.mapping is None and razor.is_razor(data):
+        return razor.read_razor(data)
     named: dict[str, Callable[[], Source]] = {
         ".tlog": lambda: tlog.read_tlog(data, choice.clock),
         ".csv": lambda: csv_table.read_table(data, choice.mapping),
@@ -153,7 +156,9 @@ def _read(choice: Choice, data: bytes) -> Source:
     }
     suffix = ".csv" if choice.mapping is not None and suffix not in named else suffix
     if suffix not in named:
-        raise BadInput("it is no log that is known; known: .bin, .ulg, .tlog, and any table of columns with --map")
+        raise BadInput(
+            "it is no log that is known; known: .bin, .ulg, .tlog, captures of a Razor, and any table with --map"
+        )
     return named[suffix]()
 
 

@@ -60,7 +60,7 @@ class Source(NamedTuple):
     """A foreign log as read."""
 
     format: str
-    """-; ``dataflash``, ``ulog``, ``tlog`` or ``csv``"""
+    """-; a key of `log_import.FORMATS`"""
     series: Mapping[str, Series]
     vehicle: str = ""
     """-; what the source says of itself; empty for nothing"""
