@@ -15,9 +15,9 @@ from logs.importing.mapping import EXAMPLE
 
 SUMMARY = (
     "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), a capture of a"
-    " Razor's serial line, or any table of columns with a mapping (--map). What has the same meaning becomes the"
-    " topics of a flown log, in SI and radians; everything is kept under topics named after the source. Every row"
-    " is checked; what is dropped is told."
+    " Razor's serial line, motion capture (CSV of OptiTrack Motive or Vicon Nexus), or any table of columns with a"
+    " mapping (--map). What has the same meaning becomes the topics of a flown log, in SI and radians; everything is"
+    " kept under topics named after the source. Every row is checked; what is dropped is told."
 )
 CLOCKS = ("vehicle", "ground")
 
@@ -38,6 +38,12 @@ def add_verb(verbs: Any) -> None:
     one.add_argument(
         "--clock", choices=CLOCKS, default="vehicle", help="whose times a .tlog is written with (vehicle)"
     )
+    one.add_argument(
+        "--onboard",
+        type=Path,
+        metavar="LOG.mcap",
+        help="a log of the same flight: the new one is put on its clock by the angular rate that both measured",
+    )
     options.add_json(one)
 
 
@@ -51,7 +57,7 @@ def run_verb(chosen: argparse.Namespace) -> None:
 
     target = chosen.to or chosen.file.with_suffix(".mcap")
     with ProgressBar(f"importing {chosen.file.name}") as bar:
-        report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock), bar.show)
+        report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock, chosen.onboard), bar.show)
     if chosen.json:
         print_document(report)
     else:

@@ -14,11 +14,13 @@ import numpy as np
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
-from logs.importing import csv_table, dataflash, razor, tlog, ulog
+from logs.importing import csv_table, dataflash, motion_capture, razor, tlog, ulog
+from logs.importing.alignment import align, of_import, of_log
 from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
 from logs.importing.counterparts import Counterpart, make_all
-from logs.importing.source import Dropped, Own, Series, Source
+from logs.importing.source import Dropped, Own, Series, Source, shifted
 from logs.importing.writing import Extras, Progress, own_stream, source_streams, topic_name, write_log
+from logs.reader import open_log
 
 IMPORT = "wingbeat.import"
 """Name of the metadata record that says what a log was made of."""
@@ -44,6 +46,7 @@ FORMATS: Mapping[str, Format] = {
     "ulog": Format("PX4 ULog", "ulg", ulog.COUNTERPARTS),
     "tlog": Format("MAVLink telemetry log", "tlog", tlog.COUNTERPARTS),
     "razor": Format("Razor 9DOF serial capture", "razor", ()),
+    "motion capture": Format("motion capture", "mocap", ()),
     "csv": Format("table of comma-separated values", "csv", ()),
 }
 """By `Source.format`."""
@@ -102,6 +105,8 @@ class Choice(NamedTuple):
     """TOML; what the columns of a table are"""
     clock: str = "vehicle"
     """of a .tlog, one of `tlog.CLOCKS`"""
+    onboard: Path | None = None
+    """a log of the same flight, whose clock the new one is put on"""
 
 
 def import_log(choice: Choice, progress: Progress = lambda done, total: None) -> ImportReport:
@@ -121,6 +126,8 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     found = _checked(source)
     if not found.own and not found.series:
         raise BadInput(f"{choice.source}: no row of it can be true{_reasons(found.dropped)}")
+    if choice.onboard is not None:
+        source, found = _on_clock_of(choice.onboard, source, found)
     report = _report(choice, data, source, found)
     streams = [*map(own_stream, found.own), *source_streams(FORMATS[source.format].topics, found.series)]
     extras = Extras(source.epoch_ns, found.events, _notes(report, source), {REPORT: _json(report)})
@@ -146,6 +153,8 @@ def _read(choice: Choice, data: bytes) -> Source:
         return ulog.read_ulog(data)
     if dataflash.is_dataflash(data):
         return dataflash.read_dataflash(data)
+    if choice.mapping is None and suffix == ".csv" and motion_capture.is_motion_capture(data):
+        return motion_capture.read_motion_capture(data)
     if suffix not in (".tlog", ".csv") and choice.mapping is None and razor.is_razor(data):
         return razor.read_razor(data)
     named: dict[str, Callable[[], Source]] = {
@@ -187,6 +196,34 @@ def _checked(source: Source) -> Checked:
     if len(events) < len(source.events):
         dropped.append(Dropped(EVENTS.name, "time outside of the log", len(source.events) - len(events)))
     return Checked(own, series, events, dropped)
+
+
+def _on_clock_of(onboard: Path, source: Source, found: Checked) -> tuple[Source, Checked]:
+    """All times on the clock of another log of the same flight; what lies before its boot is dropped.
+
+    Raises:
+        BadInput: the two did not measure the same motion.
+    """
+    with open_log(onboard) as log:
+        aligned = align(of_import(found.own), of_log(log))
+        epoch_ns = log.boot_ns
+    shift = round(aligned.offset * 1e6)
+    own: list[Own] = []
+    series: dict[str, Series] = {}
+    dropped = list(found.dropped)
+    for made in found.own:
+        moved, lost = sound(shifted(made.series, shift), made.topic.name, trusted=True)
+        own += [made._replace(series=moved)] if len(moved.time_us) else []
+        dropped += lost
+    for name, one in found.series.items():
+        moved, lost = sound(shifted(one, shift), topic_name(FORMATS[source.format].topics, name), trusted=True)
+        series |= {name: moved} if len(moved.time_us) else {}
+        dropped += lost
+    events = [event._replace(time_us=event.time_us + shift) for event in found.events if event.time_us + shift >= 0]
+    clock = (
+        f"that of {onboard.name}, by the angular rate: {aligned.offset:+.4f} s, correlation {aligned.correlation:.3f}"
+    )
+    return source._replace(epoch_ns=epoch_ns, clock=clock), Checked(own, series, events, dropped)
 
 
 def _end(source: Source, series: Mapping[str, Series]) -> int:

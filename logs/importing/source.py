@@ -34,6 +34,11 @@ class Series(NamedTuple):
         return self._replace(time_us=self.time_us[rows], columns=columns)
 
 
+def shifted(series: Series, by_us: int) -> Series:
+    """The same rows, ``by_us`` later."""
+    return series._replace(time_us=series.time_us + by_us)
+
+
 class Dropped(NamedTuple):
     """Rows that were left out of a topic."""
 

@@ -1,0 +1,245 @@
+"""Motion capture as tables: OptiTrack's Motive (CSV export) and Vicon's Nexus (segments and trajectories).
+
+Both laboratories' axes become NED and both bodies' axes FRD in the same way, the first axis being north and forward:
+Motive's y and Nexus's z point up. So a body must have been created with its nose along the first axis.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics as t
+from avionics.quantities import BadInput
+from logs.importing.counterparts import Columns, checked
+from logs.importing.source import Dropped, Own, Series, Source
+from logs.importing.units import conversion
+
+Array = NDArray[np.float64]
+MOTIVE = "Format Version"
+"""first cell of Motive's export"""
+NEXUS = ("Segments", "Trajectories", "Model Outputs", "Joints", "Devices")
+"""first cells of the parts of Nexus's export"""
+NED_FROM_MOTIVE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+NED_FROM_NEXUS = np.diag([1.0, -1.0, -1.0])
+
+
+class Track(NamedTuple):
+    """One body or marker."""
+
+    name: str
+    time: Array
+    """s; (N,), of the frames"""
+    position: Array
+    """m; (N, 3), NED, NaN where it was not seen"""
+    quaternion: Array | None = None
+    """-; (N, 4), w first, of r_ned_from_frd; None of a marker"""
+
+
+Rows = Sequence[Sequence[str]]
+
+
+def is_motion_capture(head: bytes) -> bool:
+    """Whether a file that begins so is one of these exports."""
+    first = head[:64].decode("utf-8-sig", "replace").splitlines() or [""]
+    cell = first[0].split(",")[0].strip().strip('"')
+    return cell == MOTIVE or cell in NEXUS
+
+
+def read_motion_capture(data: bytes) -> Source:
+    """Read an export; the first body becomes attitude, position and altitude.
+
+    Raises:
+        BadInput: it is no whole export, or nothing was seen in it.
+    """
+    try:
+        rows = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"it cannot be read as a table: {error}") from None
+    motive = rows[0][0].strip() == MOTIVE
+    tracks = [track for track in (motive_tracks(rows) if motive else nexus_tracks(rows)) if _seen(track).any()]
+    if not tracks:
+        raise BadInput("no body and no marker was seen in it")
+    bodies = [track for track in tracks if track.quaternion is not None]
+    dropped = [Dropped(f"/mocap/{one.name}", "not seen", int((~_seen(one)).sum())) for one in tracks]
+    return Source(
+        "motion capture",
+        {track.name: _series(track) for track in tracks},
+        bodies[0].name if bodies else "",
+        notes={"system": "OptiTrack Motive" if motive else "Vicon Nexus"},
+        dropped=tuple(one for one in dropped if one.rows),
+        made=_own(bodies[0]) if bodies else (),
+        clock="since the first frame of the capture",
+    )
+
+
+def _seen(track: Track) -> NDArray[np.bool_]:
+    whole = np.isfinite(track.position).all(axis=1)
+    return np.asarray(whole if track.quaternion is None else whole & np.isfinite(track.quaternion).all(axis=1), bool)
+
+
+# --- what the two systems write -----------------------------------------------------------------------------
+
+
+def motive_tracks(rows: Rows) -> list[Track]:
+    """Bodies and markers of a Motive export.
+
+    Raises:
+        BadInput: its head is not whole, or its rotations are not quaternions.
+    """
+    head = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    at = next((n for n, row in enumerate(rows) if row and row[0].strip() == "Frame"), None)
+    if at is None or at < 4:
+        raise BadInput("there is no line of column names (Frame, Time) below the head")
+    metre = conversion(
+        {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}.get(head.get("Length Units", ""), "m")
+    )
+    if "Quaternion" not in head.get("Rotation Type", "Quaternion"):
+        raise BadInput("its rotations are not quaternions: export it with Rotation Type Quaternion")
+    names = next((row for row in rows[1:at] if len(row) > 1 and row[1].strip() == "Name"), [])
+    kinds, axes = rows[at - 1], rows[at]
+    table = _numbers(rows[at + 1 :], len(axes))
+    groups: dict[str, dict[str, int]] = {}
+    for place in range(2, min(len(axes), len(names), len(kinds))):
+        groups.setdefault(names[place].strip(), {})[f"{kinds[place].strip()} {axes[place].strip()}"] = place
+    found = (_motive_track(name, places, table, metre.factor) for name, places in groups.items())
+    return [track for track in found if track is not None]
+
+
+def _motive_track(name: str, places: Mapping[str, int], table: Array, metre: float) -> Track | None:
+    spots = [places[key] for key in ("Position X", "Position Y", "Position Z") if key in places]
+    turns = [places[key] for key in ("Rotation W", "Rotation X", "Rotation Y", "Rotation Z") if key in places]
+    if not name or len(spots) < 3:
+        return None
+    position = table[:, spots] @ NED_FROM_MOTIVE.T * metre
+    quaternion = None if len(turns) < 4 else turned(table[:, turns], NED_FROM_MOTIVE)
+    return Track(_plain(name), table[:, 1], position, quaternion)
+
+
+def nexus_tracks(rows: Rows) -> list[Track]:
+    """Bodies of the part ``Segments`` and markers of the part ``Trajectories`` of a Nexus export."""
+    tracks: list[Track] = []
+    for at, row in enumerate(rows):
+        kind = row[0].strip() if row else ""
+        if kind in ("Segments", "Trajectories") and len(rows) > at + 5:
+            end = next((n for n in range(at + 5, len(rows)) if not any(cell.strip() for cell in rows[n])), len(rows))
+            tracks += _nexus_part(rows[at + 1 : end], kind == "Segments")
+    return tracks
+
+
+def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
+    """A part from the line with its rate on: rate, names, axes, units, then the frames."""
+    try:
+        rate = float(rows[0][0])
+    except (ValueError, IndexError):
+        raise BadInput("the rate of a part (Hz, below its name) is missing") from None
+    if not 1.0 <= rate <= 10_000.0:
+        raise BadInput(f"a rate of {rate:g} Hz cannot be")
+    names, axes, units = rows[1], rows[2], rows[3]
+    table = _numbers(rows[4:], len(axes))
+    time = (table[:, 0] - table[0, 0]) / rate
+    tracks = []
+    for place, name in enumerate(names):
+        wanted = [axis.strip() for axis in axes[place : place + (6 if bodies else 3)]]
+        scales = [conversion(unit.strip().replace("°", "deg")).factor for unit in units[place : place + len(wanted)]]
+        values = table[:, place : place + len(wanted)] * scales if name.strip() else table[:, :0]
+        if bodies and wanted == ["RX", "RY", "RZ", "TX", "TY", "TZ"] and len(scales) == 6:
+            quaternion = turned(of_rotation_vector(values[:, :3]), NED_FROM_NEXUS)
+            tracks.append(Track(_plain(name), time, values[:, 3:] @ NED_FROM_NEXUS.T, quaternion))
+        elif not bodies and wanted == ["X", "Y", "Z"] and len(scales) == 3 and name.strip():
+            tracks.append(Track(_plain(name), time, values @ NED_FROM_NEXUS.T))
+    return tracks
+
+
+def _plain(name: str) -> str:
+    return name.strip().removeprefix("Global Angle ").replace(":", "_").replace(" ", "_")
+
+
+def _numbers(rows: Rows, width: int) -> Array:
+    """A table of numbers, NaN where a cell is empty; rows without a frame's number are left out."""
+    body = [[*row, *[""] * (width - len(row))][:width] for row in rows if row and row[0].strip()]
+    if not body:
+        raise BadInput("there is no frame in it")
+    return np.array([[_number(cell) for cell in row] for row in body])
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+# --- rotations ------------------------------------------------------------------------------------------------
+
+
+def turned(quaternion: Array, axes: Array) -> Array:
+    """A rotation (N, 4), w first, with both its frames exchanged by the proper rotation ``axes``; of unit length."""
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    unit = quaternion / np.where(length > 0.5, length, np.nan)
+    return np.concatenate([unit[:, :1], unit[:, 1:] @ axes.T], axis=1)
+
+
+def of_rotation_vector(vector: Array) -> Array:
+    """Quaternions (N, 4) of rotation vectors in rad (N, 3)."""
+    angle = np.linalg.norm(vector, axis=1, keepdims=True)
+    return np.concatenate([np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / np.pi) * vector], axis=1)
+
+
+def body_rates(time: Array, quaternion: Array) -> Array:
+    """rad/s; (N, 3) in body axes, from the frame before to the frame behind; NaN at the ends and beside gaps."""
+    rates = np.full((len(time), 3), np.nan)
+    if len(time) > 2:
+        before, behind = quaternion[:-2], quaternion[2:]
+        w = (before * behind).sum(axis=1, keepdims=True)
+        v = before[:, :1] * behind[:, 1:] - behind[:, :1] * before[:, 1:] - np.cross(before[:, 1:], behind[:, 1:])
+        size = np.linalg.norm(v, axis=1, keepdims=True)
+        angle = 2.0 * np.arctan2(size, np.abs(w)) * np.sign(np.where(w == 0.0, 1.0, w))
+        span = (time[2:] - time[:-2])[:, None]
+        rates[1:-1] = angle * v / np.maximum(size, 1e-12) / np.where(span > 0.0, span, np.nan)
+    return rates
+
+
+def _velocity(track: Track) -> Array:
+    if len(track.time) < 3:
+        return np.full_like(track.position, np.nan)
+    return np.asarray(np.gradient(track.position, track.time, axis=0), float)
+
+
+# --- topics -----------------------------------------------------------------------------------------------------
+
+
+def _series(track: Track) -> Series:
+    columns: Columns = dict(zip(("north", "east", "down"), track.position.T, strict=True))
+    units = dict.fromkeys(columns, "m")
+    if track.quaternion is not None:
+        columns |= dict(zip([f"quaternion_{axis}" for axis in "wxyz"], track.quaternion.T, strict=True))
+    return Series(track.name, _stamps(track), columns, units).taken(_seen(track))
+
+
+def _stamps(track: Track) -> NDArray[np.int64]:
+    """us; a frame without a time goes where no clock goes."""
+    return np.nan_to_num(np.rint(track.time * 1e6), nan=-1.0).clip(-1, 2**62).astype(np.int64)
+
+
+def _own(track: Track) -> tuple[Own, ...]:
+    """Attitude, position and altitude of a body, at the frames in which it was seen."""
+    seen = _seen(track) & (_stamps(track) >= 0)
+    track = track._replace(time=track.time[seen], position=track.position[seen])
+    assert track.quaternion is not None
+    quaternion = track.quaternion[seen]
+    rates, velocity = body_rates(track.time, quaternion), _velocity(track)
+    series = Series(track.name, _stamps(track), {}, {})
+    names = [f"quaternion_{axis}" for axis in "wxyz"]
+    attitude = dict(zip([*names, "roll_rate", "pitch_rate", "yaw_rate"], [*quaternion.T, *rates.T], strict=True))
+    position = {"north": track.position[:, 0], "east": track.position[:, 1]}
+    position |= {"v_north": velocity[:, 0], "v_east": velocity[:, 1]}
+    altitude = {"altitude": -track.position[:, 2], "climb_rate": -velocity[:, 2]}
+    made = ((t.ATTITUDE, attitude), (t.POSITION, position), (t.ALTITUDE, altitude))
+    return tuple(checked(topic, series, columns)._replace(source=f"body {track.name}") for topic, columns in made)
