@@ -15,17 +15,16 @@ from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
 from logs.importing import csv_table, dataflash, motion_capture, razor, tlog, ulog
-from logs.importing.alignment import align, of_import, of_log
 from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
+from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
 from logs.importing.source import Dropped, Own, Series, Source, shifted
 from logs.importing.writing import Extras, Progress, own_stream, source_streams, topic_name, write_log
+from logs.names import PARAMETERS
 from logs.reader import open_log
 
 IMPORT = "wingbeat.import"
 """Name of the metadata record that says what a log was made of."""
-PARAMETERS = "source.parameters"
-"""Name of the metadata record with the parameters of the source."""
 NOTES = "source.notes"
 """Name of the metadata record with what else the source says of itself."""
 REPORT = "import_report.json"

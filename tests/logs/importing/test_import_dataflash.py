@@ -16,7 +16,7 @@ from pymavlink.DFReader import DFReader_binary
 from avionics import topics
 from avionics.quantities import BadInput
 from logs.importing.dataflash import find_records, read_dataflash
-from logs.importing.log_import import IMPORT, PARAMETERS, REPORT
+from logs.importing.log_import import IMPORT, REPORT
 from logs.reader import open_log
 
 
@@ -37,7 +37,7 @@ def test_an_imported_log_opens_like_a_flown_one(tmp_path: Path) -> None:
         assert attitude["quaternion_w"][0] == pytest.approx(math.cos(math.pi / 4) * math.cos(math.radians(2.25)))
         assert power["voltage"][0] == pytest.approx(7.4) and power["charge"][0] == pytest.approx(360.0)
         assert [event.text for event in opened.events()] == ["ArduPlane V4.5.7 (0a1b2c3d)", "mode 5"]
-        assert opened.metadata[PARAMETERS] == {"Q_TILT_MAX": "45"}
+        assert opened.parameters.initial == {"Q_TILT_MAX": 45.0}
         noted = opened.metadata[IMPORT]
         assert noted["vehicle"].startswith("ArduPlane") and noted["source"] == "00000012.BIN"
         assert len(noted["sha256"]) == 64 and noted["dropped"] == "0"

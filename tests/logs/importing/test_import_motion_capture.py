@@ -14,7 +14,7 @@ from avionics import messages as m
 from avionics import topics
 from avionics.quantities import BadInput
 from avionics.state import zero
-from logs.importing.alignment import Signal, align
+from logs.importing.clocks import Signal, align
 from logs.importing.counterparts import angles_of, quaternion_of
 from logs.importing.log_import import IMPORT
 from logs.importing.motion_capture import body_rates

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from avionics import topics
 from avionics.quantities import BadInput
-from logs.importing.log_import import IMPORT, PARAMETERS
+from logs.importing.log_import import IMPORT
 from logs.reader import open_log
 
 BOOT_US = 1_700_000_000_000_000
@@ -71,7 +71,7 @@ def test_texts_modes_and_parameters(tmp_path: Path) -> None:
     with open_log(imported_tlog(tmp_path, tlog())) as log:
         told = [(round(event.time_us * 1e-6), event.text) for event in log.events()]
         assert told == [(5, "mode AUTO, armed"), (8, "Low airspeed"), (15, "mode RTL, armed")]
-        assert log.metadata[PARAMETERS] == {"TRIM_ARSPD_CM": "1200"}
+        assert log.parameters.initial == {"TRIM_ARSPD_CM": 1200.0}
 
 
 def test_noise_and_a_cut_are_told_and_cost_themselves_alone(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pyulog import ULog
 
 from avionics import topics
 from avionics.quantities import BadInput
-from logs.importing.log_import import IMPORT, NOTES, PARAMETERS
+from logs.importing.log_import import IMPORT, NOTES
 from logs.importing.ulog import unit_of
 from logs.reader import open_log
 
@@ -33,7 +33,7 @@ def test_a_bench_test_opens_like_a_flown_log(tmp_path: Path) -> None:
         assert log.columns(topics.POWER)["voltage"].mean() == pytest.approx(23.4, abs=0.2)
         assert math.degrees(log.columns(topics.GPS)["latitude"][0]) == pytest.approx(63.4, abs=0.1)
         assert any("Disarmed by landing" in event.text for event in log.events())
-        assert len(log.metadata[PARAMETERS]) == 980
+        assert len(log.parameters.initial) == 980
         assert log.metadata[NOTES]["sys_os_name"] == "NuttX"
         assert log.metadata[IMPORT]["clock"] == "since the source's boot"
 
