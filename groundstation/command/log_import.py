@@ -15,9 +15,9 @@ from logs.importing.mapping import EXAMPLE
 
 SUMMARY = (
     "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), a capture of a"
-    " Razor's serial line, motion capture (CSV of OptiTrack Motive or Vicon Nexus), or any table of columns with a"
-    " mapping (--map). What has the same meaning becomes the topics of a flown log, in SI and radians; everything is"
-    " kept under topics named after the source. Every row is checked; what is dropped is told."
+    " Razor's serial line, motion capture (C3D; CSV of OptiTrack Motive or Vicon Nexus), or any table of columns"
+    " with a mapping (--map). What has the same meaning becomes the topics of a flown log, in SI and radians;"
+    " everything is kept under topics named after the source. Every row is checked; what is dropped is told."
 )
 CLOCKS = ("vehicle", "ground")
 

@@ -14,7 +14,7 @@ import numpy as np
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
-from logs.importing import csv_table, dataflash, motion_capture, razor, tlog, ulog
+from logs.importing import c3d, csv_table, dataflash, motion_capture, razor, tlog, ulog
 from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
 from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
@@ -27,6 +27,8 @@ IMPORT = "wingbeat.import"
 """Name of the metadata record that says what a log was made of."""
 NOTES = "source.notes"
 """Name of the metadata record with what else the source says of itself."""
+LATEST_NS = tlog.LATEST_US * 1000
+"""ns since 1970; a clock that was zero later was not read from the log but from garbage"""
 REPORT = "import_report.json"
 """Name of the attachment with the whole report."""
 
@@ -129,7 +131,8 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
         source, found = _on_clock_of(choice.onboard, source, found)
     report = _report(choice, data, source, found)
     streams = [*map(own_stream, found.own), *source_streams(FORMATS[source.format].topics, found.series)]
-    extras = Extras(source.epoch_ns, found.events, _notes(report, source), {REPORT: _json(report)})
+    epoch_ns = source.epoch_ns if 0 <= source.epoch_ns < LATEST_NS else 0
+    extras = Extras(epoch_ns, found.events, _notes(report, source), {REPORT: _json(report)})
     write_log(choice.target, streams, extras, progress)
     return report
 
@@ -152,6 +155,8 @@ def _read(choice: Choice, data: bytes) -> Source:
         return ulog.read_ulog(data)
     if dataflash.is_dataflash(data):
         return dataflash.read_dataflash(data)
+    if suffix == ".c3d":
+        return c3d.read_c3d(data)
     if choice.mapping is None and suffix == ".csv" and motion_capture.is_motion_capture(data):
         return motion_capture.read_motion_capture(data)
     if suffix not in (".tlog", ".csv") and choice.mapping is None and razor.is_razor(data):
@@ -165,7 +170,7 @@ def _read(choice: Choice, data: bytes) -> Source:
     suffix = ".csv" if choice.mapping is not None and suffix not in named else suffix
     if suffix not in named:
         raise BadInput(
-            "it is no log that is known; known: .bin, .ulg, .tlog, captures of a Razor, and any table with --map"
+            "it is no log that is known; known: .bin, .ulg, .tlog, .c3d, captures of a Razor, any table with --map"
         )
     return named[suffix]()
 

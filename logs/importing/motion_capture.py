@@ -63,7 +63,17 @@ def read_motion_capture(data: bytes) -> Source:
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"it cannot be read as a table: {error}") from None
     motive = rows[0][0].strip() == MOTIVE
-    tracks = [track for track in (motive_tracks(rows) if motive else nexus_tracks(rows)) if _seen(track).any()]
+    tracks = motive_tracks(rows) if motive else nexus_tracks(rows)
+    return source_of(tracks, "OptiTrack Motive" if motive else "Vicon Nexus")
+
+
+def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()) -> Source:
+    """A capture with all bodies and markers that were seen in it.
+
+    Raises:
+        BadInput: there is none.
+    """
+    tracks = [track for track in tracks if _seen(track).any()]
     if not tracks:
         raise BadInput("no body and no marker was seen in it")
     bodies = [track for track in tracks if track.quaternion is not None]
@@ -72,7 +82,8 @@ def read_motion_capture(data: bytes) -> Source:
         "motion capture",
         {track.name: _series(track) for track in tracks},
         bodies[0].name if bodies else "",
-        notes={"system": "OptiTrack Motive" if motive else "Vicon Nexus"},
+        notes={"system": system},
+        damage=damage,
         dropped=tuple(one for one in dropped if one.rows),
         made=_own(bodies[0]) if bodies else (),
         clock="since the first frame of the capture",
@@ -119,7 +130,7 @@ def _motive_track(name: str, places: Mapping[str, int], table: Array, metre: flo
         return None
     position = table[:, spots] @ NED_FROM_MOTIVE.T * metre
     quaternion = None if len(turns) < 4 else turned(table[:, turns], NED_FROM_MOTIVE)
-    return Track(_plain(name), table[:, 1], position, quaternion)
+    return Track(plain_name(name), table[:, 1], position, quaternion)
 
 
 def nexus_tracks(rows: Rows) -> list[Track]:
@@ -151,13 +162,14 @@ def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
         values = table[:, place : place + len(wanted)] * scales if name.strip() else table[:, :0]
         if bodies and wanted == ["RX", "RY", "RZ", "TX", "TY", "TZ"] and len(scales) == 6:
             quaternion = turned(of_rotation_vector(values[:, :3]), NED_FROM_NEXUS)
-            tracks.append(Track(_plain(name), time, values[:, 3:] @ NED_FROM_NEXUS.T, quaternion))
+            tracks.append(Track(plain_name(name), time, values[:, 3:] @ NED_FROM_NEXUS.T, quaternion))
         elif not bodies and wanted == ["X", "Y", "Z"] and len(scales) == 3 and name.strip():
-            tracks.append(Track(_plain(name), time, values @ NED_FROM_NEXUS.T))
+            tracks.append(Track(plain_name(name), time, values @ NED_FROM_NEXUS.T))
     return tracks
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """A body's or marker's name as a part of a topic's."""
     return name.strip().removeprefix("Global Angle ").replace(":", "_").replace(" ", "_")
 
 

@@ -29,6 +29,9 @@ CLOCKS = ("vehicle", "ground")
 """whose times a log is written with"""
 STAMP = struct.Struct(">Q")
 """us since 1970 on the ground's clock, before each frame"""
+LATEST_US = 4_102_444_800_000_000
+"""us since 1970; the year 2100: a stamp beyond it is none"""
+_MARKERS = (bytes([MARKER_V1]), bytes([MARKER_V2]))
 NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID"""
 NOT_VEHICLES = frozenset((5, 6, 18, 26, 27, 30))
@@ -79,7 +82,9 @@ def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
     while at + STAMP.size < len(data):
         end = _end(data, at + STAMP.size)
         frame = data[at + STAMP.size : end] if end <= len(data) else b""
-        decoded = _decode(frame, unknown) if frame else None
+        followed = end == len(data) or data[end + STAMP.size : end + STAMP.size + 1] in _MARKERS
+        stamp = STAMP.unpack_from(data, at)[0]
+        decoded = _decode(frame, unknown, followed) if frame and stamp < LATEST_US else None
         if decoded is None:
             if whole and end > len(data) > at + STAMP.size:
                 return heard, (*_told(lost, places, unknown), f"cut off in the middle of a frame, at byte {at}")
@@ -87,7 +92,7 @@ def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
             continue
         sender, message = decoded
         if message is not None:
-            heard.append(Heard(STAMP.unpack_from(data, at)[0], sender, message))
+            heard.append(Heard(stamp, sender, message))
         whole, at = True, end
     rest = len(data) - at
     cut = (f"cut off in the middle of a frame, {counted(rest, 'byte')} before the end",) if rest else ()
@@ -115,8 +120,11 @@ def _end(data: bytes, at: int) -> int:
     return at
 
 
-def _decode(frame: bytes, unknown: Counter[int]) -> tuple[Sender, Any] | None:
-    """Sender and message of a frame, the message None where no dialect knows it; None for what is no frame."""
+def _decode(frame: bytes, unknown: Counter[int], followed: bool) -> tuple[Sender, Any] | None:
+    """Sender and message of a frame, the message None where no dialect knows it; None for what is no frame.
+
+    The checksum of a message that no dialect knows cannot be checked: it is believed where another frame follows.
+    """
     first = frame[0] == MARKER_V1
     number = frame[5] if first else int.from_bytes(frame[7:10], "little")
     sender = (frame[3], frame[4]) if first else (frame[5], frame[6])
@@ -125,8 +133,8 @@ def _decode(frame: bytes, unknown: Counter[int]) -> tuple[Sender, Any] | None:
             with contextlib.suppress(dialect.MAVError, ValueError, struct.error):
                 return sender, _decoder(dialect).decode(bytearray(frame))
             return None
-    unknown[number] += 1
-    return sender, None
+    unknown[number] += followed
+    return (sender, None) if followed else None
 
 
 @functools.cache

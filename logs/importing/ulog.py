@@ -172,8 +172,8 @@ def _epoch_ns(series: Mapping[str, Series]) -> int:
         fixes = series.get(name)
         told = None if fixes is None else fixes.columns.get("time_utc_usec")
         if fixes is not None and told is not None and np.any(told > 0):
-            first = int(np.flatnonzero(told > 0)[0])
-            return max((int(told[first]) - int(fixes.time_us[first])) * 1000, 0)
+            known = told > 0
+            return max(int(np.median(told[known].astype(float) - fixes.time_us[known])) * 1000, 0)
     return 0
 
 

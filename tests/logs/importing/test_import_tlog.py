@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import struct
 from pathlib import Path
 
@@ -84,6 +85,36 @@ def test_noise_and_a_cut_are_told_and_cost_themselves_alone(tmp_path: Path) -> N
     assert report.damage[1].startswith("cut off in the middle of a frame")
     with open_log(out) as log:
         assert len(log.columns(topics.ATTITUDE).time) == 99
+
+
+def test_a_message_that_no_dialect_knows_is_counted_and_noise_is_not_one(tmp_path: Path) -> None:
+    data = tlog(5)
+    frame = data.index(b"\xfd", len(data) // 2) - 8
+    strange = bytes([0xFD, 4, 0, 0, 0, 1, 1]) + (54_321).to_bytes(3, "little") + b"data" + b"\0\0"
+    source = tmp_path / "strange.tlog"
+    stamp = data[frame : frame + 8]
+    source.write_bytes(data[:frame] + stamp + strange + stamp + strange + b"noise" + data[frame:])
+    _, report = imported(source, tmp_path)
+    assert report.damage == (
+        f"{8 + len(strange) + 5} bytes in 1 place that are no whole frame",
+        "1 message that no dialect at hand knows (ids 54321)",
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_flipped_bits_cost_the_frames_that_they_hit(seed: int, tmp_path: Path) -> None:
+    source, data = random.Random(seed), bytearray(tlog(20))
+    for _ in range(20):
+        data[source.randrange(len(data))] ^= 1 << source.randrange(8)
+    path = tmp_path / "flipped.tlog"
+    path.write_bytes(bytes(data))
+    out, report = imported(path, tmp_path)
+    assert report.damage
+    with open_log(out) as log:
+        attitude = log.columns(topics.ATTITUDE)
+        assert 180 <= len(attitude.time) < 200 and log.duration < 60.0
+        expected = 0.01 * ((attitude["time_us"] // 100_000 - 50) % 50)
+        assert attitude["roll"] == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_vehicle_that_booted_anew_is_imported_once_and_the_rest_told(tmp_path: Path) -> None:

@@ -1,0 +1,132 @@
+"""Markers of a C3D file, the exchange format of motion capture. Format: https://www.c3d.org/HTML/default.htm."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput, counted
+from logs.importing.motion_capture import NED_FROM_MOTIVE, NED_FROM_NEXUS, Track, plain_name, source_of
+from logs.importing.source import Source
+from logs.importing.units import conversion
+
+BLOCK = 512
+"""bytes"""
+KEY = 0x50
+"""second byte of every file"""
+_ORDERS = {84: "<", 86: ">"}
+"""byte order by the number of the processor: Intel, MIPS"""
+_UNITS = {"m": "m", "cm": "cm", "mm": "mm"}
+
+
+class Head(NamedTuple):
+    """What the first block says."""
+
+    points: int
+    """markers in a frame"""
+    analog: int
+    """samples of other instruments in a frame"""
+    frames: int
+    scale: float
+    """of integers; negative where the data are floats"""
+    data_block: int
+    """of the first frame, from 1"""
+    rate: float
+    """Hz"""
+
+
+def read_c3d(data: bytes) -> Source:
+    """Read the markers of a C3D file.
+
+    Raises:
+        BadInput: it is none, of a processor that is not known, or has no marker in it.
+    """
+    if len(data) < 2 * BLOCK or data[1] != KEY:
+        raise BadInput("it does not begin as a C3D file does")
+    try:
+        order, parameters = _parameters(data, BLOCK * (data[0] - 1))
+        head = _head(data, order)
+        return _markers(data, head, order, parameters)
+    except (struct.error, ValueError, IndexError) as error:
+        if isinstance(error, BadInput):
+            raise
+        raise BadInput("it is no whole C3D file") from None
+
+
+def _head(data: bytes, order: str) -> Head:
+    points, analog, first, last = struct.unpack_from(f"{order}4H", data, 2)
+    scale, block, _, rate = struct.unpack_from(f"{order}fHHf", data, 12)
+    head = Head(points, analog, last - first + 1, scale, block, rate)
+    if not points or head.frames < 1 or block < 2 or not 1.0 <= rate <= 10_000.0 or not 0.0 < abs(scale) < 1e6:
+        raise BadInput("its head tells no frames of markers at a rate that can be")
+    return head
+
+
+def _parameters(data: bytes, at: int) -> tuple[str, dict[str, list[str]]]:
+    """Byte order, and the texts among the parameters by ``GROUP:NAME``."""
+    order = _ORDERS.get(data[at + 3], "")
+    if not order:
+        raise BadInput(f"it was written on a processor ({data[at + 3]}) whose numbers are not read here")
+    groups: dict[int, str] = {}
+    texts: dict[tuple[int, str], list[str]] = {}
+    at += 4
+    while True:
+        length, group = struct.unpack_from("bb", data, at)
+        if not length:
+            break
+        name = data[at + 2 : at + 2 + abs(length)].decode("ascii", "replace").upper()
+        at += 2 + abs(length)
+        step = struct.unpack_from(f"{order}H", data, at)[0]
+        if group < 0:
+            groups[-group] = name
+        elif data[at + 2] == 255:  # characters
+            texts[group, name] = _texts(data, at + 3)
+        if not step:
+            break
+        at += step
+    return order, {f"{groups.get(group, '')}:{name}": value for (group, name), value in texts.items()}
+
+
+def _texts(data: bytes, at: int) -> list[str]:
+    """A parameter of characters: its dimensions, the first of which is the length of a text, then the texts."""
+    count = data[at]
+    sizes = list(data[at + 1 : at + 1 + count]) or [1]
+    width, number = sizes[0], int(np.prod(sizes[1:], dtype=int))
+    at += 1 + count
+    return [data[at + n * width : at + (n + 1) * width].decode("utf-8", "replace").strip() for n in range(number)]
+
+
+def _markers(data: bytes, head: Head, order: str, parameters: Mapping[str, list[str]]) -> Source:
+    values, whole = _frames(data, head, order)
+    unit = (parameters.get("POINT:UNITS") or ["mm"])[0].lower()
+    if unit not in _UNITS:
+        raise BadInput(f"its markers are in {unit!r}; known: {', '.join(_UNITS)}")
+    axes = NED_FROM_MOTIVE if (parameters.get("POINT:Y_SCREEN") or ["+Z"])[0] == "+Y" else NED_FROM_NEXUS
+    labels = [*parameters.get("POINT:LABELS", []), *parameters.get("POINT:LABELS2", [])]
+    time = np.arange(whole) / head.rate
+    tracks = []
+    for number in range(head.points):
+        seen = values[:, number, 3:] >= 0.0  # a negative residual: not reconstructed
+        place = np.where(seen, values[:, number, :3], np.nan) @ axes.T * conversion(unit).factor
+        label = labels[number] if number < len(labels) else ""
+        tracks.append(Track(plain_name(label) or f"marker_{number + 1}", time, place))
+    damage = f"cut off after {counted(whole, 'frame')} of {head.frames}"
+    return source_of(tracks, "C3D", (damage,) if whole < head.frames else ())
+
+
+def _frames(data: bytes, head: Head, order: str) -> tuple[NDArray[np.float64], int]:
+    """Whole frames as x, y, z, residual of each marker, (frames, points, 4) in the file's unit, and their number."""
+    kind = np.dtype(f"{order}f4" if head.scale < 0.0 else f"{order}i2")
+    width, begin = 4 * head.points + head.analog, BLOCK * (head.data_block - 1)
+    whole = min(head.frames, max(len(data) - begin, 0) // (width * kind.itemsize))
+    if not whole:
+        raise BadInput("there is no whole frame in it")
+    table = np.frombuffer(data, kind, whole * width, begin).reshape(whole, width)
+    values = table[:, : 4 * head.points].astype(float).reshape(whole, head.points, 4)
+    if head.scale > 0.0:
+        values[:, :, :3] *= head.scale
+    return values, whole

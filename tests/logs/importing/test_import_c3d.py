@@ -1,0 +1,104 @@
+"""C3D files of markers, written here in both kinds of numbers and both orders of bytes."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import imported
+
+from avionics.quantities import BadInput
+from logs.reader import open_log
+
+LABELS = ("nose", "tail")
+
+
+def parameter(order: str, group: int, name: str, texts: tuple[str, ...]) -> bytes:
+    width = max(map(len, texts))
+    body = bytes([255, 2, width, len(texts)]) + b"".join(text.ljust(width).encode() for text in texts) + b"\0"
+    return struct.pack("bb", len(name), group) + name.encode() + struct.pack(f"{order}H", 2 + len(body)) + body
+
+
+def c3d(order: str, floats: bool, up: str = "+Z", unit: str = "mm", frames: int = 50) -> bytes:
+    """Two markers at 100 Hz: one moves along x, one stands and is not seen in frames 10 to 19."""
+    scale = -1.0 if floats else 0.5
+    head = bytes([2, 0x50]) + struct.pack(f"{order}5HfHHf", 2, 0, 1, frames, 0, scale, 3, 0, 100.0)
+    section = b"\1\x50\1" + bytes([84 if order == "<" else 86])
+    section += struct.pack("bb", 5, -1) + b"POINT" + struct.pack(f"{order}H", 3) + b"\0"
+    section += parameter(order, 1, "LABELS", LABELS) + parameter(order, 1, "UNITS", (unit,))
+    section += parameter(order, 1, "Y_SCREEN", (up,)) + b"\0\0"
+    data = b""
+    for n in range(frames):
+        residual = -1.0 if 10 <= n < 20 else 1.0
+        values = [10.0 * n, 200.0, 300.0, 1.0, -500.0, 40.0, 60.0, residual]
+        if floats:
+            data += struct.pack(f"{order}8f", *values)
+        else:
+            counts = [round(v if place % 4 == 3 else v / scale) for place, v in enumerate(values)]
+            data += struct.pack(f"{order}8h", *counts)
+    return head.ljust(512, b"\0") + section.ljust(512, b"\0") + data
+
+
+def written(folder: Path, data: bytes) -> Path:
+    path = folder / "take.c3d"
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("floats", [True, False])
+def test_markers_are_in_metres_and_ned_and_gaps_are_told(tmp_path: Path, order: str, floats: bool) -> None:
+    out, report = imported(written(tmp_path, c3d(order, floats)), tmp_path)
+    assert [tuple(one) for one in report.dropped] == [("/mocap/tail", "not seen", 10)] and report.damage == ()
+    with open_log(out) as log:
+        nose, tail = log.columns("/mocap/nose"), log.columns("/mocap/tail")
+        assert nose["north"] == pytest.approx(0.01 * np.arange(50)) and nose.units["north"] == "m"
+        assert set(np.round(nose["east"], 9)) == {-0.2} and set(np.round(nose["down"], 9)) == {-0.3}
+        assert nose.time == pytest.approx(0.01 * np.arange(50)) and len(tail.time) == 40
+
+
+def test_a_laboratory_whose_y_points_up(tmp_path: Path) -> None:
+    out, _ = imported(written(tmp_path, c3d("<", True, up="+Y", unit="cm")), tmp_path)
+    with open_log(out) as log:
+        nose = log.columns("/mocap/nose")
+        assert (nose["north"][1], nose["east"][1], nose["down"][1]) == pytest.approx((0.1, 3.0, -2.0))
+
+
+def test_a_file_cut_off_gives_its_whole_frames_and_says_so(tmp_path: Path) -> None:
+    out, report = imported(written(tmp_path, c3d("<", True)[:-40]), tmp_path)
+    assert report.damage == ("cut off after 48 frames of 50",)
+    with open_log(out) as log:
+        assert len(log.columns("/mocap/nose").time) == 48
+
+
+def test_what_is_no_whole_c3d_file_is_refused_in_one_line(tmp_path: Path) -> None:
+    whole = c3d("<", True)
+    decs = whole[:515] + bytes([85]) + whole[516:]
+    for data, reason in (
+        (b"text", "does not begin as"),
+        (decs, "processor"),
+        (whole[:1030], "no whole frame"),
+        (whole[:2] + bytes(30) + whole[32:], "its head tells no frames"),
+        (c3d("<", True, unit="in"), "its markers are in 'in'"),
+    ):
+        source = written(tmp_path, data)
+        with pytest.raises(BadInput, match=reason) as error:
+            imported(source, tmp_path)
+        assert "\n" not in str(error.value)
+    assert list(tmp_path.iterdir()) == [source]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flipped_bytes_are_refused_in_one_line_or_read(tmp_path: Path, seed: int) -> None:
+    source = np.random.default_rng(seed)
+    data = np.frombuffer(c3d("<", True), np.uint8).copy()
+    data[source.integers(0, 700, 8)] = source.integers(0, 256, 8)
+    try:
+        out, _ = imported(written(tmp_path, data.tobytes()), tmp_path)
+    except BadInput as reason:
+        assert "\n" not in str(reason)
+        return
+    with open_log(out) as log:
+        assert log.verify() == []
