@@ -176,7 +176,7 @@ def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows:
     columns = {field: values[rows[kept]] for field, (values, _) in read.items()}
     units = {field: unit for field, (_, unit) in read.items()}
     series = Series(name.removeprefix(OWN_PREFIX), times[kept], columns, units)
-    return series if topic is None else checked(topic, series, columns)
+    return series if topic is None else checked(topic, series, columns)._replace(source="table")
 
 
 def _field(name: str, entry: Any, table: Table, known: Mapping[str, Field] | None) -> tuple[Array, str]:

@@ -194,8 +194,10 @@ def _checked(source: Source) -> Checked:
     masks: dict[str, Mask] = {}
     for made in own:
         dropped += made.dropped
+        if made.source not in series:
+            continue  # made of what is not kept beside it
         masks[made.source] = masks.get(made.source, np.True_) & made.kept
-    series |= {name: series[name].taken(mask) for name, mask in masks.items() if name in series}
+    series |= {name: series[name].taken(mask) for name, mask in masks.items()}
     events = [event for event in source.events if 0 <= event.time_us <= end + LATE_US]
     if len(events) < len(source.events):
         dropped.append(Dropped(EVENTS.name, "time outside of the log", len(source.events) - len(events)))

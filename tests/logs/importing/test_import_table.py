@@ -13,12 +13,14 @@ from foreign_logs import DATA, ROOT, imported
 from avionics import topics
 from avionics.quantities import BadInput
 from logs.identification.report import identify
+from logs.identification.short_period import short_period_of
 from logs.importing.log_import import NOTES
 from logs.importing.mapping import EXAMPLE, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
 from logs.reader import open_log
 
 sys.path.append(str(ROOT / "tests" / "logs" / "identification"))
+from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
 EXAMPLE_TABLE = "t,Q,Ax,F,note\n1200,90,0,100,a\n1210,-90,1,100,b\n1230,0,0.5,200,c\n"
@@ -120,6 +122,66 @@ voltage = { column = "U", unit = "V" }
     assert found.torque is not None
     estimates = {estimate.name: estimate for estimate in found.torque.estimates}
     assert estimates["K_tau"].contains(K_TAU) and estimates["K_tau0"].contains(K_TAU0)
+
+
+FLIGHT_MAPPING = """
+[time]
+column = "t"
+[topics."/sensors/imu"]
+gyro_y = { column = "pitch_rate", unit = "deg/s" }
+accel_x = { column = "accel_x", unit = "g" }
+accel_z = { column = "accel_z", unit = "g" }
+[topics."/attitude/ahrs"]
+pitch = { column = "pitch", unit = "deg" }
+[topics."/main/air_data"]
+airspeed = { column = "airspeed", unit = "km/h" }
+[topics."/main/altitude"]
+climb_rate = { column = "climb_rate", unit = "m/s" }
+[topics."/mixing/actuators"]
+elevator = { column = "elevator", unit = "deg" }
+[topics."/main/wing"]
+phase = { column = "phase", unit = "rev" }
+angle_left = { value = 0.0, unit = "rad" }
+angle_right = { value = 0.0, unit = "rad" }
+[topics."/guidance/excitation"]
+active = { column = "active" }
+manoeuvre = { column = "manoeuvre" }
+elevator = { column = "excitation", unit = "deg" }
+aborted = { column = "aborted" }
+"""
+
+
+def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(tmp_path: Path) -> None:
+    """Degrees, g and km/h in a table: the true short period lies in the interval of either method."""
+    flight = Flight(doublets=2)
+    data = fly(flight)
+    columns = {
+        "t": data.time,
+        "pitch_rate": np.degrees(data.pitch_rate),
+        "accel_x": data.accel_x / 9.80665,
+        "accel_z": data.accel_z / 9.80665,
+        "pitch": np.degrees(data.pitch),
+        "airspeed": data.airspeed * 3.6,
+        "climb_rate": data.climb_rate,
+        "elevator": np.degrees(data.elevator),
+        "phase": data.strokes % 1.0,
+        "active": data.active,
+        "manoeuvre": data.manoeuvre,
+        "excitation": np.degrees(data.excitation),
+        "aborted": data.aborted,
+    }
+    lines = [",".join(columns)]
+    lines += [",".join(f"{value:.12g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    source, chosen = mapped(tmp_path, "\n".join(lines), FLIGHT_MAPPING)
+    out, report = imported(source, tmp_path, mapping=chosen)
+    assert report.dropped == ()
+    with open_log(out) as log:
+        found = identify(log, "modes", AIRCRAFT).modes
+    frequency, damping = short_period_of(model_of(flight).a)
+    assert found is not None
+    for mode in found.modes:
+        assert mode.frequency is not None and mode.frequency.contains(frequency)
+        assert mode.damping is not None and mode.damping.contains(damping)
 
 
 def test_cells_that_are_no_number_and_rows_out_of_range_are_told(tmp_path: Path) -> None:
