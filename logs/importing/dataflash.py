@@ -6,6 +6,7 @@ them are counted as damage. Formats: https://ardupilot.org/dev/docs/code-overvie
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -123,12 +124,11 @@ def read_dataflash(data: bytes) -> Source:
     for number, kind in records.kinds.items():
         columns = tables.get(kind.name)
         if kind.name not in _OWN_TABLES and columns and clock is not None:
-            times = _times(kind.name, columns)
-            times = clock.at(records.places[number]) if times is None else times
+            times = clock.of(kind.name, columns, records.places[number])
             series |= _instances(_scaled(kind.name, times, columns, units.get(kind.name, {})))
     if not series:
         raise BadInput("there is no whole record with a time in it")
-    texts = _texts(tables)
+    texts = _texts(records, tables, clock)
     return Source(
         "dataflash", series, _vehicle(texts), _epoch_ns(series), (*texts, *_happened(series)),
         _parameters(tables), damage=records.damage,
@@ -173,13 +173,14 @@ def _record(body: np.dtype[np.void]) -> np.dtype[np.void]:
 
 
 def _learn(data: bytes, at: int, kinds: dict[int, Kind]) -> None:
-    """Take a format into ``kinds``; one that contradicts itself is not."""
+    """Take a format into ``kinds``; one that contradicts itself, or one from before, is not."""
     row = np.frombuffer(data, _record(_FMT), 1, at)[0]
     name, letters, listed = (_text(row[key]) for key in ("name", "format", "columns"))
     columns = [column.strip() for column in listed.split(",") if column.strip()]
-    if int(row["type"]) == FORMAT or len(columns) != len(letters) or len(set(columns)) != len(columns):
+    if len(columns) != len(letters) or len(set(columns)) != len(columns):
         return
-    if not name or any(letter not in _CODES for letter in letters):
+    taken = int(row["type"]) in kinds or name in (kind.name for kind in kinds.values())
+    if taken or not re.fullmatch(r"\w{1,4}", name, re.ASCII) or any(letter not in _CODES for letter in letters):
         return
     types = [(column, _CODES[letter][0]) for column, letter in zip(columns, letters, strict=True)]
     record = _record(np.dtype(types)) if types else np.dtype([("/head", f"S{HEAD}")])
@@ -224,8 +225,11 @@ class Clock(NamedTuple):
     places: list[int]
     time_us: NDArray[np.int64]
 
-    def at(self, places: list[int]) -> NDArray[np.int64]:
+    def of(self, name: str, columns: Columns, places: list[int]) -> NDArray[np.int64]:
         """us since boot; of records without a time, that of the last one before them that has one."""
+        times = _times(name, columns)
+        if times is not None:
+            return times
         last = np.searchsorted(self.places, places, side="right") - 1
         return np.asarray(self.time_us[np.maximum(last, 0)], np.int64)
 
@@ -313,12 +317,12 @@ def _instances(series: Series) -> dict[str, Series]:
     return found
 
 
-def _texts(tables: Mapping[str, Columns]) -> tuple[Event, ...]:
-    said = tables.get("MSG", {})
-    texts, times = said.get("Message"), _times("MSG", said)
-    if texts is None:
+def _texts(records: Records, tables: Mapping[str, Columns], clock: Clock | None) -> tuple[Event, ...]:
+    number = next((number for number, kind in records.kinds.items() if kind.name == "MSG"), -1)
+    texts = tables.get("MSG", {}).get("Message")
+    if texts is None or clock is None:
         return ()
-    stamps = [0] * len(texts) if times is None else times.tolist()
+    stamps = clock.of("MSG", tables["MSG"], records.places[number]).tolist()
     return tuple(Event(at, Severity.INFO, "vehicle", str(text)) for at, text in zip(stamps, texts, strict=True))
 
 

@@ -111,6 +111,25 @@ def test_bytes_between_records_are_told_and_the_records_around_them_kept() -> No
     assert torn.damage[0].endswith("in 1 place that are no whole record")
 
 
+def test_a_format_that_comes_twice_is_the_first(tmp_path: Path) -> None:
+    """GIVEN a log behind whose beginning a damaged format renames one, and another repeats a name."""
+    log = new_dataflash(1.0)
+    number, packing = log.number("ATT"), "<BB4s16s64s"
+    for kind, name in ((number, b"ATU"), (200, b"ATT")):
+        log.data += b"\xa3\x95\x80" + struct.pack(packing, kind, 17, name, b"Qhhh", b"TimeUS,A,B,C")
+    log.write("ATT", 2_000_000, 100, 200, 300)
+    whole = read_dataflash(log.data).series
+    assert "ATU" not in whole and whole["ATT"].columns["Pitch"][-1] == 2.0
+
+
+def test_records_without_a_time_have_that_of_the_one_before_them(tmp_path: Path) -> None:
+    log = new_dataflash(1.0)
+    log.define("PM", "HH", "NLon,MaxT")
+    log.write("PM", 3, 4)
+    series = read_dataflash(log.data).series["PM"]
+    assert series.time_us.tolist() == [1_980_000] and series.columns["MaxT"].tolist() == [4]
+
+
 def test_a_file_cut_in_a_record_says_so_and_the_end_of_the_chip_is_no_damage() -> None:
     log = new_dataflash(1.0)
     cut = find_records(log.data[:-4])
