@@ -228,20 +228,27 @@ def location(fix: m.GpsFix, start_epoch_ns: int) -> LocationFix:
 
 def entities(shape: Shape, prefix: str, alpha: float) -> list[SceneEntity]:
     """Fuselage, wings and tail, each fixed to its frame, and the track, last, in the world."""
-    x, half, height = shape.tail_chord, shape.tail_span / 2.0, shape.fin_height
-    tail = [(0.0, half, 0.0), (-x, half, 0.0), (-x, -half, 0.0), (0.0, -half, 0.0)]
-    fin = [(0.0, 0.0, 0.0), (-x, 0.0, 0.0), (-x, 0.0, height), (-x / 2.0, 0.0, height)]
-    parts = [
-        _fuselage(shape, prefix, alpha),
-        _surface(f"{prefix}left_wing", [_wing(shape, 1)], (0.85, 0.33, 0.1, alpha)),
-        _surface(f"{prefix}right_wing", [_wing(shape, -1)], (0.1, 0.45, 0.75, alpha)),
-        _surface(f"{prefix}tail", [tail, fin] if height else [tail], (0.9, 0.7, 0.1, alpha)),
-    ]
+    plates = outlines(shape)
+    colors = ((0.85, 0.33, 0.1, alpha), (0.1, 0.45, 0.75, alpha), (0.9, 0.7, 0.1, alpha))
+    surfaces = [_surface(f"{prefix}{name}", plates[name], color) for name, color in zip(plates, colors, strict=True)]
+    parts = [_fuselage(shape, prefix, alpha), *surfaces]
     track = SceneEntity(frame_id="world", id=f"{prefix}track")
     line = track.lines.add(type=LinePrimitive.LINE_STRIP, thickness=2.0, scale_invariant=True)
     line.pose.orientation.w = 1.0
     _paint(line.color, (0.2, 0.7, 0.3, alpha))
     return [*parts, track]
+
+
+def outlines(shape: Shape) -> dict[str, list[list[Vector]]]:
+    """Four-cornered plates of ``left_wing``, ``right_wing`` and ``tail``, each in m in the frame of that name."""
+    x, half, height = shape.tail_chord, shape.tail_span / 2.0, shape.fin_height
+    tail = [(0.0, half, 0.0), (-x, half, 0.0), (-x, -half, 0.0), (0.0, -half, 0.0)]
+    fin = [(0.0, 0.0, 0.0), (-x, 0.0, 0.0), (-x, 0.0, height), (-x / 2.0, 0.0, height)]
+    return {
+        "left_wing": [_wing(shape, 1)],
+        "right_wing": [_wing(shape, -1)],
+        "tail": [tail, fin] if height else [tail],
+    }
 
 
 def _wing(shape: Shape, side: int) -> list[Vector]:

@@ -1,12 +1,13 @@
-"""``wingbeat log``: look into a log, export it, import one of another program, repair it."""
+"""``wingbeat log``: look into a log, show it as a page, export it, import one of another program, repair it."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from avionics.quantities import counted
 from groundstation.command import log_import, options
@@ -16,11 +17,16 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.export import EACH, FORMS, Part, export
 from logs.info import summary
+from logs.placing import numbered
 from logs.reader import open_log
 from logs.recover import recover
 
+if TYPE_CHECKING:
+    from logs.view.page import Page
+
 EXAMPLES = (
     "wingbeat log info recordings/flight.mcap",
+    "wingbeat log view recordings/flight.mcap --open",
     "wingbeat log export recordings/flight.mcap --to flight.npz --topic /attitude/ahrs",
     "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
     "wingbeat log export recordings/flight.mcap --to folder --format parquet",
@@ -32,27 +38,35 @@ EXAMPLES = (
 JSON_KEYS = {
     "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
     " attachments, metadata",
+    "view": "path: of the page, bytes, panels: titles, events: how many, missing: what the log does not have",
     "export": "files: what was written; left_out: topics that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
     " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
     "recover": "messages, damage, torn, torn_bytes",
+}
+TEXTS = {
+    "info": "what it holds",
+    "view": "show the flight as one page of HTML: track, bird, plots, events",
+    "export": f"write it as {', '.join(FORMS)}",
+    "recover": "repair it",
 }
 EVENTS_SHOWN = 20
 
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Look into a log, export it, import one of another program, repair it."
+    summary = "Look into a log, show it as a page, export it, import one of another program, repair it."
     parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|export|import|recover")
-    for verb, text in (
-        ("info", "what it holds"),
-        ("export", f"write it as {', '.join(FORMS)}"),
-        ("recover", "repair it"),
-    ):
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|view|export|import|recover")
+    for verb, text in TEXTS.items():
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument("file", type=Path, metavar="FILE")
         options.add_json(one)
+        if verb == "view":
+            one.add_argument(
+                "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
+            )
+            one.add_argument("--open", action="store_true", help="show the page in the browser")
         if verb == "export":
             _add_export(one)
     log_import.add_verb(verbs)
@@ -123,6 +137,27 @@ def _print_info(document: dict[str, Any], file: Path) -> None:
         console.print(f"  {wording.clock(event['time'])}  {event['text']}", markup=False, highlight=False)
 
 
+def _view(chosen: argparse.Namespace) -> None:
+    from logs.view.page import write_page  # brings the vehicles, which the other verbs need not wait for
+
+    # One that was chosen must be new; without a choice every page finds a name.
+    path = chosen.out or next(path for path in numbered(chosen.file.with_suffix(".html")) if not path.exists())
+    with open_log(chosen.file) as log, ProgressBar("viewing", quiet=chosen.json) as bar:
+        page = write_page(log, path, lambda done, note: bar.show(done, 1.0, note))
+    if chosen.json:
+        print_document(page)
+    else:
+        _print_view(page)
+    if chosen.open:
+        webbrowser.open(page.path.resolve().as_uri())
+
+
+def _print_view(page: Page) -> None:
+    print(f"{page.path}   {wording.size(page.bytes)}")
+    if page.missing:
+        print(f"not in this log: {', '.join(page.missing)}")
+
+
 def _export(chosen: argparse.Namespace) -> None:
     target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
     part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
@@ -153,6 +188,7 @@ def _recover(chosen: argparse.Namespace) -> None:
 
 VERBS: dict[str, Callable[[argparse.Namespace], None]] = {
     "info": _info,
+    "view": _view,
     "export": _export,
     "import": log_import.run_verb,
     "recover": _recover,

@@ -32,7 +32,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "sim": Subcommand("groundstation.command.sim", "the world alone, waiting for a flight computer"),
     "avionics": Subcommand("groundstation.command.avionics", "the flight computer alone, on a board"),
     "gcs": Subcommand("groundstation.command.gcs", "watch and command any MAVLink vehicle"),
-    "log": Subcommand("groundstation.command.log", "look into a log, export it, import another program's, repair it"),
+    "log": Subcommand("groundstation.command.log", "look into a log, show, export, import or repair one"),
     "replay": Subcommand("groundstation.command.replay", "run recorded sensors through the flight code"),
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),

@@ -159,7 +159,9 @@ def test_bodies_that_make_no_vehicle_are_told_before_anything_is_recorded(
     assert not any(started.iterdir())
 
 
-@pytest.mark.parametrize("verb", [["log", "info"], ["log", "export"], ["log", "recover"], ["identify"]])
+@pytest.mark.parametrize(
+    "verb", [["log", "info"], ["log", "view"], ["log", "export"], ["log", "recover"], ["identify"]]
+)
 @pytest.mark.parametrize("content", [b"", b"not a log", b"\x89MCAP"])
 def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "x.mcap"
@@ -249,6 +251,23 @@ def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: 
     assert "0 is not above 0" in complaint(capsys)
     assert main(["log", "export", str(log), "--to", str(tmp_path / "a.csv"), *part]) == 2
     assert "exists: it is not overwritten" in complaint(capsys)
+
+
+def test_log_view_writes_a_page_beside_the_log_and_never_over_another(
+    log: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    assert main(["log", "view", str(log), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["path"] == str(log.with_suffix(".html")) and Path(told["path"]).stat().st_size == told["bytes"]
+    assert "Pitch" in told["panels"] and "truth" in told["missing"] and told["events"] == 0
+    assert main(["log", "view", str(log)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith(f"{log.with_name(log.stem + '-2.html')}   ") and said[1].startswith("not in this log: ")
+    page = tmp_path / "mine.html"
+    page.write_text("mine")
+    assert main(["log", "view", str(log), "--out", str(page)]) == 2
+    assert capsys.readouterr().err == f"wingbeat: {page} exists: it is not overwritten\n"
+    assert page.read_text() == "mine"
 
 
 def test_a_log_that_was_cut_off_says_so_and_is_recovered(log: Path, capsys: Capture) -> None:

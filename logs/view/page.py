@@ -1,0 +1,203 @@
+"""One page of HTML with everything in it: needs no network, opens from the disk."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from logs.attached import simulated_vehicle
+from logs.info import vehicle
+from logs.placing import claim, draft, settle
+from logs.reader import Log
+from logs.scene import Shape, outlines, shape_of
+from logs.view.motion import Motion, motion_of
+from logs.view.packing import Packer
+from logs.view.panels import DEGREES, PANELS, TIME_STEP, WING_ANGLE, Series, bands
+from logs.view.tables import Progress, Tables, read_tables, true_state
+from sim_bridge.vehicles import load_vehicle
+
+FOLDER = Path(__file__).parent
+SCRIPTS = ("decode.js", "scene.js", "plots.js", "page.js")
+PLACE_STEP = 1e-3
+"""m; of packed positions"""
+READING, DRAWING = 0.7, 0.2
+"""Shares of the work, for the progress."""
+PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
+"""What is drawn for a vehicle that is not known."""
+
+
+class Page(NamedTuple):
+    """What was written."""
+
+    path: Path
+    bytes: int
+    panels: list[str]
+    """titles"""
+    events: int
+    missing: list[str]
+    """what the log does not have, in words"""
+
+
+def write_page(log: Log, path: Path, progress: Progress = lambda done, note: None) -> Page:
+    """Write a flight as a page to ``path``, which must not exist.
+
+    Raises:
+        BadInput: the file exists or cannot be written, or a part of the log is damaged or has nothing to show.
+    """
+    if path.exists():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    tables = read_tables(log, lambda done, note: progress(READING * done, note))
+    packer = Packer()
+    progress(READING, "drawing")
+    document = flight_document(log, tables, packer)
+    progress(READING + DRAWING, "writing")
+    text = filled(document, packer.text()).encode()
+    _write(path, text)
+    titles = [panel["title"] for panel in document["panels"]]
+    return Page(path, len(text), titles, len(document["events"]), document["missing"])
+
+
+def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
+    """What a page is told beside the numbers in ``packer``; every time in s since boot.
+
+    Keys: ``vehicle``, ``file``, ``date`` (ISO, of the first message), ``start``, ``end``, ``damage`` and ``missing``
+    (lines), ``events`` (``time``, ``severity``, ``source``, ``text``), ``modes`` and ``stages`` (start, end, label),
+    ``panels`` (see `Series.panel`), ``motion`` (see `_motion`), ``shape`` (see `_drawn`).
+
+    Raises:
+        BadInput: a part of the log is damaged, or it has nothing to show.
+    """
+    if not tables:
+        raise BadInput(f"{log.path} has none of the topics that a page shows, such as /attitude/ahrs")
+    start, end = (log.start_ns - log.boot_ns) * 1e-9, (log.end_ns - log.boot_ns) * 1e-9
+    motion = motion_of(tables)
+    shape, known = _shape(log)
+    panels = _panels(Series(tables, packer), motion, drawn := _motion(motion, packer))
+    modes = bands(tables, "mode", end)
+    return {
+        "vehicle": vehicle(log) or "unknown vehicle",
+        "file": log.path.name,
+        "date": datetime.fromtimestamp(log.start_ns * 1e-9, UTC).isoformat(timespec="seconds"),
+        "start": start,
+        "end": max(end, start + 1e-3),
+        "damage": list(log.damage),
+        "missing": _missing(tables, motion, panels, bool(modes), known),
+        "events": _events(log),
+        "modes": modes,
+        "stages": bands(tables, "stage", end),
+        "panels": panels,
+        "motion": drawn,
+        "shape": _drawn(shape),
+    }
+
+
+def filled(document: dict[str, Any], numbers: str) -> str:
+    """The page's HTML."""
+    title = html.escape(f"{document['vehicle']} – {document['file']}")
+    # What stands between script tags must not end them.
+    said = json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    parts = {
+        "TITLE": title,
+        "STYLE": (FOLDER / "page.css").read_text(encoding="utf-8"),
+        "FLIGHT": said,
+        "NUMBERS": numbers,
+        "SCRIPT": "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS),
+    }
+    before, *pieces = (FOLDER / "page.html").read_text(encoding="utf-8").split("@@")
+    return before + "".join(parts.get(piece, piece) for piece in pieces)
+
+
+def _panels(series: Series, motion: Motion, drawn: dict[str, Any]) -> list[dict[str, Any]]:
+    """Panels with the wing angles of the drawn bird, which are packed once."""
+    panels = series.panels()
+    for panel in panels:
+        if panel["title"] == WING_ANGLE and motion.wings is not None:
+            packed = drawn["wings"]
+            panel["lines"] = [
+                {"name": side, "style": side, "time": packed["time"], "low": _turned(flap), "high": None}
+                for side, flap in zip(("left", "right"), packed["flap"], strict=True)
+            ]
+    return [panel for panel in panels if panel["lines"]]
+
+
+def _turned(packed: dict[str, float]) -> dict[str, float]:
+    """A packed column of rad, read in degrees."""
+    return packed | {"step": packed["step"] * DEGREES, "middle": packed["middle"] * DEGREES}
+
+
+def _motion(motion: Motion, packer: Packer) -> dict[str, Any]:
+    """Keys: ``body`` (``time``, ``place``, ``quaternion``, ``tail``), ``wings`` (``time``, ``flap``, ``twist``),
+    ``estimated`` (``time``, ``place``); each None where it is not known.
+    """
+    body, wings, track = motion.body, motion.wings, motion.estimated
+    return {
+        "body": body
+        and {
+            "time": packer.add(body.time, TIME_STEP),
+            "place": [packer.add(row, PLACE_STEP) for row in body.place],
+            "quaternion": [packer.add(row) for row in body.quaternion],
+            "tail": [packer.add(row) for row in body.tail],
+        },
+        "wings": wings
+        and {
+            "time": packer.add(wings.time, TIME_STEP),
+            "flap": [packer.add(row) for row in wings.flap],
+            "twist": [packer.add(row) for row in wings.twist],
+        },
+        "estimated": track
+        and {"time": packer.add(track[0], TIME_STEP), "place": [packer.add(row, PLACE_STEP) for row in track[1]]},
+    }
+
+
+def _shape(log: Log) -> tuple[Shape, bool]:
+    """Outline of the vehicle as it was in the world, else of one of that name; and whether it is known."""
+    for load in (simulated_vehicle, lambda log: load_vehicle(vehicle(log) or "")):
+        # A vehicle file of another version, or none of that name, must not keep a flight from being seen.
+        with contextlib.suppress(BadInput):
+            found = load(log)
+            if found is not None:
+                return shape_of(found), True
+    return PLAIN_BIRD, False
+
+
+def _drawn(shape: Shape) -> dict[str, Any]:
+    """Keys: ``semispan``, ``nose``, ``tail`` and ``hinge`` (m; left), and ``plates`` by frame."""
+    return {
+        "semispan": shape.semispan,
+        "nose": shape.nose,
+        "tail": shape.tail,
+        "hinge": shape.hinge,
+        "plates": outlines(shape),
+    }
+
+
+def _events(log: Log) -> list[dict[str, Any]]:
+    return [
+        {"time": time_us * 1e-6, "severity": int(severity), "source": source, "text": text}
+        for time_us, severity, source, text in log.events()
+    ]
+
+
+def _missing(tables: Tables, motion: Motion, panels: list[dict[str, Any]], modes: bool, known: bool) -> list[str]:
+    """What is not in the log, in words."""
+    shown = {panel["title"] for panel in panels}
+    out = ["truth"] if true_state(tables) is None else []
+    out += motion.missing
+    out += [panel.title.lower() for panel in PANELS if panel.title not in shown and panel.title != WING_ANGLE]
+    out += [] if modes else ["modes"]
+    out += [] if known or motion.body is None else ["the vehicle's shape (a plain bird is drawn)"]
+    return list(dict.fromkeys(out))
+
+
+def _write(path: Path, text: bytes) -> None:
+    with draft(path) as (file, name):
+        left = memoryview(text)
+        while left:
+            left = left[file.write(left) :]
+        settle(file)
+        claim(name, path)

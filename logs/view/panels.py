@@ -1,0 +1,167 @@
+"""What is plotted over time: a table of panels, and modes and events on the same axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics import topics
+from avionics.messages import Mode, Stage
+from avionics.topics import Topic
+from logs.view.motion import euler_of
+from logs.view.packing import Packer
+from logs.view.tables import QUATERNION, Table, Tables, true_state
+from logs.view.thinning import Envelope, thinned
+from sim_bridge import topics as truth_topics
+
+Array = NDArray[np.float64]
+DEGREES = 180.0 / np.pi
+ROWS = 60_000
+"""of a topic, at most; an hour at 200 Hz is least and greatest of every twelve samples then"""
+
+
+class Line(NamedTuple):
+    """One line of a panel."""
+
+    name: str
+    style: str
+    """``estimate``, ``setpoint``, ``truth``, ``left`` or ``right``: what gives it colour and stroke"""
+    topic: Topic
+    field: str
+    """of the topic, or ``roll``, ``pitch``, ``yaw``, ``altitude`` of the truth"""
+
+
+class Panel(NamedTuple):
+    """One diagram."""
+
+    title: str
+    unit: str
+    factor: float
+    """from the log's unit to this one"""
+    span: float
+    """in this unit; the smallest range that fills the panel, so that noise at rest looks like what it is"""
+    lines: tuple[Line, ...]
+    wraps: bool = False
+    """whether the values go round: no line is drawn from one end to the other"""
+
+
+NAV, TRUTH = topics.NAVIGATION, truth_topics.STATE
+PANELS: tuple[Panel, ...] = (
+    Panel("Roll", "°", DEGREES, 2.0, (
+        Line("truth", "truth", TRUTH, "roll"),
+        Line("setpoint", "setpoint", topics.ROLL_LOOP, "roll_setpoint"),
+        Line("estimate", "estimate", topics.ATTITUDE, "roll"),
+    )),
+    Panel("Pitch", "°", DEGREES, 2.0, (
+        Line("truth", "truth", TRUTH, "pitch"),
+        Line("setpoint", "setpoint", topics.PITCH_LOOP, "pitch_setpoint"),
+        Line("estimate", "estimate", topics.ATTITUDE, "pitch"),
+    )),
+    Panel("Yaw", "°", DEGREES, 360.0, (
+        Line("truth", "truth", TRUTH, "yaw"),
+        Line("course setpoint", "setpoint", NAV, "heading_setpoint"),
+        Line("estimate", "estimate", topics.ATTITUDE, "yaw"),
+    ), wraps=True),
+    Panel("Altitude", "m", 1.0, 1.0, (
+        Line("truth", "truth", TRUTH, "altitude"),
+        Line("setpoint", "setpoint", NAV, "altitude_setpoint"),
+        Line("estimate", "estimate", topics.ALTITUDE, "altitude"),
+    )),
+    Panel("Airspeed", "m/s", 1.0, 1.0, (
+        Line("truth", "truth", TRUTH, "airspeed"),
+        Line("estimate", "estimate", topics.AIR_DATA, "airspeed"),
+    )),
+    Panel("Wing angle", "°", DEGREES, 5.0, ()),
+    Panel("Flapping", "Hz", 1.0, 1.0, (
+        Line("command", "setpoint", topics.FLAP, "frequency"),
+        Line("measured", "estimate", topics.WING, "frequency"),
+    )),
+    Panel("Power", "W", 1.0, 1.0, (
+        Line("truth", "truth", truth_topics.WING, "electrical_power"),
+        Line("measured", "estimate", topics.POWER, "power"),
+    )),
+    Panel("Voltage", "V", 1.0, 0.2, (Line("measured", "estimate", topics.POWER, "voltage"),)),
+    Panel("Battery", "%", 100.0, 2.0, (Line("remaining", "estimate", topics.POWER, "battery_remaining"),)),
+)  # fmt: skip
+"""In their order on the page; the wing angles are those of the drawn bird."""
+WING_ANGLE = "Wing angle"
+
+
+def _true_angles(table: Table) -> Mapping[str, Array]:
+    roll, pitch, yaw = euler_of(*(table.fields[name] for name in QUATERNION))
+    down = table.fields["down"]
+    return {"roll": roll, "pitch": pitch, "yaw": yaw, "altitude": down[0] - down}
+
+
+class Series:
+    """Thinned and packed columns; each topic once, however many panels show it."""
+
+    def __init__(self, tables: Tables, packer: Packer) -> None:
+        self._tables = tables
+        self._packer = packer
+        self._thin: dict[str, tuple[Envelope, dict[str, float]]] = {}
+
+    def panels(self) -> list[dict[str, Any]]:
+        """Every panel that has a line; see `panel`."""
+        return [shown for panel in PANELS if (shown := self.panel(panel))["lines"] or panel.title == WING_ANGLE]
+
+    def panel(self, panel: Panel) -> dict[str, Any]:
+        """The fields of ``panel``; each of ``lines`` with ``name``, ``style``, ``time``, ``low`` and ``high``."""
+        lines = [found for line in panel.lines if (found := self._line(line, panel.factor)) is not None]
+        return panel._asdict() | {"lines": lines}
+
+    def _line(self, line: Line, factor: float) -> dict[str, Any] | None:
+        found = self._thinned(line.topic.name)
+        if found is None or line.field not in found[0].low:
+            return None
+        envelope, time = found
+        low = self._packer.add(factor * envelope.low[line.field])
+        high = None if envelope.high is None else self._packer.add(factor * envelope.high[line.field])
+        return {"name": line.name, "style": line.style, "time": time, "low": low, "high": high}
+
+    def _thinned(self, topic: str) -> tuple[Envelope, dict[str, float]] | None:
+        if topic in self._tables and topic not in self._thin:
+            table, fields = self._tables[topic], dict(self._tables[topic].fields)
+            if table is true_state(self._tables):
+                fields |= _true_angles(table)
+            envelope = thinned(table.time, fields, ROWS)
+            self._thin[topic] = envelope, self._packer.add(envelope.time, TIME_STEP)
+        return self._thin.get(topic)
+
+
+TIME_STEP = 1e-4
+"""s; of packed times"""
+
+
+class Band(NamedTuple):
+    """A stretch of time in which something was the same."""
+
+    start: float
+    """s; since boot"""
+    end: float
+    """s; since boot"""
+    label: str
+
+
+def bands(tables: Tables, field: str, end: float) -> list[Band]:
+    """Stretches of the same ``mode`` or ``stage``, the last one until ``end`` (s); empty where the log has none."""
+    table = tables.get(NAV.name)
+    if table is None or field not in table.fields:
+        return []
+    own: type[Mode] | type[Stage] = Mode if field == "mode" else Stage
+    names = {int(member): member.name for member in own} | dict(table.labels.get(field, {}))
+    return [
+        Band(a, b, names.get(value, f"{field} {value}").lower().replace("_", " "))
+        for a, b, value in _runs(table.time, table.fields[field], end)
+    ]
+
+
+def _runs(time: Array, values: Array, end: float) -> Iterator[tuple[float, float, int]]:
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist()]
+    for first, after in zip(edges, [*edges[1:], None], strict=True):
+        yield float(time[first]), end if after is None else float(time[after]), int(values[first])

@@ -1,0 +1,55 @@
+"""Fewer points for the screen that look the same: the least and the greatest value of every few samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+GAP_PERIODS = 4.0
+"""A pause longer than this many median periods is a gap: no line is drawn over it."""
+
+
+class Envelope(NamedTuple):
+    """Columns on one time base, thinned; the break of a gap is a row without numbers."""
+
+    time: Array
+    """s"""
+    low: Mapping[str, Array]
+    high: Mapping[str, Array] | None
+    """None where every sample was kept: it is ``low``"""
+
+
+def thinned(time: Array, fields: Mapping[str, Array], limit: int) -> Envelope:
+    """At most ``limit`` rows, and those of gaps, of columns with the same ``time`` (s, not falling)."""
+    count = -(-len(time) // limit)
+    starts = np.arange(0, len(time), count)
+    middle = np.minimum(starts + count // 2, len(time) - 1)
+    rows = np.searchsorted(_breaks(time[starts]), np.arange(len(starts)), side="left") + np.arange(len(starts))
+    low = {name: _spread(np.fmin.reduceat(values, starts), rows) for name, values in fields.items()}
+    high = {name: _spread(np.fmax.reduceat(values, starts), rows) for name, values in fields.items()}
+    return Envelope(_filled(_spread(time[middle], rows)), low, high if count > 1 else None)
+
+
+def _breaks(time: Array) -> NDArray[np.int64]:
+    """Rows after which there is a gap."""
+    periods = np.diff(time)
+    usual = float(np.median(periods)) if len(periods) else 0.0
+    return np.flatnonzero(periods > GAP_PERIODS * usual) if usual > 0.0 else np.empty(0, np.int64)
+
+
+def _spread(values: Array, rows: NDArray[np.int64]) -> Array:
+    """``values`` at ``rows``, NaN in the rows between."""
+    out = np.full(int(rows[-1]) + 1, np.nan)
+    out[rows] = values
+    return out
+
+
+def _filled(time: Array) -> Array:
+    """A gap begins with its last sample."""
+    missing = np.flatnonzero(np.isnan(time))
+    time[missing] = time[missing - 1]
+    return time
