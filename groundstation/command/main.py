@@ -33,7 +33,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "avionics": Subcommand("groundstation.command.avionics", "the flight computer alone, on a board"),
     "gcs": Subcommand("groundstation.command.gcs", "watch and command any MAVLink vehicle"),
     "log": Subcommand("groundstation.command.log", "look into a log, show, export, import or repair one"),
-    "replay": Subcommand("groundstation.command.replay", "run recorded sensors through the flight code"),
+    "replay": Subcommand("groundstation.command.replay", "fly a recorded flight again, or play it"),
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
