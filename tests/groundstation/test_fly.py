@@ -180,6 +180,7 @@ def test_a_table_of_sticks_that_cannot_be_flown_starts_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["sticks.csv"]
 
 
+@pytest.mark.validate
 def test_the_same_seed_gives_the_same_bytes_whoever_watches(recorded: Recorded, tmp_path: Path) -> None:
     flight = fly(tmp_path, *RECORDED, "--gcs", "udpout:127.0.0.1:14999")
     assert flight.communicate(timeout=180)[1] == ""

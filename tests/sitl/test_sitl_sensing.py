@@ -178,6 +178,7 @@ def check_battery(flown: Flown) -> None:
     assert np.abs(power["battery_remaining"] - true)[100:].max() < 0.03
 
 
+@pytest.mark.validate
 def test_energy_of_a_servo_drive_is_within_one_per_cent(raven: Flown) -> None:
     """GIVEN PWM, ten bits and a zero 2 sigma off THEN the energy is right: the zero was learned before arming."""
     check_energy(raven)
@@ -203,6 +204,7 @@ def test_the_batterys_resistance_is_measured(raven: Flown, arizona: Flown) -> No
         assert flown.flight.of(topics.POWER)[-1].resistance == pytest.approx(0.06, rel=0.05)
 
 
+@pytest.mark.validate
 def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
     """GIVEN a hold THEN the strokes' energies add up to what was drawn in it."""
     begin, end = holding(raven.flight)
@@ -215,6 +217,7 @@ def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
     assert stroke[told[1:]].sum() == pytest.approx(energy[told[-1]] - energy[told[0]], rel=0.02)
 
 
+@pytest.mark.validate
 def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
     """GIVEN a hold THEN the phase is within 2 degrees and the frequency within 1 % of the true wings'."""
     begin, end = holding(raven.flight)
@@ -225,7 +228,8 @@ def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
     assert np.percentile(np.abs(errors.frequency[steady]), 99) < 0.01
 
 
-@pytest.mark.parametrize("vehicle", ["raven", pytest.param("arizona", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", ["raven", "arizona"])
 def test_phase_and_frequency_over_the_flight(vehicle: str, request: pytest.FixtureRequest) -> None:
     """Climbs, turns and throttle changes too, until the encoders fail: strokes that differ from one to the next."""
     errors = stroke_errors(request.getfixturevalue(vehicle).flight)
