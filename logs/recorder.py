@@ -114,7 +114,7 @@ class McapRecorder:
         self._writing = writing
         self._told = (0, 0)
         self._patience = 0.0
-        self._open_for_writing = True
+        self._open_for_writing, self._closed = True, False
         self._volumes = self._begin()
         self._backlog = Backlog(writing.queue) if writing.queue else None
         for topic in topics:
@@ -192,8 +192,9 @@ class McapRecorder:
     def close(self) -> None:
         """Finish the recording; further calls do nothing."""
         with self._lock:
-            if not self._open_for_writing:
+            if self._closed:
                 return
+            self._closed = True
             # Nobody flies any more: what is left waits for the disk, and so does what is told of the drops.
             self._patience = PATIENCE
             self.flush()

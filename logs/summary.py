@@ -16,6 +16,7 @@ from avionics import topics
 from avionics.messages import Mode, Stage
 from logs.columns import Columns
 from logs.reader import Log
+from logs.rotations import angles_of
 from sim_bridge import topics as truth_topics
 
 Array = NDArray[np.float64]
@@ -340,11 +341,7 @@ def _difference(found: tuple[Columns, NDArray[np.bool_]], name: str, time: Array
 
 def _euler(truth: Columns, part: slice) -> tuple[Array, Array, Array]:
     """Roll, pitch and yaw (rad) of r_ned_from_frd."""
-    w, x, y, z = (truth[f"quaternion_{axis}"][part] for axis in "wxyz")
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, yaw
+    return angles_of(*(truth[f"quaternion_{axis}"][part] for axis in "wxyz"))
 
 
 def _wrapped(angle: Any) -> Array:

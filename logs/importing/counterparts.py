@@ -16,6 +16,7 @@ from logs.importing.checks import Mask, within
 from logs.importing.source import Array, Dropped, Own, Series
 from logs.importing.units import LIMITS, conversion
 from logs.layout import Field, layout_of
+from logs.rotations import angles_of, quaternion_of
 
 Columns = dict[str, Array]
 DRY_AIR = 287.05
@@ -201,24 +202,6 @@ def _whole_attitude(columns: Columns) -> Columns:
 def wrapped(angle: Array) -> Array:
     """An angle in rad, from -pi to pi."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), float)
-
-
-def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch, yaw in rad of unit quaternions r_ned_from_frd."""
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def quaternion_of(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array, Array]:
-    """w, x, y, z of r_ned_from_frd, from angles in rad of yaw, pitch, roll in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(0.5 * angle), np.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 def true_airspeed(equivalent: Array, density: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
+from logs.rotations import quaternion_of
 from logs.view.tables import QUATERNION, Table, Tables, true_state
 from sim_bridge import topics as truth_topics
 
@@ -138,7 +139,7 @@ def _attitude(time: Array, table: Table) -> Array:
     if set(QUATERNION) <= set(table.fields):
         source = np.array([table.fields[name] for name in QUATERNION])
     else:
-        source = quaternion_of(*(table.fields[name] for name in ("roll", "pitch", "yaw")))
+        source = np.array(quaternion_of(*(table.fields[name] for name in ("roll", "pitch", "yaw"))))
     known = np.isfinite(source).all(axis=0)
     if not known.any():
         return np.tile([[1.0], [0.0], [0.0], [0.0]], len(time))
@@ -148,26 +149,6 @@ def _attitude(time: Array, table: Table) -> Array:
     w, x, y, z = (np.interp(time, table.time[known], row) for row in source)
     out = np.array([w + z, x + y, x - y, w - z])
     return np.asarray(out / np.maximum(np.linalg.norm(out, axis=0), 1e-9))
-
-
-def quaternion_of(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """(w, x, y, z) of r_ned_from_frd in four rows, from angles in rad applied as yaw, pitch, roll in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(0.5 * angle), np.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
-    return np.array(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    )
-
-
-def euler_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch and yaw (rad) of r_ned_from_frd."""
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _tail(time: Array, tables: Tables) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from avionics import topics
 from avionics.messages import Mode, Stage
 from avionics.topics import Topic
-from logs.view.motion import euler_of
+from logs.rotations import angles_of
 from logs.view.packing import Packer
 from logs.view.tables import QUATERNION, Table, Tables, true_state
 from logs.view.thinning import Envelope, thinned
@@ -91,7 +91,7 @@ WING_ANGLE = "Wing angle"
 
 
 def _true_angles(table: Table) -> Mapping[str, Array]:
-    roll, pitch, yaw = euler_of(*(table.fields[name] for name in QUATERNION))
+    roll, pitch, yaw = angles_of(*(table.fields[name] for name in QUATERNION))
     down = table.fields["down"]
     return {"roll": roll, "pitch": pitch, "yaw": yaw, "altitude": down[0] - down}
 

@@ -178,3 +178,17 @@ def test_what_a_flight_left_unfinished_is_repaired_before_the_next(tmp_path: Pat
     assert open_log(tmp_path / "now.mcap").complete
     assert recover_left(tmp_path) == []
     assert recover_left(tmp_path / "missing") == []
+
+
+def test_a_recording_that_ended_early_leaves_no_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from test_logs_recorder import FullDisk
+
+    create = recorder_module._create
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), 100_000))
+    before = set(threading.enumerate())
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(10**8))
+    for topic, message in flight(20.0, IMU_ALONE):
+        recorder.record(topic, message)
+    recorder.close()
+    recorder.close()
+    assert recorder.failure and set(threading.enumerate()) == before

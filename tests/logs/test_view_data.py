@@ -28,7 +28,7 @@ from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import enu_from_flu
 from logs.view import tables as view_tables
-from logs.view.motion import Motion, euler_of, motion_of, quaternion_of
+from logs.view.motion import Motion, motion_of
 from logs.view.packing import ABSENT, Packer
 from logs.view.page import write_page
 from logs.view.panels import PANELS, bands
@@ -221,17 +221,6 @@ def test_wings_that_stand_still_are_not_redrawn(tmp_path: Path) -> None:
     wings = motion_of(tables_of(tmp_path / "a.mcap", glide)).wings
     assert wings is not None
     assert np.all(wings.flap[0][wings.time > 5.2] == pytest.approx(0.2))
-
-
-angles = st.floats(-1.4, 1.4)
-
-
-@given(roll=angles, pitch=angles, yaw=st.floats(-3.1, 3.1))
-def test_angles_and_quaternions_are_each_others_inverse(roll: float, pitch: float, yaw: float) -> None:
-    quaternion = quaternion_of(*(np.array([angle]) for angle in (roll, pitch, yaw)))
-    wanted = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
-    assert Rotation.from_quat(quaternion[:, 0], scalar_first=True).as_matrix() == pytest.approx(wanted, abs=1e-9)
-    assert [float(angle[0]) for angle in euler_of(*quaternion)] == pytest.approx([roll, pitch, yaw], abs=1e-6)
 
 
 # --- reading ------------------------------------------------------------------------------------------------

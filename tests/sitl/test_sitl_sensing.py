@@ -27,6 +27,8 @@ from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 
+pytestmark = pytest.mark.validate
+
 LOST, LOST_AT = 12, 60.0
 DEAD_FROM = 75.0
 """counts, s; of the left encoder, and when its counter stops; in the hold before, all is well"""
@@ -178,33 +180,28 @@ def check_battery(flown: Flown) -> None:
     assert np.abs(power["battery_remaining"] - true)[100:].max() < 0.03
 
 
-@pytest.mark.validate
 def test_energy_of_a_servo_drive_is_within_one_per_cent(raven: Flown) -> None:
     """GIVEN PWM, ten bits and a zero 2 sigma off THEN the energy is right: the zero was learned before arming."""
     check_energy(raven)
     assert raven.flight.of(topics.POWER)[-1].current_zero == pytest.approx(0.02, abs=0.003)
 
 
-@pytest.mark.validate
 def test_energy_of_a_motor_drive_is_within_one_per_cent(arizona: Flown) -> None:
     check_energy(arizona)
     assert arizona.flight.of(topics.POWER)[-1].current_zero == pytest.approx(-0.04, abs=0.006)
     assert arizona.flight.of(topics.POWER)[-1].clipped == 0
 
 
-@pytest.mark.validate
 def test_a_battery_not_full_at_boot_is_known(raven: Flown, arizona: Flown) -> None:
     check_battery(raven)
     check_battery(arizona)
 
 
-@pytest.mark.validate
 def test_the_batterys_resistance_is_measured(raven: Flown, arizona: Flown) -> None:
     for flown in (raven, arizona):
         assert flown.flight.of(topics.POWER)[-1].resistance == pytest.approx(0.06, rel=0.05)
 
 
-@pytest.mark.validate
 def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
     """GIVEN a hold THEN the strokes' energies add up to what was drawn in it."""
     begin, end = holding(raven.flight)
@@ -217,7 +214,6 @@ def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
     assert stroke[told[1:]].sum() == pytest.approx(energy[told[-1]] - energy[told[0]], rel=0.02)
 
 
-@pytest.mark.validate
 def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
     """GIVEN a hold THEN the phase is within 2 degrees and the frequency within 1 % of the true wings'."""
     begin, end = holding(raven.flight)
@@ -228,7 +224,6 @@ def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
     assert np.percentile(np.abs(errors.frequency[steady]), 99) < 0.01
 
 
-@pytest.mark.validate
 @pytest.mark.parametrize("vehicle", ["raven", "arizona"])
 def test_phase_and_frequency_over_the_flight(vehicle: str, request: pytest.FixtureRequest) -> None:
     """Climbs, turns and throttle changes too, until the encoders fail: strokes that differ from one to the next."""
@@ -239,7 +234,6 @@ def test_phase_and_frequency_over_the_flight(vehicle: str, request: pytest.Fixtu
     assert np.percentile(np.abs(errors.frequency[good]), 90) < 0.01
 
 
-@pytest.mark.validate
 def test_missed_counts_are_found_in_flight(raven: Flown) -> None:
     wing, true = raven.flight.columns(topics.WING), raven.flight.columns(truth_topics.WING)
     when = raven.flight.event_time(f"encoder re-zeroed at its index: {LOST} counts missed, {LOST} since boot")
@@ -249,7 +243,6 @@ def test_missed_counts_are_found_in_flight(raven: Flown) -> None:
     assert np.abs(wing["angle_left"][after] - angle).max() < 0.01
 
 
-@pytest.mark.validate
 def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
     """GIVEN the left encoder dead THEN it is said at once, frequency and phase stay, and the flight lands.
 
@@ -268,7 +261,6 @@ def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
     check_landed(flight)
 
 
-@pytest.mark.validate
 def test_without_encoders_the_commanded_frequency_times_the_averages(arizona: Flown) -> None:
     """GIVEN both encoders dead THEN flapping is told at the commanded frequency, and the attitude holds."""
     wing, flap = arizona.flight.columns(topics.WING), arizona.flight.columns(topics.FLAP)

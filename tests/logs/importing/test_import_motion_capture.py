@@ -15,11 +15,11 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.state import zero
 from logs.importing.clocks import Signal, align
-from logs.importing.counterparts import angles_of, quaternion_of
 from logs.importing.log_import import IMPORT
 from logs.importing.motion_capture import body_rates
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from logs.rotations import angles_of, quaternion_of
 
 Motion = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Times to positions NED (N, 3) and quaternions of r_ned_from_frd (N, 4)."""
