@@ -13,9 +13,16 @@ PATIENCE = 10.0
 class Backlog:
     """A thread that does jobs in their order, and a queue of at most so many bytes before it."""
 
-    def __init__(self, capacity: int) -> None:
-        """Begin; ``capacity`` in bytes, of the jobs that wait or are being done."""
+    def __init__(self, capacity: int, idle: Callable[[], None], period: float) -> None:
+        """Begin.
+
+        Args:
+            capacity: bytes; of the jobs that wait or are being done.
+            idle: called by the thread whenever it has had nothing to do for a ``period``; must not wait.
+            period: s.
+        """
         self._capacity = capacity
+        self._idle, self._period = idle, period
         self._jobs: deque[tuple[Callable[[], None], int]] = deque()
         self._turn = threading.Condition()
         self._bytes = 0
@@ -56,14 +63,19 @@ class Backlog:
     def _work(self) -> None:
         while True:
             with self._turn:
-                while not self._jobs and not self._ending:
-                    self._turn.wait()
-                if not self._jobs:
+                waited = self._jobs or self._ending or self._turn.wait(self._period)
+                if self._ending and not self._jobs:
                     return
-                job, size = self._jobs.popleft()
-            try:
-                job()
-            finally:
-                with self._turn:
-                    self._bytes -= size
-                    self._turn.notify_all()
+                job, size = self._jobs.popleft() if self._jobs else (None, 0)
+            if job is not None:
+                self._do(job, size)
+            elif not waited:
+                self._idle()
+
+    def _do(self, job: Callable[[], None], size: int) -> None:
+        try:
+            job()
+        finally:
+            with self._turn:
+                self._bytes -= size
+                self._turn.notify_all()

@@ -65,11 +65,12 @@ class McapRecorder:
     """An `avionics.recorder.Recorder` that writes MCAP: 64 KiB chunks, zstd, CRCs, message indexes.
 
     A chunk is closed when it is full and 0.25 s after it was begun, in log time or on the wall clock, whichever is
-    first: that much is lost when the machine dies. During a flight nothing is raised. When the disk refuses,
-    recording ends, what was written stays readable and `failure` says why; a message that does not fit its
-    declared layout is left out and `refusal` says which. Where messages may wait for the disk (`Writing.queue`)
-    and there is no room for more, a chunk of them is left out, counted in `dropped`, and the count is logged as
-    soon as there is room. Threads may share a recorder.
+    first: that much is lost when the machine dies. Where messages may wait for the disk (`Writing.queue`) the wall
+    clock is looked at though none comes, every 0.125 s; else it is the next message that closes a chunk. During a
+    flight nothing is raised. When the disk refuses, recording ends, what was written stays readable and `failure`
+    says why; a message that does not fit its declared layout is left out and `refusal` says which. Where the queue
+    has no room for more, a chunk of messages is left out, counted in `dropped`, and the count is logged as soon as
+    there is room. Threads may share a recorder.
     """
 
     def __init__(
@@ -116,7 +117,7 @@ class McapRecorder:
         self._patience = 0.0
         self._open_for_writing, self._closed = True, False
         self._volumes = self._begin()
-        self._backlog = Backlog(writing.queue) if writing.queue else None
+        self._backlog = Backlog(writing.queue, self._flush_overdue, FLUSH_S / 2) if writing.queue else None
         for topic in topics:
             self._open(topic)
 
@@ -171,6 +172,19 @@ class McapRecorder:
                 stream.index = []
             self._buffer = bytearray()
             self._tell_drops()
+
+    def _flush_overdue(self) -> None:
+        """Close an open chunk whose time is over though no message comes that would do it.
+
+        Whoever holds the lock is recording, and looks at the clock himself; to wait for him while he waits for room
+        in the queue would keep both.
+        """
+        if self._lock.acquire(blocking=False):
+            try:
+                if self._buffer and self._clock() >= self._flush_clock:
+                    self.flush()
+            finally:
+                self._lock.release()
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""

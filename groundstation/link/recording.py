@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.messages import Event
 from avionics.quantities import BadInput
@@ -23,7 +24,7 @@ from groundstation.link.frames import Arrival
 from groundstation.link.vehicle_state import VehicleState, new_events, receive
 from logs.codecs import Document
 from logs.names import RECORDINGS, new_recording
-from logs.recorder import McapRecorder
+from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 
 PATIENCE = 3.0
 """s; that a vehicle has to say who it is and what time it has, before the file is begun without"""
@@ -33,6 +34,7 @@ SENT = Topic("/ground/sent", Document, mavlink_topics.FIRST_CHANNEL, 0.0, determ
 UNKNOWN = Topic("/mavlink/unknown", Document, mavlink_topics.FIRST_CHANNEL + 1, 0.0, deterministic=False)
 NOT_KEPT = frozenset(("HEARTBEAT", "TIMESYNC", "PING", "SETUP_SIGNING"))
 """what we send every second, and a key"""
+_WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 STATEFUL = frozenset(
     (
         "HEARTBEAT",
@@ -214,11 +216,11 @@ class Recording:
     def _create(self, name: str, boot_ns: int) -> McapRecorder:
         """A new file; another program may take the name that was free a moment ago."""
         if self.where.file is not None:
-            return McapRecorder(self.where.file, start_epoch_ns=boot_ns)
+            return McapRecorder(self.where.file, start_epoch_ns=boot_ns, writing=_WRITING)
         while True:
             path = new_recording(name.replace(" ", "_"), folder=self.where.folder)
             try:
-                return McapRecorder(path, start_epoch_ns=boot_ns)
+                return McapRecorder(path, start_epoch_ns=boot_ns, writing=_WRITING)
             except BadInput:
                 if not path.exists():
                     raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,29 @@ def test_behind_the_flights_back_the_same_bytes_are_written(tmp_path: Path) -> N
     at_once = record(tmp_path / "a.mcap", messages)
     behind = record(tmp_path / "b.mcap", messages, writing=Writing(10**8, account=topics.RECORDER))
     assert behind.read_bytes() == at_once.read_bytes()
+
+
+def test_a_message_that_no_other_follows_is_written_all_the_same(tmp_path: Path) -> None:
+    """GIVEN a recorder with a queue WHEN one message comes and nothing after it THEN the file soon has it."""
+    clock = [0.0]
+    recorder = McapRecorder(
+        tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: clock[0], writing=Writing(10**6)
+    )
+    size = recorder.path.stat().st_size
+    topic, message = flight(0.1, IMU_ALONE)[0]
+    recorder.record(topic, message)
+    clock[0] = 0.26
+    assert grown(recorder.path, size, 30.0)
+    assert imu_times(open_log(recorder.path)) == [message.time_us]
+    recorder.close()
+
+
+def grown(path: Path, size: int, patience: float) -> bool:
+    """Whether the file became larger within ``patience`` seconds."""
+    end = time.monotonic() + patience
+    while path.stat().st_size == size and time.monotonic() < end:
+        time.sleep(0.01)
+    return path.stat().st_size > size
 
 
 def test_a_disk_that_stands_still_costs_what_does_not_fit_the_queue_and_that_is_logged(
