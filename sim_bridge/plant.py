@@ -13,6 +13,7 @@ from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
+from sim_bridge.bound import Bound
 from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
@@ -145,14 +146,24 @@ class Plant:
         self.vehicle = vehicle
         self.mechanism = build_mechanism(vehicle)
         self.layout = self.mechanism.layout
-        self.parameters = plant_parameters(vehicle, self.mechanism)
         self.y = initial_state(vehicle, self.mechanism)
         self.scratch = scratch(self.mechanism)
+        self.parameters = plant_parameters(vehicle, self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.touching = False
         self._commanded = (0.0, 0.0)
         self._tail: tuple[float, float] | None = None
         self._stalled: dict[int, float] = {}
+
+    @property
+    def parameters(self) -> k.PlantParameters:
+        """What the kernel has of the vehicle; other ones may take their place, their arrays may be written to."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: k.PlantParameters) -> None:
+        self._parameters = parameters
+        self._bound = Bound((parameters, self.scratch))
 
     def advance(self, controls: k.Controls, around: k.Surroundings) -> Means:
         """Integrate over ``controls.duration`` seconds."""
@@ -160,7 +171,7 @@ class Plant:
             controls = controls._replace(elevator=self._tail[0], rudder=self._tail[1])
         self._commanded = (controls.elevator, controls.rudder)
         steps = _steps(controls.duration)
-        self.touching = k.advance(self.y, steps, controls, around, self.parameters, self.scratch)
+        self.touching = k.advance(self.y, steps, controls, around, self._bound)
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
         means = Means(*self.scratch.means.tolist())
         return self._with_stalled_drives(means, controls) if self._stalled else means
@@ -226,7 +237,7 @@ class Plant:
         """
         commands = np.array([(*one, _steps(one.duration)) for one in controls], dtype=np.float64)
         history = np.zeros((len(controls), self.y.shape[0] + len(Means._fields)))
-        self.touching = k.follow(self.y, commands, around, self.parameters, self.scratch, history)
+        self.touching = k.follow(self.y, commands, around, self._bound, history)
         rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
         return history[:, : self.y.shape[0]], history[:, self.y.shape[0] :]
 
@@ -242,7 +253,7 @@ class Plant:
 
     def evaluate(self, controls: k.Controls, around: k.Surroundings) -> Floats:
         """Rates of the state (len(y),) at its present value; loads and accelerations are left in ``scratch``."""
-        k.derivatives(self.y, controls.duration, controls, around, self.parameters, self.scratch)
+        k.derivatives(self.y, controls.duration, controls, around, self._bound)
         return self.scratch.rate.copy()
 
     def wing_loads(self) -> Floats:

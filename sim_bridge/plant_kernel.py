@@ -15,6 +15,7 @@ from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
 from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
+from sim_bridge.bound import Bound, bound_values
 from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
@@ -447,8 +448,12 @@ def servo_acceleration(error: float, rate: float, time_constant: float, rate_lim
 
 
 @kernel
-def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
-    """Fill ``s.rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched."""
+def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, bound: Bound) -> bool:
+    """Fill ``Scratch.rate`` with dy/dt at ``t`` seconds into the interval; returns whether the ground is touched.
+
+    ``bound`` is (`PlantParameters`, `Scratch`), as in what follows.
+    """
+    p, s = bound_values(bound)
     s.mass[:, :] = 0.0
     s.load[:] = 0.0
     set_motion(y, around, p, s)
@@ -516,23 +521,25 @@ def _add_specific_force(r: Floats, s: Scratch, means: Floats, share: float) -> N
 
 
 @kernel
-def advance_memory(y: Floats, h: float, around: Surroundings, p: PlantParameters, s: Scratch) -> None:
+def advance_memory(y: Floats, h: float, around: Surroundings, bound: Bound) -> None:
     """Move what of the aerodynamic model's state has a clock of its own, at the end ``y`` of a step of ``h`` s."""
+    p, s = bound_values(bound)
     set_motion(y, around, p, s)
     memory = y[aero_start(p.joints.kind.shape[0]) :]
     models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
 
 
 @kernel
-def advance(y: Floats, steps: int, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
+def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bound) -> bool:
     """Advance ``y`` in place over ``c.duration`` in ``steps`` classical fourth-order Runge-Kutta steps.
 
-    Leaves in ``s.means``, over the interval: mean torque left and right in N m, current in A, electrical power in W,
-    specific force (3,) in m/s^2 at the IMU in body axes.
+    Leaves in ``Scratch.means``, over the interval: mean torque left and right in N m, current in A, electrical power
+    in W, specific force (3,) in m/s^2 at the IMU in body axes.
 
     Returns:
         whether the ground was touched.
     """
+    p, s = bound_values(bound)
     h, touching = c.duration / steps, False
     s.means[:] = 0.0
     s.rate[:] = 0.0
@@ -542,7 +549,7 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, p: PlantPa
             ahead = LEADS[stage] * h
             for i in range(y.shape[0]):
                 s.trial[i] = y[i] + ahead * s.rate[i]
-            touched = derivatives(s.trial, step * h + ahead, c, around, p, s)
+            touched = derivatives(s.trial, step * h + ahead, c, around, bound)
             for i in range(y.shape[0]):
                 s.total[i] += WEIGHTS[stage] * s.rate[i]
             if stage == 0:
@@ -551,14 +558,12 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, p: PlantPa
         for i in range(y.shape[0]):
             y[i] += h * s.total[i]
         if p.advances:
-            advance_memory(y, h, around, p, s)
+            advance_memory(y, h, around, bound)
     return touching
 
 
 @kernel
-def follow(
-    y: Floats, commands: Floats, around: Surroundings, p: PlantParameters, s: Scratch, history: Floats
-) -> bool:
+def follow(y: Floats, commands: Floats, around: Surroundings, bound: Bound, history: Floats) -> bool:
     """Advance ``y`` in place through intervals one after another, without coming back to Python in between.
 
     Args:
@@ -567,11 +572,12 @@ def follow(
     Returns:
         whether the ground was touched.
     """
+    _, s = bound_values(bound)
     touching, size = False, y.shape[0]
     for i in range(commands.shape[0]):
         row = commands[i]
         c = Controls(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
-        touching = advance(y, int(row[9]), c, around, p, s) or touching
+        touching = advance(y, int(row[9]), c, around, bound) or touching
         for j in range(size):
             history[i, j] = y[j]
         for j in range(s.means.shape[0]):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.bound import Bound
 from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import all_parts, wing_strips
 from sim_bridge.multibody.tree import assemble, inertia_matrix
@@ -101,8 +102,8 @@ def integrate(plant: Plant, y: Floats, duration: float, steps: int, around: k.Su
 
 def driven(plant: Plant, y: Floats, controls: k.Controls, steps: int, around: k.Surroundings) -> Floats:
     """The state after the interval of ``controls`` in ``steps`` Runge-Kutta steps."""
-    end, work = y.copy(), scratched(plant)
-    k.advance(end, steps, controls, around, plant.parameters, work)
+    end = y.copy()
+    k.advance(end, steps, controls, around, Bound((plant.parameters, scratched(plant))))
     return end
 
 

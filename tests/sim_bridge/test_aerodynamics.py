@@ -40,6 +40,7 @@ from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
 from sim_bridge.aerodynamics.protocol import MASS, Motion, Strips
 from sim_bridge.aerodynamics.surfaces import body_drag
+from sim_bridge.bound import Bound
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant, plant_parameters
 from sim_bridge.vectors import Floats
@@ -439,6 +440,7 @@ def shed(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Shed]]:
         state += 1.0
 
     monkeypatch.setattr(k.models, "advance", note)
+    monkeypatch.setattr(k, "bound_values", lambda bound: bound.values)
     for name in ("advance_memory", "_add_means", "_add_specific_force"):
         monkeypatch.setattr(k, name, getattr(k, name).py_func)
     yield calls
@@ -453,7 +455,7 @@ def test_the_motion_that_advance_is_given_is_that_of_the_new_state(name: str, ca
     plant.evaluate(SLACK, air())
     y, controls = tumbling(plant, 2), SLACK._replace(duration=h)
     for step in range(steps):
-        k.advance.py_func(y, 1, controls, air(), p, s)  # type: ignore[attr-defined]
+        k.advance.py_func(y, 1, controls, air(), Bound((p, s)))  # type: ignore[attr-defined]
         last, trial = [column.copy() for column in s.wings.motion], s.trial.copy()
         motion, state, density, dt = shed[step]
         assert (density, dt) == (DENSITY, h) and len(shed) == step + 1
@@ -471,7 +473,8 @@ def test_the_motion_that_advance_is_given_is_that_of_the_new_state(name: str, ca
 def test_a_model_with_nothing_to_advance_is_not_asked(shed: list[Shed]) -> None:
     plant = plant_of(NAMES[0], CASES[0])
     y = tumbling(plant, 2)
-    k.advance.py_func(y, 2, SLACK, air(), plant.parameters, plant.scratch)  # type: ignore[attr-defined]
+    bound = Bound((plant.parameters, plant.scratch))
+    k.advance.py_func(y, 2, SLACK, air(), bound)  # type: ignore[attr-defined]
     assert not MODELS[CASES[0].model].advances and shed == []
 
 
