@@ -1,7 +1,8 @@
 """Motion capture as tables: OptiTrack's Motive (CSV export) and Vicon's Nexus (segments and trajectories).
 
 Both laboratories' axes become NED and both bodies' axes FRD in the same way, the first axis being north and forward:
-Motive's y and Nexus's z point up. So a body must have been created with its nose along the first axis.
+Motive's y and Nexus's z point up. So a body must have been created with its nose along the first axis. Where there
+are markers alone the body is found among them, its nose along the first axis in the first frame that has them all.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from avionics import topics as t
 from avionics.quantities import BadInput
 from logs.importing.counterparts import Columns, checked
+from logs.importing.rigid_body import find_rigid_body
 from logs.importing.source import Dropped, Own, Series, Source
 from logs.importing.units import conversion
 
@@ -76,18 +78,36 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
     tracks = [track for track in tracks if _seen(track).any()]
     if not tracks:
         raise BadInput("no body and no marker was seen in it")
+    notes = {"system": system}
     bodies = [track for track in tracks if track.quaternion is not None]
+    if not bodies and (found := _body_of_markers(tracks)) is not None:
+        body, markers = found
+        tracks, bodies = [*tracks, body], [body]
+        notes["body"] = f"found among the markers: {', '.join(markers)}"
     dropped = [Dropped(f"/mocap/{one.name}", "not seen", int((~_seen(one)).sum())) for one in tracks]
     return Source(
         "motion capture",
         {track.name: _series(track) for track in tracks},
         bodies[0].name if bodies else "",
-        notes={"system": system},
+        notes=notes,
         damage=damage,
         dropped=tuple(one for one in dropped if one.rows),
         made=_own(bodies[0]) if bodies else (),
         clock="since the first frame of the capture",
     )
+
+
+def _body_of_markers(tracks: Sequence[Track]) -> tuple[Track, list[str]] | None:
+    """The rigid body among markers that were seen in the same frames, and whose markers they are."""
+    time = tracks[0].time
+    if any(len(track.time) != len(time) or not np.array_equal(track.time, time) for track in tracks):
+        return None
+    found = find_rigid_body(np.stack([track.position for track in tracks]))
+    if found is None:
+        return None
+    taken = {track.name for track in tracks}
+    name = next(name for name in ("body", *(f"body_{n}" for n in range(2, len(tracks) + 3))) if name not in taken)
+    return Track(name, time, found.position, found.quaternion), [tracks[marker].name for marker in found.markers]
 
 
 def _seen(track: Track) -> NDArray[np.bool_]:

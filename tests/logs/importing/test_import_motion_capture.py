@@ -15,7 +15,7 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.state import zero
 from logs.importing.clocks import Signal, align
-from logs.importing.log_import import IMPORT
+from logs.importing.log_import import IMPORT, NOTES
 from logs.importing.motion_capture import body_rates
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -176,3 +176,35 @@ def test_exports_that_are_not_whole_are_refused_in_one_line(tmp_path: Path) -> N
         with pytest.raises(BadInput, match=reason) as error:
             imported(written(tmp_path, text), tmp_path)
         assert "\n" not in str(error.value)
+
+
+def trajectories_csv(motion: Motion, seconds: float, start: float) -> str:
+    """Markers alone, as Nexus exports them: four on the fuselage, one at a wing's tip that flaps."""
+    time = np.arange(0.0, seconds, 0.01)
+    position, turn = motion(time + start)
+    flap = 0.5 * np.sin(2 * np.pi * 4.0 * time)
+    still = [(0.1, 0.0, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.05, 0.0), (0.0, -0.05, -0.03)]
+    own = [np.broadcast_to(place, (len(time), 3)) for place in still]
+    own.append(np.stack([0.0 * time, 0.4 * np.cos(flap), -0.4 * np.sin(flap)], axis=1))
+    w, v = turn[:, :1], turn[:, 1:]
+    markers = [p + 2.0 * np.cross(v, np.cross(v, p) + w * p) + position for p in own]
+    labels = ["nose", "tail", "left", "right", "tip"]
+    lines = ["Trajectories", "100", ",," + ",,,".join(labels) + ",,", "Frame,Sub Frame" + ",X,Y,Z" * 5]
+    lines.append("," + ",mm,mm,mm" * 5)
+    for n in range(len(time)):
+        cells = [f"{north:.4f},{-east:.4f},{-down:.4f}" for north, east, down in (m[n] * 1e3 for m in markers)]
+        lines.append(",".join([str(n + 1), "0", *cells]))
+    return "\n".join(lines)
+
+
+def test_markers_alone_have_a_body_which_goes_on_the_onboard_clock(tmp_path: Path) -> None:
+    motion = wandering(7)
+    log = onboard(tmp_path / "flight.mcap", motion, 0.0, 30.0)
+    out, _ = imported(written(tmp_path, trajectories_csv(motion, 12.0, start=9.87)), tmp_path, onboard=log)
+    with open_log(out) as aligned:
+        attitude = aligned.columns(topics.ATTITUDE)
+        assert attitude.time[0] == pytest.approx(9.87, abs=0.004)
+        assert aligned.metadata[NOTES]["body"] == "found among the markers: nose, tail, left, right"
+        rates = body_rates(attitude.time, motion(attitude.time)[1])[5:-5]
+        size = np.sqrt(sum(attitude[f"{axis}_rate"][5:-5] ** 2 for axis in ("roll", "pitch", "yaw")))
+        assert size == pytest.approx(np.linalg.norm(rates, axis=1), abs=0.1)

@@ -1,0 +1,117 @@
+"""The body among the markers of a capture: those that keep their distances from each other, and how it turns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LEAST_MARKERS = 3
+LEAST_FRAMES = 10
+"""frames that a pair of markers must be seen in together"""
+RIGID = 0.005
+"""m, and of their distance (-): a pair whose distance varies less (5th to 95th percentile) is on one body"""
+FLAT = 0.02
+"""m; markers nearer to one line than this (root mean square) tell no attitude"""
+
+
+class RigidBody(NamedTuple):
+    """A body that was found."""
+
+    markers: tuple[int, ...]
+    """which of those given are on it"""
+    position: Array
+    """m; (N, 3), of the middle of its markers, NaN where fewer than three of them were seen"""
+    quaternion: Array
+    """-; (N, 4), w first, of the rotation from its axes: the capture's in the first frame in which all were seen"""
+
+
+def find_rigid_body(positions: Array) -> RigidBody | None:
+    """The largest rigid body among markers; None where there is none of three markers that are not in one line.
+
+    Args:
+        positions: (markers, N, 3) m; NaN where a marker was not seen.
+    """
+    members = _largest_group(_rigid_pairs(positions))
+    seen = np.isfinite(positions[list(members)]).all(axis=2)
+    if len(members) < LEAST_MARKERS or not seen.all(axis=0).any():
+        return None
+    chosen = positions[list(members)].swapaxes(0, 1)
+    shape = chosen[int(np.argmax(seen.all(axis=0)))]
+    shape = shape - shape.mean(axis=0)
+    if np.linalg.svd(shape, compute_uv=False)[1] < FLAT * np.sqrt(len(members)):
+        return None
+    return RigidBody(members, *_fitted(shape, chosen))
+
+
+def _rigid_pairs(positions: Array) -> NDArray[np.bool_]:
+    """Which markers keep their distance, (markers, markers)."""
+    count = len(positions)
+    pairs = np.zeros((count, count), bool)
+    for i in range(count):
+        for j in range(i):
+            distance = np.linalg.norm(positions[i] - positions[j], axis=1)
+            distance = distance[np.isfinite(distance)]
+            if len(distance) >= LEAST_FRAMES:
+                low, middle, high = np.percentile(distance, (5.0, 50.0, 95.0))
+                pairs[i, j] = pairs[j, i] = high - low <= max(RIGID, RIGID * middle)
+    return pairs
+
+
+def _largest_group(pairs: NDArray[np.bool_]) -> tuple[int, ...]:
+    """The largest set of markers each of which keeps its distance from every other, grown from each in turn."""
+    best: list[int] = []
+    for first in range(len(pairs)):
+        group = [first]
+        # Who keeps his distance from many comes first: two bodies may share a marker at their joint.
+        for other in sorted(np.flatnonzero(pairs[first]), key=lambda marker: -int(pairs[marker].sum())):
+            if all(pairs[other, member] for member in group):
+                group.append(int(other))
+        best = max(best, group, key=len)
+    return tuple(sorted(best))
+
+
+def _fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
+    """Position and quaternion that bring ``shape`` (markers, 3) nearest to every frame of ``frames`` (N, markers, 3).
+
+    Least squares over the markers that were seen: Kabsch (1976), doi:10.1107/S0567739476001873.
+    """
+    seen = np.asarray(np.isfinite(frames).all(axis=2))
+    weight = seen / np.maximum(seen.sum(axis=1, keepdims=True), 1)
+    there = np.where(seen[:, :, None], frames, 0.0)
+    middle, own_middle = np.einsum("nm,nmi->ni", weight, there), weight @ shape
+    product = np.einsum("nm,nmi,nmj->nij", weight, there - middle[:, None], shape[None] - own_middle[:, None])
+    u, sizes, vt = np.linalg.svd(product)
+    proper: Array = np.where(np.linalg.det(u @ vt) < 0.0, -1.0, 1.0)
+    u[:, :, 2] *= proper[:, None]
+    rotation = u @ vt
+    position = middle - np.einsum("nij,nj->ni", rotation, own_middle)
+    known = (seen.sum(axis=1) >= LEAST_MARKERS) & (sizes[:, 1] > FLAT**2)
+    position[~known] = np.nan
+    quaternion = quaternions(rotation)
+    quaternion[~known] = np.nan
+    return position, quaternion
+
+
+def quaternions(rotation: Array) -> Array:
+    """Quaternions (N, 4), w first, of rotation matrices (N, 3, 3), each with the sign that is nearer to the last."""
+    # 4 q q^T, of which the row with the greatest diagonal is the best conditioned (Shepperd 1978).
+    xx, yy, zz = rotation[:, 0, 0], rotation[:, 1, 1], rotation[:, 2, 2]
+    wx, wy, wz = (rotation[:, i, j] - rotation[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    xy, xz, yz = (rotation[:, i, j] + rotation[:, j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
+    table = np.stack(
+        [
+            np.stack([1.0 + xx + yy + zz, wx, wy, wz], axis=1),
+            np.stack([wx, 1.0 + xx - yy - zz, xy, xz], axis=1),
+            np.stack([wy, xy, 1.0 - xx + yy - zz, yz], axis=1),
+            np.stack([wz, xz, yz, 1.0 - xx - yy + zz], axis=1),
+        ],
+        axis=1,
+    )
+    best = np.argmax(np.diagonal(table, axis1=1, axis2=2), axis=1)
+    row = table[np.arange(len(table)), best]
+    unit = row / np.linalg.norm(row, axis=1, keepdims=True)
+    turns = np.where((unit[1:] * unit[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(unit * np.concatenate([[1.0], np.cumprod(turns)])[:, None], float)
