@@ -256,6 +256,15 @@ class Plant:
         k.derivatives(self.y, controls.duration, controls, around, self._bound)
         return self.scratch.rate.copy()
 
+    def air_load(self) -> Floats:
+        """(6,) N, N m: the wings' air load at the last stage, on the body about its origin, body axes.
+
+        The sum of `part_loads`.
+        """
+        out = np.empty(6)
+        k.air_load(self._bound, out)
+        return out
+
     def wing_loads(self) -> Floats:
         """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.
 

@@ -563,6 +563,33 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
 
 
 @kernel
+def air_load(bound: Bound, out: Floats) -> None:
+    """Fill ``out`` (6,) N, N m with the wings' air load of the last stage, on the body about its origin, body axes.
+
+    Of all strips, and of what the aerodynamic model tells of the body alone; without the apparent mass.
+    """
+    p, s = bound_values(bound)
+    wing_places(s.tree, p.wings, s.wings)
+    motion, loads = s.wings.motion, s.wings.loads
+    force = s.work[0]
+    out[:] = 0.0
+    for part in range(loads.parts.shape[0]):
+        for n in range(motion.place.shape[1]):
+            forward, upward = loads.parts[part, 0, n], loads.parts[part, 1, n]
+            outward, nose_up = loads.parts[part, 2, n], loads.parts[part, 3, n]
+            for i in range(3):
+                span, chord, normal = motion.axes[0, i, n], motion.axes[1, i, n], motion.axes[2, i, n]
+                force[i] = forward * chord + upward * normal + outward * span
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                turning = motion.axes[1, j, n] * motion.axes[2, k, n] - motion.axes[1, k, n] * motion.axes[2, j, n]
+                out[i] += force[i]
+                out[3 + i] += motion.place[j, n] * force[k] - motion.place[k, n] * force[j] + nose_up * turning
+        for i in range(6):
+            out[i] += loads.body[part, i]
+
+
+@kernel
 def follow(y: Floats, commands: Floats, around: Surroundings, bound: Bound, history: Floats) -> bool:
     """Advance ``y`` in place through intervals one after another, without coming back to Python in between.
 

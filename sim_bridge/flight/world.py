@@ -268,8 +268,7 @@ class SimulatedWorld:
 
     def truth_loads(self) -> TruthLoads:
         """Air loads of wings and tail near the end of the last step."""
-        wings = self.plant.wing_loads().sum(axis=0) + self.plant.scratch.wings.loads.body.sum(axis=0)
-        return TruthLoads(self.time_us, *wings.tolist(), *self.plant.scratch.plate_load.tolist())
+        return TruthLoads(self.time_us, *self.plant.air_load().tolist(), *self.plant.scratch.plate_load.tolist())
 
     def _record(self) -> None:
         if self.time_us < self._next_record_us:

@@ -258,6 +258,7 @@ def test_the_parts_sum_to_all_that_the_air_does_to_the_aircraft(name: str, case:
     total += inertia_and_load(plant, told)[1][:6] - alone - drag
     scale = max(float(np.max(np.abs(part))) for part in (parts, alone))
     assert parts.sum(axis=0) == pytest.approx(total, abs=1e-12 * scale)
+    assert plant.air_load() == pytest.approx(parts.sum(axis=0), abs=1e-12 * scale)
     assert np.max(np.abs(parts)) > 0.1
 
 
