@@ -24,6 +24,8 @@ MOST_PEERS = 16
 """A link serves no more than this many; the one that was silent longest makes room."""
 HALF_OPEN = 60.0
 """s; of silence after which a TCP connection makes room for a new one where there is none left"""
+GONE = 60.0
+"""s; of silence after which a UDP station is sent nothing more: it may have come back on another port"""
 _CHUNK = 65536
 _MOST_DATAGRAMS = 100
 _BACKLOG = 1 << 18
@@ -128,7 +130,16 @@ class UdpServer:
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
         self._now = now
+        self._forget_silent()
         return self._mailbox.receive(self.portion)
+
+    def _forget_silent(self) -> None:
+        """Who was heard last stays: it may be that only his own words are lost."""
+        if len(self._heard) > 1:
+            last = max(self._heard.values())
+            self._heard = {
+                peer: heard for peer, heard in self._heard.items() if heard == last or self._now - heard <= GONE
+            }
 
     def welcome(self, peer: Peer) -> None:
         """Remember where a valid frame came from."""

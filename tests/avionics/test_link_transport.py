@@ -23,7 +23,7 @@ from avionics.link.channel import PORTION
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
-from avionics.link.transport import HALF_OPEN, MOST_PEERS, Packet, Transport, open_stream, open_transport
+from avionics.link.transport import GONE, HALF_OPEN, MOST_PEERS, Packet, Transport, open_stream, open_transport
 from avionics.link.urls import FORMS, LinkUrl, parse_url
 from avionics.quantities import BadInput
 
@@ -114,6 +114,26 @@ def test_bytes_go_both_ways(ear: str, mouth: str, kind: socket.SocketKind) -> No
     server.send(b"down")
     assert _receive(client)[0].data == b"down"
     client.close()
+    server.close()
+
+
+def test_a_station_that_left_a_udp_port_is_sent_nothing_more_and_the_last_one_always_is() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    server = open_transport(f"udpin:127.0.0.1:{port}")
+    server.receive(0.0)
+    server.welcome("left")
+    server.receive(10.0)
+    server.welcome("stays")
+    server.receive(GONE)
+    assert server.peers == ("left", "stays")
+    server.receive(GONE + 1.0)
+    assert server.peers == ("stays",)
+    server.receive(10.0 * GONE)
+    assert server.peers == ("stays",), "who hears us may be one whose own words are lost"
+    server.welcome("left")
+    assert set(server.peers or ()) == {"left", "stays"}
+    server.receive(10.0 * GONE + 0.1)
+    assert server.peers == ("left",)
     server.close()
 
 
