@@ -19,10 +19,10 @@ from groundstation.command.gcs_session import Session, Verb
 from groundstation.link import modes, orders, parameters
 from groundstation.link.answers import NoAnswer
 from groundstation.link.exchange import Exchange
-from groundstation.link.vehicle_state import VehicleState
+from groundstation.link.vehicle_state import VehicleState, is_ours
 
 ALTITUDE = 20.0
-"""m; above home, to climb to where none is said"""
+"""m; above home, to climb to where none is said, not by the vehicle's plan either"""
 SHOWN = 5.0
 """s; for a heartbeat to show what was acknowledged: three of them can be lost"""
 LOWEST = 1.0
@@ -41,7 +41,7 @@ def add_verbs(verbs: Any) -> None:
         "--altitude",
         type=options.positive,
         metavar="M",
-        help="above home, to climb to (20; ArduPlane: its TKOFF_ALT)",
+        help="above home, to climb to (as its mission says; PX4, copters: 20; ArduPlane: its TKOFF_ALT)",
     )
     _add_goto(verbs.add_parser("goto", help="fly to a place and circle there"))
     verbs.add_parser("return", help="come back home")
@@ -117,7 +117,8 @@ def takeoff(session: Session) -> None:
     if orders.flies_by_modes(session.state) and altitude is not None:
         _set_takeoff_altitude(session, altitude)
     home = session.home() if orders.counts_from_the_sea(session.state) else None
-    altitude = ALTITUDE if altitude is None else altitude
+    if altitude is None:
+        altitude = math.nan if is_ours(session.state) else ALTITUDE
     obey(session, orders.takeoff(session.connection, altitude, home), "takeoff")
 
 

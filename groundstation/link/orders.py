@@ -112,7 +112,7 @@ def resulting_modes(state: VehicleState, verb: str) -> frozenset[int]:
 
 
 def takeoff(connection: Connection, altitude: float, home: Home | None) -> Exchange:
-    """Climb to ``altitude`` (m above home); ``home`` for who counts from the sea.
+    """Climb to ``altitude`` (m above home, NaN for what is planned); ``home`` for who counts from the sea.
 
     An aeroplane of ArduPilot's does it by its mode TAKEOFF, to the altitude of its parameter `TAKEOFF_ALTITUDE`.
     """

@@ -135,7 +135,9 @@ def test_recordings_have_our_mode_and_our_airspeed(identity: Identity) -> None:
     assert entry is not None and entry.message.airspeed == 7.5
 
 
-def test_a_takeoff_tells_the_mode_that_it_leads_to_not_the_one_before(vehicle: str, capsys: Capture) -> None:
+def test_a_takeoff_tells_the_mode_that_it_leads_to_and_leaves_the_planned_altitude(
+    vehicle: str, capsys: Capture
+) -> None:
     circuit = str(Path(__file__).parents[2] / "avionics" / "missions" / "circuit.toml")
     with contextlib.closing(Connection(vehicle)) as connection:
         connection.listen(20.0, lambda state: (state.time or 0.0) > ALIGNED)
@@ -143,3 +145,4 @@ def test_a_takeoff_tells_the_mode_that_it_leads_to_not_the_one_before(vehicle: s
     capsys.readouterr()
     assert gcs(vehicle, "takeoff", "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"done": "takeoff accepted", "mode": "AUTO", "armed": True}
+    assert gcs(vehicle, "mission", "diff", circuit) == 0
