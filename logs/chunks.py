@@ -67,6 +67,8 @@ class ChunkSpan(NamedTuple):
     """offsets of the message index records by channel, when the summary told them; not yet looked at"""
     entries: dict[int, Entries]
     """message indexes by channel, when the chunk was walked through"""
+    index_size: int = 0
+    """bytes of the message index records behind the chunk, when the summary told it"""
 
     @property
     def channels(self) -> set[int]:
@@ -165,13 +167,18 @@ def walk(content: bytes) -> Contents:
 
 
 def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | None:
-    """The message index of one channel as the file has it, unchecked; None when it cannot be read."""
+    """The message index of one channel as the file has it, unchecked; None when it cannot be read.
+
+    Nor is it read where it does not go forward: it would name a message twice.
+    """
     if channel in chunk.entries:
         return chunk.entries[channel]
     try:
-        return stored_entries(data, chunk.indexes[channel])
+        entries = stored_entries(data, chunk.indexes[channel])
     except Damage:
         return None
+    offsets = entries["offset"]
+    return entries if np.all(offsets[1:] > offsets[:-1]) else None
 
 
 def entries_of(data: Buffer, chunk: ChunkSpan, content: bytes, channel: int) -> Entries:

@@ -30,6 +30,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from avionics.quantities import BadInput
+from logs.checksums import Checksums, encode_checksums
 
 LIBRARY = "wingbeat"
 ENTRY = struct.Struct("<QQ")
@@ -115,6 +116,8 @@ class Container:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
+        self._index_crc = 0
+        self._metadata_crcs: dict[int, int] = {}
         self._write(MCAP0_MAGIC + encode(Header(profile="", library=LIBRARY)))
 
     def define(self, schema: Schema | None, channel: Channel) -> None:
@@ -145,7 +148,9 @@ class Container:
         for channel, record in chunk.indexes.items():
             offsets[channel] = offset
             offset += len(record)
-        self._write(b"".join((chunk.record, *chunk.indexes.values())))
+        indexes = b"".join(chunk.indexes.values())
+        self._write(chunk.record + indexes)
+        self._index_crc = zlib.crc32(indexes, self._index_crc)
         for channel, record in chunk.indexes.items():
             self._counts[channel] = self._counts.get(channel, 0) + (len(record) - _INDEX.size) // ENTRY.size
         self._chunks.append(
@@ -173,12 +178,13 @@ class Container:
         index = MetadataIndex(offset=self.size, length=len(record), name=name)
         self._write(record)
         self._metadata.append(index)
+        self._metadata_crcs[index.offset] = zlib.crc32(record)
 
     def finish(self) -> None:
         """Write the summary and the footer."""
         self._write(encode(DataEnd(self._crc)))
         start = self.size
-        summary = self._summary(start)
+        summary = self._summary(start) + encode_checksums(Checksums(self._index_crc, self._metadata_crcs))
         offset_start = start + len(summary)
         summary += b"".join(encode(offset) for offset in self._offsets)
         head = _RECORD.pack(Opcode.FOOTER, 20) + struct.pack("<QQ", start, offset_start)

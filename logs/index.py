@@ -24,19 +24,27 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from logs.checksums import OPCODE as CHECKSUMS
+from logs.checksums import Checksums, decode_checksums
 from logs.chunks import ChunkSpan, chunk_at, loose_messages, stored_entries, unpack, walk
 from logs.container import encode
 from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
 
 _FOOTER_SIZE = HEAD.size + 20
+_DATA_END_SIZE = HEAD.size + 4
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """times of the first and the last message, offset and length of the chunk, bytes of the list that follows"""
 _PLACE = struct.Struct("<HQ")
 """channel, and offset of its message index"""
+_INDEX_SIZE = struct.Struct("<Q")
+"""bytes of the message indexes behind the chunk, next in its index"""
 _ZSTD_NAME = b"\x04\x00\x00\x00zstd"
 _NAME_OFFSET = HEAD.size + 28
 """Bytes between the start of a chunk record and the name of its compression."""
 
+ALTERED = "something beside the messages and attachments does not match the file's checksum"
+_BLOCK = 1 << 20
+"""Bytes read at a time."""
 _SELF_CONTAINED = (Opcode.ATTACHMENT,)
 """Damage in it does not concern its length, or the next record will not be one."""
 _FIRST_PRIVATE = 0x80
@@ -61,10 +69,12 @@ class Index:
     metadata: list[Span] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=dict)
     """messages by channel"""
+    checksums: Checksums | None = None
+    """of what is under no CRC of MCAP's own; None where the file has none"""
+    data_end: Span | None = None
+    """the record that ends the data and has their CRC; None where there is none, or none was passed yet"""
     complete: bool = True
     """the file ends as a finished recording does"""
-    ended: bool = False
-    """the end of the data was passed while scanning"""
     damage: list[str] = field(default_factory=list)
     """what is wrong with the file, one line each"""
     dropped: list[tuple[int, int]] = field(default_factory=list)
@@ -111,6 +121,9 @@ def _from_summary(data: Buffer, start: int, stop: int) -> Index | None:
     if position != stop or statistics is None or not _covers(index, statistics):
         return None
     index.counts = {channel: count for channel, count in statistics.channel_message_counts.items() if count}
+    last = record_at(data, start - _DATA_END_SIZE, start)
+    index.data_end = last if last is not None and last.opcode == Opcode.DATA_END else None
+    index.metadata = [span for span in index.metadata if _vouched(index, data, span)]
     return index
 
 
@@ -122,8 +135,44 @@ def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> N
         index.attachments.append(expected(data, Opcode.ATTACHMENT, place.offset, stop))
     elif span.opcode == Opcode.METADATA_INDEX:
         index.metadata.append(expected(data, Opcode.METADATA, parse(MetadataIndex, data, span).offset, stop))
+    elif span.opcode == CHECKSUMS:
+        index.checksums = decode_checksums(data, span)
     else:
         _define(index, data, span)
+
+
+def _vouched(index: Index, data: Buffer, span: Span) -> bool:
+    """Whether a metadata record is what its checksum says, if there is one; what it says where it is not."""
+    known = None if index.checksums is None else index.checksums.metadata.get(span.offset, -1)
+    if known in (None, zlib.crc32(data[span.offset : span.end])):
+        return True
+    _drop(index, span.offset, span.end, f"metadata at byte {span.offset} does not match its checksum")
+    return False
+
+
+def data_intact(data: Buffer, index: Index) -> bool | None:
+    """Whether everything before the summary is as it was written, read against its CRC; None where there is none."""
+    if index.data_end is None:
+        return None if index.checksums is None else False  # who writes the one writes the other
+    stored = int.from_bytes(data[index.data_end.body : index.data_end.end], "little")
+    return _crc(data, index.data_end.offset) == stored if stored else None
+
+
+def _crc(data: Buffer, stop: int) -> int:
+    crc = 0
+    for start in range(0, stop, _BLOCK):
+        crc = zlib.crc32(data[start : min(start + _BLOCK, stop)], crc)
+    return crc
+
+
+def indexes_intact(data: Buffer, index: Index) -> bool:
+    """Whether all message indexes are as they were written; False where no checksum says so."""
+    if index.checksums is None:
+        return bool(data_intact(data, index))
+    crc = 0
+    for chunk in index.chunks:
+        crc = zlib.crc32(data[chunk.span.end : chunk.span.end + chunk.index_size], crc)
+    return crc == index.checksums.indexes
 
 
 def _covers(index: Index, statistics: Statistics) -> bool:
@@ -143,12 +192,15 @@ def _covers(index: Index, statistics: Statistics) -> bool:
 def _indexed_chunk(data: Buffer, span: Span, stop: int) -> ChunkSpan:
     """The chunk that a chunk index tells of; read here, in a tenth of the package's time: an hour has 14,000."""
     start_ns, end_ns, place, _, size = _CHUNK_INDEX.unpack_from(data, span.body)
-    places = data[span.body + _CHUNK_INDEX.size : span.body + _CHUNK_INDEX.size + size]
-    if size % _PLACE.size or len(places) != size:
+    end = span.body + _CHUNK_INDEX.size + size
+    places = data[span.body + _CHUNK_INDEX.size : end]
+    if size % _PLACE.size or len(places) != size or end + _INDEX_SIZE.size > span.end:
         raise Damage(f"chunk index at byte {span.offset} has lengths that contradict each other")
     chunk = chunk_at(data, expected(data, Opcode.CHUNK, place, stop))
     # The header of a chunk is under no CRC of its own, the summary is.
-    return chunk._replace(start_ns=start_ns, end_ns=end_ns, indexes=dict(_PLACE.iter_unpack(places)))
+    (index_size,) = _INDEX_SIZE.unpack_from(data, end)
+    indexes = dict(_PLACE.iter_unpack(places))
+    return chunk._replace(start_ns=start_ns, end_ns=end_ns, indexes=indexes, index_size=index_size)
 
 
 def _define(index: Index, data: Buffer, span: Span) -> None:
@@ -177,7 +229,10 @@ def scan(data: Buffer) -> Index:
             position = _skip(index, data, position, stop)
     if not index.complete:
         index.damage.append("the file was cut off before its end")
+    index.metadata = [span for span in index.metadata if _vouched(index, data, span)]
     _walk_chunks(index, data)
+    if index.complete and not index.damage and data_intact(data, index) is False:
+        index.damage.append(ALTERED)
     return index
 
 
@@ -261,10 +316,12 @@ def _check_exact(record: McapRecord, data: Buffer, span: Span) -> None:
 def _pass(index: Index, data: Buffer, span: Span) -> None:
     """Check a record that nothing is taken from; the summary's have their place behind the end of the data."""
     if span.opcode == Opcode.DATA_END and span.length == HEAD.size + 4:
-        index.ended = True
+        index.data_end = span
     elif span.opcode == Opcode.MESSAGE_INDEX:
         stored_entries(data, span.offset)
-    elif not (span.opcode == Opcode.HEADER or (index.ended and span.opcode in _SUMMARY_ONLY)):
+    elif index.data_end is not None and span.opcode == CHECKSUMS:
+        index.checksums = decode_checksums(data, span)
+    elif not (span.opcode == Opcode.HEADER or (index.data_end is not None and span.opcode in _SUMMARY_ONLY)):
         raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,7 +22,7 @@ from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, 
 from logs.codecs import decode_event, decode_text, value_decoder
 from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
 from logs.frames import frame
-from logs.index import Index, read_index
+from logs.index import ALTERED, Index, data_intact, indexes_intact, read_index
 from logs.layout import Layout
 from logs.recorder import RECORDING
 from logs.records import Damage, attachment_at, parse
@@ -216,12 +216,13 @@ class Log:
         return {name: self._table(name, boot, window, rows) for name in names}
 
     def times(self, topic: str | Topic) -> NDArray[np.float64]:
-        """Log times (s since boot) of a topic's messages, in the order of the file, by its message indexes alone.
+        """Log times (s since boot) of a topic's messages, in the order of the file.
 
-        Much faster than `columns` and unchecked: a message index is under no checksum.
+        By the message indexes alone and much faster than `columns` where a checksum vouches for them, as it does in
+        every file of ours; else the messages themselves are looked at.
 
         Raises:
-            BadInput: the log has no such topic, or a chunk's own index of it cannot be made.
+            BadInput: the log has no such topic, or a part of the file is damaged.
         """
         name = topic if isinstance(topic, str) else topic.name
         parts = [self._listed_times(channel.id) for channel in self._channels(name)]
@@ -229,13 +230,29 @@ class Log:
 
     def _listed_times(self, channel: int) -> NDArray[np.int64]:
         chunks = [chunk for chunk in self._index.chunks if channel in chunk.indexes or channel in chunk.entries]
-        if all(channel in chunk.indexes for chunk in chunks):
+        if self._indexes_intact and all(channel in chunk.indexes for chunk in chunks):
             offsets = np.array([chunk.indexes[channel] for chunk in chunks], np.int64)
             times = listed_times(self._data, offsets, channel)
             if times is not None:
                 return times
-        parts = [self._checked(partial(self._listed, chunk, channel))["time"].astype(np.int64) for chunk in chunks]
+        parts = [entries[channel]["time"].astype(np.int64) for entries in self._looked_up if channel in entries]
         return np.concatenate([np.empty(0, np.int64), *parts])
+
+    @cached_property
+    def _indexes_intact(self) -> bool:
+        """Whether the message indexes may be believed without a look at the messages."""
+        return indexes_intact(self._data, self._index)
+
+    @cached_property
+    def _looked_up(self) -> list[dict[int, Entries]]:
+        """The messages of every chunk by channel, each of them looked at."""
+        return [self._checked(partial(self._entries, chunk, chunk.channels)) for chunk in self._chunks()]
+
+    def _entries(self, chunk: ChunkSpan, channels: Iterable[int]) -> dict[int, Entries]:
+        if chunk.entries:
+            return chunk.entries
+        content = unpack(self._data, chunk)
+        return {channel: entries_of(self._data, chunk, content, channel) for channel in channels}
 
     def order(self, topics: Iterable[str | Topic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Messages of several topics in the order in which they were written, whatever their times.
@@ -251,7 +268,8 @@ class Log:
         for chunk in self._chunks():
             present = [(i, channel) for i, channel in enumerate(channels) if channel in chunk.channels]
             if present:
-                listed = [self._checked(partial(self._listed, chunk, channel)) for _, channel in present]
+                looked_up = self._checked(partial(self._entries, chunk, [channel for _, channel in present]))
+                listed = [looked_up[channel] for _, channel in present]
                 entries = np.concatenate(listed)
                 along = np.argsort(entries["offset"], kind="stable")
                 kinds.append(np.repeat([i for i, _ in present], [len(each) for each in listed])[along])
@@ -337,6 +355,8 @@ class Log:
                 attachment_at(self._data, span)
             except Damage as damage:
                 wrong.append(str(damage))
+        if not wrong and data_intact(self._data, self._index) is False:
+            wrong.append(ALTERED)
         return wrong
 
     # --- inside -----------------------------------------------------------------------------------------
@@ -358,10 +378,6 @@ class Log:
             None if deterministic is None else deterministic == "true",
             layout_in_file(channel, schema),
         )
-
-    def _listed(self, chunk: ChunkSpan, channel: int) -> Entries:
-        entries = listed_entries(self._data, chunk, channel)
-        return entries_of(self._data, chunk, unpack(self._data, chunk), channel) if entries is None else entries
 
     def _channels(self, topic: str) -> list[Channel]:
         found = [channel for channel in self._index.channels.values() if channel.topic == topic]

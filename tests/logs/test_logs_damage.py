@@ -9,18 +9,23 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from recorded import ALL_TOPICS, EPOCH_NS, flight, record
 
+from avionics import messages as m
 from avionics import topics
 from avionics.quantities import BadInput
+from logs.checksums import OPCODE, Checksums, decode_checksums, encode_checksums
+from logs.index import ALTERED
 from logs.reader import open_log
 from logs.recorder import McapRecorder
-from logs.records import HEAD, Span, records
+from logs.records import HEAD, Damage, Span, records
 from logs.recover import recover
 from sim_bridge import topics as truth_topics
 
@@ -166,6 +171,76 @@ def test_a_wrong_message_index_is_not_believed(tmp_path: Path, whole: bytes, fie
     log = open_log(path)
     assert log.columns(topics.IMU)["accel_x"].tolist() == [message.accel_x for message in EXPECTED["/sensors/imu"]]
     assert log.events() == EXPECTED["/system/events"]
+
+
+def altered(path: Path, whole: bytes, place: int, bit: int = 0) -> Path:
+    data = bytearray(whole)
+    data[place] ^= 1 << bit
+    path.write_bytes(data)
+    return path
+
+
+def test_altered_metadata_are_left_out_and_told(tmp_path: Path, whole: bytes) -> None:
+    """GIVEN a note whose text was altered THEN the rest is there, it is not, and the file says so."""
+    span = next(span for span in spans_of(whole, Opcode.METADATA) if b"flight" in whole[span.offset : span.end])
+    path = altered(tmp_path / "a.mcap", whole, span.end - 1)
+    log = open_log(path)
+    assert log.damage == (f"metadata at byte {span.offset} does not match its checksum",)
+    assert log.verify() == list(log.damage) and log.metadata.keys() == {"wingbeat.recording"}
+    assert times_read(path)["/sensors/imu"] == recorded_times("/sensors/imu")
+    recovery = recover(path)
+    assert recovery.damage == log.damage and recovery.messages == sum(map(len, EXPECTED.values()))
+    assert recovery.torn is not None and b"robo_raven_ii_d" in recovery.torn.read_bytes()
+    assert open_log(path).verify() == []
+
+
+@pytest.mark.parametrize("bit", [0, 20, 27])
+def test_an_altered_time_in_a_message_index_changes_no_time_and_no_order(
+    tmp_path: Path, whole: bytes, bit: int
+) -> None:
+    span = spans_of(whole, Opcode.MESSAGE_INDEX)[3]
+    path = altered(tmp_path / "a.mcap", whole, span.body + 6 + 16 + bit // 8, bit % 8)
+    (tmp_path / "whole.mcap").write_bytes(whole)
+    log, known = open_log(path), open_log(tmp_path / "whole.mcap")
+    for topic in CHOSEN:
+        assert log.times(topic).tolist() == known.times(topic).tolist()
+    assert [part.tolist() for part in log.order(CHOSEN)] == [part.tolist() for part in known.order(CHOSEN)]
+    assert log.verify() == [ALTERED] and not log.damage
+    recovery = recover(path)
+    assert recovery.damage == (ALTERED,) and recovery.torn is None and open_log(path).verify() == []
+
+
+def test_a_message_index_that_names_a_message_twice_is_not_believed(tmp_path: Path) -> None:
+    """GIVEN two messages of one time, and the second entry leading to the first WHEN read THEN both are there."""
+    path = record(tmp_path / "a.mcap", [(topics.HEALTH, m.Health(5000, 0, 0, ticks)) for ticks in range(2)])
+    data = bytearray(path.read_bytes())
+    first = spans_of(bytes(data), Opcode.MESSAGE_INDEX)[0].body + 6
+    data[first + 24 : first + 32] = data[first + 8 : first + 16]
+    path.write_bytes(data)
+    assert open_log(path).columns(topics.HEALTH)["ticks"].tolist() == [0, 1]
+
+
+def test_times_of_a_file_without_our_checksums_are_looked_up_in_its_messages(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/a", "json", writer.register_schema("a", "jsonschema", b"{}"))
+        for time in range(0, 1000, 10):
+            writer.add_message(channel, time, b"{}", time)
+        writer.finish()
+    whole = path.read_bytes()
+    span = spans_of(whole, Opcode.MESSAGE_INDEX)[0]
+    log = open_log(altered(path, whole, span.body + 6 + 16))
+    assert log.times("/a") == pytest.approx(1e-9 * np.arange(0, 1000, 10))
+
+
+def test_checksums_of_another_program_are_passed_over() -> None:
+    ours = encode_checksums(Checksums(7, {8: 9}))
+    assert decode_checksums(ours, Span(OPCODE, 0, len(ours))) == Checksums(7, {8: 9})
+    assert decode_checksums(b"\x80" + bytes(40), Span(OPCODE, 0, 41)) is None
+    with pytest.raises(Damage, match="lengths that contradict"):
+        decode_checksums(ours[:-1], Span(OPCODE, 0, len(ours) - 1))
 
 
 def test_chunks_behind_a_wrong_length_are_found_again(tmp_path: Path, whole: bytes) -> None:

@@ -1,0 +1,51 @@
+"""CRCs of what MCAP itself puts under none: message indexes and metadata.
+
+They stand in a private record of the summary, which the summary's own CRC vouches for and other readers pass over.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from logs.records import HEAD, Buffer, Damage, Span
+
+OPCODE = 0x80
+"""Of the record; other programs may use it too, so that it begins with a name."""
+_NAME = b"wingbeat.checksums"
+_INDEXES = struct.Struct("<I")
+_METADATA = struct.Struct("<QI")
+
+
+class Checksums(NamedTuple):
+    """CRC32 of a file's parts."""
+
+    indexes: int
+    """of all message index records, one chunk's behind the other's"""
+    metadata: Mapping[int, int]
+    """of each metadata record, by its offset in the file"""
+
+
+def encode_checksums(checksums: Checksums) -> bytes:
+    """The whole record."""
+    pairs = b"".join(_METADATA.pack(offset, crc) for offset, crc in checksums.metadata.items())
+    body = _NAME + _INDEXES.pack(checksums.indexes) + pairs
+    return HEAD.pack(OPCODE, len(body)) + body
+
+
+def decode_checksums(data: Buffer, span: Span) -> Checksums | None:
+    """What the record at ``span`` says; None where it is another program's.
+
+    Raises:
+        Damage: its length cannot be that of such a record.
+    """
+    body = bytes(data[span.body : span.end])
+    if not body.startswith(_NAME):
+        return None
+    try:
+        (indexes,) = _INDEXES.unpack_from(body, len(_NAME))
+        pairs = _METADATA.iter_unpack(body[len(_NAME) + _INDEXES.size :])
+        return Checksums(indexes, dict(pairs))
+    except struct.error:
+        raise Damage(f"checksums at byte {span.offset} have lengths that contradict each other") from None
