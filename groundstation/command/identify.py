@@ -21,7 +21,8 @@ EXAMPLES = (
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
     " of power: the same regression on this flight's noise-free drive, which varies with the flight",
-    "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres",
+    "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres,"
+    " notes: what the log does not tell and was taken from elsewhere",
     "missing": "list of {name, reason}: what the log does not give",
 }
 

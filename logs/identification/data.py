@@ -37,10 +37,12 @@ class FlightData(NamedTuple):
     """rad; what the manoeuvre added to the elevator"""
     aborted: Array
     """-; 1 where an envelope limit ended the manoeuvre"""
+    notes: tuple[str, ...] = ()
+    """-; what the log does not tell and was taken from elsewhere, one clause each"""
 
 
 class DriveData(NamedTuple):
-    """The wing drives of one flight; three time bases, all in seconds."""
+    """The wing drives of one flight; three time bases, all in seconds. K is 0 where no wing motion is known."""
 
     power_time: Array
     """s; (N,), end of the averaging window"""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -14,6 +14,8 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
+from logs.identification.flapping import strokes_in
+from logs.identification.inputs import find_inputs
 from logs.identification.results import Array
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
@@ -65,8 +67,17 @@ class _Table:
 
 
 def _strokes(source: ColumnSource) -> tuple[_Table, Array]:
-    wing = _Table(source, topics.WING, "phase", "angle_left", "angle_right")
-    return wing, strokes_of(wing["phase"])
+    """The wing's angles, and strokes at their times by its phase, or by the left angle where no phase is told."""
+    try:
+        wing = _Table(source, topics.WING, "phase", "angle_left", "angle_right")
+        return wing, strokes_of(wing["phase"])
+    except BadInput as missing:
+        try:
+            wing = _Table(source, topics.WING, "angle_left", "angle_right")
+            time = _time_base(wing.time)
+            return wing, np.interp(wing.time, time, strokes_in(time, wing.linear("angle_left", time)))
+        except BadInput:
+            raise missing from None
 
 
 def _time_base(time: Array) -> Array:
@@ -76,50 +87,135 @@ def _time_base(time: Array) -> Array:
     return base
 
 
+class _Taken(NamedTuple):
+    """A signal at the times asked for, and where it is from when not from its own topic."""
+
+    values: Array
+    note: str = ""
+
+
+class _Excited(NamedTuple):
+    """The last fields of `FlightData`."""
+
+    active: Array
+    manoeuvre: Array
+    excitation: Array
+    aborted: Array
+    note: str = ""
+
+
 def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEUTRAL) -> FlightData:
     """Longitudinal motion of the flight in a log, the IMU's samples corrected by its ``calibration``.
 
+    What a log of another program lacks is taken from what it has, and told in ``notes``: the manoeuvres from the
+    elevator's motion, the strokes from the wing's angle or the specific force, the airspeed from that over ground.
+
     Raises:
-        BadInput: a topic is missing, or nothing was excited.
+        BadInput: a topic is missing and nothing can stand for it, or nothing was excited.
     """
-    excitation = _Table(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
-    if not np.any(excitation["active"]):
-        raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
     imu = _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
-    wing, strokes = _strokes(source)
     attitude = _Table(source, topics.ATTITUDE, "pitch", "bias_y")
     time = _time_base(imu.time)
+    accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
+    elevator = _elevator(source).held("elevator", time)
+    climb = _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
+    airspeed, strokes = _airspeed(source, time, climb), _flown_strokes(source, time, accel_z)
+    excited = _excitation(source, time, elevator, strokes.values)
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
         (imu.linear("accel_x", time) - calibration.accel_offset[0]) * calibration.accel_scale[0],
-        (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2],
+        accel_z,
         attitude.linear("pitch", time),
-        _Table(source, topics.AIR_DATA, "airspeed").linear("airspeed", time),
-        _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time),
-        _Table(source, topics.ACTUATORS, "elevator").held("elevator", time),
-        np.interp(time, wing.time, strokes),
-        excitation.held("active", time),
-        excitation.held("manoeuvre", time),
-        excitation.held("elevator", time),
-        excitation.held("aborted", time),
+        airspeed.values,
+        climb,
+        elevator,
+        strokes.values,
+        excited.active,
+        excited.manoeuvre,
+        excited.excitation,
+        excited.aborted,
+        tuple(note for note in (excited.note, strokes.note, airspeed.note) if note),
     )
+
+
+def _excitation(source: ColumnSource, time: Array, elevator: Array, strokes: Array) -> _Excited:
+    """The manoeuvres as their topic tells them, or as the elevator shows them where there is none."""
+    try:
+        told = _Table(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
+    except BadInput as missing:
+        return _found(time, elevator, strokes, missing)
+    if not np.any(told["active"]):
+        raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
+    active, manoeuvre, added, aborted = (told.held(f, time) for f in ("active", "manoeuvre", "elevator", "aborted"))
+    return _Excited(active, manoeuvre, added, aborted)
+
+
+def _found(time: Array, elevator: Array, strokes: Array, missing: BadInput) -> _Excited:
+    try:
+        inputs = find_inputs(time, elevator, strokes)
+    except BadInput as reason:
+        raise BadInput(f"{missing}, and {reason}") from None
+    note = "manoeuvres: the elevator's quick movements from rest to rest"
+    return _Excited(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
+
+
+def _elevator(source: ColumnSource) -> _Table:
+    try:
+        return _Table(source, topics.ACTUATORS, "elevator")
+    except BadInput as missing:
+        hint = "a mapping can make it of sticks or pulse widths, by scale and offset"
+        raise BadInput(f"{missing}: the elevator's angle; {hint}") from None
+
+
+def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:
+    try:
+        return _Taken(_Table(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
+    except BadInput as missing:
+        try:
+            ground = _Table(source, topics.POSITION, "v_north", "v_east")
+        except BadInput:
+            raise missing from None
+    north, east = (ground.linear(field, time) for field in ("v_north", "v_east"))
+    return _Taken(np.sqrt(north**2 + east**2 + climb**2), "airspeed: the speed over ground, as in still air")
+
+
+def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
+    """Strokes by the wing's phase, its angle, or what flapping does to the body."""
+    try:
+        wing, strokes = _strokes(source)
+        return _Taken(np.interp(time, wing.time, strokes))
+    except BadInput as missing:
+        try:
+            strokes = strokes_in(time, accel_z)
+        except BadInput as reason:
+            raise BadInput(f"{missing}, and its specific force tells no strokes: {reason}") from None
+    return _Taken(strokes, "strokes: by the specific force")
 
 
 def drive_data(source: ColumnSource) -> DriveData:
     """The wing drives in a log, as measured by strain gauges, encoders and power sensors.
+
+    A stand without encoders gives no motion of the wings, which the torque model does without.
 
     Raises:
         BadInput: a topic is missing.
     """
     torque = _Table(source, topics.DRIVE_TORQUE, "left", "right")
     power = _Table(source, topics.POWER, "current", "voltage")
-    wing, strokes = _strokes(source)
     return DriveData(
         power.time, power["current"], power["voltage"], BURST_LENGTH / BURST_RATE,
-        torque.time, torque["left"], torque["right"],
-        wing.time, _rate(wing, "angle_left"), _rate(wing, "angle_right"), strokes,
+        torque.time, torque["left"], torque["right"], *_motion(source),
     )  # fmt: skip
+
+
+def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:
+    """Time, rates of both wings and strokes; all empty where they were not measured."""
+    try:
+        wing, strokes = _strokes(source)
+    except BadInput:
+        return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0)
+    return wing.time, _rate(wing, "angle_left"), _rate(wing, "angle_right"), strokes
 
 
 def _rate(wing: _Table, angle: str) -> Array:

@@ -73,8 +73,7 @@ def identify(
     missing: list[Unidentified] = []
     torque = power = modes = None
     if what in ("servo", "power", "all"):
-        servo = _attempt(lambda: _servo(source, what, aircraft), "servo model", missing)
-        torque, power = servo or ServoResult(None, None)
+        torque, power = _servo(source, what, aircraft, missing)
     if power is not None:
         known |= _power_truths(source, power)
     if what in ("modes", "all"):
@@ -92,10 +91,14 @@ def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:
         return None
 
 
-def _servo(source: ColumnSource, what: str, aircraft: Aircraft) -> ServoResult:
-    data = drive_data(source)
-    torque = None if what == "power" else identify_torque(data)
-    return ServoResult(torque, identify_power(data, aircraft.centre_current, aircraft.centre_voltage))
+def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Unidentified]) -> ServoResult:
+    """Each of the two models for itself: a stand that lacks what the one needs gives the other."""
+    data = _attempt(lambda: drive_data(source), "servo model", missing)
+    if data is None:
+        return ServoResult(None, None)
+    centre = aircraft.centre_current, aircraft.centre_voltage
+    torque = None if what == "power" else _attempt(lambda: identify_torque(data), "servo torque", missing)
+    return ServoResult(torque, _attempt(lambda: identify_power(data, *centre), "servo power", missing))
 
 
 def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
@@ -121,6 +124,7 @@ def rows(result: Identification) -> tuple[Row, ...]:
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
         table.append(Row("short period", "agreement", "", None, None, result.modes.statement))
+        table += [Row("short period", "taken", "", None, None, note) for note in result.modes.notes]
     return (*table, *_refusals("", result.missing))
 
 
@@ -185,6 +189,7 @@ def _modes(result: ModesResult, truths: Mapping[str, float]) -> dict[str, Any]:
         "agree": result.agree,
         "statement": result.statement,
         "manoeuvres": result.manoeuvres,
+        "notes": list(result.notes),
         "wing_period": result.wing_period,
         "reference": {key: float(value) for key, value in result.reference._asdict().items()},
     }

@@ -181,6 +181,8 @@ class _Strokes(NamedTuple):
 
 
 def _stroke_means(data: DriveData) -> _Strokes:
+    if not len(data.wing_time):
+        raise BadInput("the log has no motion of the wings (/main/wing), which the power model needs")
     half = data.window / 2
     first = max(data.power_time[0], data.torque_time[0], data.wing_time[0]) + half
     last = min(data.power_time[-1] - half, data.torque_time[-1], data.wing_time[-1])

@@ -56,6 +56,8 @@ class ModesResult(NamedTuple):
     """-; how many inputs were used"""
     wing_period: float
     """s; mean in the manoeuvres"""
+    notes: tuple[str, ...] = ()
+    """-; what the log does not tell and was taken from elsewhere"""
 
 
 def short_period_of(system: Array) -> tuple[float, float]:
@@ -159,7 +161,7 @@ def identify_modes(
     )
     agree, statement = _agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
-    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period)
+    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, data.notes)
 
 
 def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

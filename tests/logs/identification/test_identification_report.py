@@ -39,6 +39,10 @@ class RecordedTopics:
     def columns(self, topic: Topic) -> Mapping[str, Any]:
         return self.tables[topic.name]
 
+    def with_constant(self, topic: Topic, field: str) -> RecordedTopics:
+        table = self.tables[topic.name]
+        return RecordedTopics({**self.tables, topic.name: {**table, field: np.full_like(table[field], 0.1)}})
+
     def without(self, *gone: Topic) -> RecordedTopics:
         names = {topic.name for topic in gone}
         return RecordedTopics({name: table for name, table in self.tables.items() if name not in names})
@@ -201,9 +205,61 @@ def test_the_document_of_the_drives_is_strict_json(drive: RecordedTopics) -> Non
 
 @pytest.mark.parametrize("topic", [topics.IMU, topics.WING, topics.ACTUATORS, topics.EXCITATION, topics.AIR_DATA])
 def test_a_missing_topic_is_named_in_one_line(motion: RecordedTopics, topic: Topic) -> None:
+    """GIVEN a log in which nothing else tells what the topic would have THEN it is named."""
+    still = motion.with_constant(topics.ACTUATORS, "elevator") if topic is topics.EXCITATION else motion
+    still = motion.with_constant(topics.IMU, "accel_z") if topic is topics.WING else still
     with pytest.raises(BadInput, match=topic.name) as refusal:
-        identify(motion.without(topic), "modes", AIRCRAFT)
+        identify(still.without(topic), "modes", AIRCRAFT)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("gone", "notes"),
+    [
+        ((topics.EXCITATION,), ("manoeuvres",)),
+        ((topics.WING,), ("strokes",)),
+        ((topics.EXCITATION, topics.WING, topics.AIR_DATA), ("manoeuvres", "strokes", "airspeed")),
+    ],
+    ids=str,
+)
+def test_what_a_log_of_another_program_lacks_is_taken_from_what_it_has_and_told(
+    motion: RecordedTopics, gone: tuple[Topic, ...], notes: tuple[str, ...]
+) -> None:
+    airspeed = motion.tables[topics.AIR_DATA.name]["airspeed"]
+    climb = motion.tables[topics.ALTITUDE.name]["climb_rate"]
+    ground = {"time_us": motion.tables[topics.AIR_DATA.name]["time_us"], "v_east": 0 * airspeed}
+    ground |= {"v_north": np.sqrt(airspeed**2 - climb**2)}
+    source = RecordedTopics({**motion.tables, topics.POSITION.name: ground}).without(*gone)
+    found = identify(source, "modes", AIRCRAFT)
+    assert found.modes is not None and found.modes.manoeuvres == 6
+    assert tuple(note.partition(":")[0] for note in found.modes.notes) == notes
+    assert document(found)["modes"]["notes"] == list(found.modes.notes)
+    assert [row.note for row in rows(found) if row.name == "taken"] == list(found.modes.notes)
+    for mode in found.modes.modes:
+        assert mode.frequency is not None and mode.frequency.contains(FREQUENCY)
+        assert mode.damping is not None and mode.damping.contains(DAMPING)
+
+
+def test_a_stand_without_encoders_gives_the_torque_and_says_why_no_power(drive: RecordedTopics) -> None:
+    result = identify(drive.without(topics.WING, truth.WING), "servo")
+    assert result.torque is not None and result.power is None
+    assert {e.name: e.contains(t) for e, t in zip(result.torque.estimates, (K_TAU, K_TAU0), strict=True)} == {
+        "K_tau": True,
+        "K_tau0": True,
+    }
+    assert [(one.name, "/main/wing" in one.reason) for one in result.missing] == [("servo power", True)]
+
+
+def test_a_stand_that_tells_the_wings_angle_alone_gives_the_power_too(drive: RecordedTopics) -> None:
+    """GIVEN no phase THEN the strokes are counted by the angle, and the model is the same within its intervals."""
+    angles = {name: values for name, values in drive.tables[topics.WING.name].items() if name != "phase"}
+    told, counted = (
+        identify(source, "power").power
+        for source in (drive, RecordedTopics({**drive.tables, topics.WING.name: angles}))
+    )
+    assert told is not None and counted is not None
+    for one, other in zip(told.estimates, counted.estimates, strict=True):
+        assert one.name == other.name and other.contains(one.value)
 
 
 def test_a_flight_without_excitation_is_told_what_to_fly(motion: RecordedTopics) -> None:
