@@ -8,8 +8,9 @@ stamps inside these messages are epoch time, because viewers match them with the
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import Message as Protobuf
 
 from avionics import messages as m
 from avionics import topics
@@ -25,9 +27,6 @@ from avionics.recorder import Recorder
 from avionics.topics import Topic
 from logs.codecs import Stamped
 from sim_bridge import topics as truth_topics
-from sim_bridge.mechanism import place_of
-from sim_bridge.vehicles import SimulatedVehicle
-from sim_bridge.vehicles.sections import Plate
 
 TRANSFORMS = Topic("/view/transforms", FrameTransforms, 2000, 50.0, deterministic=False)
 SCENE = Topic("/view/scene", SceneUpdate, 2001, 1.0, deterministic=False)
@@ -86,28 +85,14 @@ class Pose(NamedTuple):
     """rad; positive yaws the nose right"""
 
 
-def shape_of(vehicle: SimulatedVehicle) -> Shape:
-    """Outline of a simulated vehicle; the tail is drawn as a square of its area, the fin half as high as long."""
-    wing, level, upright = vehicle.wing, _largest(vehicle, 2), _largest(vehicle, 1)
-    side = math.sqrt(level.area) if level else 0.0
-    tail = place_of(vehicle, level.body, level.place) if level else (0.0, 0.0, 0.0)
-    hinge = place_of(vehicle, wing.right)
-    return Shape(
-        semispan=wing.semispan,
-        chord=wing.root_chord,
-        hinge=(hinge[0], hinge[1], -hinge[2]),
-        nose=vehicle.fuselage.contact_nose,
-        tail=(tail[0] + side / 4.0, 0.0, -tail[2]),
-        tail_span=side,
-        tail_chord=side,
-        fin_height=math.sqrt(upright.area / 2.0) if upright else 0.0,
-    )
-
-
-def _largest(vehicle: SimulatedVehicle, axis: int) -> Plate | None:
-    """The largest plate whose normal lies mainly along the axis (1 across, 2 down)."""
-    facing = [plate for plate in vehicle.plates.values() if abs(plate.normal[axis]) > math.sqrt(0.5)]
-    return max(facing, key=lambda plate: plate.area, default=None)
+PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
+"""What is drawn for a vehicle that is not known."""
+FLOWN: Mapping[str, Shape] = {
+    "arizona_100cm": Shape(0.5, 0.2, (0.08, 0.02, 0.03), 0.15, (-0.3567, 0.0, 0.0), 0.1732, 0.1732, 0.0775),
+    "robo_raven_ii_d": Shape(0.762, 0.432, (0.15, 0.03, 0.04), 0.15, (-0.3588, 0.0, 0.0), 0.2449, 0.2449, 0.1),
+}
+"""Outlines, to 0.1 mm, of the vehicles that a flight computer knows by name: what `outline.shape_of` makes of their
+files brings the physics' compiler, which a flight computer does not wait for."""
 
 
 # --- frames ---------------------------------------------------------------------------------------------
@@ -177,10 +162,8 @@ class Scene:
     def transforms(self, pose: Pose) -> FrameTransforms:
         """Frames of body, wings and tail; the message is reused by the next call."""
         frames = self._frames.transforms
-        seconds, nanos = divmod(self.start_epoch_ns + pose.time_us * 1000, 1_000_000_000)
         for frame in frames:
-            frame.timestamp.seconds = seconds
-            frame.timestamp.nanos = nanos
+            _stamp(frame.timestamp, self.start_epoch_ns, pose.time_us)
         body = frames[0]
         body.translation.x, body.translation.y, body.translation.z = enu_from_ned(pose.position_ned)
         _turn(body, enu_from_flu(pose.quaternion))
@@ -195,10 +178,8 @@ class Scene:
         if len(self._line.points) == TRACK_POINTS:
             del self._line.points[0]
         self._line.points.add(x=point[0], y=point[1], z=point[2])
-        seconds, nanos = divmod(self.start_epoch_ns + pose.time_us * 1000, 1_000_000_000)
         for entity in self._scene.entities:
-            entity.timestamp.seconds = seconds
-            entity.timestamp.nanos = nanos
+            _stamp(entity.timestamp, self.start_epoch_ns, pose.time_us)
         return self._scene
 
     def _add_frame(self, parent: str, child: str, translation: Vector) -> None:
@@ -211,18 +192,24 @@ def _turn(frame: Any, quaternion: Quaternion) -> None:
     rotation.w, rotation.x, rotation.y, rotation.z = quaternion
 
 
-def location(fix: m.GpsFix, start_epoch_ns: int) -> LocationFix:
-    """The fix on a map, its accuracy as a diagonal covariance in east, north, up."""
-    east, up = fix.horizontal_accuracy**2, fix.vertical_accuracy**2
+def _stamp(target: Any, start_epoch_ns: int, time_us: int) -> None:
+    target.seconds, target.nanos = divmod(start_epoch_ns + time_us * 1000, 1_000_000_000)
+
+
+def location(fix: m.GpsFix, start_epoch_ns: int, frame: str = "body") -> LocationFix:
+    """The fix of a ``frame`` on a map; its accuracy, where it is known, is a covariance in east, north, up."""
+    east = fix.horizontal_accuracy * fix.horizontal_accuracy
+    up = fix.vertical_accuracy * fix.vertical_accuracy
+    known = math.isfinite(east + up)
     out = LocationFix(
-        frame_id="body",
+        frame_id=frame,
         latitude=math.degrees(fix.latitude),
         longitude=math.degrees(fix.longitude),
         altitude=fix.altitude,
-        position_covariance=(east, 0.0, 0.0, 0.0, east, 0.0, 0.0, 0.0, up),
-        position_covariance_type=LocationFix.DIAGONAL_KNOWN,
+        position_covariance=(east, 0.0, 0.0, 0.0, east, 0.0, 0.0, 0.0, up) if known else (0.0,) * 9,
+        position_covariance_type=LocationFix.DIAGONAL_KNOWN if known else LocationFix.UNKNOWN,
     )
-    out.timestamp.FromNanoseconds(start_epoch_ns + fix.time_us * 1000)
+    _stamp(out.timestamp, start_epoch_ns, fix.time_us)
     return out
 
 
@@ -292,18 +279,23 @@ class SceneRecorder:
 
     It shows the truth where it is recorded (``/truth/state``, ``/truth/wing``), else, with ``estimated``, what the
     flight computer believes; the two have topics and frames of their own and may be in one file. GPS fixes are put
-    on the map either way.
+    on the map either way. What cannot be shown, as an attitude of no numbers, is left out: nothing is raised.
     """
 
-    def __init__(self, inner: Recorder, shape: Shape, start_epoch_ns: int, estimated: bool = False) -> None:
+    def __init__(self, inner: Recorder, shape: Shape | None, start_epoch_ns: int, estimated: bool = False) -> None:
+        """Prepare; without a ``shape`` the map alone is added, for a recording beside one that shows the bird."""
         self.inner = inner
-        self.scene = Scene(shape, start_epoch_ns, "estimated" if estimated else "", 0.4 if estimated else 1.0)
+        self.scene = Scene(shape or PLAIN_BIRD, start_epoch_ns, *(("estimated", 0.4) if estimated else ("", 1.0)))
         self._topics = (ESTIMATED_TRANSFORMS, ESTIMATED_SCENE) if estimated else (TRANSFORMS, SCENE)
         self._pose_topic = topics.ATTITUDE.name if estimated else truth_topics.STATE.name
         self._latest: dict[str, Any] = {}
-        self._kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
+        kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
+        self._kept = kept if shape is not None else frozenset[str]()
+        self._located = "estimated/body" if estimated and shape is not None else "body"
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
+        self.added: dict[str, int] = {}
+        """messages that were added, by topic"""
 
     @property
     def failure(self) -> str:
@@ -315,10 +307,14 @@ class SceneRecorder:
         self.inner.record(topic, message)
         if topic.name in self._kept:
             self._latest[topic.name] = message
-            if topic.name == self._pose_topic:
-                self._show(message.time_us)
+            if topic.name == self._pose_topic and message.time_us >= self._next_us[0]:
+                # A flight goes on, whatever a viewer would have made of this.
+                with contextlib.suppress(ValueError, ArithmeticError, TypeError):
+                    self._show(message.time_us)
         elif topic.name == topics.GPS.name and message.fix_type >= 2:
-            self.inner.record(LOCATION, Stamped(message.time_us, location(message, self.scene.start_epoch_ns)))
+            with contextlib.suppress(ValueError, ArithmeticError, TypeError):
+                place = location(message, self.scene.start_epoch_ns, self._located)
+                self._add(LOCATION, message.time_us, place)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""
@@ -341,14 +337,18 @@ class SceneRecorder:
         self.close()
 
     def _show(self, time_us: int) -> None:
-        if time_us < self._next_us[0]:
-            return
         self._next_us[0] = time_us + TRANSFORM_PERIOD_US
         pose = self._pose(self._latest)
-        self.inner.record(self._topics[0], Stamped(time_us, self.scene.transforms(pose)))
+        if not math.isfinite(sum(pose.position_ned) + sum(pose.quaternion)):
+            return
+        self._add(self._topics[0], time_us, self.scene.transforms(pose))
         if time_us >= self._next_us[1]:
             self._next_us[1] = time_us + SCENE_PERIOD_US
-            self.inner.record(self._topics[1], Stamped(time_us, self.scene.update(pose)))
+            self._add(self._topics[1], time_us, self.scene.update(pose))
+
+    def _add(self, topic: Topic, time_us: int, body: Protobuf) -> None:
+        self.inner.record(topic, Stamped(time_us, body))
+        self.added[topic.name] = self.added.get(topic.name, 0) + 1
 
 
 _TRUTH_TOPICS = frozenset({truth_topics.STATE.name, truth_topics.WING.name})
@@ -376,14 +376,19 @@ def _true_pose(latest: dict[str, Any]) -> Pose:
 
 
 def _estimated_pose(latest: dict[str, Any]) -> Pose:
-    """Position, altitude, wings and tail are at rest at the origin until they are known."""
+    """Position, altitude, wings and tail are at rest at the origin until they are known; NaN is not known."""
     attitude = latest[topics.ATTITUDE.name]
     position, altitude = latest.get(topics.POSITION.name), latest.get(topics.ALTITUDE.name)
     wing, actuators = latest.get(topics.WING.name), latest.get(topics.ACTUATORS.name)
-    north, east = (position.north, position.east) if position else (0.0, 0.0)
+    place = (
+        position.north if position else 0.0,
+        position.east if position else 0.0,
+        -altitude.altitude if altitude else 0.0,
+    )
+    north, east, down = (part if math.isfinite(part) else 0.0 for part in place)
     return Pose(
         attitude.time_us,
-        (north, east, -altitude.altitude if altitude else 0.0),
+        (north, east, down),
         (attitude.quaternion_w, attitude.quaternion_x, attitude.quaternion_y, attitude.quaternion_z),
         (wing.angle_left, wing.angle_right) if wing else (0.0, 0.0),
         elevator=actuators.elevator if actuators else 0.0,

@@ -39,6 +39,7 @@ from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
 from logs.names import FLIGHT_VEHICLE, MISSION, PARAMETERS, new_recording
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from logs.scene import FLOWN, PLAIN_BIRD, SceneRecorder
 from logs.settings import mission_document
 from sim_bridge.flight.faults import fault_commands
 
@@ -138,7 +139,10 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
         commands = (*plan_commands(plan), *script(chosen))
-        onboard = Onboard(vehicle, plan.mission, recorder, commands)
+        # A world that records beside shows the bird where it truly is.
+        shape = None if chosen.epoch_ns is not None else FLOWN.get(vehicle.name, PLAIN_BIRD)
+        seen = SceneRecorder(recorder, shape, recorder.start_epoch_ns, estimated=True)
+        onboard = Onboard(vehicle, plan.mission, seen, commands)
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)

@@ -17,9 +17,10 @@ from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
 from groundstation.command.recordings import put_right, told_paths
 from logs.names import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE, new_recording
+from logs.outline import shape_of
 from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
-from logs.scene import SceneRecorder, shape_of
+from logs.scene import SceneRecorder
 from sim_bridge import topics
 from sim_bridge.bridge.foreign.world import Stage
 from sim_bridge.bridge.microcontroller import PTY, SerialPeer

@@ -25,6 +25,7 @@ from groundstation.link.vehicle_state import VehicleState, new_events, receive
 from logs.codecs import Document
 from logs.names import RECORDINGS, new_recording
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from logs.scene import PLAIN_BIRD, SceneRecorder
 
 PATIENCE = 3.0
 """s; that a vehicle has to say who it is and what time it has, before the file is begun without"""
@@ -135,6 +136,7 @@ class Recording:
         """begun so far: one for each boot of the vehicle"""
         self._epoch_ns = epoch_ns
         self._recorder: McapRecorder | None = None
+        self._seen: SceneRecorder | None = None
         self._waiting: list[Arrival] = []
         self._sent_before: list[_Sent] = []
         self._time = VehicleTime()
@@ -194,6 +196,7 @@ class Recording:
             self._waiting, self._sent_before = [], []
             return
         self.files.append(self._recorder.path)
+        self._seen = SceneRecorder(self._recorder, PLAIN_BIRD, self._recorder.start_epoch_ns, estimated=True)
         waiting, self._waiting = self._waiting, []
         for arrival in waiting:
             self._record(arrival)
@@ -262,11 +265,11 @@ class Recording:
         return topic
 
     def _record_as_vehicle(self, message: Any, time_us: int) -> None:
-        assert self._recorder is not None
+        assert self._seen is not None
         entry = vehicle_topics.entry_of(message, time_us, self._state)
         if entry is not None:
-            self._recorder.record(entry.topic, entry.message)
+            self._seen.record(entry.topic, entry.message)
         for heard in new_events(self._state, self._said):
             at = time_us if heard.time is None else round(heard.time * 1e6)
-            self._recorder.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
+            self._seen.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
         self._said = self._state.said

@@ -132,9 +132,9 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     report = _report(choice, data, source, found)
     streams = [*map(own_stream, found.own), *source_streams(FORMATS[source.format].topics, found.series)]
     epoch_ns = source.epoch_ns if 0 <= source.epoch_ns < LATEST_NS else 0
-    extras = Extras(epoch_ns, found.events, _notes(report, source), {REPORT: _json(report)})
-    write_log(choice.target, streams, extras, progress)
-    return report
+    documents = {REPORT: lambda added: _json(_with_added(report, added))}
+    extras = Extras(epoch_ns, found.events, _notes(report, source), documents)
+    return _with_added(report, write_log(choice.target, streams, extras, progress))
 
 
 def _bytes(path: Path) -> bytes:
@@ -266,6 +266,12 @@ def _report(choice: Choice, data: bytes, source: Source, found: Checked) -> Impo
         source.vehicle, sum(topic.messages for topic in topics), tuple(topics), len(found.events),
         len(source.parameters), source.damage, tuple(found.dropped),
     )  # fmt: skip
+
+
+def _with_added(report: ImportReport, added: Mapping[str, int]) -> ImportReport:
+    """The report with the topics that were added for viewers."""
+    topics = (*report.topics, *(TopicCount(name, "", count) for name, count in sorted(added.items())))
+    return report._replace(messages=report.messages + sum(added.values()), topics=topics)
 
 
 def _notes(report: ImportReport, source: Source) -> dict[str, dict[str, str]]:

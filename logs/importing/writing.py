@@ -19,6 +19,7 @@ from logs.importing.source import Array, Own, Series
 from logs.layout import Field, Layout
 from logs.placing import claim, settle
 from logs.recorder import McapRecorder
+from logs.scene import PLAIN_BIRD, SceneRecorder
 
 FIRST_CHANNEL = 4000
 """of the topics of other programs, in the order of their names"""
@@ -43,8 +44,8 @@ class Extras(NamedTuple):
     events: Sequence[Event]
     notes: Mapping[str, Mapping[str, str]]
     """metadata by name"""
-    attachments: Mapping[str, bytes]
-    """JSON documents by name"""
+    attachments: Mapping[str, Callable[[Mapping[str, int]], bytes]]
+    """JSON documents by name, each made of how many messages were added for viewers, by topic"""
 
 
 def own_stream(own: Own) -> Stream:
@@ -107,8 +108,8 @@ def _scalar(values: Array) -> str:
     return _SCALARS.get(f"{kind.kind}{kind.itemsize}", default)
 
 
-def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> int:
-    """Write a new log, which appears whole or not at all; return how many messages it has.
+def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> Mapping[str, int]:
+    """Write a new log, which appears whole or not at all; return how many messages were added for viewers, by topic.
 
     Raises:
         BadInput: the file exists, or cannot be written.
@@ -119,36 +120,37 @@ def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: P
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", suffix=".part", dir=path.parent) as folder:
             draft = Path(folder) / "draft.mcap"
-            count = _write(draft, streams, extras, progress)
+            added = _write(draft, streams, extras, progress)
             with draft.open("rb+") as file:
                 settle(file)
             claim(draft, path)
     except OSError as error:
         raise BadInput(f"cannot write {path}: {error.strerror or error}") from None
-    return count
+    return added
 
 
-def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> int:
+def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> Mapping[str, int]:
     # A wall clock that stands still: the same source gives the same file.
     with McapRecorder(path, start_epoch_ns=extras.epoch_ns, clock=lambda: 0.0) as recorder:
         for name, values in extras.notes.items():
             recorder.note(name, dict(values))
-        for name, data in extras.attachments.items():
-            recorder.attach(name, "application/json", data)
         feeds = [(stream.topic, stream.series.time_us, _messages(stream)) for stream in streams]
         if extras.events:
             said = sorted(extras.events, key=lambda event: event.time_us)
             feeds.append((EVENTS, np.array([event.time_us for event in said], np.int64), iter(said)))
         order = _order([times for _, times, _ in feeds])
+        seen = SceneRecorder(recorder, PLAIN_BIRD, extras.epoch_ns, estimated=True)
         for number, feed in enumerate(order):
             topic, _, messages = feeds[feed]
-            recorder.record(topic, next(messages))
+            seen.record(topic, next(messages))
             if number % 10_000 == 0:
                 progress(number, len(order))
+        for name, made in extras.attachments.items():
+            recorder.attach(name, "application/json", made(seen.added))
     trouble = recorder.failure or recorder.refusal
     if trouble:
         raise BadInput(trouble)
-    return len(order)
+    return seen.added
 
 
 def _order(times: Sequence[Array]) -> list[int]:

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 from avionics.quantities import BadInput
 from logs.attached import simulated_vehicle
 from logs.info import vehicle
+from logs.outline import shape_of
 from logs.placing import claim, draft, settle
 from logs.reader import Log
-from logs.scene import Shape, outlines, shape_of
+from logs.scene import PLAIN_BIRD, Shape, outlines
 from logs.view.motion import Motion, motion_of
 from logs.view.packing import Packer
 from logs.view.panels import DEGREES, PANELS, TIME_STEP, WING_ANGLE, Series, bands
@@ -27,8 +28,6 @@ PLACE_STEP = 1e-3
 """m; of packed positions"""
 READING, DRAWING = 0.7, 0.2
 """Shares of the work, for the progress."""
-PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
-"""What is drawn for a vehicle that is not known."""
 
 
 class Page(NamedTuple):

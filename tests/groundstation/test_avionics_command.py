@@ -15,6 +15,7 @@ from ports import free_port
 from avionics.link.dialect import mavlink
 from groundstation.command import avionics
 from groundstation.command.main import main
+from logs.reader import open_log
 from sim_bridge.bridge.server import BridgeServer, Tally
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
@@ -68,6 +69,12 @@ def test_with_json_it_says_one_document_at_the_end(
     assert (document["board"], document["frames"], document["time"]) == (board, 500, 2.5)
     assert document["ended"] == "the simulation is over"
     assert [event["text"] for event in document["events"]] == ["armed", "mode AUTO"]
+    with open_log(tmp_path / "flight.mcap") as log:
+        # Nobody beside it records the world: what it believes is what viewers can be shown.
+        shown = log.columns("/view/estimated/transforms").time
+        assert len(shown) == log.duration // 0.02 + 1 and log.topics["/view/estimated/scene"].messages == 3
+        fixes = log.columns("/sensors/gps")
+        assert log.topics["/view/location"].messages == (fixes["fix_type"] >= 2).sum() > 5
 
 
 def test_without_a_link_it_says_how_to_open_one(

@@ -22,7 +22,7 @@ from groundstation.command.main import main
 from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
 from logs.reader import open_log
-from logs.scene import SCENE, TRANSFORMS
+from logs.scene import LOCATION, SCENE, TRANSFORMS
 from sim_bridge.flight.faults import parse_fault
 from sim_bridge.vehicles import load_vehicle
 
@@ -103,7 +103,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
     with open_log(recorded.folder / "flight.mcap") as log:
         assert log.complete
         assert {"/truth/state", "/attitude/ahrs", "/system/inputs"} <= set(log.topics)
-        for viewer_topic in (TRANSFORMS, SCENE):
+        for viewer_topic in (TRANSFORMS, SCENE, LOCATION):
             assert log.topics[viewer_topic.name].messages > 5
         assert log.metadata["wingbeat.world"]["seed"] == "5"
         assert log.metadata["wingbeat.world"]["aerodynamics"] == "strip_theory"

@@ -86,6 +86,7 @@ def test_telemetry_is_in_the_vehicles_own_topics_with_the_vehicles_time(tmp_path
         height = log.columns("/main/altitude")
         assert (height["altitude"][0], height["climb_rate"][0]) == (40.25, 1.5)
         assert log.columns("/main/wing")["frequency"][0] == pytest.approx(4.2)
+        assert log.topics["/view/estimated/transforms"].messages == len(turn.time)
         document = summary(log)
         assert log.boot_ns == pytest.approx(EPOCH - 60.0e9, abs=0.2e9)
     assert document["vehicle"] == "flapping wing-1" and document["complete"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,11 @@ from recorded import EPOCH_NS, flight
 from scipy.spatial.transform import Rotation
 
 from avionics import topics
+from avionics.vehicles import vehicle_names
+from logs.outline import shape_of
 from logs.recorder import McapRecorder
 from logs.scene import (
+    FLOWN,
     TRACK_POINTS,
     Pose,
     Scene,
@@ -33,6 +38,7 @@ from logs.scene import (
     wing_in_body,
 )
 from sim_bridge import topics as truth_topics
+from sim_bridge.vehicles import load_vehicle
 
 SHAPE = Shape(0.5, 0.3, (0.1, 0.02, 0.03), 0.2, (-0.4, 0.0, 0.0), 0.3, 0.2, 0.1)
 SHOWN = (truth_topics.STATE, truth_topics.WING, topics.ATTITUDE, topics.WING, topics.ALTITUDE)
@@ -118,9 +124,9 @@ def test_the_track_grows_and_is_bounded() -> None:
     assert (len(track), track[0].y, track[-1].y) == (TRACK_POINTS, 5.0, TRACK_POINTS + 4.0)
 
 
-def recorded_views(tmp_path: Path, estimated: bool) -> dict[str, list[Any]]:
+def recorded_views(tmp_path: Path, estimated: bool, shape: Shape | None = SHAPE) -> dict[str, list[Any]]:
     recorder = McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0)
-    with SceneRecorder(recorder, SHAPE, EPOCH_NS, estimated) as wrapped:
+    with SceneRecorder(recorder, shape, EPOCH_NS, estimated) as wrapped:
         wrapped.note("flight", {"vehicle": "x"})
         wrapped.attach("a", "b", b"c")
         for topic, message in flight(
@@ -131,12 +137,14 @@ def recorded_views(tmp_path: Path, estimated: bool) -> dict[str, list[Any]]:
             wrapped.record(topic, message._replace(fix_type=3, latitude=0.5, longitude=-1.0))
             wrapped.record(topic, message._replace(fix_type=0))
     assert not recorder.refusal and not recorder.failure
+    added = wrapped.added
     found: dict[str, list[Any]] = {}
     with (tmp_path / "a.mcap").open("rb") as file:
         for _, channel, raw, decoded in make_reader(
             file, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
             found.setdefault(channel.topic, []).append((raw.log_time, decoded))
+    assert added == {name: len(messages) for name, messages in found.items() if name.startswith("/view/")}
     return found
 
 
@@ -171,6 +179,42 @@ def test_the_estimate_is_shown_beside_the_truth(tmp_path: Path) -> None:
     assert "/view/transforms" not in found
     frames = found["/view/estimated/transforms"][0][1]
     assert frames.transforms[0].child_frame_id == "estimated/body"
+    assert found["/view/location"][0][1].frame_id == "estimated/body"
+
+
+def test_beside_a_recording_that_shows_the_bird_there_is_the_map_alone(tmp_path: Path) -> None:
+    found = recorded_views(tmp_path, estimated=True, shape=None)
+    assert [name for name in found if name.startswith("/view/")] == ["/view/location"]
+    assert {fix.frame_id for _, fix in found["/view/location"]} == {"body"}
+
+
+def test_what_cannot_be_shown_is_left_out_and_harms_nothing(tmp_path: Path) -> None:
+    worst = {"time_us": 10_000_000, "fix_type": 3, "latitude": math.inf, "horizontal_accuracy": 1e300}
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS) as recorder:
+        seen = SceneRecorder(recorder, SHAPE, EPOCH_NS, estimated=True)
+        (_, attitude), (_, wing), (_, fix) = (
+            flight(1.0, (topic,))[0] for topic in (topics.ATTITUDE, topics.WING, topics.GPS)
+        )
+        seen.record(topics.ATTITUDE, attitude._replace(quaternion_w=math.nan))
+        seen.record(topics.WING, wing._replace(angle_left=math.inf))
+        seen.record(topics.ATTITUDE, attitude._replace(time_us=5_000_000))
+        assert not seen.added
+        seen.record(topics.GPS, fix._replace(**worst))
+        assert seen.added == {"/view/location": 1} and not recorder.refused
+    shown = location(fix._replace(**worst), EPOCH_NS)
+    assert shown.position_covariance_type == shown.UNKNOWN and not any(shown.position_covariance)
+
+
+def test_the_outlines_that_a_flight_computer_knows_are_those_of_the_worlds_files() -> None:
+    assert set(FLOWN) == set(vehicle_names())
+    for name, shape in FLOWN.items():
+        for known, true in zip(shape, shape_of(load_vehicle(name)), strict=True):
+            assert known == pytest.approx(true, abs=5e-5)
+
+
+def test_a_flight_computer_draws_a_bird_without_the_physics_compiler() -> None:
+    script = "import sys, groundstation.command.avionics; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script]).returncode == 0
 
 
 def test_accuracy_of_a_fix_is_a_covariance() -> None:

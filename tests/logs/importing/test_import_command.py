@@ -44,6 +44,7 @@ def test_what_came_of_it_is_told_to_programs(source: Path, tmp_path: Path, capsy
     with open_log(out) as log:
         counts = {name: info.messages for name, info in log.topics.items()}
     assert {row["topic"]: row["messages"] for row in told["topics"]}.items() <= counts.items()
+    assert {"/view/estimated/transforms", "/view/estimated/scene"} < counts.keys()
     assert told["messages"] + told["events"] == sum(counts.values())
 
 

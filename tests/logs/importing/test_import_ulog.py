@@ -32,6 +32,7 @@ def test_a_bench_test_opens_like_a_flown_log(tmp_path: Path) -> None:
         assert air["density"][-1] == pytest.approx(1.19, abs=0.01)
         assert log.columns(topics.POWER)["voltage"].mean() == pytest.approx(23.4, abs=0.2)
         assert math.degrees(log.columns(topics.GPS)["latitude"][0]) == pytest.approx(63.4, abs=0.1)
+        assert log.topics["/view/location"].messages > 0
         assert any("Disarmed by landing" in event.text for event in log.events())
         assert len(log.parameters.initial) == 980
         assert log.metadata[NOTES]["sys_os_name"] == "NuttX"
