@@ -25,6 +25,7 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
+from groundstation.command.live import add_live, shown_live
 from groundstation.command.recordings import put_right
 from groundstation.command.sim import COMPILING, simulated
 from groundstation.link import modes
@@ -60,6 +61,7 @@ EXAMPLES = (
     "wingbeat fly --fault pitot_blocked@30 --fault gps_lost@40-50",
     "wingbeat fly --sticks by_hand.csv      # armed and flown by a scripted transmitter",
     "wingbeat fly --speed 1 --gcs udpout:127.0.0.1:14550",
+    "wingbeat fly --speed 1 --live          # then open ws://127.0.0.1:8765 in Foxglove or Lichtblick",
 )
 JSON_KEYS = {
     "log": "path of the joined log",
@@ -116,6 +118,7 @@ def build_parser() -> options.Parser:
     options.add_sticks(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_gcs(parser)
+    add_live(parser)
     options.add_identity(parser)
     options.add_signing_key(parser, options.NO_KEY)
     options.add_parameters(parser, options.NO_PARAMETERS)
@@ -127,7 +130,7 @@ def run(arguments: Sequence[str]) -> int:
     """Fly, join the recordings, and say what was flown and identified.
 
     Raises:
-        BadInput: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log.
+        BadInput: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log, no live view.
         NoAnswer: the world or the flight computer ended badly; the recordings are kept.
     """
     chosen = build_parser().parse_args(arguments)
@@ -137,10 +140,11 @@ def run(arguments: Sequence[str]) -> int:
         print(note, file=sys.stderr)
     if chosen.log is None:
         put_right(plan.log.parent)
-    _prepare(plan, console)
-    began = time.monotonic()
     try:
-        _fly(plan, chosen, console)
+        with shown_live(chosen.live, plan.parts):
+            _prepare(plan, console)
+            began = time.monotonic()
+            _fly(plan, chosen, console)
     except KeyboardInterrupt:
         _keep(plan)
         raise

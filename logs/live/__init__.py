@@ -1,0 +1,1 @@
+"""A flight while it is being recorded, for Foxglove and Lichtblick."""

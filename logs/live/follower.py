@@ -1,0 +1,133 @@
+"""Reads a recording while it grows: what its writer has flushed, as soon as it is there.
+
+The writer is not asked and never waits; it does not even know. What has been read is whole records: the rest of one
+that is still being written is read the next time.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from logs.chunks import ENTRY_TYPE, ChunkSpan, chunk_at, unpack
+from logs.records import Damage, Span, parse, records
+
+AT_ONCE = 4 * 1024 * 1024
+"""bytes; of packed chunks that are unpacked in one go: of more the newest are, the others' messages are counted"""
+_MESSAGE = struct.Struct("<HIQQ")
+_INDEX = struct.Struct("<HI")
+
+
+class Message(NamedTuple):
+    """One message as it stands in the file."""
+
+    log_ns: int
+    """ns since 1970"""
+    channel: int
+    data: bytes
+    """encoded"""
+
+
+class Follower:
+    """One file that another process writes; it may not be there yet."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        """declared so far, by number"""
+        self.end_ns = 0
+        """ns since 1970; log time of the newest message that was flushed, 0 before the first"""
+        self.skipped = 0
+        """messages that were left out because too many came at once, or their chunk could not be read"""
+        self.finished = False
+        """the writer has closed the file"""
+        self._file: IO[bytes] | None = None
+        self._rest = b""
+        self._begun = self._skipping = False
+
+    def read(self, wanted: Callable[[int], bool] = lambda channel: True) -> list[Message]:
+        """What is new of the channels that are ``wanted``, in the order of the file; for none nothing is unpacked.
+
+        Raises:
+            Damage: the file is no MCAP file.
+        """
+        data = self._rest + self._news()
+        start = 0 if self._begun else self._begin(data)
+        spans = list(records(data, start, len(data))) if self._begun else []
+        self._rest = data[spans[-1].end :] if spans else data[start:]
+        room = _first_of_newest(spans)
+        return [message for span in spans for message in self._take(data, span, room, wanted)]
+
+    def close(self) -> None:
+        """Release the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def _news(self) -> bytes:
+        if self._file is None:
+            try:
+                self._file = self.path.open("rb")
+            except FileNotFoundError:
+                return b""
+        return self._file.read()
+
+    def _begin(self, data: bytes) -> int:
+        """Bytes of MCAP's magic at the file's start; 0 while it is not all there."""
+        if not MCAP0_MAGIC.startswith(data[: len(MCAP0_MAGIC)]):
+            raise Damage(f"{self.path} is not an MCAP log")
+        self._begun = len(data) >= len(MCAP0_MAGIC)
+        return len(MCAP0_MAGIC) if self._begun else 0
+
+    def _take(self, data: bytes, span: Span, first: int, wanted: Callable[[int], bool]) -> Iterator[Message]:
+        """Enter one record; chunks before the byte ``first`` are left out."""
+        if span.opcode == Opcode.CHUNK:
+            chunk = chunk_at(data, span)
+            self.end_ns = max(self.end_ns, chunk.end_ns)
+            asked = any(map(wanted, self.channels))
+            self._skipping = asked and span.offset < first
+            if asked and not self._skipping:
+                yield from self._unpacked(data, chunk, wanted)
+        elif span.opcode == Opcode.MESSAGE_INDEX and self._skipping:
+            self.skipped += _INDEX.unpack_from(data, span.body)[1] // ENTRY_TYPE.itemsize
+        else:
+            self._define(data, span)
+
+    def _define(self, data: bytes, span: Span) -> None:
+        """Enter what stands beside the chunks; the project's recorder declares every channel there."""
+        if span.opcode == Opcode.SCHEMA:
+            schema = parse(Schema, data, span)
+            self.schemas[schema.id] = schema
+        elif span.opcode == Opcode.CHANNEL:
+            channel = parse(Channel, data, span)
+            self.channels[channel.id] = channel
+        elif span.opcode == Opcode.FOOTER:
+            self.finished = True
+
+    def _unpacked(self, data: bytes, chunk: ChunkSpan, wanted: Callable[[int], bool]) -> Iterator[Message]:
+        try:
+            content = unpack(data, chunk)
+        except Damage:
+            self._skipping = True
+            return
+        for span in records(content, 0, len(content)):
+            if span.opcode == Opcode.MESSAGE:
+                channel, _, log_ns, _ = _MESSAGE.unpack_from(content, span.body)
+                if wanted(channel):
+                    yield Message(log_ns, channel, content[span.body + _MESSAGE.size : span.end])
+
+
+def _first_of_newest(spans: Sequence[Span]) -> int:
+    """Where the newest chunks begin that can be unpacked in one go, one at least."""
+    chunks = [span for span in spans if span.opcode == Opcode.CHUNK]
+    size, first = 0, len(chunks)
+    while first and (size < AT_ONCE or first == len(chunks)):
+        first -= 1
+        size += chunks[first].length
+    return chunks[first].offset if chunks else 0

@@ -1,0 +1,179 @@
+"""Serves a flight to Foxglove and Lichtblick while it is being recorded, by the ``foxglove-sdk`` package.
+
+A thread follows the files that the flight's processes write, and has no other tie to them: a viewer that is slow,
+absent or gone delays no tick and changes no byte of a recording. Schemas and messages go out as they stand there.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from mcap.records import Channel, Schema
+
+from avionics.quantities import BadInput
+from avionics.topics import TOPICS as FLOWN
+from avionics.topics import Topic
+from logs.codecs import codec_for
+from logs.extras import load_extra
+from logs.live.follower import Follower
+from logs.live.playout import Playout
+from logs.records import Damage
+from logs.scene import LOCATION, SCENE, TRANSFORMS
+from sim_bridge.topics import TOPICS as TRUE
+
+HOST, PORT = "127.0.0.1", 8765
+"""where Foxglove looks for a server unless it is told otherwise"""
+KNOWN = tuple(topic for topic in (*FLOWN, *TRUE, TRANSFORMS, SCENE, LOCATION) if topic.logged)
+"""what a simulated flight has"""
+PERIOD = 0.02
+"""s; of wall-clock time between two looks at the files"""
+BACKLOG = 16_384
+"""messages that may wait for one viewer: seconds of a whole flight; of more the oldest go"""
+FAREWELL = 0.3
+"""s; for viewers to take the last messages, and then to close"""
+PATIENCE = 5.0
+"""s; for the thread to end"""
+
+
+class Address(NamedTuple):
+    """Where viewers connect."""
+
+    host: str = HOST
+    port: int = PORT
+    """0: one that is free"""
+
+
+def parse_address(text: str) -> Address:
+    """Take ``HOST:PORT`` apart.
+
+    Raises:
+        BadInput: it is not of that form.
+    """
+    host, _, number = text.rpartition(":")
+    if not host.strip("[]") or not (number.isascii() and number.isdigit()) or int(number) > 65535:
+        raise BadInput(f"address {text!r} for viewers is not HOST:PORT, such as {HOST}:{PORT}")
+    return Address(host.strip("[]"), int(number))
+
+
+class LiveServer:
+    """Shows recordings while they grow; as a context manager it gives the rest out and closes at the end."""
+
+    def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic] = KNOWN) -> None:
+        """Listen at once, and follow ``paths`` as soon as they are there.
+
+        The ``topics`` are offered from the start, others when they come: foxglove-sdk tells a viewer of a new channel
+        a moment before it takes a subscription to it, and one that comes in that moment is lost (seen in 0.30).
+
+        Raises:
+            BadInput: foxglove-sdk is not installed, or nobody can listen at that address.
+        """
+        self._sdk = load_extra("foxglove", "foxglove-sdk", "a live view")
+        self._followers = [Follower(path) for path in paths]
+        self._playout = Playout()
+        self._context = self._sdk.Context()
+        self._channels: dict[int, Any] = {}
+        self._declared: dict[int, Channel] = {}
+        # What the package says of its viewers does not belong between the lines of a flight.
+        logging.getLogger("foxglove").addHandler(logging.NullHandler())
+        for topic in topics:
+            codec = codec_for(topic)
+            self._offer(codec.channel, codec.schema)
+        self._ending = threading.Event()
+        self._server = self._listen(address)
+        self.url = f"ws://{f'[{address.host}]' if ':' in address.host else address.host}:{self._server.port}"
+        """what a viewer is told to open"""
+        self.failure = ""
+        """why a file is not shown, one line"""
+        self._thread = threading.Thread(target=self._serve, name="live", daemon=True)
+        self._thread.start()
+
+    @property
+    def skipped(self) -> int:
+        """Messages that were not shown because too many came at once."""
+        return sum(follower.skipped for follower in self._followers)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the writers have closed all files."""
+        return all(follower.finished for follower in self._followers)
+
+    def close(self) -> None:
+        """Give out the rest, and close the port; a viewer that takes nothing any more is not waited for."""
+        self._ending.set()
+        self._thread.join(PATIENCE)
+        stopping = threading.Thread(target=self._server.stop, name="live stop", daemon=True)
+        stopping.start()
+        stopping.join(FAREWELL)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _listen(self, address: Address) -> Any:
+        try:
+            return self._sdk.start_server(
+                name="wingbeat",
+                host=address.host,
+                port=address.port,
+                # Viewers then show the flight's own time, at any speed.
+                capabilities=[self._sdk.websocket.Capability.Time],
+                context=self._context,
+                message_backlog_size=BACKLOG,
+            )
+        except RuntimeError as error:
+            reason = str(error).removeprefix("FoxgloveError: ")
+            raise BadInput(f"no live view on {address.host}:{address.port}: {reason}") from None
+
+    def _serve(self) -> None:
+        before = time.monotonic()
+        try:
+            while not self._ending.wait(PERIOD):
+                now = time.monotonic()
+                self._show(now - before)
+                before = now
+            self._show(PERIOD, last=True)
+        except (Damage, OSError) as reason:
+            self.failure = str(reason)
+        finally:
+            for follower in self._followers:
+                follower.close()
+
+    def _show(self, dt: float, last: bool = False) -> None:
+        for follower in self._followers:
+            messages = follower.read(self._is_wanted)
+            for channel in follower.channels.values():
+                if self._declared.get(channel.id) != channel:
+                    self._offer(channel, follower.schemas.get(channel.schema_id))
+            self._playout.add(messages)
+        newest = max(follower.end_ns for follower in self._followers)
+        due = self._playout.rest() if last else self._playout.step(newest, dt)
+        for log_ns, number, data in due:
+            self._channels[number].log(data, log_time=log_ns)
+        if self._playout.now_ns:
+            self._server.broadcast_time(self._playout.now_ns)
+        if last and due:
+            time.sleep(FAREWELL)
+
+    def _is_wanted(self, channel: int) -> bool:
+        shown = self._channels.get(channel)
+        return shown is not None and bool(shown.has_sinks())
+
+    def _offer(self, channel: Channel, schema: Schema | None) -> None:
+        self._declared[channel.id] = channel
+        self._channels[channel.id] = self._sdk.Channel(
+            channel.topic,
+            message_encoding=channel.message_encoding,
+            schema=schema and self._sdk.Schema(name=schema.name, encoding=schema.encoding, data=schema.data),
+            metadata=channel.metadata,
+            context=self._context,
+        )

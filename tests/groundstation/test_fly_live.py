@@ -1,0 +1,172 @@
+"""``wingbeat fly --live``: a viewer on Foxglove's protocol sees what is recorded, to the byte, while it is flown."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from mcap.reader import make_reader
+
+from groundstation.command.main import main
+from logs.live.server import KNOWN
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install foxglove-sdk")
+websockets = pytest.importorskip("websockets.sync.client")
+
+Capture = pytest.CaptureFixture[str]
+WANTED = ("/view/transforms", "/truth/state", "/attitude/ahrs", "/system/events")
+SUBPROTOCOL = "foxglove.sdk.v1"
+PATIENCE = 60.0
+_DATA = struct.Struct("<BIQ")
+
+
+class Seen(NamedTuple):
+    """What a viewer was told and sent."""
+
+    channels: dict[str, dict[str, Any]]
+    """as advertised, by topic"""
+    messages: list[tuple[str, int, bytes]]
+    """topic, log time in ns, encoded"""
+    clock: list[int]
+    """ns since 1970; the server's time"""
+
+
+def watch(url: str, seen: Seen) -> None:
+    """Subscribe to `WANTED` as soon as they are there; ends with the connection."""
+    with websockets.connect(url, subprotocols=[SUBPROTOCOL], max_size=None, open_timeout=PATIENCE) as viewer:
+        names: dict[int, str] = {}
+        try:
+            for heard in viewer:
+                if isinstance(heard, str):
+                    _subscribe(viewer, json.loads(heard), seen, names)
+                elif heard[0] == 2:
+                    seen.clock.append(struct.unpack_from("<Q", heard, 1)[0])
+                else:
+                    _, number, log_ns = _DATA.unpack_from(heard)
+                    seen.messages.append((names[number], log_ns, heard[_DATA.size :]))
+        except websockets.ConnectionClosed:
+            return
+
+
+def _subscribe(viewer: Any, told: dict[str, Any], seen: Seen, names: dict[int, str]) -> None:
+    if told["op"] != "advertise":
+        return
+    new = {channel["topic"]: channel for channel in told["channels"]}
+    seen.channels.update(new)
+    asked = [new[topic]["id"] for topic in WANTED if topic in new]
+    names |= {number: topic for topic in WANTED if topic in new for number in [new[topic]["id"]]}
+    if asked:
+        subscriptions = [{"id": number, "channelId": number} for number in asked]
+        viewer.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+
+
+class Flown(NamedTuple):
+    """A flight that was watched."""
+
+    log: Path
+    code: int
+    out: str
+    told: list[str]
+    """lines on stderr"""
+    seen: Seen
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    log = tmp_path_factory.mktemp("live") / "flight.mcap"
+    words = ["fly", "--live", "127.0.0.1:0", "--duration", "6", "--json", "--log", str(log)]
+    flight = subprocess.Popen(
+        [sys.executable, "-m", "groundstation.command.main", *words],
+        cwd=log.parent,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert flight.stderr is not None
+    told = [flight.stderr.readline().rstrip()]
+    seen = Seen({}, [], [])
+    viewer = threading.Thread(target=watch, args=(told[0].split()[2], seen), daemon=True)
+    viewer.start()
+    out, rest = flight.communicate(timeout=180)
+    viewer.join(PATIENCE)
+    assert not viewer.is_alive()
+    return Flown(log, flight.returncode, out, [*told, *rest.splitlines()], seen)
+
+
+def test_where_to_look_is_told_once_and_the_flight_is_as_ever(flown: Flown) -> None:
+    assert (flown.code, json.loads(flown.out)["log"]) == (0, str(flown.log))
+    assert len(flown.told) == 1, flown.told
+    (line,) = flown.told
+    assert line.startswith("live: open ws://127.0.0.1:") and line.endswith(" in Foxglove or Lichtblick")
+    assert [path.name for path in flown.log.parent.iterdir()] == ["flight.mcap"]
+
+
+def test_every_topic_of_both_processes_is_offered_as_the_file_has_it(flown: Flown) -> None:
+    with flown.log.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    offered = flown.seen.channels
+    # Those that say nothing in this flight are offered too: a layout can be made before it begins.
+    assert set(offered) == {topic.name for topic in KNOWN} >= {c.topic for c in summary.channels.values()}
+    for channel in summary.channels.values():
+        schema, told = summary.schemas[channel.schema_id], offered[channel.topic]
+        assert (told["encoding"], told["schemaName"]) == (channel.message_encoding, schema.name)
+        assert told["schemaEncoding"] == schema.encoding and told["metadata"] == channel.metadata
+
+
+def test_a_viewer_is_sent_what_is_recorded(flown: Flown) -> None:
+    with flown.log.open("rb") as file:
+        recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file).iter_messages(topics=list(WANTED))]
+    seen = flown.seen.messages
+    assert len(set(seen)) == len(seen) and set(seen) <= set(recorded)
+    for topic in WANTED[:3]:
+        ours, theirs = ([one for one in some if one[0] == topic] for some in (recorded, seen))
+        # From the moment at which it had subscribed nothing is missing, to the last message of the flight.
+        assert len(theirs) > 0.5 * len(ours) and theirs == ours[-len(theirs) :]
+    frames = FrameTransforms.FromString(next(data for topic, _, data in seen if topic == "/view/transforms"))
+    assert [frame.child_frame_id for frame in frames.transforms] == ["body", "left_wing", "right_wing", "tail"]
+
+
+def test_the_viewers_clock_is_the_flights(flown: Flown) -> None:
+    times, clock = [log_ns for _, log_ns, _ in flown.seen.messages], flown.seen.clock
+    assert clock == sorted(clock) and times[0] <= clock[-1] and abs(clock[-1] - max(times)) < 10**7
+    assert len(set(clock)) > 10
+
+
+def refused(words: list[str], folder: Path, capsys: Capture) -> str:
+    """The one line for a flight that is not begun."""
+    assert main(["fly", "--json", "--log", str(folder / "flight.mcap"), *words]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and len(said.err.splitlines()) == 1 and list(folder.iterdir()) == []
+    return said.err.rstrip()
+
+
+def test_a_port_in_use_is_told_before_anything_is_recorded(tmp_path: Path, capsys: Capture) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        line = refused(["--live", address], tmp_path, capsys)
+    assert line == f"wingbeat: no live view on {address}: Failed to bind port: Address already in use (os error 98)"
+
+
+def test_a_missing_package_is_told_before_anything_is_recorded(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without(name: str, package: str | None = None) -> Any:
+        if name == "foxglove":
+            raise ImportError(name)
+        return original(name, package)
+
+    original = importlib.import_module
+    monkeypatch.setattr(importlib, "import_module", without)
+    assert "a live view needs foxglove-sdk, which is not installed" in refused(["--live"], tmp_path, capsys)
