@@ -1,4 +1,4 @@
-"""Topics for other programs: CSV, NumPy's npz, Parquet, MATLAB."""
+"""Topics for other programs: CSV, NumPy's npz, Parquet, MATLAB; and the whole flight for Rerun."""
 
 from __future__ import annotations
 
@@ -67,11 +67,13 @@ def export(
 
     Raises:
         BadInput: unknown topic or form, a file exists (then none is written), it cannot be written, a package is not
-            installed, or several tables would have to go to one file.
+            installed, several tables would have to go to one file, or a part was asked for of a form without parts.
     """
     form = form or (target.suffix[1:] if target.suffix[1:] in FORMS else "csv")
     if form not in FORMS:
         raise BadInput(f"no export as {form}; there are {', '.join(FORMS)}")
+    if form == FLIGHT:
+        return Exported([_write_flight(log, target, part, show)], [])
     part, left_out = _decodable(log, part)
     tables = _tables(log, part)
     if form in TOGETHER:
@@ -164,7 +166,9 @@ EACH: dict[str, Callable[[Columns, IO[bytes]], None]] = {"csv": _write_csv_bytes
 """forms with a file for each table"""
 TOGETHER: dict[str, Callable[[Tables, IO[bytes]], None]] = {"npz": write_npz, "mat": write_mat}
 """forms with all tables in one file"""
-FORMS = (*EACH, *TOGETHER)
+FLIGHT = "rrd"
+"""form that has no tables, but the bird along its track"""
+FORMS = (*EACH, *TOGETHER, FLIGHT)
 
 
 # --- where -----------------------------------------------------------------------------------------------
@@ -196,6 +200,19 @@ def _write_together(tables: Tables, path: Path, write: Callable[[Tables, IO[byte
     _make(path.parent)
     _write(path, partial(write, tables))
     return [path]
+
+
+def _write_flight(log: Log, path: Path, part: Part, show: Show) -> Path:
+    from logs.rrd import encode_rrd  # brings the vehicles, which tables need not wait for
+
+    if path.exists():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    if part != WHOLE:
+        raise BadInput(f"{FLIGHT} holds the whole flight: it takes no topics, times or rate")
+    _make(path.parent)
+    data = encode_rrd(log, show)
+    _write(path, lambda file: file.write(data))
+    return path
 
 
 def _plain(topic: str) -> str:

@@ -31,6 +31,7 @@ EXAMPLES = (
     "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
     "wingbeat log export recordings/flight.mcap --to folder --format parquet",
     "wingbeat log export recordings/flight.mcap --to flight.csv --rate 100 --topic /main/wing --topic /power/state",
+    "wingbeat log export recordings/flight.mcap --to flight.rrd    # then: rerun flight.rrd",
     "wingbeat log import flight.bin --to recordings/flight.mcap",
     "wingbeat log import stand.csv --map stand.toml",
     "wingbeat log recover recordings/flight.mcap",

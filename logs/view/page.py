@@ -75,7 +75,7 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
         raise BadInput(f"{log.path} has none of the topics that a page shows, such as /attitude/ahrs")
     start, end = (log.start_ns - log.boot_ns) * 1e-9, (log.end_ns - log.boot_ns) * 1e-9
     motion = motion_of(tables)
-    shape, known = _shape(log)
+    shape, known = shape_in(log)
     panels = _panels(Series(tables, packer), motion, drawn := _motion(motion, packer))
     modes = bands(tables, "mode", end)
     return {
@@ -153,7 +153,7 @@ def _motion(motion: Motion, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _shape(log: Log) -> tuple[Shape, bool]:
+def shape_in(log: Log) -> tuple[Shape, bool]:
     """Outline of the vehicle as it was in the world, else of one of that name; and whether it is known."""
     for load in (simulated_vehicle, lambda log: load_vehicle(vehicle(log) or "")):
         # A vehicle file of another version, or none of that name, must not keep a flight from being seen.

@@ -96,6 +96,14 @@ def _true_angles(table: Table) -> Mapping[str, Array]:
     return {"roll": roll, "pitch": pitch, "yaw": yaw, "altitude": down[0] - down}
 
 
+def plotted(tables: Tables, topic: str) -> Table | None:
+    """A topic with every field that a `Line` can name; None where the log has none of it."""
+    table = tables.get(topic)
+    if table is None or table is not true_state(tables):
+        return table
+    return table._replace(fields={**table.fields, **_true_angles(table)})
+
+
 class Series:
     """Thinned and packed columns; each topic once, however many panels show it."""
 
@@ -123,11 +131,9 @@ class Series:
         return {"name": line.name, "style": line.style, "time": time, "low": low, "high": high}
 
     def _thinned(self, topic: str) -> tuple[Envelope, dict[str, float]] | None:
-        if topic in self._tables and topic not in self._thin:
-            table, fields = self._tables[topic], dict(self._tables[topic].fields)
-            if table is true_state(self._tables):
-                fields |= _true_angles(table)
-            envelope = thinned(table.time, fields, ROWS)
+        table = plotted(self._tables, topic) if topic not in self._thin else None
+        if table is not None:
+            envelope = thinned(table.time, table.fields, ROWS)
             self._thin[topic] = envelope, self._packer.add(envelope.time, TIME_STEP)
         return self._thin.get(topic)
 
