@@ -5,11 +5,17 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from avionics.quantities import counted
-from logs.live.server import HOST, PORT, LiveServer, parse_address
+from avionics.quantities import BadInput, counted
+from avionics.topics import Topic
+from logs.live.follower import is_recorded
+from logs.live.server import ALONE, HOST, KNOWN, PORT, LiveServer, parse_address
+
+LOOK = 0.1
+"""s; between two looks whether a file is still recorded"""
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
@@ -23,9 +29,23 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_address(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--at``."""
+    parser.add_argument(
+        "--at",
+        default=f"{HOST}:{PORT}",
+        metavar="HOST:PORT",
+        help=f"where viewers connect ({HOST}:{PORT}; port 0: any)",
+    )
+
+
 @contextlib.contextmanager
-def shown_live(address: str | None, paths: Sequence[Path]) -> Iterator[LiveServer | None]:
+def shown_live(
+    address: str | None, paths: Sequence[Path], topics: Iterable[Topic] = KNOWN
+) -> Iterator[LiveServer | None]:
     """Show the files at an address, told on stderr, as long as the context lasts; nothing without an address.
+
+    ``topics`` are offered from the start.
 
     Raises:
         BadInput: no such address, foxglove-sdk is not installed, or the port is in use.
@@ -33,11 +53,24 @@ def shown_live(address: str | None, paths: Sequence[Path]) -> Iterator[LiveServe
     if address is None:
         yield None
         return
-    with LiveServer(parse_address(address), paths) as server:
+    with LiveServer(parse_address(address), paths, topics) as server:
         print(f"live: open {server.url} in Foxglove or Lichtblick", file=sys.stderr, flush=True)
         yield server
     for line in _shortfall(server):
         print(line, file=sys.stderr)
+
+
+def follow(path: Path, address: str) -> None:
+    """Show a file that another process records, as long as it does.
+
+    Raises:
+        BadInput: nobody records it, or as of `shown_live`.
+    """
+    if not is_recorded(path):
+        raise BadInput(f"{path} is not being recorded: Foxglove and Lichtblick open it as it is")
+    with shown_live(address, [path], ALONE):
+        while is_recorded(path):
+            time.sleep(LOOK)
 
 
 def _shortfall(server: LiveServer) -> list[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from avionics.quantities import counted
 from groundstation.command import log_import, options
+from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "wingbeat log info recordings/flight.mcap",
     "wingbeat log view recordings/flight.mcap --open",
+    "wingbeat log live recordings/flight.mcap      # of avionics, sim or gcs, while they record it",
     "wingbeat log export recordings/flight.mcap --to flight.npz --topic /attitude/ahrs",
     "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
     "wingbeat log export recordings/flight.mcap --to folder --format parquet",
@@ -40,6 +42,7 @@ JSON_KEYS = {
     "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
     " attachments, metadata",
     "view": "path: of the page, bytes, panels: titles, events: how many, missing: what the log does not have",
+    "live": "file: the recording, when it is over",
     "export": "files: what was written; left_out: topics that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
     " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
@@ -48,6 +51,7 @@ JSON_KEYS = {
 TEXTS = {
     "info": "what it holds",
     "view": "show the flight as one page of HTML: track, bird, plots, events",
+    "live": "show it to Foxglove and Lichtblick while it is recorded",
     "export": f"write it as {', '.join(FORMS)}",
     "recover": "repair it",
 }
@@ -58,7 +62,7 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "Look into a log, show it as a page, export it, import one of another program, repair it."
     parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|view|export|import|recover")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|view|live|export|import|recover")
     for verb, text in TEXTS.items():
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument("file", type=Path, metavar="FILE")
@@ -68,6 +72,8 @@ def build_parser() -> options.Parser:
                 "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
             )
             one.add_argument("--open", action="store_true", help="show the page in the browser")
+        if verb == "live":
+            add_address(one)
         if verb == "export":
             _add_export(one)
     log_import.add_verb(verbs)
@@ -159,6 +165,12 @@ def _print_view(page: Page) -> None:
         print(f"not in this log: {', '.join(page.missing)}")
 
 
+def _live(chosen: argparse.Namespace) -> None:
+    follow(chosen.file, chosen.at)
+    if chosen.json:
+        print_document({"file": str(chosen.file)})
+
+
 def _export(chosen: argparse.Namespace) -> None:
     target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
     part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
@@ -190,6 +202,7 @@ def _recover(chosen: argparse.Namespace) -> None:
 VERBS: dict[str, Callable[[argparse.Namespace], None]] = {
     "info": _info,
     "view": _view,
+    "live": _live,
     "export": _export,
     "import": log_import.run_verb,
     "recover": _recover,

@@ -6,6 +6,7 @@ that is still being written is read the next time.
 
 from __future__ import annotations
 
+import fcntl
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from avionics.quantities import BadInput
 from logs.chunks import ENTRY_TYPE, ChunkSpan, chunk_at, unpack
 from logs.records import Damage, Span, parse, records
 
@@ -22,6 +24,22 @@ AT_ONCE = 4 * 1024 * 1024
 """bytes; of packed chunks that are unpacked in one go: of more the newest are, the others' messages are counted"""
 _MESSAGE = struct.Struct("<HIQQ")
 _INDEX = struct.Struct("<HI")
+
+
+def is_recorded(path: Path) -> bool:
+    """Whether a recorder holds its lock on the file.
+
+    Raises:
+        BadInput: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError as error:
+        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+    return False
 
 
 class Message(NamedTuple):

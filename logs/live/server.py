@@ -24,13 +24,15 @@ from logs.extras import load_extra
 from logs.live.follower import Follower
 from logs.live.playout import Playout
 from logs.records import Damage
-from logs.scene import LOCATION, SCENE, TRANSFORMS
+from logs.scene import ESTIMATED_SCENE, ESTIMATED_TRANSFORMS, LOCATION, SCENE, TRANSFORMS
 from sim_bridge.topics import TOPICS as TRUE
 
 HOST, PORT = "127.0.0.1", 8765
 """where Foxglove looks for a server unless it is told otherwise"""
 KNOWN = tuple(topic for topic in (*FLOWN, *TRUE, TRANSFORMS, SCENE, LOCATION) if topic.logged)
 """what a simulated flight has"""
+ALONE = tuple(topic for topic in (*FLOWN, ESTIMATED_TRANSFORMS, ESTIMATED_SCENE, LOCATION) if topic.logged)
+"""what a flight computer alone has"""
 PERIOD = 0.02
 """s; of wall-clock time between two looks at the files"""
 BACKLOG = 16_384

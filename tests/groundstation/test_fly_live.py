@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +17,11 @@ import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from mcap.reader import make_reader
 
+from avionics import topics
+from avionics.messages import Event, Severity
 from groundstation.command.main import main
-from logs.live.server import KNOWN
+from logs.live.server import ALONE, KNOWN
+from logs.recorder import McapRecorder
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install foxglove-sdk")
 websockets = pytest.importorskip("websockets.sync.client")
@@ -26,6 +30,7 @@ Capture = pytest.CaptureFixture[str]
 WANTED = ("/view/transforms", "/truth/state", "/attitude/ahrs", "/system/events")
 SUBPROTOCOL = "foxglove.sdk.v1"
 PATIENCE = 60.0
+EPOCH_NS = 1_700_000_000_000_000_000
 _DATA = struct.Struct("<BIQ")
 
 
@@ -140,6 +145,37 @@ def test_the_viewers_clock_is_the_flights(flown: Flown) -> None:
     times, clock = [log_ns for _, log_ns, _ in flown.seen.messages], flown.seen.clock
     assert clock == sorted(clock) and times[0] <= clock[-1] and abs(clock[-1] - max(times)) < 10**7
     assert len(set(clock)) > 10
+
+
+def test_a_recording_of_another_process_is_shown_until_it_ends(tmp_path: Path) -> None:
+    path, seen = tmp_path / "bench.mcap", Seen({}, [], [])
+    command = [sys.executable, "-m", "groundstation.command.main", "log", "live", str(path), "--at", "127.0.0.1:0"]
+    with McapRecorder(path, start_epoch_ns=EPOCH_NS) as recorder:
+        shown = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert shown.stderr is not None
+        viewer = threading.Thread(target=watch, args=(shown.stderr.readline().split()[2], seen), daemon=True)
+        viewer.start()
+        tick, until = 0, time.monotonic() + PATIENCE
+        while len(seen.messages) < 100:
+            assert time.monotonic() < until
+            tick += 1
+            recorder.record(topics.EVENTS, Event(tick * 50_000, Severity.INFO, "bench", f"word {tick}"))
+            time.sleep(0.001)
+    out, err = shown.communicate(timeout=PATIENCE)
+    viewer.join(PATIENCE)
+    assert (shown.returncode, out, err) == (0, "", "")
+    assert seen.messages[-1][:2] == ("/system/events", EPOCH_NS + tick * 50_000_000)
+    assert {topic.name for topic in ALONE} == set(seen.channels)
+
+
+def test_what_nobody_records_is_not_followed(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "over.mcap"
+    assert main(["log", "live", str(path)]) == 2
+    McapRecorder(path).close()
+    assert main(["log", "live", str(path)]) == 2
+    gone, over = capsys.readouterr().err.splitlines()
+    assert gone == f"wingbeat: cannot read {path}: No such file or directory"
+    assert over == f"wingbeat: {path} is not being recorded: Foxglove and Lichtblick open it as it is"
 
 
 def refused(words: list[str], folder: Path, capsys: Capture) -> str:
