@@ -125,6 +125,21 @@ def test_it_takes_no_part_and_shows_nothing_of_nothing(flown: Log, tmp_path: Pat
     assert not (tmp_path / "a.rrd").exists()
 
 
+def test_what_is_believed_is_drawn_where_nothing_truer_is_known(tmp_path: Path) -> None:
+    known = (topics.ATTITUDE, topics.POSITION, topics.ALTITUDE)
+    with McapRecorder(tmp_path / "real.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
+        for topic, message in messages(5.0, known):
+            recorder.record(topic, message)
+    with open_log(tmp_path / "real.mcap") as log:
+        found = Drawn(export(log, tmp_path / "real.rrd").files[0])
+        height = log.columns(topics.ALTITUDE)
+    up = found.at(PLACE, "translation", height.time[10:-10])[:, 2]
+    assert up == pytest.approx(height["altitude"][10:-10], abs=2e-3) and np.ptp(up) > 0.0
+    # Nobody told of its wings: they are there, at rest.
+    assert found.columns[f"{BIRD}/left_wing quaternion"].tolist() == [0.0, 0.0, 0.0, 1.0]
+    assert "/wing_angle/left scalars" not in found.columns
+
+
 def test_a_log_of_events_alone_is_shown_without_a_bird(tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "said.mcap", start_epoch_ns=EPOCH_NS) as recorder:
         recorder.record(topics.EVENTS, m.Event(10**6, m.Severity.INFO, "main", "armed"))
