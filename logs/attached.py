@@ -64,6 +64,15 @@ def aircraft_of(log: Log) -> Aircraft:
     return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu)
 
 
+def airframe_of(vehicle: FlightVehicle) -> Aircraft:
+    """Place of the IMU and lag of the tail by a vehicle's file, for a log that has none.
+
+    The log's samples are then taken as they are: another program calibrated them.
+    """
+    known = vehicle.airframe
+    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant)
+
+
 def _load(log: Log, name: str, load: Callable[[Path], Loaded]) -> Loaded | None:
     if all(attachment.name != name for attachment in log.attachments):
         return None

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle
 from groundstation.command import options
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from logs.attached import aircraft_of
+from logs.attached import aircraft_of, airframe_of, flight_vehicle
+from logs.identification.data import Aircraft
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.reader import Log, open_log
 from logs.truth import known_truths
@@ -17,7 +20,10 @@ from logs.truth import known_truths
 EXAMPLES = (
     "wingbeat identify recordings/flight.mcap",
     "wingbeat identify recordings/flight.mcap modes --json",
+    "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
 )
+UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
+"""what is said of a log without a vehicle's file"""
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
     " of power: the same regression on this flight's noise-free drive, which varies with the flight",
@@ -33,6 +39,11 @@ def build_parser() -> options.Parser:
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("file", type=Path, metavar="FILE", help="an MCAP log")
     parser.add_argument("what", nargs="?", default="all", choices=SUBJECTS, help="all of it by default")
+    parser.add_argument(
+        "--vehicle",
+        metavar="V|PATH",
+        help="name or file of the vehicle, for a log of another program, which carries none",
+    )
     options.add_json(parser)
     return parser
 
@@ -41,11 +52,12 @@ def run(arguments: Sequence[str]) -> int:
     """Identify, and print the table.
 
     Raises:
-        BadInput: not an MCAP log, or one that gives nothing of what was asked for.
+        BadInput: not an MCAP log, or one that gives nothing of what was asked for; a vehicle that is unknown, or
+            given beside the log's own.
     """
     chosen = build_parser().parse_args(arguments)
     with open_log(chosen.file) as log:
-        found = identified(log, chosen.what)
+        found = identified(log, chosen.what, chosen.vehicle)
     if chosen.json:
         print_document(document(found))
     else:
@@ -53,11 +65,23 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def identified(log: Log, what: str = "all") -> Identification:
+def identified(log: Log, what: str = "all", vehicle: str | None = None) -> Identification:
     """Identify ``what`` from an open log, beside the truth where the flight was simulated.
 
+    ``vehicle`` is the name or file of the one that flew, where the log does not carry it.
+
     Raises:
-        BadInput: the log gives nothing of what was asked for.
+        BadInput: the log gives nothing of what was asked for, or carries a vehicle file beside the one given.
     """
-    found = identify(log, what, aircraft_of(log))
+    found = identify(log, what, _aircraft(log, vehicle))
+    if found.modes is not None and vehicle is None and flight_vehicle(log) is None:
+        found = found._replace(modes=found.modes._replace(notes=(*found.modes.notes, UNKNOWN)))
     return found._replace(truths={**found.truths, **known_truths(log, modes=found.modes is not None)})
+
+
+def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
+    if vehicle is None:
+        return aircraft_of(log)
+    if flight_vehicle(log) is not None:
+        raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
+    return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]))
