@@ -113,14 +113,15 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     Raises:
         BadInput: a topic is missing and nothing can stand for it, or nothing was excited.
     """
+    told, commanded = _told(source), _elevator(source)
     imu = _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
     attitude = _Table(source, topics.ATTITUDE, "pitch", "bias_y")
     time = _time_base(imu.time)
     accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
-    elevator = _elevator(source).held("elevator", time)
+    elevator = commanded.held("elevator", time)
     climb = _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
     airspeed, strokes = _airspeed(source, time, climb), _flown_strokes(source, time, accel_z)
-    excited = _excitation(source, time, elevator, strokes.values)
+    excited = _found(time, elevator, strokes.values) if told is None else _flown(told, time)
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -139,23 +140,27 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     )
 
 
-def _excitation(source: ColumnSource, time: Array, elevator: Array, strokes: Array) -> _Excited:
-    """The manoeuvres as their topic tells them, or as the elevator shows them where there is none."""
+def _told(source: ColumnSource) -> _Table | None:
+    """The topic of the excitation; None where the log has none."""
     try:
         told = _Table(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
-    except BadInput as missing:
-        return _found(time, elevator, strokes, missing)
+    except BadInput:
+        return None
     if not np.any(told["active"]):
         raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
+    return told
+
+
+def _flown(told: _Table, time: Array) -> _Excited:
     active, manoeuvre, added, aborted = (told.held(f, time) for f in ("active", "manoeuvre", "elevator", "aborted"))
     return _Excited(active, manoeuvre, added, aborted)
 
 
-def _found(time: Array, elevator: Array, strokes: Array, missing: BadInput) -> _Excited:
+def _found(time: Array, elevator: Array, strokes: Array) -> _Excited:
     try:
         inputs = find_inputs(time, elevator, strokes)
     except BadInput as reason:
-        raise BadInput(f"{missing}, and {reason}") from None
+        raise BadInput(f"the log has no topic {topics.EXCITATION.name} that tells an input, and {reason}") from None
     note = "manoeuvres: the elevator's quick movements from rest to rest"
     return _Excited(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
 
@@ -164,8 +169,8 @@ def _elevator(source: ColumnSource) -> _Table:
     try:
         return _Table(source, topics.ACTUATORS, "elevator")
     except BadInput as missing:
-        hint = "a mapping can make it of sticks or pulse widths, by scale and offset"
-        raise BadInput(f"{missing}: the elevator's angle; {hint}") from None
+        hint = "a mapping makes it of sticks or pulse widths, by scale and offset"
+        raise BadInput(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
 
 
 def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:

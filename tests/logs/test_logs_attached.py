@@ -11,6 +11,7 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.vehicles import load_vehicle
 from groundstation.command.avionics import note_inputs
+from groundstation.command.identify import identified
 from logs.attached import aircraft_of, flight_vehicle
 from logs.names import FLIGHT_VEHICLE, PARAMETERS
 from logs.reader import open_log
@@ -56,3 +57,9 @@ def test_a_log_without_a_vehicle_tells_nothing_of_it(tmp_path: Path) -> None:
     with open_log(tmp_path / "flight.mcap") as log:
         assert flight_vehicle(log) is None
         assert aircraft_of(log).imu == inertial.NEUTRAL
+
+
+def test_another_vehicle_is_not_taken_for_the_one_that_flew(tmp_path: Path) -> None:
+    calibrated(tmp_path / "flight.mcap")
+    with open_log(tmp_path / "flight.mcap") as log, pytest.raises(BadInput, match="carries the file of its vehicle"):
+        identified(log, "modes", "arizona_100cm")

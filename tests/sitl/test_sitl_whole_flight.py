@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from as_table import as_table, imported
 from flown import ARIZONA, RAVEN, Flight, flown
-from identified import INPUTS_OVER, identified
+from identified import INPUTS_OVER, Result, identified
 
 from avionics import topics
 from avionics.messages import Stage
+from groundstation.command import identify
+from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import LAUNCH_TIME, Scenario
 from sim_bridge.vehicles import load_vehicle
 
 AIR_TIME = {RAVEN: (85.0, 97.0), ARIZONA: (85.0, 115.0)}
 """s; of the circuit in still air: the Arizona's wings cannot beat slowly enough to come down as steeply"""
+FIRST_INPUT = 57.0
+"""s; the circuit's doublets begin"""
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +127,12 @@ def test_the_wings_are_still_in_the_hand(raven: Flight) -> None:
     assert np.abs(wing["rate_left"][armed_and_held]).max() < 0.05
 
 
-def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(raven: Flight) -> None:
-    result = identified(RAVEN, raven.log.until(INPUTS_OVER))
+@pytest.fixture(scope="module")
+def result(raven: Flight) -> Result:
+    return identified(RAVEN, raven.log.until(INPUTS_OVER))
+
+
+def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(result: Result) -> None:
     for mode in result.modes:
         assert mode.frequency is not None
         assert mode.damping is not None
@@ -134,6 +144,20 @@ def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(ra
     for name, true in (("K_tau", drive.torque_constant), ("K_tau0", drive.torque_offset)):
         _, low, high = result.torque[name]
         assert low <= true <= high
+
+
+def test_the_flight_as_a_table_without_its_excitation_gives_the_same_short_period(
+    raven: Flight, result: Result, tmp_path: Path
+) -> None:
+    """GIVEN columns of CSV and the vehicle's name THEN each method's value lies in the flown log's interval."""
+    table = as_table(raven.log.until(INPUTS_OVER), FIRST_INPUT - 5.0, tmp_path / "flight.csv")
+    with open_log(imported(table)) as log:
+        found = identify.identified(log, "modes", RAVEN).modes
+    assert found is not None and found.agree and [note.partition(":")[0] for note in found.notes] == ["manoeuvres"]
+    for mode, flown_mode in zip(found.modes, result.modes, strict=True):
+        for one, other in ((mode.frequency, flown_mode.frequency), (mode.damping, flown_mode.damping)):
+            assert one is not None and other is not None
+            assert other.contains(one.value) and one.contains(other.value)
 
 
 @pytest.mark.validate

@@ -12,6 +12,7 @@ from foreign_logs import DATA, ROOT, imported
 
 from avionics import topics
 from avionics.quantities import BadInput
+from groundstation.command.identify import UNKNOWN, identified
 from logs.identification.report import identify
 from logs.identification.short_period import short_period_of
 from logs.importing.log_import import NOTES
@@ -151,9 +152,14 @@ aborted = { column = "aborted" }
 """
 
 
-def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(tmp_path: Path) -> None:
-    """Degrees, g and km/h in a table: the true short period lies in the interval of either method."""
-    flight = Flight(doublets=2)
+def without(*topics_gone: str) -> str:
+    """The mapping without some of its topics."""
+    first, *sections = FLIGHT_MAPPING.split("[topics.")
+    return "[topics.".join([first, *(part for part in sections if part.split('"')[1] not in topics_gone)])
+
+
+def flown_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
+    """A flight as a table with degrees, g and km/h, imported by its mapping."""
     data = fly(flight)
     columns = {
         "t": data.time,
@@ -172,16 +178,51 @@ def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(tmp_path: Pat
     }
     lines = [",".join(columns)]
     lines += [",".join(f"{value:.12g}" for value in row) for row in zip(*columns.values(), strict=True)]
-    source, chosen = mapped(tmp_path, "\n".join(lines), FLIGHT_MAPPING)
-    out, report = imported(source, tmp_path, mapping=chosen)
+    source, chosen = mapped(folder, "\n".join(lines), mapping)
+    out, report = imported(source, folder, mapping=chosen)
     assert report.dropped == ()
-    with open_log(out) as log:
+    return out
+
+
+@pytest.mark.parametrize(
+    ("mapping", "doublets", "notes"),
+    [
+        (FLIGHT_MAPPING, 2, []),
+        (without("/guidance/excitation"), 4, ["manoeuvres"]),
+        (without("/guidance/excitation", "/main/wing"), 4, ["manoeuvres", "strokes"]),
+    ],
+    ids=["whole", "without excitation", "without excitation and wing"],
+)
+def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(
+    tmp_path: Path, mapping: str, doublets: int, notes: list[str]
+) -> None:
+    """The true short period lies in the interval of either method."""
+    flight = Flight(doublets=doublets)
+    with open_log(flown_as_table(tmp_path, mapping, flight)) as log:
         found = identify(log, "modes", AIRCRAFT).modes
     frequency, damping = short_period_of(model_of(flight).a)
-    assert found is not None
+    assert found is not None and [note.partition(":")[0] for note in found.notes] == notes
     for mode in found.modes:
         assert mode.frequency is not None and mode.frequency.contains(frequency)
         assert mode.damping is not None and mode.damping.contains(damping)
+
+
+def test_an_imported_log_does_not_tell_its_aircraft_and_the_report_says_so(tmp_path: Path) -> None:
+    """GIVEN a log without a vehicle's file THEN --vehicle tells where the IMU is, and what is assumed is told."""
+    with open_log(flown_as_table(tmp_path, FLIGHT_MAPPING, Flight(doublets=2))) as log:
+        assumed, told = identified(log, "modes").modes, identified(log, "modes", "robo_raven_ii_d").modes
+    assert assumed is not None and told is not None
+    assert assumed.notes == (UNKNOWN,) and told.notes == ()
+    found = [{derivative.name for derivative in modes.modes[0].derivatives} for modes in (assumed, told)]
+    assert found[0] - found[1] == {"tail_time_constant"}
+
+
+def test_a_real_record_without_an_input_says_what_it_lacks(tmp_path: Path) -> None:
+    """The fixed-wing record has neither wings that flap nor an elevator that moves quickly."""
+    out, _ = imported(DATA / "fixedwing_model.csv", tmp_path, mapping=DATA / "fixedwing_model.toml")
+    with open_log(out) as log, pytest.raises(BadInput, match="/main/altitude") as raised:
+        identify(log, "modes")
+    assert "\n" not in str(raised.value)
 
 
 def test_cells_that_are_no_number_and_rows_out_of_range_are_told(tmp_path: Path) -> None:
