@@ -127,6 +127,8 @@ class Container:
             BadInput: another channel or schema has this number.
         """
         known = self._channels.get(channel.id)
+        if known is channel and (schema is None or self._schemas.get(schema.id) is schema):
+            return
         if known is not None and known != channel:
             raise BadInput(
                 f"channel {channel.id} is both {known.topic} and {channel.topic} (or differs in its schema)"

@@ -26,7 +26,8 @@ from logs.volumes import Volumes, Work
 CHUNK_BYTES = 64 * 1024
 FLUSH_S = 0.25
 _FLUSH_NS = round(FLUSH_S * 1e9)
-ZSTD_LEVEL = 1
+ZSTD_LEVEL = -1
+"""Files are 3 to 5 % larger than with level 1, and unpacked in half to three quarters of the time."""
 RECORDING = "wingbeat.recording"
 """Name of the metadata record that says when the vehicle's clock was zero."""
 
@@ -109,7 +110,7 @@ class McapRecorder:
         self._streams: dict[int, _Stream] = {}
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
-        self._first_ns = 0
+        self._oldest_ns = self._youngest_ns = 0
         self._flush_clock = 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
         self._writing = writing
@@ -143,7 +144,8 @@ class McapRecorder:
                 return
             buffer = self._buffer
             if not buffer:
-                self._first_ns = log_ns
+                # Time that runs backwards closes the chunk too: its messages are then near each other.
+                self._oldest_ns, self._youngest_ns = log_ns - _FLUSH_NS, log_ns + _FLUSH_NS
                 self._flush_clock = self._clock() + FLUSH_S
             if not stream.sequence:
                 # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
@@ -153,9 +155,11 @@ class McapRecorder:
             stream.index += (log_ns, offset)
             buffer += record
             self._last_ns = log_ns
-            # Time that runs backwards closes the chunk too: its messages are then near each other.
-            young = -_FLUSH_NS < log_ns - self._first_ns < _FLUSH_NS
-            if offset + len(record) >= CHUNK_BYTES or not young or self._clock() >= self._flush_clock:
+            if (
+                len(buffer) >= CHUNK_BYTES
+                or not self._oldest_ns < log_ns < self._youngest_ns
+                or self._clock() >= self._flush_clock
+            ):
                 self.flush()
 
     def flush(self) -> None:
