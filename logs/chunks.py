@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import zstandard
@@ -30,16 +30,8 @@ MESSAGE_HEAD = np.dtype(
     }
 )
 """A message record up to its data."""
-INDEX_HEAD = np.dtype(
-    {
-        "names": ["opcode", "length", "channel", "size"],
-        "formats": ["u1", "<u8", "<u2", "<u4"],
-        "offsets": [0, 1, 9, 11],
-        "itemsize": 15,
-    }
-)
-"""A message index record up to its entries."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
+_SIZE = struct.Struct("<Q")
 _MESSAGE = struct.Struct("<BQHIQ")
 _INDEX_HEAD = struct.Struct("<HI")
 
@@ -76,6 +68,15 @@ class ChunkSpan(NamedTuple):
         return set(self.indexes) | set(self.entries)
 
 
+class Told(NamedTuple):
+    """What a summary tells of a chunk; see `ChunkSpan`."""
+
+    start_ns: int
+    end_ns: int
+    indexes: dict[int, int]
+    index_size: int
+
+
 class Contents(NamedTuple):
     """What lies in an unpacked chunk."""
 
@@ -84,22 +85,24 @@ class Contents(NamedTuple):
     entries: dict[int, Entries]
 
 
-def chunk_at(data: Buffer, span: Span) -> ChunkSpan:
-    """The chunk at ``span``, still packed.
+def chunk_at(data: Buffer, span: Span, told: Told | None = None) -> ChunkSpan:
+    """The chunk at ``span``, still packed; what a summary ``told`` of it counts more than its own header.
 
     Raises:
         Damage: its header contradicts its length.
     """
+    body = span.offset + HEAD.size
     try:
-        start, end, size, crc, name_size = _CHUNK_HEAD.unpack_from(data, span.body)
-        place = span.body + _CHUNK_HEAD.size + name_size
+        start, end, size, crc, name_size = _CHUNK_HEAD.unpack_from(data, body)
+        place = body + _CHUNK_HEAD.size + name_size
         name = bytes(data[place - name_size : place]).decode("ascii")
-        (data_size,) = struct.unpack_from("<Q", data, place)
+        (data_size,) = _SIZE.unpack_from(data, place)
     except (struct.error, UnicodeDecodeError, OverflowError):
         raise Damage(f"chunk at byte {span.offset} cannot be read") from None
-    if place + 8 + data_size != span.end or size > LARGEST_CHUNK:
+    if place + 8 + data_size != span.offset + span.length or size > LARGEST_CHUNK:
         raise Damage(f"chunk at byte {span.offset} has lengths that contradict each other")
-    return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, {}, {})
+    start, end, indexes, index_size = told or Told(start, end, {}, 0)
+    return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, indexes, {}, index_size)
 
 
 def loose_messages(start: int, end: int) -> ChunkSpan:
@@ -208,33 +211,6 @@ def stored_entries(data: Buffer, offset: int) -> Entries:
     if size % ENTRY_TYPE.itemsize or span.body + _INDEX_HEAD.size + size != span.end:
         raise Damage(f"message index at byte {span.offset} has lengths that contradict each other")
     return np.frombuffer(bytes(data[span.end - size : span.end]), ENTRY_TYPE)
-
-
-def listed_times(data: Buffer, offsets: NDArray[np.int64], channel: int) -> NDArray[np.int64] | None:
-    """Log times (ns) by the message index records of one channel at ``offsets``, all of them at once.
-
-    None where one of them is not such a record, or not a whole one.
-    """
-    raw = np.frombuffer(data, np.uint8)
-    if len(offsets) and not 0 <= int(offsets.min()) <= int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
-        return None
-    heads = _gathered(raw, offsets, INDEX_HEAD)
-    counts, rest = np.divmod(heads["size"].astype(np.int64), ENTRY_TYPE.itemsize)
-    first = offsets + INDEX_HEAD.itemsize
-    whole = (heads["opcode"] == int(Opcode.MESSAGE_INDEX)) & (heads["channel"] == channel) & (rest == 0)
-    whole &= (heads["length"] == heads["size"] + 6) & (first + counts * ENTRY_TYPE.itemsize <= len(raw))
-    if not whole.all():
-        return None
-    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    places = np.repeat(first, counts) + within * ENTRY_TYPE.itemsize
-    return _gathered(raw, places, np.dtype("<i8"))
-
-
-def _gathered(raw: NDArray[np.uint8], places: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
-    """Values of type ``kind`` at any bytes, copied."""
-    count = len(raw) - kind.itemsize + 1
-    windows: Entries = np.ndarray((count,), np.dtype((np.void, kind.itemsize)), raw.data, strides=(1,))
-    return windows[places].view(kind)
 
 
 def _agree(content: bytes, entries: Entries, channel: int) -> bool:

@@ -12,13 +12,13 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from logs.chunks import MESSAGE_HEAD
-from logs.layout import Field, Layout
+from logs.layout import SCALARS, Field, Layout
 from logs.schema import layout_from_schema
 
 Array = NDArray[Any]
 Stamped = tuple[int, dict[str, Any]]
 """Log time in ns and the values of one message."""
-_BLOCK = 8192
+_BLOCK = 256
 """Rows checked at a time: they stay in the processor's cache."""
 
 
@@ -66,15 +66,15 @@ class RowType(NamedTuple):
     kind: np.dtype[np.void]
     """fields by their names, the record's own behind a slash"""
     mask: NDArray[np.uint8]
-    """255 at the bytes that are the same in every record of a channel: opcode, length, channel, tags"""
+    """255 at the bytes that are the same in every record of a channel: opcode, length, channel, tags; for many"""
     pattern: NDArray[np.uint8]
-    """what these bytes are, 0 elsewhere"""
+    """what these bytes are, 0 elsewhere; for as many"""
 
     def fits(self, rows: Array, times: NDArray[np.uint64]) -> bool:
         """Whether all rows (of bytes ``kind.itemsize`` long) are such records with these log times in ns."""
-        raw = rows.view(np.uint8).reshape(len(rows), self.kind.itemsize)
-        blocks = (raw[start : start + _BLOCK] for start in range(0, len(raw), _BLOCK))
-        if not all(np.array_equal(block & self.mask, np.broadcast_to(self.pattern, block.shape)) for block in blocks):
+        raw, step = rows.view(np.uint8), len(self.mask)
+        blocks = (raw[start : start + step] for start in range(0, len(raw), step))
+        if not all(np.array_equal(block & self.mask[: len(block)], self.pattern[: len(block)]) for block in blocks):
             return False
         return np.array_equal(rows.view(self.kind)["/log_time"], times)
 
@@ -106,24 +106,31 @@ def row_type(layout: Layout, channel: int) -> RowType:
     for offset, data in constants:
         pattern[offset : offset + len(data)] = list(data)
         mask[offset : offset + len(data)] = 255
-    return RowType(np.dtype(described), mask, pattern)
+    return RowType(np.dtype(described), np.tile(mask, _BLOCK), np.tile(pattern, _BLOCK))
 
 
-def fixed_columns(topic: str, boot_ns: int, layout: Layout, rows: NDArray[np.void]) -> Columns:
-    """Columns from rows that fit their `RowType`."""
-    times = rows["/log_time"].astype(np.int64)
+def column_type(kind: Field) -> np.dtype[Any]:
+    """NumPy type of a field's column."""
+    return np.dtype(f"<{SCALARS[kind.scalar].code}" if kind.scalar in ("double", "float") else np.int64)
+
+
+def fixed_columns(
+    topic: str, boot_ns: int, layout: Layout, times: NDArray[np.int64], fields: dict[str, Array]
+) -> Columns:
+    """Columns of `column_type` with their log times (ns), in any order."""
     if np.any(times[1:] < times[:-1]):
         order = np.argsort(times, kind="stable")
-        rows, times = rows[order], times[order]
-    fields = {item.name: _column(rows[item.name], item) for item in layout.fields}
-    return _columns(topic, boot_ns, layout, times, fields)
+        times, fields = times[order], {name: values[order] for name, values in fields.items()}
+    kinds = {item.name: item for item in layout.fields}
+    return _columns(
+        topic, boot_ns, layout, times, {name: _whole(values, kinds[name]) for name, values in fields.items()}
+    )
 
 
-def _column(values: Array, kind: Field) -> Array:
-    beyond = kind.scalar == "fixed64" and len(values) and int(values.max()) > np.iinfo(np.int64).max
-    if beyond or kind.scalar in ("double", "float"):
-        return np.ascontiguousarray(values)
-    return values.astype(np.int64)
+def _whole(values: Array, kind: Field) -> Array:
+    """The column, with values beyond int64 as what they are."""
+    beyond = kind.scalar == "fixed64" and int(values.min(initial=0)) < 0
+    return values.view(np.uint64) if beyond else values
 
 
 def free_columns(topic: str, boot_ns: int, layout: Layout | None, messages: Sequence[Stamped]) -> Columns:

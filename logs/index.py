@@ -26,7 +26,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from logs.checksums import OPCODE as CHECKSUMS
 from logs.checksums import Checksums, decode_checksums
-from logs.chunks import ChunkSpan, chunk_at, loose_messages, stored_entries, unpack, walk
+from logs.chunks import ChunkSpan, Told, chunk_at, loose_messages, stored_entries, unpack, walk
 from logs.container import encode
 from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
 
@@ -184,7 +184,7 @@ def _covers(index: Index, statistics: Statistics) -> bool:
         and statistics.metadata_count == len(index.metadata)
         and statistics.channel_count == len(known)
         and statistics.message_count == sum(statistics.channel_message_counts.values())
-        and all(chunk.indexes and set(chunk.indexes) <= known for chunk in index.chunks)
+        and all(chunk.indexes and chunk.indexes.keys() <= known for chunk in index.chunks)
         and (bool(index.chunks) or not statistics.message_count)
     )
 
@@ -196,11 +196,10 @@ def _indexed_chunk(data: Buffer, span: Span, stop: int) -> ChunkSpan:
     places = data[span.body + _CHUNK_INDEX.size : end]
     if size % _PLACE.size or len(places) != size or end + _INDEX_SIZE.size > span.end:
         raise Damage(f"chunk index at byte {span.offset} has lengths that contradict each other")
-    chunk = chunk_at(data, expected(data, Opcode.CHUNK, place, stop))
     # The header of a chunk is under no CRC of its own, the summary is.
     (index_size,) = _INDEX_SIZE.unpack_from(data, end)
-    indexes = dict(_PLACE.iter_unpack(places))
-    return chunk._replace(start_ns=start_ns, end_ns=end_ns, indexes=indexes, index_size=index_size)
+    told = Told(start_ns, end_ns, dict(_PLACE.iter_unpack(places)), index_size)
+    return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told)
 
 
 def _define(index: Index, data: Buffer, span: Span) -> None:

@@ -67,6 +67,11 @@ class Field(NamedTuple):
         return varint(self.number << 3 | DELIMITED) + varint(self.length * scalar.width)
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """Of a message's value as an array: none for a single value."""
+        return (self.length,) if self.length else ()
+
+    @property
     def code(self) -> str:
         """Format of the value for the `struct` module."""
         return f"{self.length or ''}{SCALARS[self.scalar].code}"

@@ -18,12 +18,14 @@ from avionics.messages import Event, Text
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.alignment import aligned
-from logs.chunks import ChunkSpan, Entries, bodies, entries_of, listed_entries, listed_times, rows_at, unpack
+from logs.chunks import ChunkSpan, Entries, bodies, entries_of, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
-from logs.columns import Columns, RowType, Stamped, fixed_columns, free_columns, layout_in_file, row_type
+from logs.columns import Columns, Stamped, fixed_columns, free_columns, layout_in_file
 from logs.frames import frame
+from logs.gathering import Table, fill
 from logs.index import ALTERED, Index, data_intact, indexes_intact, read_index
 from logs.layout import Layout
+from logs.listing import Places
 from logs.recorder import RECORDING
 from logs.records import Damage, attachment_at, parse
 
@@ -51,34 +53,6 @@ class TopicInfo:
     """None when the file does not say"""
     layout: Layout | None
     """None when messages differ in length"""
-
-
-class _Rows:
-    """Rows of one channel while they are taken out of the chunks."""
-
-    def __init__(self, kind: RowType) -> None:
-        self.kind = kind
-        self.rows: list[Any] = []
-        self.times: list[Any] = []
-        self.fits = True
-
-    def take(self, content: bytes, entries: Entries) -> None:
-        """Copy the records at ``entries`` as they are; whether they fit is asked of all of them at once."""
-        offsets = entries["offset"]
-        if len(offsets) and int(offsets.max()) > len(content) - self.kind.kind.itemsize:
-            self.fits = False
-        elif len(offsets):
-            self.rows.append(rows_at(content, offsets, np.dtype((np.void, self.kind.kind.itemsize))))
-            self.times.append(entries["time"])
-
-    def checked(self) -> NDArray[np.void] | None:
-        """All rows, None if one of them has another layout or is not where the message index says."""
-        if not self.rows:
-            return np.empty(0, self.kind.kind) if self.fits else None
-        rows = np.concatenate(self.rows)
-        if not self.fits or not self.kind.fits(rows, np.concatenate(self.times)):
-            return None
-        return rows.view(self.kind.kind)
 
 
 class Log:
@@ -211,9 +185,9 @@ class Log:
         names = list(dict.fromkeys(topic if isinstance(topic, str) else topic.name for topic in chosen))
         window = self._window(start, end)
         channels = {channel.id: channel for name in names for channel in self._channels(name)}
-        rows = self._checked(lambda: self._rows(channels, window))
+        filled = self._checked(lambda: self._filled(channels, window))
         boot = self.boot_ns
-        return {name: self._table(name, boot, window, rows) for name in names}
+        return {name: self._table(name, boot, window, filled) for name in names}
 
     def times(self, topic: str | Topic) -> NDArray[np.float64]:
         """Log times (s since boot) of a topic's messages, in the order of the file.
@@ -229,14 +203,15 @@ class Log:
         return np.asarray((np.concatenate(parts) - self.boot_ns) * 1e-9, np.float64)
 
     def _listed_times(self, channel: int) -> NDArray[np.int64]:
-        chunks = [chunk for chunk in self._index.chunks if channel in chunk.indexes or channel in chunk.entries]
-        if self._indexes_intact and all(channel in chunk.indexes for chunk in chunks):
-            offsets = np.array([chunk.indexes[channel] for chunk in chunks], np.int64)
-            times = listed_times(self._data, offsets, channel)
-            if times is not None:
-                return times
+        times = self._places.times(self._data, channel) if self._indexes_intact else None
+        if times is not None:
+            return times.astype(np.int64)
         parts = [entries[channel]["time"].astype(np.int64) for entries in self._looked_up if channel in entries]
         return np.concatenate([np.empty(0, np.int64), *parts])
+
+    @cached_property
+    def _places(self) -> Places:
+        return Places(self._chunks())
 
     @cached_property
     def _indexes_intact(self) -> bool:
@@ -362,7 +337,7 @@ class Log:
     # --- inside -----------------------------------------------------------------------------------------
 
     def _chunks(self) -> list[ChunkSpan]:
-        return [chunk for chunk in self._index.chunks if chunk.channels]
+        return [chunk for chunk in self._index.chunks if chunk.indexes or chunk.entries]
 
     def _info(self, channel: Channel) -> TopicInfo:
         schema = self._index.schemas.get(channel.schema_id)
@@ -395,29 +370,32 @@ class Log:
         low = self.start_ns if start is None else boot + round(start * 1e9)
         return low, self.end_ns + 1 if end is None else boot + round(end * 1e9)
 
-    def _rows(self, channels: Mapping[int, Channel], window: tuple[int, int]) -> dict[int, _Rows]:
-        """Rows of the channels of fixed layout, by channel, in one pass over the chunks."""
+    def _filled(self, channels: Mapping[int, Channel], window: tuple[int, int]) -> dict[int, Table]:
+        """Columns of the channels of fixed layout whose message indexes can be read, in one pass over the chunks."""
         layouts = {number: layout_in_file(channel, self._schema(channel)) for number, channel in channels.items()}
-        found = {number: _Rows(row_type(layout, number)) for number, layout in layouts.items() if layout is not None}
-        for chunk in self._between(window):
-            wanted = chunk.channels & found.keys()
-            content = unpack(self._data, chunk) if wanted else b""
-            for number in wanted:
-                entries = listed_entries(self._data, chunk, number)
-                if entries is None:
-                    found[number].fits = False
-                else:
-                    found[number].take(content, _inside(entries, chunk, window))
-        return found
+        fixed = {number: layout for number, layout in layouts.items() if layout is not None}
+        chunks = [chunk for chunk in self._between(window) if chunk.channels & fixed.keys()]
+        sizes = np.array([chunk.size for chunk in chunks], np.int64)
+        places, tables = Places(chunks), {}
+        for number, layout in fixed.items():
+            found = places.listing(self._data, number)
+            if found is not None:
+                tables[number] = Table(layout, number, found, sizes)
+        fill(self._data, chunks, tables.values())
+        return tables
 
-    def _table(self, name: str, boot: int, window: tuple[int, int], rows: Mapping[int, _Rows]) -> Columns:
+    def _table(self, name: str, boot: int, window: tuple[int, int], filled: Mapping[int, Table]) -> Columns:
         channels = self._channels(name)
         layout = layout_in_file(channels[0], self._schema(channels[0]))
-        parts = [rows[channel.id].checked() if channel.id in rows else None for channel in channels]
-        fixed = [part for part in parts if part is not None]
-        if layout is not None and len(fixed) == len(parts) and len({part.dtype for part in fixed}) == 1:
-            return fixed_columns(name, boot, layout, np.concatenate(fixed))
-        return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
+        parts = [filled[channel.id] for channel in channels if channel.id in filled]
+        whole = len(parts) == len(channels) and all(part.fits for part in parts)
+        if layout is None or not whole or len({part.kind.kind for part in parts}) > 1:
+            return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
+        # A time is under the chunk's CRC, what the message index says of it is not: so they are cut when all agree.
+        found = [part.between(*window) for part in parts]
+        times = _joined([times for times, _ in found]).astype(np.int64)
+        fields = {item.name: _joined([values[item.name] for _, values in found]) for item in layout.fields}
+        return fixed_columns(name, boot, layout, times, fields)
 
     def _decoded(self, channels: list[Channel], window: tuple[int, int]) -> list[Stamped]:
         """Messages decoded one by one, with their log times in ns."""
@@ -489,6 +467,10 @@ def _number(text: str | None) -> float | None:
         return None if text is None else float(text)
     except ValueError:
         return None
+
+
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _inside(entries: Entries, chunk: ChunkSpan, window: tuple[int, int]) -> Entries:

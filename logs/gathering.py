@@ -1,0 +1,121 @@
+"""Messages of fixed layout as columns: taken out of many chunks at once, on every core.
+
+A chunk holds a few messages of each topic, too few for NumPy to be quick with. So chunks are unpacked some dozens at
+a time, a batch, and all messages that a channel has in it are copied, checked and written into the columns together.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from logs.chunks import ChunkSpan, rows_at, unpack
+from logs.columns import Array, RowType, column_type, row_type
+from logs.layout import Layout
+from logs.listing import Listing
+from logs.records import Buffer
+
+BATCH_BYTES = 4 * 1024 * 1024
+"""Bytes, unpacked; more would not stay in a processor's cache, less is more work for Python than for NumPy."""
+MOST_THREADS = 4
+
+
+class Batch(NamedTuple):
+    """Chunks that are unpacked together."""
+
+    first: int
+    """number of the first of them"""
+    behind: int
+    """number of the first that follows"""
+
+    def content(self, data: Buffer, chunks: Sequence[ChunkSpan]) -> bytes:
+        """The records in its chunks, one chunk behind the other.
+
+        Raises:
+            Damage: a chunk cannot be unpacked or does not match its checksum.
+        """
+        return b"".join([unpack(data, chunk) for chunk in chunks[self.first : self.behind]])
+
+
+class Table:
+    """Columns of one channel, filled batch by batch, by several threads if need be."""
+
+    def __init__(self, layout: Layout, channel: int, listing: Listing, sizes: NDArray[np.int64]) -> None:
+        """Make room for the messages in ``listing``, in chunks of ``sizes`` bytes."""
+        self.kind: RowType = row_type(layout, channel)
+        self.times = listing.times
+        """ns; log time"""
+        self.fits = listing.lies_inside(sizes, self.kind.kind.itemsize)
+        """no message has been found to have another layout, or not to be where the message index says"""
+        rows = len(self.times) if self.fits else 0
+        self.fields = {item.name: np.empty((rows, *item.shape), column_type(item)) for item in layout.fields}
+        self._offsets = listing.offsets
+        self._counts = listing.counts
+        self._first = np.concatenate(([0], np.cumsum(listing.counts)))
+
+    def take(self, batch: Batch, content: bytes, starts: NDArray[np.int64]) -> None:
+        """Copy the messages in a batch, whose chunks start at these bytes of ``content``."""
+        mine = slice(*self._first[[batch.first, batch.behind]].tolist())
+        if not self.fits or mine.start == mine.stop:
+            return
+        shift = np.repeat(starts.astype(np.uint64), self._counts[batch.first : batch.behind])
+        kind = self.kind.kind
+        rows = rows_at(content, self._offsets[mine] + shift, np.dtype((np.void, kind.itemsize)))
+        if not self.kind.fits(rows, self.times[mine]):
+            self.fits = False
+            return
+        messages = rows.view(kind)
+        for name, values in self.fields.items():
+            values[mine] = messages[name]
+
+    def between(self, low: int, high: int) -> tuple[NDArray[np.uint64], dict[str, Array]]:
+        """Log times and columns of the messages with log times (ns) from ``low`` to before ``high``."""
+        kept = (self.times >= max(low, 0)) & (self.times < max(high, 0))
+        if kept.all():
+            return self.times, self.fields
+        return self.times[kept], {name: values[kept] for name, values in self.fields.items()}
+
+
+def fill(data: Buffer, chunks: Sequence[ChunkSpan], tables: Iterable[Table]) -> None:
+    """Fill all tables in one pass over the chunks.
+
+    Raises:
+        Damage: a chunk cannot be unpacked or does not match its checksum.
+    """
+    tables = list(tables)
+    starts = np.cumsum([0, *(chunk.size for chunk in chunks)])
+
+    def take(batch: Batch) -> None:
+        content = batch.content(data, chunks)
+        for table in tables:
+            table.take(batch, content, starts[batch.first : batch.behind] - starts[batch.first])
+
+    on_every_core(take, list(_batches(chunks)))
+
+
+def _batches(chunks: Sequence[ChunkSpan]) -> Iterator[Batch]:
+    first = size = 0
+    for number, chunk in enumerate(chunks):
+        if size and size + chunk.size > BATCH_BYTES:
+            yield Batch(first, number)
+            first, size = number, 0
+        size += chunk.size
+    if first < len(chunks):
+        yield Batch(first, len(chunks))
+
+
+def on_every_core(work: Callable[[Any], None], parts: Sequence[Any]) -> None:
+    """Do ``work`` for each part; what it raises for the first of them is raised."""
+    threads = min(os.cpu_count() or 1, MOST_THREADS, len(parts))
+    if threads < 2:
+        for part in parts:
+            work(part)
+        return
+    with ThreadPoolExecutor(threads, "reader") as pool:
+        for _ in pool.map(work, parts):
+            pass

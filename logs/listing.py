@@ -1,0 +1,131 @@
+"""Where the messages of a channel lie: its message indexes in many chunks, read all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from logs.chunks import ENTRY_TYPE, ChunkSpan, Entries, listed_entries
+from logs.records import HEAD, Buffer
+
+INDEX_HEAD = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "size"],
+        "formats": ["u1", "<u8", "<u2", "<u4"],
+        "offsets": [0, 1, 9, 11],
+        "itemsize": 15,
+    }
+)
+"""A message index record up to its entries."""
+
+_NUMBER = np.dtype("<u8")
+"""A time or an offset in an entry."""
+
+Counts = NDArray[np.int64]
+
+
+class Listing(NamedTuple):
+    """Messages of a channel, chunk after chunk, as the message indexes say: under no checksum, so unchecked."""
+
+    times: NDArray[np.uint64]
+    """ns; log time"""
+    offsets: NDArray[np.uint64]
+    """bytes; in the chunk"""
+    counts: Counts
+    """how many of them lie in each chunk"""
+
+    def lies_inside(self, sizes: NDArray[np.int64], length: int) -> bool:
+        """Whether records of so many bytes at the offsets end inside their chunks of so many bytes."""
+        last = np.repeat(sizes - length, self.counts)
+        return bool(np.all(last >= 0) and np.all(self.offsets <= last.astype(np.uint64)))
+
+
+class Places:
+    """Where the message indexes of some chunks lie in their file."""
+
+    def __init__(self, chunks: Sequence[ChunkSpan]) -> None:
+        self.chunks = chunks
+        self._walked = any(chunk.entries for chunk in chunks)
+        self._chunk = np.repeat(np.arange(len(chunks)), [len(chunk.indexes) for chunk in chunks])
+        self._channel = _numbers(chunk.indexes for chunk in chunks)
+        self._offset = _numbers(chunk.indexes.values() for chunk in chunks)
+
+    def listing(self, data: Buffer, channel: int) -> Listing | None:
+        """The messages of ``channel`` in the chunks; None where a message index cannot be read."""
+        found = self._entries(data, channel)
+        if found is not None:
+            counts, places = found
+            raw = np.frombuffer(data, np.uint8)
+            offsets = _gathered(raw, places + _NUMBER.itemsize, _NUMBER)
+            if _go_forward(offsets, counts):
+                return Listing(_gathered(raw, places, _NUMBER), offsets, counts)
+        return self._one_by_one(data, channel)
+
+    def times(self, data: Buffer, channel: int) -> NDArray[np.uint64] | None:
+        """Log times (ns) of the messages of ``channel``; None where they cannot be read all at once."""
+        found = self._entries(data, channel)
+        return None if found is None else _gathered(np.frombuffer(data, np.uint8), found[1], _NUMBER)
+
+    def _entries(self, data: Buffer, channel: int) -> tuple[Counts, NDArray[np.int64]] | None:
+        """How many messages of the channel each chunk has, and the bytes in the file at which their entries begin.
+
+        None where a message index is not a whole one of this channel, or the chunks were walked through.
+        """
+        mine = self._channel == channel
+        found = None if self._walked else _stored(data, self._offset[mine], channel)
+        if found is None:
+            return None
+        counts = np.zeros(len(self.chunks), np.int64)
+        counts[self._chunk[mine]] = found
+        first = self._offset[mine] + INDEX_HEAD.itemsize
+        within = np.arange(int(found.sum())) - np.repeat(np.cumsum(found) - found, found)
+        return counts, np.repeat(first, found) + within * ENTRY_TYPE.itemsize
+
+    def _one_by_one(self, data: Buffer, channel: int) -> Listing | None:
+        nothing = np.empty(0, ENTRY_TYPE)
+        parts = [
+            listed_entries(data, chunk, channel) if channel in chunk.channels else nothing for chunk in self.chunks
+        ]
+        known = [part for part in parts if part is not None]
+        if len(known) < len(parts):
+            return None
+        entries = np.concatenate([nothing, *known])
+        return Listing(entries["time"], entries["offset"], np.array([len(part) for part in known], np.int64))
+
+
+def _go_forward(offsets: NDArray[np.uint64], counts: Counts) -> bool:
+    """Whether no message of a chunk is named twice, or before one that it follows."""
+    chunk = np.repeat(np.arange(len(counts)), counts)
+    return bool(np.all((offsets[1:] > offsets[:-1]) | (chunk[1:] > chunk[:-1])))
+
+
+def _numbers(parts: Iterable[Iterable[int]]) -> NDArray[np.int64]:
+    return np.fromiter(chain.from_iterable(parts), np.int64)
+
+
+def _stored(data: Buffer, offsets: NDArray[np.int64], channel: int) -> Counts | None:
+    """How many entries the message index records of one channel at ``offsets`` have.
+
+    None where one of them is not such a record, or not a whole one.
+    """
+    raw = np.frombuffer(data, np.uint8)
+    if len(offsets) and not int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
+        return None
+    heads = _gathered(raw, offsets, INDEX_HEAD)
+    counts, rest = np.divmod(heads["size"].astype(np.int64), ENTRY_TYPE.itemsize)
+    whole = (heads["opcode"] == int(Opcode.MESSAGE_INDEX)) & (heads["channel"] == channel) & (rest == 0)
+    whole &= heads["length"] == heads["size"] + INDEX_HEAD.itemsize - HEAD.size
+    whole &= offsets + INDEX_HEAD.itemsize + counts * ENTRY_TYPE.itemsize <= len(raw)
+    return counts if whole.all() else None
+
+
+def _gathered(raw: NDArray[np.uint8], places: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Values of type ``kind`` at any bytes, copied."""
+    count = len(raw) - kind.itemsize + 1
+    windows: Entries = np.ndarray((count,), np.dtype((np.void, kind.itemsize)), raw.data, strides=(1,))
+    return windows[places].view(kind)
