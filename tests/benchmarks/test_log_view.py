@@ -1,17 +1,19 @@
-"""How long the page of an hour's flight takes, and how large it is (``make bench``)."""
+"""What an hour's flight holds, and its page: how long both take, and how large the page is (``make bench``)."""
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from circling import BUILDERS, messages, noisy
-from test_logs import FIXED, sample
+from mcap.reader import make_reader
+from test_logs import FIXED, quickest, sample, say, timed
 
 from avionics.topics import Topic
 from logs.reader import open_log
@@ -21,6 +23,8 @@ from logs.view.page import write_page
 MINUTE_US = 60_000_000
 LARGEST, LONGEST = 20e6, 20.0
 """bytes of the page, s"""
+LONGEST_INFO = 2.0
+"""s"""
 
 
 def minute() -> list[tuple[Topic, Any]]:
@@ -42,19 +46,54 @@ def hour() -> Iterator[tuple[Topic, Any]]:
             yield topic, noisy(later, source) if topic in BUILDERS else later
 
 
-@pytest.mark.bench
-def test_an_hour_as_a_page(tmp_path: Path) -> None:
+class Recorded(NamedTuple):
+    path: Path
+    messages: int
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """The file of an hour's flight."""
     count = 0
-    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=0) as recorder:
+    with McapRecorder(tmp_path_factory.mktemp("hour") / "a.mcap", start_epoch_ns=0) as recorder:
         for topic, message in hour():
             recorder.record(topic, message)
             count += 1
     assert not recorder.refusal and not recorder.failure
     size = recorder.path.stat().st_size
-    start = time.perf_counter()
-    with open_log(recorder.path) as log:
-        page = write_page(log, tmp_path / "a.html")
-    elapsed = time.perf_counter() - start
-    sys.stdout.write(f"\nan hour as a page: {count} messages on {len(FIXED)} topics, {size / 1e6:.0f} MB: ")
-    sys.stdout.write(f"{elapsed:.1f} s, {page.bytes / 1e6:.1f} MB\n")
+    say(f"\nan hour's flight: {count} messages on {len(FIXED)} topics, {size / 1e6:.0f} MB")
+    return Recorded(recorder.path, count)
+
+
+@pytest.mark.bench
+def test_what_an_hour_holds(recorded: Recorded) -> None:
+    """GIVEN the command as a user starts it WHEN it tells what an hour's flight holds THEN nobody waits for it."""
+    elapsed, done = quickest(lambda: info(recorded.path), 3)
+    say(f"\nwingbeat log info of it: {elapsed:.2f} s")
+    plain, counts = quickest(lambda: summary_by_mcap(recorded.path), 1)
+    say(f"the mcap package reads its summary, without rates and gaps, in {plain:.2f} s")
+    told = json.loads(done)
+    assert told["messages"] == recorded.messages == sum(counts.values())
+    assert all(row["rate"] == pytest.approx(row["nominal_rate"], rel=0.01) for row in told["topics"])
+    assert elapsed < LONGEST_INFO
+
+
+def info(path: Path) -> str:
+    command = [sys.executable, "-m", "groundstation.command.main", "log", "info", "--json", str(path)]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+
+
+def summary_by_mcap(path: Path) -> dict[int, int]:
+    """Messages of every channel."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None and summary.statistics is not None
+    return summary.statistics.channel_message_counts
+
+
+@pytest.mark.bench
+def test_an_hour_as_a_page(recorded: Recorded, tmp_path: Path) -> None:
+    with open_log(recorded.path) as log:
+        elapsed, page = timed(lambda: write_page(log, tmp_path / "a.html"))
+    say(f"\nits page: {elapsed:.1f} s, {page.bytes / 1e6:.1f} MB")
     assert page.bytes < LARGEST and elapsed < LONGEST
