@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import threading
-import zlib
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.stream_reader import get_chunk_data_stream
 from numpy.typing import NDArray
+from zlib_ng.zlib_ng import crc32
 
 from logs.records import HEAD, Buffer, Damage, Span, expected, record_at
 
@@ -121,7 +121,7 @@ def unpack(data: Buffer, chunk: ChunkSpan) -> bytes:
         content = _decompress(packed, chunk)
     except (zstandard.ZstdError, McapError, RuntimeError, ValueError, MemoryError) as error:
         raise Damage(f"chunk at byte {chunk.span.offset} cannot be unpacked ({error})") from None
-    if len(content) != chunk.size or (chunk.crc and zlib.crc32(content) != chunk.crc):
+    if len(content) != chunk.size or (chunk.crc and crc32(content) != chunk.crc):
         raise Damage(f"chunk at byte {chunk.span.offset} does not match its checksum")
     return content
 

@@ -7,7 +7,6 @@ because joining and repairing files copies chunks without unpacking them.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterable, Mapping
 from typing import IO, NamedTuple, Protocol
 
@@ -28,6 +27,7 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC
+from zlib_ng.zlib_ng import crc32
 
 from avionics.quantities import BadInput
 from logs.checksums import Checksums, encode_checksums
@@ -76,7 +76,7 @@ def pack_chunk(
     start, end = window
     data = compressor.compress(content)
     body = _CHUNK.size - _RECORD.size + len(data)
-    crc = zlib.crc32(content)
+    crc = crc32(content)
     head = _CHUNK.pack(Opcode.CHUNK, body, start, end, len(content), crc, 4, b"zstd", len(data))
     indexes = {channel: pack_index(channel, packed) for channel, packed in entries.items()}
     return RawChunk(head + data, indexes, start, end, "zstd", len(data), len(content))
@@ -152,7 +152,7 @@ class Container:
             offset += len(record)
         indexes = b"".join(chunk.indexes.values())
         self._write(chunk.record + indexes)
-        self._index_crc = zlib.crc32(indexes, self._index_crc)
+        self._index_crc = crc32(indexes, self._index_crc)
         for channel, record in chunk.indexes.items():
             self._counts[channel] = self._counts.get(channel, 0) + (len(record) - _INDEX.size) // ENTRY.size
         self._chunks.append(
@@ -180,7 +180,7 @@ class Container:
         index = MetadataIndex(offset=self.size, length=len(record), name=name)
         self._write(record)
         self._metadata.append(index)
-        self._metadata_crcs[index.offset] = zlib.crc32(record)
+        self._metadata_crcs[index.offset] = crc32(record)
 
     def finish(self) -> None:
         """Write the summary and the footer."""
@@ -190,9 +190,7 @@ class Container:
         offset_start = start + len(summary)
         summary += b"".join(encode(offset) for offset in self._offsets)
         head = _RECORD.pack(Opcode.FOOTER, 20) + struct.pack("<QQ", start, offset_start)
-        footer = Footer(
-            summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(summary + head)
-        )
+        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc32(summary + head))
         self._write(summary + encode(footer) + MCAP0_MAGIC)
 
     def _summary(self, start: int) -> bytes:
@@ -236,5 +234,5 @@ class Container:
             if not written:
                 raise OSError("the disk takes no more data")
             rest = rest[written:]
-        self._crc = zlib.crc32(data, self._crc)
+        self._crc = crc32(data, self._crc)
         self.size += len(data)

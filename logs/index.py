@@ -7,7 +7,6 @@ whole chunk.
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +22,7 @@ from mcap.records import (
     Statistics,
 )
 from mcap.writer import MCAP0_MAGIC
+from zlib_ng.zlib_ng import crc32
 
 from logs.checksums import OPCODE as CHECKSUMS
 from logs.checksums import Checksums, decode_checksums
@@ -103,7 +103,7 @@ def _by_summary(data: Buffer) -> Index | None:
     footer = parse(Footer, data, span)
     if not 0 < footer.summary_start <= offset:
         return None
-    if footer.summary_crc and footer.summary_crc != zlib.crc32(data[footer.summary_start : end - 4]):
+    if footer.summary_crc and footer.summary_crc != crc32(data[footer.summary_start : end - 4]):
         return None
     return _from_summary(data, footer.summary_start, offset)
 
@@ -144,7 +144,7 @@ def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> N
 def _vouched(index: Index, data: Buffer, span: Span) -> bool:
     """Whether a metadata record is what its checksum says, if there is one; what it says where it is not."""
     known = None if index.checksums is None else index.checksums.metadata.get(span.offset, -1)
-    if known in (None, zlib.crc32(data[span.offset : span.end])):
+    if known in (None, crc32(data[span.offset : span.end])):
         return True
     _drop(index, span.offset, span.end, f"metadata at byte {span.offset} does not match its checksum")
     return False
@@ -161,7 +161,7 @@ def data_intact(data: Buffer, index: Index) -> bool | None:
 def _crc(data: Buffer, stop: int) -> int:
     crc = 0
     for start in range(0, stop, _BLOCK):
-        crc = zlib.crc32(data[start : min(start + _BLOCK, stop)], crc)
+        crc = crc32(data[start : min(start + _BLOCK, stop)], crc)
     return crc
 
 
@@ -171,7 +171,7 @@ def indexes_intact(data: Buffer, index: Index) -> bool:
         return bool(data_intact(data, index))
     crc = 0
     for chunk in index.chunks:
-        crc = zlib.crc32(data[chunk.span.end : chunk.span.end + chunk.index_size], crc)
+        crc = crc32(data[chunk.span.end : chunk.span.end + chunk.index_size], crc)
     return crc == index.checksums.indexes
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import struct
-import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from typing import Any, NamedTuple, TypeVar
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Attachment
+from zlib_ng.zlib_ng import crc32
 
 Buffer = bytes | mmap.mmap
 HEAD = struct.Struct("<BQ")
@@ -95,6 +95,6 @@ def attachment_at(data: Buffer, span: Span) -> Attachment:
     attachment = parse(Attachment, data, span)
     body = data[span.body : span.end]
     stored = int.from_bytes(body[-4:], "little")
-    if stored and stored != zlib.crc32(body[:-4]):
+    if stored and stored != crc32(body[:-4]):
         raise Damage(f"attachment at byte {span.offset} does not match its checksum")
     return attachment
