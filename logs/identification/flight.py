@@ -114,7 +114,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         BadInput: a topic is missing and nothing can stand for it, or nothing was excited.
     """
     told, commanded = _told(source), _elevator(source)
-    imu = _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
+    imu = _inertial(source, told is not None)
     attitude = _Table(source, topics.ATTITUDE, "pitch", "bias_y")
     time = _time_base(imu.time)
     accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
@@ -149,6 +149,13 @@ def _told(source: ColumnSource) -> _Table | None:
     if not np.any(told["active"]):
         raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
     return told
+
+
+def _inertial(source: ColumnSource, excited: bool) -> _Table:
+    try:
+        return _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
+    except BadInput as missing:
+        raise missing if excited else BadInput(f"no excitation is told, nor can one be found: {missing}") from None
 
 
 def _flown(told: _Table, time: Array) -> _Excited:
