@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from avionics import topics
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import options
@@ -13,6 +15,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle
 from logs.identification.data import Aircraft
+from logs.identification.elevator import MadeElevator
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.reader import Log, open_log
 from logs.truth import known_truths
@@ -21,6 +24,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap",
     "wingbeat identify recordings/flight.mcap modes --json",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
+    "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
 )
 UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
 """what is said of a log without a vehicle's file"""
@@ -44,6 +48,12 @@ def build_parser() -> options.Parser:
         metavar="V|PATH",
         help="name or file of the vehicle, for a log of another program, which carries none",
     )
+    parser.add_argument(
+        "--elevator",
+        nargs=2,
+        metavar=("TOPIC.FIELD", "RAD"),
+        help="what the elevator was told, where no angle was recorded, and rad per unit of it",
+    )
     options.add_json(parser)
     return parser
 
@@ -57,7 +67,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     with open_log(chosen.file) as log:
-        found = identified(log, chosen.what, chosen.vehicle)
+        found = identified(log, chosen.what, chosen.vehicle, chosen.elevator)
     if chosen.json:
         print_document(document(found))
     else:
@@ -65,17 +75,27 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def identified(log: Log, what: str = "all", vehicle: str | None = None) -> Identification:
+def identified(
+    log: Log, what: str = "all", vehicle: str | None = None, elevator: Sequence[str] | None = None
+) -> Identification:
     """Identify ``what`` from an open log, beside the truth where the flight was simulated.
 
-    ``vehicle`` is the name or file of the one that flew, where the log does not carry it.
+    Args:
+        log: what was flown.
+        what: one of `SUBJECTS`.
+        vehicle: name or file of the one that flew, where the log does not carry it.
+        elevator: what it was told, ``topic.field``, and rad per unit of it, where the log has no angle.
 
     Raises:
-        BadInput: the log gives nothing of what was asked for, or carries a vehicle file beside the one given.
+        BadInput: the log gives nothing of what was asked for, carries a vehicle file beside the one given, or the
+            elevator cannot be made so.
     """
-    found = identify(log, what, _aircraft(log, vehicle))
-    if found.modes is not None and vehicle is None and flight_vehicle(log) is None:
-        found = found._replace(modes=found.modes._replace(notes=(*found.modes.notes, UNKNOWN)))
+    made = _made(log, elevator) if elevator else None
+    found = identify(made or log, what, _aircraft(log, vehicle))
+    if found.modes is not None:
+        unknown = vehicle is None and flight_vehicle(log) is None
+        notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
+        found = found._replace(modes=found.modes._replace(notes=(*found.modes.notes, *notes)))
     return found._replace(truths={**found.truths, **known_truths(log, modes=found.modes is not None)})
 
 
@@ -85,3 +105,16 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
     if flight_vehicle(log) is not None:
         raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
     return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]))
+
+
+def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:
+    (name, said), (topic, _, field) = elevator, elevator[0].rpartition(".")
+    try:
+        scale = float(said)
+    except ValueError:
+        scale = 0.0
+    if not topic or not field or not scale or not math.isfinite(scale):
+        raise BadInput(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
+    made = MadeElevator(log, topic, field, scale)
+    made.columns(topics.ACTUATORS)  # what is wrong with it is told before anything is identified
+    return made

@@ -176,7 +176,7 @@ def _elevator(source: ColumnSource) -> _Table:
     try:
         return _Table(source, topics.ACTUATORS, "elevator")
     except BadInput as missing:
-        hint = "a mapping makes it of sticks or pulse widths, by scale and offset"
+        hint = "--elevator makes it of a pulse width or a stick"
         raise BadInput(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
 
 

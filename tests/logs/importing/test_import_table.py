@@ -13,6 +13,7 @@ from foreign_logs import DATA, ROOT, imported
 from avionics import topics
 from avionics.quantities import BadInput
 from groundstation.command.identify import UNKNOWN, identified
+from logs.identification.elevator import MadeElevator
 from logs.identification.report import identify
 from logs.identification.short_period import short_period_of
 from logs.importing.log_import import NOTES
@@ -215,6 +216,54 @@ def test_an_imported_log_does_not_tell_its_aircraft_and_the_report_says_so(tmp_p
     assert assumed.notes == (UNKNOWN,) and told.notes == ()
     found = [{derivative.name for derivative in modes.modes[0].derivatives} for modes in (assumed, told)]
     assert found[0] - found[1] == {"tail_time_constant"}
+
+
+PULSE_MAPPING = (
+    without("/guidance/excitation", "/mixing/actuators")
+    + """
+[topics."/csv/servos"]
+pulse = { column = "elevator", scale = 10.0, offset = 1500.0 }
+"""
+)
+
+
+def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
+    """GIVEN a servo's pulses alone THEN a scale makes an angle of them, and one that is wrong gives the same mode."""
+    flight = Flight(doublets=4)
+    per_unit = math.radians(0.1)  # ten microseconds a degree
+    with open_log(flown_as_table(tmp_path, PULSE_MAPPING, flight)) as log:
+        with pytest.raises(BadInput, match="--elevator makes it"):
+            identify(log, "modes", AIRCRAFT)
+        right, wrong = (
+            identify(MadeElevator(log, "/csv/servos", "pulse", per_unit * factor), "modes", AIRCRAFT).modes
+            for factor in (1.0, 2.0)
+        )
+        noted = identified(log, "modes", "robo_raven_ii_d", ("/csv/servos.pulse", str(per_unit))).modes
+    assert right is not None and wrong is not None and noted is not None
+    assert noted.notes[-1].startswith("elevator: /csv/servos.pulse at 0.00174")
+    one, other = right.modes[0], wrong.modes[0]
+    assert one.frequency is not None and other.frequency is not None
+    assert one.frequency.contains(short_period_of(model_of(flight).a)[0])
+    assert other.frequency.value == pytest.approx(one.frequency.value, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("/csv/servos.pulse", "much"), "rad per unit"),
+        (("/csv/servos.pulse", "0"), "rad per unit"),
+        (("pulse", "1"), "TOPIC.FIELD"),
+        (("/csv/servos.width", "1"), "no number width; it has: time_us, pulse"),
+        (("/csv/servo.pulse", "1"), "has no topic /csv/servo; it has"),
+    ],
+)
+def test_an_elevator_that_cannot_be_made_is_told_in_one_line(
+    tmp_path: Path, words: tuple[str, str], reason: str
+) -> None:
+    out = flown_as_table(tmp_path, PULSE_MAPPING, Flight(doublets=1))
+    with open_log(out) as log, pytest.raises(BadInput, match=reason) as raised:
+        identified(log, "modes", None, words)
+    assert "\n" not in str(raised.value)
 
 
 def test_a_real_record_without_an_input_says_what_it_lacks(tmp_path: Path) -> None:
