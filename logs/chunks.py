@@ -21,6 +21,8 @@ LARGEST_CHUNK = 1 << 30
 """Bytes; a chunk that claims more is taken for damaged rather than allocated."""
 ENTRY_TYPE = np.dtype([("time", "<u8"), ("offset", "<u8")])
 """An entry of a message index: log time in ns, offset in the chunk in bytes."""
+PLACE_TYPE = np.dtype([("channel", "<u2"), ("offset", "<u8")])
+"""Where a summary says that a message index is: channel, offset in the file in bytes."""
 MESSAGE_HEAD = np.dtype(
     {
         "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
@@ -32,6 +34,7 @@ MESSAGE_HEAD = np.dtype(
 """A message record up to its data."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _SIZE = struct.Struct("<Q")
+_PLACE = struct.Struct("<HQ")
 _MESSAGE = struct.Struct("<BQHIQ")
 _INDEX_HEAD = struct.Struct("<HI")
 
@@ -55,12 +58,17 @@ class ChunkSpan(NamedTuple):
     """log time of the first message"""
     end_ns: int
     """log time of the last message"""
-    indexes: dict[int, int]
-    """offsets of the message index records by channel, when the summary told them; not yet looked at"""
+    places: bytes
+    """`PLACE_TYPE` values: where the message index records are, when the summary told it; not yet looked at"""
     entries: dict[int, Entries]
     """message indexes by channel, when the chunk was walked through"""
     index_size: int = 0
     """bytes of the message index records behind the chunk, when the summary told it"""
+
+    @property
+    def indexes(self) -> dict[int, int]:
+        """Offsets of the message index records by channel."""
+        return dict(_PLACE.iter_unpack(self.places))
 
     @property
     def channels(self) -> set[int]:
@@ -73,7 +81,7 @@ class Told(NamedTuple):
 
     start_ns: int
     end_ns: int
-    indexes: dict[int, int]
+    places: bytes
     index_size: int
 
 
@@ -101,13 +109,13 @@ def chunk_at(data: Buffer, span: Span, told: Told | None = None) -> ChunkSpan:
         raise Damage(f"chunk at byte {span.offset} cannot be read") from None
     if place + 8 + data_size != span.offset + span.length or size > LARGEST_CHUNK:
         raise Damage(f"chunk at byte {span.offset} has lengths that contradict each other")
-    start, end, indexes, index_size = told or Told(start, end, {}, 0)
-    return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, indexes, {}, index_size)
+    start, end, places, index_size = told or Told(start, end, b"", 0)
+    return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, places, {}, index_size)
 
 
 def loose_messages(start: int, end: int) -> ChunkSpan:
     """Messages that stand in the file outside of any chunk, from byte ``start`` to ``end``."""
-    return ChunkSpan(Span(0, start, end - start), start, end - start, end - start, 0, "", 0, 0, {}, {})
+    return ChunkSpan(Span(0, start, end - start), start, end - start, end - start, 0, "", 0, 0, b"", {})
 
 
 def unpack(data: Buffer, chunk: ChunkSpan) -> bytes:

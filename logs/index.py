@@ -26,16 +26,15 @@ from zlib_ng.zlib_ng import crc32
 
 from logs.checksums import OPCODE as CHECKSUMS
 from logs.checksums import Checksums, decode_checksums
-from logs.chunks import ChunkSpan, Told, chunk_at, loose_messages, stored_entries, unpack, walk
+from logs.chunks import PLACE_TYPE, ChunkSpan, Told, chunk_at, loose_messages, stored_entries, unpack, walk
 from logs.container import encode
+from logs.listing import Places
 from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
 
 _FOOTER_SIZE = HEAD.size + 20
 _DATA_END_SIZE = HEAD.size + 4
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """times of the first and the last message, offset and length of the chunk, bytes of the list that follows"""
-_PLACE = struct.Struct("<HQ")
-"""channel, and offset of its message index"""
 _INDEX_SIZE = struct.Struct("<Q")
 """bytes of the message indexes behind the chunk, next in its index"""
 _ZSTD_NAME = b"\x04\x00\x00\x00zstd"
@@ -184,7 +183,8 @@ def _covers(index: Index, statistics: Statistics) -> bool:
         and statistics.metadata_count == len(index.metadata)
         and statistics.channel_count == len(known)
         and statistics.message_count == sum(statistics.channel_message_counts.values())
-        and all(chunk.indexes and chunk.indexes.keys() <= known for chunk in index.chunks)
+        and all(chunk.places for chunk in index.chunks)
+        and known.issuperset(Places(index.chunks).channels)
         and (bool(index.chunks) or not statistics.message_count)
     )
 
@@ -194,11 +194,11 @@ def _indexed_chunk(data: Buffer, span: Span, stop: int) -> ChunkSpan:
     start_ns, end_ns, place, _, size = _CHUNK_INDEX.unpack_from(data, span.body)
     end = span.body + _CHUNK_INDEX.size + size
     places = data[span.body + _CHUNK_INDEX.size : end]
-    if size % _PLACE.size or len(places) != size or end + _INDEX_SIZE.size > span.end:
+    if size % PLACE_TYPE.itemsize or len(places) != size or end + _INDEX_SIZE.size > span.end:
         raise Damage(f"chunk index at byte {span.offset} has lengths that contradict each other")
     # The header of a chunk is under no CRC of its own, the summary is.
     (index_size,) = _INDEX_SIZE.unpack_from(data, end)
-    told = Told(start_ns, end_ns, dict(_PLACE.iter_unpack(places)), index_size)
+    told = Told(start_ns, end_ns, places, index_size)
     return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told)
 
 

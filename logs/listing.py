@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from logs.chunks import ENTRY_TYPE, ChunkSpan, Entries, listed_entries
+from logs.chunks import ENTRY_TYPE, PLACE_TYPE, ChunkSpan, Entries, listed_entries
 from logs.records import HEAD, Buffer
 
 INDEX_HEAD = np.dtype(
@@ -51,9 +50,23 @@ class Places:
     def __init__(self, chunks: Sequence[ChunkSpan]) -> None:
         self.chunks = chunks
         self._walked = any(chunk.entries for chunk in chunks)
-        self._chunk = np.repeat(np.arange(len(chunks)), [len(chunk.indexes) for chunk in chunks])
-        self._channel = _numbers(chunk.indexes for chunk in chunks)
-        self._offset = _numbers(chunk.indexes.values() for chunk in chunks)
+        told = np.frombuffer(b"".join([chunk.places for chunk in chunks]), PLACE_TYPE)
+        each = [len(chunk.places) // PLACE_TYPE.itemsize for chunk in chunks]
+        self._chunk = np.repeat(np.arange(len(chunks)), each)
+        self._channel = np.ascontiguousarray(told["channel"])
+        self._offset = told["offset"].astype(np.int64)
+
+    @property
+    def channels(self) -> list[int]:
+        """Channels that have a message index here."""
+        return [int(channel) for channel in np.unique(self._channel)]
+
+    def holding(self, channels: Iterable[int]) -> list[ChunkSpan]:
+        """The chunks that have messages of any of the channels."""
+        if self._walked:
+            return [chunk for chunk in self.chunks if not chunk.entries.keys().isdisjoint(channels)]
+        found = np.unique(self._chunk[np.isin(self._channel, list(channels))])
+        return [self.chunks[number] for number in found.tolist()]
 
     def listing(self, data: Buffer, channel: int) -> Listing | None:
         """The messages of ``channel`` in the chunks; None where a message index cannot be read."""
@@ -104,17 +117,13 @@ def _go_forward(offsets: NDArray[np.uint64], counts: Counts) -> bool:
     return bool(np.all((offsets[1:] > offsets[:-1]) | (chunk[1:] > chunk[:-1])))
 
 
-def _numbers(parts: Iterable[Iterable[int]]) -> NDArray[np.int64]:
-    return np.fromiter(chain.from_iterable(parts), np.int64)
-
-
 def _stored(data: Buffer, offsets: NDArray[np.int64], channel: int) -> Counts | None:
     """How many entries the message index records of one channel at ``offsets`` have.
 
     None where one of them is not such a record, or not a whole one.
     """
     raw = np.frombuffer(data, np.uint8)
-    if len(offsets) and not int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
+    if len(offsets) and not 0 <= int(offsets.min()) <= int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
         return None
     heads = _gathered(raw, offsets, INDEX_HEAD)
     counts, rest = np.divmod(heads["size"].astype(np.int64), ENTRY_TYPE.itemsize)

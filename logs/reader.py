@@ -240,15 +240,15 @@ class Log:
         """
         channels = [self._channels(topic if isinstance(topic, str) else topic.name)[0].id for topic in topics]
         kinds, times = [np.empty(0, np.int64)], [np.empty(0, np.uint64)]
-        for chunk in self._chunks():
-            present = [(i, channel) for i, channel in enumerate(channels) if channel in chunk.channels]
-            if present:
-                looked_up = self._checked(partial(self._entries, chunk, [channel for _, channel in present]))
-                listed = [looked_up[channel] for _, channel in present]
-                entries = np.concatenate(listed)
-                along = np.argsort(entries["offset"], kind="stable")
-                kinds.append(np.repeat([i for i, _ in present], [len(each) for each in listed])[along])
-                times.append(entries["time"][along])
+        for chunk in self._places.holding(channels):
+            here = chunk.channels
+            present = [(i, channel) for i, channel in enumerate(channels) if channel in here]
+            looked_up = self._checked(partial(self._entries, chunk, [channel for _, channel in present]))
+            listed = [looked_up[channel] for _, channel in present]
+            entries = np.concatenate(listed)
+            along = np.argsort(entries["offset"], kind="stable")
+            kinds.append(np.repeat([i for i, _ in present], [len(each) for each in listed])[along])
+            times.append(entries["time"][along])
         kind, time = np.concatenate(kinds), np.concatenate(times)
         row = np.zeros(len(kind), np.int64)
         for i in range(len(channels)):
@@ -337,7 +337,7 @@ class Log:
     # --- inside -----------------------------------------------------------------------------------------
 
     def _chunks(self) -> list[ChunkSpan]:
-        return [chunk for chunk in self._index.chunks if chunk.indexes or chunk.entries]
+        return [chunk for chunk in self._index.chunks if chunk.places or chunk.entries]
 
     def _info(self, channel: Channel) -> TopicInfo:
         schema = self._index.schemas.get(channel.schema_id)
@@ -374,7 +374,7 @@ class Log:
         """Columns of the channels of fixed layout whose message indexes can be read, in one pass over the chunks."""
         layouts = {number: layout_in_file(channel, self._schema(channel)) for number, channel in channels.items()}
         fixed = {number: layout for number, layout in layouts.items() if layout is not None}
-        chunks = [chunk for chunk in self._between(window) if chunk.channels & fixed.keys()]
+        chunks = self._between(window, fixed)
         sizes = np.array([chunk.size for chunk in chunks], np.int64)
         places, tables = Places(chunks), {}
         for number, layout in fixed.items():
@@ -407,11 +407,10 @@ class Log:
 
     def _encoded(self, channel: Channel, window: tuple[int, int]) -> Iterator[tuple[int, bytes]]:
         """Log times in ns and encoded messages of a channel, every one found by a checked message index."""
-        for chunk in self._between(window):
-            if channel.id in chunk.channels:
-                content = unpack(self._data, chunk)
-                entries = _inside(entries_of(self._data, chunk, content, channel.id), chunk, window)
-                yield from zip(entries["time"].tolist(), bodies(content, entries), strict=True)
+        for chunk in self._between(window, [channel.id]):
+            content = unpack(self._data, chunk)
+            entries = _inside(entries_of(self._data, chunk, content, channel.id), chunk, window)
+            yield from zip(entries["time"].tolist(), bodies(content, entries), strict=True)
 
     def _messages(self, topic: str) -> list[tuple[int, bytes]]:
         """Encoded messages of a topic with their log times in ns, in order of these."""
@@ -419,8 +418,10 @@ class Log:
         pairs = [pair for channel in self._channels(topic) for pair in self._encoded(channel, window)]
         return sorted(pairs, key=lambda pair: pair[0])
 
-    def _between(self, window: tuple[int, int]) -> Iterator[ChunkSpan]:
-        return (chunk for chunk in self._chunks() if chunk.start_ns < window[1] and chunk.end_ns >= window[0])
+    def _between(self, window: tuple[int, int], channels: Iterable[int]) -> list[ChunkSpan]:
+        """The chunks that have messages of any of the channels and may have some of the window."""
+        held = self._places.holding(channels)
+        return [chunk for chunk in held if chunk.start_ns < window[1] and chunk.end_ns >= window[0]]
 
     def _schema(self, channel: Channel) -> Schema | None:
         return self._index.schemas.get(channel.schema_id)
