@@ -1,4 +1,4 @@
-"""What a log holds, in numbers: vehicle, duration, topics with their measured rates and gaps, events."""
+"""What a log holds, in numbers: vehicle, duration, topics with their measured rates and gaps, events, the flight."""
 
 from __future__ import annotations
 
@@ -8,19 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
+from logs.names import JOINED
 from logs.reader import Log, TopicInfo
+from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 
 GAP_PERIODS = 1.5
 """A pause between two messages longer than this many periods is a gap."""
 
+SUMMED_UP = 2_000_000
+"""messages; the flight in a log of more is summed up when it is asked for: it takes a second for each of so many"""
+_TOLD_BY = (truth_topics.STATE.name, topics.NAVIGATION.name)
+"""topics that say whether it is in the air"""
 
-def summary(log: Log) -> dict[str, Any]:
-    """Everything ``wingbeat log info`` shows, ready for JSON.
 
-    Keys: ``file``, ``complete``, ``damage`` (lines), ``vehicle`` (None when not noted), ``start_epoch_ns``,
-    ``duration`` (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`), ``events`` (``time`` in s,
-    ``severity``, ``source``, ``text``), ``attachments`` (``name``, ``media_type``, ``bytes``), ``metadata``.
+def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
+    """Everything ``wingbeat log info`` shows, ready for JSON; ``flown`` is what `flown_in` gives.
+
+    Keys: ``file``, ``complete``, ``damage`` (lines), ``incomplete`` (what was wrong with recordings that it was
+    joined of, by their names), ``flight`` (see `FlightSummary`), ``vehicle`` (None when not noted),
+    ``start_epoch_ns``, ``duration`` (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`),
+    ``events`` (``time`` in s, ``severity``, ``source``, ``text``), ``attachments`` (``name``, ``media_type``,
+    ``bytes``), ``metadata``.
 
     Raises:
         BadInput: a part of the file is damaged.
@@ -30,11 +39,13 @@ def summary(log: Log) -> dict[str, Any]:
         "file": str(log.path),
         "complete": log.complete,
         "damage": list(log.damage),
+        "incomplete": log.metadata.get(JOINED, {}),
         "vehicle": vehicle(log),
         "start_epoch_ns": log.boot_ns,
         "duration": log.duration,
         "messages": sum(info.messages for info in log.topics.values()),
         "dropped": dropped(log),
+        "flight": _plain(flown),
         "topics": rows,
         "events": [
             {"time": time_us * 1e-6, "severity": severity.name, "source": source, "text": text}
@@ -45,6 +56,27 @@ def summary(log: Log) -> dict[str, Any]:
         ],
         "metadata": log.metadata,
     }
+
+
+def flown_in(log: Log, however_long: bool = False) -> FlightSummary | None:
+    """The flight in a log; None where nothing tells it, or where the log is long and that was not asked for.
+
+    Raises:
+        BadInput: a part of the file is damaged.
+    """
+    told = any(name in log.topics and log.topics[name].messages for name in _TOLD_BY)
+    return summarize(log) if told and (however_long or not is_long(log)) else None
+
+
+def _plain(value: Any) -> Any:
+    """Named tuples as objects by their fields."""
+    fields = getattr(value, "_fields", None)
+    return value if fields is None else {name: _plain(getattr(value, name)) for name in fields}
+
+
+def is_long(log: Log) -> bool:
+    """Whether its flight is summed up only when it is asked for."""
+    return sum(info.messages for info in log.topics.values()) > SUMMED_UP
 
 
 def vehicle(log: Log) -> str | None:

@@ -25,6 +25,9 @@ FLIGHT_VEHICLE = "avionics_vehicle.toml"
 MISSION = "mission.json"
 """Name of the attachment in which the flight computer leaves the mission it began with."""
 
+JOINED = "wingbeat.joined"
+"""Name of the metadata record in which a joined log notes what was wrong with its parts, by their names."""
+
 
 def new_recording(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Path:
     """A path that is not taken, such as ``recordings/robo_raven_ii_d-20261121-131500.mcap``.

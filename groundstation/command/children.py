@@ -81,6 +81,11 @@ class Children:
                 return Failure(code, f"{child.name} {_ending(child, code)}")
         return None
 
+    def last_words(self) -> list[str]:
+        """The last line of each child that ended well, where it said anything."""
+        ended = [child.last_complaint() for child in self._children if child.process.poll() == 0]
+        return [line for line in ended if line]
+
     def stop(self) -> None:
         """Ask all to close their recordings and end; end by force who does not."""
         for child in self._children:

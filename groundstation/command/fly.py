@@ -37,7 +37,7 @@ from groundstation.views.flight_view import FlightView, Header, event_line, prog
 from groundstation.views.history import History, remember
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from logs.join import join
+from logs.join import Kept, join
 from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
@@ -76,6 +76,7 @@ JSON_KEYS = {
     "turbulence": "none, light, moderate or severe",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
+    "incomplete": "list of {path, damage}; recordings of the world or the flight computer that ended early",
     "flight": "what was flown, see logs/summary.py: SI and radians, null where unknown",
     "identified": "as of wingbeat identify --json, null where the flight gave nothing",
 }
@@ -83,6 +84,8 @@ LINE_EVERY = 10.0
 """s; of flight time between two lines where there is no terminal"""
 REFRESH = 0.1
 """s; between two pictures"""
+RECORDING_ENDED = "recording to "
+"""how a child's word begins that says why its recording ended before the flight"""
 DURATION = 300.0
 """s; longest flight"""
 
@@ -218,9 +221,12 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
                 _watch_picture(children, connection, plan, console)
             else:
                 _watch_lines(children, connection, console)
-            failure = children.failure()
+            failure, said = children.failure(), children.last_words()
         if failure is not None:
             raise _failed(failure, plan)
+        for line in said:
+            if line.startswith(RECORDING_ENDED):
+                print(f"wingbeat: {line}", file=sys.stderr)
     finally:
         connection.close()
 
@@ -313,8 +319,14 @@ def _keep(plan: Plan) -> None:
     """Join what a flight recorded that was stopped on the way, and say where it is."""
     parts = [part for part in plan.parts if part.exists()]
     if parts:
-        join(parts, plan.log)
+        _tell_kept(join(parts, plan.log))
         print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
+
+
+def _tell_kept(kept: Sequence[Kept]) -> None:
+    """Say which recordings ended before the flight did: what is summed up is only what they hold."""
+    for part in kept:
+        print(f"wingbeat: a recording ended early and is kept: {part.path}: {part.damage}", file=sys.stderr)
 
 
 def _identified(log: Log) -> Identification | str:
@@ -352,9 +364,10 @@ def _end(log: Log) -> float:
 
 def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
-        join(plan.parts, plan.log)
+        kept = join(plan.parts, plan.log)
         summary, found, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)
+    _tell_kept(kept)
     if chosen.json:
         from logs.identification.report import document
 
@@ -372,6 +385,7 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
                 "turbulence": chosen.turbulence,
                 "wall_time": wall_time,
                 "speed": speed,
+                "incomplete": [{"path": str(part.path), "damage": part.damage} for part in kept],
                 "flight": summary,
                 "identified": None if isinstance(found, str) else document(found),
             }

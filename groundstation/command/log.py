@@ -13,16 +13,18 @@ from avionics.quantities import counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
+from groundstation.views.flight_report import flown_table
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.export import EACH, FORMS, Part, export
-from logs.info import summary
+from logs.info import flown_in, is_long, summary
 from logs.placing import numbered
 from logs.reader import open_log
 from logs.recover import recover
 
 if TYPE_CHECKING:
+    from logs.summary import FlightSummary
     from logs.view.page import Page
 
 EXAMPLES = (
@@ -39,8 +41,8 @@ EXAMPLES = (
     "wingbeat log recover recordings/flight.mcap",
 )
 JSON_KEYS = {
-    "info": "file, complete, damage, vehicle, start_epoch_ns, duration, messages, dropped, topics, events,"
-    " attachments, metadata",
+    "info": "file, complete, damage, incomplete: {recording: its damage}, vehicle, start_epoch_ns, duration,"
+    " messages, dropped, flight: as of wingbeat fly or null, topics, events, attachments, metadata",
     "view": "path: of the page, bytes, panels: titles, events: how many, missing: what the log does not have",
     "live": "file: the recording, when it is over",
     "export": "files: what was written; left_out: topics that cannot be decoded, and why",
@@ -72,6 +74,8 @@ def build_parser() -> options.Parser:
                 "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
             )
             one.add_argument("--open", action="store_true", help="show the page in the browser")
+        if verb == "info":
+            one.add_argument("--flight", action="store_true", help="sum up the flight, however long the log is")
         if verb == "live":
             add_address(one)
         if verb == "export":
@@ -114,14 +118,17 @@ def run(arguments: Sequence[str]) -> int:
 
 def _info(chosen: argparse.Namespace) -> None:
     with open_log(chosen.file) as log:
-        document = summary(log)
+        flown, long = flown_in(log, chosen.flight), is_long(log)
+        document = summary(log, flown)
     if chosen.json:
         print_document(document)
     else:
-        _print_info(document, chosen.file)
+        _print_info(document, chosen.file, flown)
+        if long and not chosen.flight:
+            print("a long log: its flight is summed up with --flight")
 
 
-def _print_info(document: dict[str, Any], file: Path) -> None:
+def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | None) -> None:
     console = open_console()
     console.print(
         f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
@@ -130,8 +137,12 @@ def _print_info(document: dict[str, Any], file: Path) -> None:
     if document["dropped"]:
         lost = f"{counted(document['dropped'], 'message')} left out while recording: the disk was too slow"
         console.print(lost, style="yellow", markup=False)
+    for name, damage in document["incomplete"].items():
+        console.print(f"{name} ended early: {damage}", style="yellow", markup=False)
     for line in document["damage"]:
         console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow", markup=False)
+    if flown is not None:
+        console.print(flown_table(flown))
     table = tables.plain_table(
         ("topic", ""), ("message", ""), ("messages", "right"), ("rate", "right"), ("gaps", "right")
     )

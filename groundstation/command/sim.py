@@ -115,6 +115,8 @@ def run(arguments: Sequence[str]) -> int:
         ended = _serve(server, world)
         if alone:
             _say_end(world, ended, told_paths(recorder))
+        elif recorder.failure:
+            print(recorder.failure, file=sys.stderr)
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from groundstation.command.children import Children
 from groundstation.command.main import main
 from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
+from logs.info import summary
 from logs.reader import open_log
 from logs.scene import LOCATION, SCENE, TRANSFORMS
 from sim_bridge.flight.faults import parse_fault
@@ -198,6 +200,24 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
     assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
+def test_a_recording_that_ended_before_the_flight_is_told_and_kept(tmp_path: Path) -> None:
+    """GIVEN a disk that takes no more of the world's recording THEN the flight goes on, and says so."""
+    flight = fly(tmp_path, "--json", "--duration", "8")
+    wait_for(tmp_path / "flight.world.mcap", 1)
+    world, _ = sorted(children_of(flight.pid))
+    resource.prlimit(world, resource.RLIMIT_FSIZE, (100_000, 100_000))
+    out, err = flight.communicate(timeout=60)
+    part = tmp_path / "flight.world.mcap"
+    assert flight.returncode == 0 and part.stat().st_size <= 100_000
+    assert f"recording to {part} ended: File too large" in err and f"is kept: {part}: " in err
+    (kept,) = json.loads(out)["incomplete"]
+    assert kept == {"path": str(part), "damage": "the file was cut off before its end"}
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert log.columns("/attitude/ahrs").time[-1] > 7.5 > log.columns("/truth/state").time[-1]
+        assert summary(log)["incomplete"] == {part.name: kept["damage"]}
 
 
 @pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")

@@ -18,9 +18,9 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.export import csv_header, export_csv, export_npz
-from logs.info import summary
+from logs.info import flown_in, summary
 from logs.join import join
-from logs.names import new_recording
+from logs.names import JOINED, new_recording
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 
@@ -95,9 +95,11 @@ def test_channels_that_contradict_each_other_are_bad_input(tmp_path: Path) -> No
 def test_a_part_that_was_cut_off_is_joined_and_kept(tmp_path: Path) -> None:
     parts, messages = two_parts(tmp_path)
     parts[1].write_bytes(parts[1].read_bytes()[:-2000])
-    assert join(parts, tmp_path / "flight.mcap") == [parts[1]]
+    (kept,) = join(parts, tmp_path / "flight.mcap")
+    assert kept.path == parts[1] and kept.damage.endswith("the file was cut off before its end")
     assert parts[1].exists() and not parts[0].exists()
     log = open_log(tmp_path / "flight.mcap")
+    assert summary(log)["incomplete"] == log.metadata[JOINED] == {parts[1].name: kept.damage}
     assert log.complete and len(log.columns(truth_topics.STATE).time) > 0
     assert len(log.columns(topics.IMU).time) == sum(topic is topics.IMU for topic, _ in messages)
 
@@ -137,8 +139,9 @@ def test_summary_measures_rates_and_gaps(tmp_path: Path) -> None:
         for topic, message in flight(2.0, (topics.IMU, topics.NAVIGATION, topics.EVENTS))
         if not (topic is topics.IMU and 1_000_000 < message.time_us <= 1_100_000)
     ]
-    found = summary(open_log(record(tmp_path / "a.mcap", messages)))
-    assert json.loads(json.dumps(found)) == found
+    with open_log(record(tmp_path / "a.mcap", messages)) as log:
+        found = summary(log, flown_in(log))
+    assert json.loads(json.dumps(found)) == found and found["flight"]["log_duration"] == found["duration"]
     assert (found["vehicle"], found["complete"], found["messages"]) == ("robo_raven_ii_d", True, len(messages))
     rows = {row["topic"]: row for row in found["topics"]}
     imu = rows["/sensors/imu"]
