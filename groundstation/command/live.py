@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +14,7 @@ from avionics.quantities import BadInput, counted
 from avionics.topics import Topic
 from logs.live.follower import is_recorded
 from logs.live.server import ALONE, HOST, KNOWN, PORT, LiveServer, parse_address
+from logs.placing import numbered
 
 LOOK = 0.1
 """s; between two looks whether a file is still recorded"""
@@ -61,16 +63,29 @@ def shown_live(
 
 
 def follow(path: Path, address: str) -> None:
-    """Show a file that another process records, as long as it does.
+    """Show a file that another process records, as long as it does; then the next one where it goes on in another.
 
     Raises:
         BadInput: nobody records it, or as of `shown_live`.
     """
-    if not is_recorded(path):
+    present = recorded_file(path)
+    if present is None:
         raise BadInput(f"{path} is not being recorded: Foxglove and Lichtblick open it as it is")
-    with shown_live(address, [path], ALONE):
-        while is_recorded(path):
-            time.sleep(LOOK)
+    while present is not None:
+        with shown_live(address, [present], ALONE):
+            while is_recorded(present):
+                time.sleep(LOOK)
+        present = recorded_file(path)
+
+
+def recorded_file(path: Path) -> Path | None:
+    """Which of the files of a recording that begins with ``path`` (``-2``, ``-3`` ...) is being recorded.
+
+    Raises:
+        BadInput: one of them cannot be read.
+    """
+    files = itertools.chain([path], itertools.takewhile(Path.exists, itertools.islice(numbered(path), 1, None)))
+    return next((file for file in files if is_recorded(file)), None)
 
 
 def _shortfall(server: LiveServer) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
@@ -23,6 +24,7 @@ SHOWN_EVERY = 0.2
 """s; between two lines of where it is"""
 JUMP = 10.0
 """s; of flight, by an arrow key"""
+_KEY = re.compile(r"\x1b\[[0-9;]*[A-Za-z~]|.", re.DOTALL)
 KEYS = "space pauses, left and right jump 10 s, q ends"
 
 
@@ -53,7 +55,9 @@ def play(player: Player, playing: Playing, clock: Callable[[], float] = time.mon
     print(f"over at {wording.clock(player.time)}", file=sys.stderr)
 
 
-def _loop(player: Player, link: GroundLink, pressed: Callable[[], str] | None, clock: Callable[[], float]) -> None:
+def _loop(
+    player: Player, link: GroundLink, pressed: Callable[[], list[str]] | None, clock: Callable[[], float]
+) -> None:
     shown = float("-inf")
     while not player.over:
         now = clock()
@@ -61,7 +65,7 @@ def _loop(player: Player, link: GroundLink, pressed: Callable[[], str] | None, c
         link.poll(now)
         link.stream(now)
         if pressed is not None:
-            if not steer(player, pressed()):
+            if not all(steer(player, key) for key in pressed()):
                 break
             if now - shown >= SHOWN_EVERY:
                 shown = now
@@ -91,19 +95,24 @@ def _show(player: Player) -> None:
 
 
 @contextlib.contextmanager
-def _keyboard() -> Iterator[Callable[[], str] | None]:
-    """What gives the key pressed last, or nothing; None where there is no terminal to press one on."""
+def _keyboard() -> Iterator[Callable[[], list[str]] | None]:
+    """What gives the keys pressed since it was last asked; None where there is no terminal to press one on."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield None
         return
     before = termios.tcgetattr(sys.stdin)
     tty.setcbreak(sys.stdin)
     try:
-        yield _key
+        yield _pressed
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
 
-def _key() -> str:
+def _pressed() -> list[str]:
     ready, _, _ = select.select([sys.stdin], [], [], 0.0)
-    return os.read(sys.stdin.fileno(), 8).decode(errors="replace") if ready else ""
+    return keys_in(os.read(sys.stdin.fileno(), 1024).decode(errors="replace")) if ready else []
+
+
+def keys_in(typed: str) -> list[str]:
+    """The keys that a terminal wrote: characters, and the sequences that stand for arrows and the like."""
+    return _KEY.findall(typed)

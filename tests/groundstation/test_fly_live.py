@@ -19,9 +19,10 @@ from mcap.reader import make_reader
 
 from avionics import topics
 from avionics.messages import Event, Severity
+from groundstation.command.live import recorded_file
 from groundstation.command.main import main
 from logs.live.server import ALONE, KNOWN
-from logs.recorder import McapRecorder
+from logs.recorder import McapRecorder, Writing
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install foxglove-sdk")
 websockets = pytest.importorskip("websockets.sync.client")
@@ -176,6 +177,17 @@ def test_what_nobody_records_is_not_followed(tmp_path: Path, capsys: Capture) ->
     gone, over = capsys.readouterr().err.splitlines()
     assert gone == f"wingbeat: cannot read {path}: No such file or directory"
     assert over == f"wingbeat: {path} is not being recorded: Foxglove and Lichtblick open it as it is"
+
+
+def test_a_recording_of_several_files_is_followed_in_the_one_that_grows(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    with McapRecorder(path, start_epoch_ns=EPOCH_NS, writing=Writing(volume=1)) as recorder:
+        for tick in range(1, 3):
+            recorder.record(topics.EVENTS, Event(tick * 1_000_000, Severity.INFO, "test", "tick"))
+            recorder.flush()
+            assert recorder.paths[-1] == recorded_file(path)
+        assert len(recorder.paths) > 2
+    assert recorded_file(path) is None
 
 
 def refused(words: list[str], folder: Path, capsys: Capture) -> str:

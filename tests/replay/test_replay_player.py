@@ -6,7 +6,7 @@ import pytest
 from replayed import record_flight
 
 from avionics.messages import Command, CommandKind
-from groundstation.command.replay_link import steer
+from groundstation.command.replay_link import keys_in, steer
 from logs.reader import open_log
 from logs.replay.player import OBEYS_NOBODY, Player
 from logs.replay.recorded_flight import RecordedFlight, recorded_flight
@@ -77,3 +77,9 @@ def test_who_cannot_keep_up_plays_slower_and_returns(flight: RecordedFlight) -> 
 def test_it_obeys_nobody(flight: RecordedFlight) -> None:
     player = Player(flight)
     assert player.view.refusal(Command(0, CommandKind.ARM)) == OBEYS_NOBODY
+
+
+def test_keys_that_come_at_once_are_all_of_them_keys() -> None:
+    assert keys_in("\x1b[C\x1b[C q") == ["\x1b[C", "\x1b[C", " ", "q"]
+    assert keys_in("\x1b[1;5C\x1b[3~x") == ["\x1b[1;5C", "\x1b[3~", "x"]
+    assert keys_in("\x1b") == ["\x1b"] and keys_in("") == []
