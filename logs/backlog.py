@@ -13,20 +13,23 @@ PATIENCE = 10.0
 class Backlog:
     """A thread that does jobs in their order, and a queue of at most so many bytes before it."""
 
-    def __init__(self, capacity: int, idle: Callable[[], None], period: float) -> None:
+    def __init__(
+        self, capacity: int, idle: Callable[[], None], period: float, failed: Callable[[BaseException], None]
+    ) -> None:
         """Begin.
 
         Args:
             capacity: bytes; of the jobs that wait or are being done.
             idle: called by the thread whenever it has had nothing to do for a ``period``; must not wait.
             period: s.
+            failed: told by the thread what a job or ``idle`` raised; nothing more is done, what waits is dropped.
         """
         self._capacity = capacity
-        self._idle, self._period = idle, period
+        self._idle, self._period, self._failed = idle, period, failed
         self._jobs: deque[tuple[Callable[[], None], int]] = deque()
         self._turn = threading.Condition()
         self._bytes = 0
-        self._ending = False
+        self._ending = self._dead = False
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
@@ -38,14 +41,16 @@ class Backlog:
     def offer(self, job: Callable[[], None], size: int, patience: float = 0.0) -> bool:
         """Queue a job of ``size`` bytes; False, and nothing is queued, where there is no room for it in time.
 
-        A job that is larger than the queue is taken when nothing else waits; ``patience`` in s.
+        A job that is larger than the queue is taken when nothing else waits, none when the thread has ended;
+        ``patience`` in s.
         """
 
         def room() -> bool:
-            return not self._bytes or self._bytes + size <= self._capacity
+            return self._dead or not self._bytes or self._bytes + size <= self._capacity
 
         with self._turn:
-            if not (room() or (patience and self._turn.wait_for(room, patience))):
+            found = room() or (patience and self._turn.wait_for(room, patience))
+            if self._dead or not found:
                 return False
             self._jobs.append((job, size))
             self._bytes += size
@@ -61,6 +66,17 @@ class Backlog:
         return not self._thread.is_alive()
 
     def _work(self) -> None:
+        try:
+            self._turns()
+        except BaseException as error:
+            self._failed(error)
+            with self._turn:
+                self._dead = True
+                self._jobs.clear()
+                self._bytes = 0
+                self._turn.notify_all()
+
+    def _turns(self) -> None:
         while True:
             with self._turn:
                 waited = self._jobs or self._ending or self._turn.wait(self._period)

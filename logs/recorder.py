@@ -68,10 +68,10 @@ class McapRecorder:
     A chunk is closed when it is full and 0.25 s after it was begun, in log time or on the wall clock, whichever is
     first: that much is lost when the machine dies. Where messages may wait for the disk (`Writing.queue`) the wall
     clock is looked at though none comes, every 0.125 s; else it is the next message that closes a chunk. During a
-    flight nothing is raised. When the disk refuses, recording ends, what was written stays readable and `failure`
-    says why; a message that does not fit its declared layout is left out and `refusal` says which. Where the queue
-    has no room for more, a chunk of messages is left out, counted in `dropped`, and the count is logged as soon as
-    there is room. Threads may share a recorder.
+    flight nothing is raised. When the disk refuses, or writing fails in any other way, recording ends, what was
+    written stays readable without claiming to be whole, and `failure` says why; a message that does not fit its
+    declared layout is left out and `refusal` says which. Where the queue has no room for more, a chunk of messages
+    is left out, counted in `dropped`, and the count is logged as soon as there is room. Threads may share a recorder.
     """
 
     def __init__(
@@ -118,7 +118,9 @@ class McapRecorder:
         self._patience = 0.0
         self._open_for_writing, self._closed = True, False
         self._volumes = self._begin()
-        self._backlog = Backlog(writing.queue, self._flush_overdue, FLUSH_S / 2) if writing.queue else None
+        self._backlog = (
+            Backlog(writing.queue, self._flush_overdue, FLUSH_S / 2, self._fail) if writing.queue else None
+        )
         for topic in topics:
             self._open(topic)
 
@@ -167,15 +169,22 @@ class McapRecorder:
         with self._lock:
             if not self._buffer:
                 return
-            filled = [stream for stream in self._streams.values() if stream.index]
-            others = (stream for stream in filled if stream.topic is not self._writing.account)
-            count = sum(len(stream.index) // 2 for stream in others)
-            if not self._hand_over(self._chunk(filled), len(self._buffer)):
-                self.dropped += count
-            for stream in filled:
-                stream.index = []
-            self._buffer = bytearray()
-            self._tell_drops()
+            try:
+                self._close_chunk()
+            # Where there is no memory for another chunk, the flight goes on without its recording.
+            except Exception as error:
+                self._end(error)
+
+    def _close_chunk(self) -> None:
+        filled = [stream for stream in self._streams.values() if stream.index]
+        others = (stream for stream in filled if stream.topic is not self._writing.account)
+        count = sum(len(stream.index) // 2 for stream in others)
+        if not self._hand_over(self._chunk(filled), len(self._buffer)):
+            self.dropped += count
+        for stream in filled:
+            stream.index = []
+        self._buffer = bytearray()
+        self._tell_drops()
 
     def _flush_overdue(self) -> None:
         """Close an open chunk whose time is over though no message comes that would do it.
@@ -223,8 +232,9 @@ class McapRecorder:
                 self.failure or f"recording to {self.path} ended: the disk does not answer for {PATIENCE:g} s"
             )
             return
-        if not self.failure:
-            self._attempt(self._volumes.finish)
+        self._attempt(self._volumes.finish)
+        if self.failure:
+            self._volumes.give_up()
 
     def __enter__(self) -> McapRecorder:
         return self
@@ -293,10 +303,21 @@ class McapRecorder:
             return
         try:
             write()
-        except (OSError, ValueError) as error:
-            self.failure = f"recording to {self.path} ended: {getattr(error, 'strerror', None) or error}"
-            self._open_for_writing = False
-            self._volumes.give_up()
+        # Whatever it was (no memory, the compressor): what was to be written is missing, and the file may not end as
+        # if it were whole.
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        """End the recording behind its last whole record; for whoever writes."""
+        self._end(error)
+        self._volumes.give_up()
+
+    def _end(self, error: BaseException) -> None:
+        """Record no more; the file is closed by whoever writes, or by `close`."""
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        self.failure = self.failure or f"recording to {self.path} ended: {reason}"
+        self._open_for_writing = False
 
     def _chunk(self, filled: list[_Stream]) -> Work:
         """The open chunk, to be compressed by whoever writes it."""

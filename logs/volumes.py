@@ -64,7 +64,8 @@ class Volumes:
         """Close the file that is open behind its last whole record."""
         with contextlib.suppress(OSError, ValueError):
             self._file.truncate(self._container.size)
-        self._file.close()
+        with contextlib.suppress(OSError, ValueError):
+            self._file.close()
 
     def _next(self) -> None:
         """The next file; where there can be none, the present one grows on rather than lose the rest."""
@@ -85,7 +86,7 @@ class Volumes:
             container = Container(file)
             for work in self._everywhere:
                 work(container)
-        except OSError:
+        except BaseException:
             file.close()
             path.unlink(missing_ok=True)
             raise

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zstandard
 from recorded import EPOCH_NS, flight, record
 
 from avionics import topics
 from avionics.quantities import BadInput
 from logs import backlog as backlog_module
+from logs import container
 from logs import recorder as recorder_module
+from logs.backlog import Backlog
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder, Writing
 from logs.recover import recover_left
@@ -132,6 +136,67 @@ def test_a_full_disk_behind_the_flights_back_ends_the_recording_and_says_so(
     assert "No space left" in recorder.failure
     assert open_log(recorder.path).damage == ("the file was cut off before its end",)
     assert len(imu_times(open_log(recorder.path))) > 100
+
+
+@pytest.mark.parametrize("error", [MemoryError(), struct.error("too large"), zstandard.ZstdError("cannot compress")])
+@pytest.mark.parametrize("queue", [0, 10**8])
+def test_whatever_ends_the_writing_is_told_and_the_file_does_not_end_as_a_whole_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, queue: int
+) -> None:
+    """GIVEN chunks of which the third cannot be packed WHEN a flight ends THEN its recorder and its file say so."""
+    packed: list[Any] = []
+    pack = container.pack_chunk
+
+    def third_fails(*arguments: Any) -> Any:
+        packed.append(arguments)
+        if len(packed) == 3:
+            raise error
+        return pack(*arguments)
+
+    monkeypatch.setattr(recorder_module, "pack_chunk", third_fails)
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(queue))
+    for topic, message in flight(20.0, IMU_ALONE):
+        recorder.record(topic, message)
+    recorder.close()
+    assert (str(error) or "MemoryError") in recorder.failure and "\n" not in recorder.failure
+    log = open_log(recorder.path)
+    assert not log.complete and log.damage == ("the file was cut off before its end",)
+    assert 0 < len(imu_times(log)) < 4000 and len(packed) == 3
+
+
+def test_what_ends_the_thread_while_it_waits_is_told_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a chunk that its time alone closes WHEN there is no memory to THEN the recording is over and says so."""
+    clock = [0.0]
+    recorder = McapRecorder(
+        tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: clock[0], writing=Writing(10**6)
+    )
+    ended = threading.Event()
+
+    def no_memory(filled: object) -> None:
+        ended.set()
+        raise MemoryError
+
+    monkeypatch.setattr(recorder, "_chunk", no_memory)
+    recorder.record(*flight(0.1, IMU_ALONE)[0])
+    clock[0] = 0.26
+    assert ended.wait(30.0)
+    recorder.close()
+    assert "MemoryError" in recorder.failure
+    assert not open_log(recorder.path).complete
+
+
+def test_a_thread_that_ends_tells_why_and_takes_nothing_more() -> None:
+    told: list[BaseException] = []
+    done: list[int] = []
+    backlog = Backlog(100, lambda: None, 10.0, told.append)
+
+    def exits() -> None:
+        raise SystemExit("enough")
+
+    assert backlog.offer(exits, 60)
+    assert not backlog.offer(lambda: done.append(1), 60, patience=30.0)
+    assert backlog.close()
+    assert [str(error) for error in told] == ["enough"] and not done and backlog.waiting == 0
 
 
 def test_one_recording_in_several_files(tmp_path: Path) -> None:
