@@ -11,6 +11,9 @@ from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle
 from groundstation.command.avionics import note_inputs
+from logs.container import Container
+from logs.copying import Part, copy
+from logs.index import read_index
 from logs.recorder import McapRecorder
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
@@ -38,6 +41,18 @@ class Ground:
         if tick == 2000:
             inputs.append(Command(0, CommandKind.SET_PARAMETER, "PITCH_P", 0.31, source="test"))
         return self._autopilot.step(frame, inputs)
+
+
+def later_part(path: Path, out: Path, first: int, last: int | None = None) -> Path:
+    """A file with the chunks ``first`` to ``last`` of another and all its documents, as a later one of a recording."""
+    data = path.read_bytes()
+    index = read_index(data)
+    index.chunks = index.chunks[first:last]
+    with out.open("xb", buffering=0) as file:
+        container = Container(file)
+        copy([Part(data, index)], container)
+        container.finish()
+    return out
 
 
 def record_flight(path: Path) -> Path:

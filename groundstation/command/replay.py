@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,9 @@ EXAMPLES = (
     "wingbeat replay --imu trial_16.npz --method razor --json",
 )
 JSON_KEYS = {
-    "of a flight": "start, end (s since boot), ticks, same (every bit), topics: list of {topic, recorded, replayed,"
-    " differing (messages), first (s), fields: list of {field, unit, differing, largest, at, rms}}",
+    "of a flight": "start, end (s since boot), ticks, same (every bit), late (a line where the file begins in flight,"
+    " else empty), topics: list of {topic, recorded, replayed, differing (messages), first (s), fields: list of"
+    " {field, unit, differing, largest, at, rms}}",
     "with --imu": "list of {file, total_deg, heading_deg, inclination_deg}: RMS angle between estimate and reference,"
     " of its part about the vertical, of its part about a horizontal axis",
 }
@@ -125,6 +127,8 @@ def _play(chosen: argparse.Namespace) -> None:
     identity = load_identity(chosen.identity)
     with open_log(chosen.file) as log:
         flight = recorded_flight(log)
+    if flight.late:
+        print(flight.late, file=sys.stderr)
     play(Player(flight, chosen.speed or 1.0), Playing(chosen.mavlink, chosen.start or 0.0, identity))
 
 
@@ -140,12 +144,15 @@ def _replay_flight(chosen: argparse.Namespace) -> None:
 
 def _document(done: Replayed) -> dict[str, Any]:
     topics = [each._asdict() | {"fields": [field._asdict() for field in each.fields]} for each in done.differences]
-    return {"start": done.start, "end": done.end, "ticks": done.ticks, "same": done.same, "topics": topics}
+    told = {"start": done.start, "end": done.end, "ticks": done.ticks, "same": done.same, "late": done.late}
+    return told | {"topics": topics}
 
 
 def _print_flight(done: Replayed) -> None:
     console = open_console()
     messages = sum(each.recorded for each in done.differences)
+    if done.late:
+        console.print(done.late, highlight=False)
     span = f"{counted(done.ticks, 'tick')} from {done.start:.3f} to {done.end:.3f} s since boot"
     if done.same:
         said = f"the flight code said the same in every bit: {counted(messages, 'message')}"

@@ -34,6 +34,8 @@ class Replayed(NamedTuple):
     """-; flown"""
     differences: tuple[TopicDifference, ...]
     """every topic of the flight computer that the log holds and that follows from what entered the flight"""
+    late: str = ""
+    """one line where the file begins in flight and was replayed from its first snapshot on; empty else"""
 
     @property
     def same(self) -> bool:
@@ -53,7 +55,8 @@ def replay_flight(
     Args:
         log: of one of our flight computers.
         changes: gains by parameter name (``PITCH_PROPORT``) or place in the vehicle file (``pitch.proportional``).
-        start: s since boot; begin from the last snapshot of the memory not after it, or with the first tick.
+        start: s since boot; begin from the last snapshot of the memory not after it, or with the first tick. A file
+            that begins in flight, such as a later one of a recording, has nothing before its first snapshot.
         end: s since boot; of the last tick.
         progress: told now and then.
 
@@ -75,7 +78,7 @@ def replay_flight(
         if progress is not None and done % PROGRESS == 0:
             progress(done, len(ticks))
     told = tuple(each.told() for each in compared.values())
-    return Replayed(max(began, 0) * 1e-6, last, len(ticks), told)
+    return Replayed(max(began, 0) * 1e-6, last, len(ticks), told, flight.late)
 
 
 def step(autopilot: Autopilot, tick: Tick) -> None:
@@ -101,15 +104,15 @@ def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -
     gains = changed(flight.vehicle.gains, changes)
     autopilot = Autopilot(flight.vehicle._replace(gains=gains), flight.mission, publish)
     earlier = [text for text in flight.snapshots if text.time_us <= start * 1e6]
-    if not earlier:
+    if not earlier and flight.from_boot:
         return -1, autopilot, publish
-    text = earlier[-1].text
+    time_us, text = earlier[-1] if earlier else flight.snapshots[0]
     if changes:
         state = snapshot.decode(AutopilotState, text)
         state.gains = changed(state.gains, changes)
         text = snapshot.encode(state)
     autopilot.restore(text)
-    return earlier[-1].time_us, autopilot, publish
+    return time_us, autopilot, publish
 
 
 def place_of(parameter: parameters.Parameter) -> str:

@@ -27,21 +27,25 @@ class Player:
     """Plays a flight on the clock of its owner."""
 
     def __init__(self, flight: RecordedFlight, speed: float = 1.0) -> None:
-        """At rest before the first tick; ``speed`` in s of flight per s of the clock."""
+        """At rest before the first tick, where the file begins in flight behind its first snapshot.
+
+        ``speed`` in s of flight per s of the clock.
+        """
         self.view = ReplayView(flight.vehicle, flight.mission, _nobody)
         self.paused = False
         self._ticks, self._speed = flight.ticks, speed
         self._times = [tick.frame.time_us for tick in flight.ticks]
-        boot = self.view.autopilot.snapshot()
-        self._memories = [(-1, boot), *((text.time_us, text.text) for text in flight.snapshots)]
+        boot = [(-1, self.view.autopilot.snapshot())] if flight.from_boot else []
+        self._memories = [*boot, *((text.time_us, text.text) for text in flight.snapshots)]
         self._next = 0
         self._now: float | None = None
         self._ahead = 0.0
+        self.seek(0.0)
 
     @property
     def time(self) -> float:
-        """s; since boot, of the last tick played; 0 before the first."""
-        return self._times[self._next - 1] * 1e-6 if self._next else 0.0
+        """s; since boot, of the last tick played; before the first that of the memory it follows, 0 at boot."""
+        return (self._times[self._next - 1] if self._next else max(self._memories[0][0], 0)) * 1e-6
 
     @property
     def end(self) -> float:

@@ -40,19 +40,46 @@ class RecordedFlight(NamedTuple):
     ticks: list[Tick]
     snapshots: list[Text]
     """of the whole memory, in the order of time, each taken at the end of the tick whose time it has"""
+    from_boot: bool = True
+    """whether the first tick is the first since boot; where not, there is a snapshot"""
+
+    @property
+    def late(self) -> str:
+        """One line where the file begins in flight and can be flown again from a snapshot on only; empty else."""
+        if self.from_boot:
+            return ""
+        first = self.snapshots[0].time_us * 1e-6
+        return f"the file begins in flight: it is flown again from its first snapshot on, {first:.3f} s since boot"
 
 
 def recorded_flight(log: Log) -> RecordedFlight:
     """Everything that a log holds of what entered a flight.
 
     Raises:
-        BadInput: the log has no raw sensors or no vehicle file (it is not our flight computer's), or is damaged.
+        BadInput: the log has no raw sensors or no vehicle file (it is not our flight computer's), begins in flight
+            without a snapshot of the memory, or is damaged.
     """
     vehicle = flight_vehicle(log)
     if vehicle is None or topics.IMU.name not in log.topics:
         raise BadInput(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")
     texts = log.texts(topics.SNAPSHOTS) if topics.SNAPSHOTS.name in log.topics else []
-    return RecordedFlight(vehicle, recorded_mission(log), list(_ticks(log)), texts)
+    from_boot = _from_boot(log)
+    if not (from_boot or texts):
+        raise BadInput(
+            f"{log.path} cannot be flown again by itself: it begins in flight and holds no snapshot of the memory"
+        )
+    return RecordedFlight(vehicle, recorded_mission(log), list(_ticks(log)), texts, from_boot)
+
+
+def _from_boot(log: Log) -> bool:
+    """Whether no tick is missing before the first count of them; refused frames are recorded but not counted."""
+    if topics.HEALTH.name not in log.topics:
+        return True
+    counted = log.columns(topics.HEALTH)
+    if not len(counted.time):
+        return True
+    frames = log.columns(topics.IMU)["time_us"] <= counted["time_us"][0]
+    return int(frames.sum()) >= int(counted["ticks"][0])
 
 
 def recorded_mission(log: Log) -> Mission:
@@ -77,7 +104,10 @@ def _item(document: dict[str, Any]) -> MissionItem:
 
 
 def _ticks(log: Log) -> Iterator[Tick]:
-    """Ticks by the order in which their messages were written: inputs, then the IMU, then the other samples."""
+    """Ticks by the order in which their messages were written: inputs, then the IMU, then the other samples.
+
+    Where a file begins within a tick, what it has of that is left out.
+    """
     present = [topic for topic in (*SENSORS, *INPUTS) if topic.name in log.topics]
     kinds, rows = log.order(present)
     messages = [_messages(log, topic) for topic in present]
@@ -91,11 +121,11 @@ def _ticks(log: Log) -> Iterator[Tick]:
                 inputs.append(message)
             continue
         if topic is topics.IMU:
-            if samples:
+            if topics.IMU.name in samples:
                 yield _tick(samples, taken)
             samples, taken, inputs = {}, tuple(inputs), []
         samples[topic.name] = message
-    if samples:
+    if topics.IMU.name in samples:
         yield _tick(samples, taken)
 
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from replayed import record_flight
+from replayed import later_part, record_flight
 
 from avionics import topics
 from avionics.missions import load_mission
@@ -95,6 +95,26 @@ def test_a_log_without_raw_sensors_is_refused(tmp_path: Path) -> None:
             recorded_flight(log)
 
 
+@pytest.mark.parametrize("first", [1, 12, 13, 14])
+def test_a_later_file_of_a_recording_is_replayed_from_its_first_snapshot_on(
+    flown: Path, tmp_path: Path, first: int
+) -> None:
+    """GIVEN a file that begins in flight, WHEN it is replayed THEN in every bit, and it says so."""
+    with open_log(later_part(flown, tmp_path / "a-2.mcap", first)) as log:
+        began = log.columns(topics.IMU).time[0]
+        snapshots = log.texts(topics.SNAPSHOTS)
+        done = replay_flight(log)
+    assert done.start == snapshots[0].time_us * 1e-6 > began > 0.02
+    assert done.same and done.ticks > 500
+    assert "begins in flight" in done.late and f"{done.start:.3f} s" in done.late and "\n" not in done.late
+
+
+def test_a_file_that_begins_in_flight_without_a_snapshot_is_refused(flown: Path, tmp_path: Path) -> None:
+    path = later_part(flown, tmp_path / "a-2.mcap", 5, 14)
+    with open_log(path) as log, pytest.raises(BadInput, match="begins in flight and holds no snapshot"):
+        replay_flight(log)
+
+
 def test_a_torn_log_is_replayed_up_to_where_it_ends(flown: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
@@ -105,7 +125,8 @@ def test_a_torn_log_is_replayed_up_to_where_it_ends(flown: Path, tmp_path: Path)
 
 def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["replay", str(flown), "--end", "4"]) == 0
-    assert "the flight code said the same in every bit" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "the flight code said the same in every bit" in said and "begins in flight" not in said
     assert main.main(["replay", str(flown), "--end", "9", "--set", "pitch.proportional=0.2", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert not document["same"] and document["end"] == pytest.approx(9.0, abs=0.006)
@@ -114,6 +135,18 @@ def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.Captu
     assert (
         "/stabilization/pitch" in told and "the same in every bit" in told and max(map(len, told.splitlines())) < 160
     )
+
+
+def test_the_command_tells_where_a_later_file_begins(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    later = later_part(flown, tmp_path / "a-2.mcap", 12)
+    assert main.main(["replay", str(later)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert len([line for line in told if "begins in flight" in line]) == 1 and "in every bit" in " ".join(told)
+    assert main.main(["replay", str(later), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["same"] and "begins in flight" in document["late"]
 
 
 @pytest.mark.parametrize("words", [[], ["flight.mcap", "--imu", "x"], ["flight.mcap", "--set", "pitch"]])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
-from replayed import record_flight
+from replayed import later_part, record_flight
 
 from avionics.messages import Command, CommandKind
 from groundstation.command.replay_link import keys_in, steer
@@ -13,8 +15,13 @@ from logs.replay.recorded_flight import RecordedFlight, recorded_flight
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> RecordedFlight:
-    with open_log(record_flight(tmp_path_factory.mktemp("flown") / "flight.mcap")) as log:
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_flight(tmp_path_factory.mktemp("flown") / "flight.mcap")
+
+
+@pytest.fixture(scope="module")
+def flight(flown: Path) -> RecordedFlight:
+    with open_log(flown) as log:
         return recorded_flight(log)
 
 
@@ -54,6 +61,22 @@ def test_seek_gives_the_memory_that_the_flight_had_there(flight: RecordedFlight)
         played(straight, time, dt=0.005)
         assert jumped.time == straight.time == pytest.approx(time, abs=0.006)
         assert jumped.view.autopilot.snapshot() == straight.view.autopilot.snapshot()
+
+
+def test_a_later_file_is_played_from_its_first_snapshot_on(
+    flight: RecordedFlight, tmp_path: Path, flown: Path
+) -> None:
+    with open_log(later_part(flown, tmp_path / "a-2.mcap", 12)) as log:
+        later = Player(recorded_flight(log))
+    first = flight.snapshots[1].time_us * 1e-6
+    assert later.time == first == later.view.time_us * 1e-6
+    played(later, 1.0)
+    straight = Player(flight)
+    straight.seek(later.time + 1e-4)
+    assert later.time == pytest.approx(first + 1.0, abs=0.011)
+    assert later.view.autopilot.snapshot() == straight.view.autopilot.snapshot()
+    later.seek(0.0)
+    assert later.time == first
 
 
 def test_keys_jump_within_the_flight_and_end_it(flight: RecordedFlight) -> None:
