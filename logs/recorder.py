@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import struct
 import threading
@@ -10,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import zstandard
 from mcap.records import Attachment, AttachmentIndex, McapRecord, Metadata
@@ -57,6 +56,8 @@ class Writing(NamedTuple):
     """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
 
 
+LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
+"""-, s; to lock a new file that another program looks into"""
 IN_FLIGHT = 16 * 1024 * 1024
 """bytes; a queue that outlasts a disk which stands still for 10 s at the rate of a whole flight"""
 AT_ONCE = Writing()
@@ -93,7 +94,7 @@ class McapRecorder:
             writing: how it gets to the disk.
 
         Raises:
-            BadInput: the file exists or cannot be created.
+            BadInput: the file exists, cannot be created or is locked by another program.
         """
         self.path = Path(path)
         self.start_epoch_ns = time.time_ns() if start_epoch_ns is None else start_epoch_ns
@@ -358,6 +359,24 @@ def _create(path: Path) -> Any:
         if path.exists():
             raise BadInput(f"{path} exists: a recording never overwrites a file") from None
         raise BadInput(f"cannot record to {path}: {error.strerror or error}") from None
-    with contextlib.suppress(OSError):
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    if not _locked(file):
+        file.close()
+        path.unlink(missing_ok=True)
+        raise BadInput(f"cannot record to {path}: another program holds its lock")
     return file
+
+
+def _locked(file: IO[bytes]) -> bool:
+    """Lock a new file; False where another keeps the lock. A file system without locks is recorded to all the same.
+
+    Who repairs what other flights left may look into the file just now: it is empty, and let go of at once.
+    """
+    for _ in range(LOCK_ATTEMPTS):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            time.sleep(LOCK_PAUSE)
+        except OSError:
+            return True
+    return False

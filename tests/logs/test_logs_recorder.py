@@ -252,6 +252,58 @@ def test_a_file_is_locked_while_it_is_recorded(tmp_path: Path) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+class Repairing:
+    """Another program that locks every new file before its recorder does, and lets go after some attempts."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, attempts: int) -> None:
+        self.pauses, self._attempts = 0, attempts
+        self._held: Any = None
+        monkeypatch.setattr(Path, "open", self._opened(Path.open))
+        monkeypatch.setattr("logs.recorder.time.sleep", self._sleep)
+
+    def _opened(self, before: Any) -> Any:
+        def opened(path: Path, mode: str = "r", *rest: Any, **options: Any) -> Any:
+            file = before(path, mode, *rest, **options)
+            if mode == "xb":
+                self._held = before(path, "rb")
+                fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return file
+
+        return opened
+
+    def _sleep(self, seconds: float) -> None:
+        self.pauses += 1
+        if self.pauses == self._attempts and self._held is not None:
+            self._held.close()
+
+
+def test_a_lock_that_is_held_for_a_moment_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        other = Repairing(patch, attempts=3)
+        recorder = McapRecorder(tmp_path / "a.mcap")
+    assert other.pauses == 3
+    with recorder, recorder.path.open("rb") as file, pytest.raises(BlockingIOError):
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_a_file_that_another_keeps_locked_is_not_recorded_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        Repairing(patch, attempts=10**6)
+        with pytest.raises(BadInput, match="another program holds its lock"):
+            McapRecorder(tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_there_are_no_locks_it_is_recorded_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    messages = flight(1.0)
+    path = record(tmp_path / "a.mcap", messages)
+    assert sum(info.messages for info in open_log(path).topics.values()) == len(messages)
+
+
 def test_a_message_record_is_what_the_format_says(tmp_path: Path) -> None:
     """Opcode 5, length, channel, sequence, log and publish time, then the protobuf bytes (mcap.dev/spec)."""
     from logs.codecs import codec_for
