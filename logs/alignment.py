@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from avionics.quantities import BadInput
 from avionics.topics import Topic
-from logs.columns import Array, Columns
+from logs.columns import LATEST_NS, Array, Columns, moment
 
 if TYPE_CHECKING:
     from logs.reader import Log
@@ -21,6 +21,8 @@ ALIGNED = "aligned"
 GAP_PERIODS = 5.0
 """A pause between two messages longer than this many of the topic's median periods is a gap, if nothing is asked."""
 MOST_ROWS = 50_000_000
+SLOWEST = 1e-6
+"""Hz; a row in 12 days"""
 RANGES: Mapping[str, float] = {"-pi to pi": -math.pi, "0 to 2 pi": 0.0}
 """rad; what the description of an angle that wraps says of its range, and where that begins"""
 TIME = "time_us"
@@ -57,6 +59,8 @@ def aligned(
     for value, what in ((rate, "rate"), (gap, "longest gap")):
         if value is not None and not 0.0 < value < math.inf:
             raise BadInput(f"the {what} of a table must be above 0, not {value:g}")
+    if rate is not None and rate < SLOWEST:
+        raise BadInput(f"the rate of a table must be at least {SLOWEST:g} Hz, not {rate:g}")
     wanted = _wanted(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
     tables = {name: _ordered(columns) for name, columns in log.tables(wanted).items()}
     boot = log.boot_ns
@@ -153,8 +157,8 @@ def _time_base(times: list[Times], rate: float | None, start: float | None, end:
     spoken = [each for each in times if len(each)]
     first = min((int(each[0]) for each in spoken), default=0)
     last = max((int(each[-1]) for each in spoken), default=-1)
-    low = first if start is None else round(start * 1e9)
-    high = last + 1 if end is None else round(end * 1e9)
+    low = first if start is None else moment(start, LATEST_NS // 2)
+    high = last + 1 if end is None else moment(end, LATEST_NS // 2)
     if rate is None:
         return times[0][(times[0] >= low) & (times[0] < high)]
     return _multiples(rate, low, high)

@@ -19,6 +19,8 @@ from logs.records import HEAD, Buffer, Damage, Span, expected, record_at
 
 LARGEST_CHUNK = 1 << 30
 """Bytes; a chunk that claims more is taken for damaged rather than allocated."""
+BEYOND_NS = 2**64 - 1
+"""ns; the greatest number that a log time of MCAP can be"""
 ENTRY_TYPE = np.dtype([("time", "<u8"), ("offset", "<u8")])
 """An entry of a message index: log time in ns, offset in the chunk in bytes."""
 PLACE_TYPE = np.dtype([("channel", "<u2"), ("offset", "<u8")])

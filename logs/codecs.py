@@ -188,7 +188,7 @@ def decode_text(data: bytes) -> Text:
     try:
         document = json.loads(data)
         return Text(int(document["time_us"]), str(document["text"]))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise Damage("a text message cannot be read") from None
 
 
@@ -250,7 +250,7 @@ def value_decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], 
     def decode(data: bytes) -> dict[str, Any]:
         try:
             return dict(_values(kind.FromString(data), ""))
-        except DecodeError:
+        except (DecodeError, RecursionError):
             raise Damage(f"a message of {channel.topic} cannot be read") from None
 
     return decode
@@ -286,9 +286,9 @@ def _dependencies_first(files: FileDescriptorSet) -> list[bytes]:
 def _decode_json(data: bytes) -> dict[str, Any]:
     try:
         document = json.loads(data)
-    except ValueError:
+        return dict(_members(document, "")) if isinstance(document, dict) else {"value": document}
+    except (ValueError, RecursionError):
         raise Damage("a JSON message cannot be read") from None
-    return dict(_members(document, "")) if isinstance(document, dict) else {"value": document}
 
 
 def _members(document: Mapping[str, Any], prefix: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -11,13 +12,17 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
+from avionics.quantities import BadInput
 from logs.chunks import MESSAGE_HEAD
 from logs.layout import SCALARS, Field, Layout
+from logs.records import Damage
 from logs.schema import layout_from_schema
 
 Array = NDArray[Any]
 Stamped = tuple[int, dict[str, Any]]
 """Log time in ns and the values of one message."""
+LATEST_NS = 2**63 - 1
+"""ns; the last log time, in the year 2262: a greater one comes of damage"""
 _BLOCK = 256
 """Rows checked at a time: they stay in the processor's cache."""
 
@@ -112,6 +117,28 @@ def row_type(layout: Layout, channel: int) -> RowType:
 def column_type(kind: Field) -> np.dtype[Any]:
     """NumPy type of a field's column."""
     return np.dtype(f"<{SCALARS[kind.scalar].code}" if kind.scalar in ("double", "float") else np.int64)
+
+
+def moment(time: float, most: int = LATEST_NS) -> int:
+    """Time in ns of ``time`` in s, at ``most`` so far from 0.
+
+    Raises:
+        BadInput: it is not a number.
+    """
+    if math.isnan(time):
+        raise BadInput(f"{time:g} s is no time")
+    return round(min(max(time, -most * 1e-9), most * 1e-9) * 1e9)
+
+
+def believed(times: NDArray[np.uint64], topic: str) -> NDArray[np.int64]:
+    """Log times (ns) of a topic's messages as they are reckoned with.
+
+    Raises:
+        Damage: one of them is beyond `LATEST_NS`.
+    """
+    if int(times.max(initial=0)) > LATEST_NS:
+        raise Damage(f"a log time of {topic} is beyond the year 2262")
+    return times.astype(np.int64)
 
 
 def fixed_columns(

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.chunks import ChunkSpan, rows_at, unpack
+from logs.chunks import BEYOND_NS, ChunkSpan, rows_at, unpack
 from logs.columns import Array, RowType, column_type, row_type
 from logs.layout import Layout
 from logs.listing import Listing
@@ -75,7 +75,8 @@ class Table:
 
     def between(self, low: int, high: int) -> tuple[NDArray[np.uint64], dict[str, Array]]:
         """Log times and columns of the messages with log times (ns) from ``low`` to before ``high``."""
-        kept = (self.times >= max(low, 0)) & (self.times < max(high, 0))
+        low, high = (min(max(edge, 0), BEYOND_NS) for edge in (low, high))
+        kept = (self.times >= low) & (self.times < high)
         if kept.all():
             return self.times, self.fields
         return self.times[kept], {name: values[kept] for name, values in self.fields.items()}

@@ -18,9 +18,18 @@ from avionics.messages import Event, Text
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.alignment import aligned
-from logs.chunks import ChunkSpan, Entries, bodies, entries_of, unpack
+from logs.chunks import BEYOND_NS, ChunkSpan, Entries, bodies, entries_of, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
-from logs.columns import Columns, Stamped, fixed_columns, free_columns, layout_in_file
+from logs.columns import (
+    LATEST_NS,
+    Columns,
+    Stamped,
+    believed,
+    fixed_columns,
+    free_columns,
+    layout_in_file,
+    moment,
+)
 from logs.frames import frame
 from logs.gathering import Table, fill
 from logs.index import ALTERED, Index, data_intact, indexes_intact, read_index
@@ -102,7 +111,7 @@ class Log:
     def boot_ns(self) -> int:
         """ns; log time at which the vehicle's clock was zero; the first message's where the file does not say."""
         text = self.metadata.get(RECORDING, {}).get("start_epoch_ns", "")
-        return int(text) if text.isdecimal() else self.start_ns
+        return int(text) if text.isdecimal() and len(text) < 20 and int(text) <= LATEST_NS else self.start_ns
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
@@ -199,15 +208,15 @@ class Log:
             BadInput: the log has no such topic, or a part of the file is damaged.
         """
         name = topic if isinstance(topic, str) else topic.name
-        parts = [self._listed_times(channel.id) for channel in self._channels(name)]
+        parts = self._checked(lambda: [self._listed_times(channel) for channel in self._channels(name)])
         return np.asarray((np.concatenate(parts) - self.boot_ns) * 1e-9, np.float64)
 
-    def _listed_times(self, channel: int) -> NDArray[np.int64]:
-        times = self._places.times(self._data, channel) if self._indexes_intact else None
-        if times is not None:
-            return times.astype(np.int64)
-        parts = [entries[channel]["time"].astype(np.int64) for entries in self._looked_up if channel in entries]
-        return np.concatenate([np.empty(0, np.int64), *parts])
+    def _listed_times(self, channel: Channel) -> NDArray[np.int64]:
+        times = self._places.times(self._data, channel.id) if self._indexes_intact else None
+        if times is None:
+            parts = [entries[channel.id]["time"] for entries in self._looked_up if channel.id in entries]
+            times = np.concatenate([np.empty(0, np.uint64), *parts])
+        return believed(times, channel.topic)
 
     @cached_property
     def _places(self) -> Places:
@@ -367,8 +376,8 @@ class Log:
     def _window(self, start: float | None, end: float | None) -> tuple[int, int]:
         """Log times in ns, from the first to before the second."""
         boot = self.boot_ns
-        low = self.start_ns if start is None else boot + round(start * 1e9)
-        return low, self.end_ns + 1 if end is None else boot + round(end * 1e9)
+        low = self.start_ns if start is None else boot + moment(start)
+        return low, self.end_ns + 1 if end is None else boot + moment(end)
 
     def _filled(self, channels: Mapping[int, Channel], window: tuple[int, int]) -> dict[int, Table]:
         """Columns of the channels of fixed layout whose message indexes can be read, in one pass over the chunks."""
@@ -393,7 +402,7 @@ class Log:
             return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
         # A time is under the chunk's CRC, what the message index says of it is not: so they are cut when all agree.
         found = [part.between(*window) for part in parts]
-        times = _joined([times for times, _ in found]).astype(np.int64)
+        times = self._checked(lambda: believed(_joined([times for times, _ in found]), name))
         fields = {item.name: _joined([values[item.name] for _, values in found]) for item in layout.fields}
         return fixed_columns(name, boot, layout, times, fields)
 
@@ -410,6 +419,7 @@ class Log:
         for chunk in self._between(window, [channel.id]):
             content = unpack(self._data, chunk)
             entries = _inside(entries_of(self._data, chunk, content, channel.id), chunk, window)
+            believed(entries["time"], channel.topic)
             yield from zip(entries["time"].tolist(), bodies(content, entries), strict=True)
 
     def _messages(self, topic: str) -> list[tuple[int, bytes]]:
@@ -479,4 +489,5 @@ def _inside(entries: Entries, chunk: ChunkSpan, window: tuple[int, int]) -> Entr
     if window[0] <= chunk.start_ns and chunk.end_ns < window[1]:
         return entries
     times = entries["time"]
-    return entries[(times >= max(window[0], 0)) & (times < max(window[1], 0))]
+    low, high = (min(max(edge, 0), BEYOND_NS) for edge in window)
+    return entries[(times >= low) & (times < high)]

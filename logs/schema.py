@@ -19,6 +19,8 @@ from logs.layout import SCALARS, Field, Layout, split_unit
 
 _TYPES = {name: FieldDescriptorProto.Type.Value(f"TYPE_{name.upper()}") for name in SCALARS}
 _NAMES = {number: name for name, number in _TYPES.items()}
+LARGEST_MESSAGE = 1 << 16
+"""bytes; a larger message is read without its layout, one by one: who claims a long array may be damaged"""
 # Places in a FileDescriptorProto, which source comments are attached to: message_type = 4, its field = 2.
 _MESSAGE_PATH = (4, 0)
 _FIELD_PATH = (4, 0, 2)
@@ -81,7 +83,7 @@ def _table(metadata: Mapping[str, str], key: str) -> dict[str, Any]:
     """A JSON object of the channel's metadata; empty where there is none, or another writer means something else."""
     try:
         table = json.loads(metadata.get(key, "{}"))
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return table if isinstance(table, dict) else {}
 
@@ -105,11 +107,33 @@ def _layout(
 ) -> Layout | None:
     fields = []
     for index, field in enumerate(message.field):
-        repeated = field.label == FieldDescriptorProto.LABEL_REPEATED
-        length = int(lengths.get(field.name, 0)) if repeated else 0
-        if field.type not in _NAMES or (repeated and not length) or not (repeated or field.proto3_optional):
+        length = _length(field, lengths)
+        if length is None or field.number < 1 or not field.name.isidentifier():
             return None
         unit, text = split_unit(comments.get((2, index), "-"))
-        names = {int(value): label for value, label in labels.get(field.name, {}).items()}
+        names = _labels(labels.get(field.name))
         fields.append(Field(field.name, field.number, _NAMES[field.type], length, unit, text, names))
+    size = sum(max(field.length, 1) * SCALARS[field.scalar].width for field in fields)
+    if size > LARGEST_MESSAGE or len({field.name for field in fields}) < len(fields):
+        return None
     return Layout(name, " ".join(comments.get((), "").split()), tuple(fields))
+
+
+def _length(field: FieldDescriptorProto, lengths: Mapping[str, Any]) -> int | None:
+    """Values of a packed array, 0 for a single value; None where that is not constant or cannot be."""
+    if field.type not in _NAMES:
+        return None
+    if field.label != FieldDescriptorProto.LABEL_REPEATED:
+        return 0 if field.proto3_optional else None
+    told = lengths.get(field.name)
+    return told if type(told) is int and told > 0 else None
+
+
+def _labels(told: Any) -> dict[int, str]:
+    """Names of values from a JSON object with a number in each key; none where it is something else."""
+    if not isinstance(told, dict) or not all(isinstance(label, str) for label in told.values()):
+        return {}
+    try:
+        return {int(value): label for value, label in told.items()}
+    except ValueError:
+        return {}

@@ -183,7 +183,7 @@ def _values(text: str) -> Values:
     try:
         gains = snapshot.builder(FlightGains)(json.loads(text)["gains"])
         return {name: parameters.get(gains, each) for name, each in parameters.parameter_table(gains).items()}
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError):
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
         return {}
 
 
@@ -200,7 +200,7 @@ def _number(name: str, text: str) -> float:
 def _items(log: Log, data: bytes) -> list[Item]:
     try:
         items = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         items = None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise BadInput(f"{log.path}: its {MISSION} is no list of mission items")

@@ -93,7 +93,7 @@ def recorded_mission(log: Log) -> Mission:
     try:
         items = json.loads(log.attachment(MISSION))
         return tuple(_item(item) for item in items)
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput(f"{log.path}: the mission it began with cannot be read") from None
 
 

@@ -258,6 +258,9 @@ def test_a_topic_without_a_message_is_unknown_everywhere(tmp_path: Path) -> None
         (["/sensors/imu"], {"rate": 0.0}, "the rate of a table must be above 0, not 0"),
         (["/sensors/imu"], {"rate": math.nan}, "the rate of a table must be above 0, not nan"),
         (["/sensors/imu"], {"gap": -1.0}, "the longest gap of a table must be above 0"),
+        (["/sensors/imu"], {"rate": 1e-300}, "the rate of a table must be at least 1e-06 Hz, not 1e-300"),
+        (["/sensors/imu"], {"rate": 5.0, "end": 1e300}, "5 Hz over 4.6.*e[+]09 s are .* rows"),
+        (["/sensors/imu"], {"rate": 5.0, "start": math.nan}, "nan s is no time"),
         (["/sensors/imu"], {"rate": 1e12}, "1e[+]12 Hz over 0.49.* s are 4.9.*e[+]11 rows"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,9 @@ from avionics import messages as m
 from avionics import topics
 from avionics.quantities import BadInput
 from logs.index import read_index
-from logs.layout import layout_of
-from logs.reader import open_log
-from logs.schema import descriptor_set
+from logs.layout import Field, Layout, layout_of
+from logs.reader import TEXT_SCHEMA, open_log
+from logs.schema import descriptor_set, layout_from_schema
 from sim_bridge import topics as truth_topics
 
 
@@ -358,3 +359,98 @@ def test_the_order_of_writing_is_told_whatever_the_times(tmp_path: Path) -> None
     ticks, said = log.columns(topics.HEALTH)["ticks"], log.events()
     assert ticks[rows[kinds == 0]].tolist() == list(range(len(times)))
     assert [int(said[row].text) for row in rows[kinds == 1]] == list(range(len(times)))
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"lengths": '{"data": "var"}'},
+        {"lengths": '{"data": null}'},
+        {"lengths": '{"data": -3}'},
+        {"lengths": '{"data": 100000000000}'},
+        {"lengths": '{"data": 3.5}'},
+        {"lengths": '{"data": true}'},
+        {"lengths": "[" * 100_000},
+        {"labels": '{"data": ["a"], "time_us": ["a"]}'},
+        {"labels": '{"time_us": {"one": "a"}}'},
+        {"labels": '{"time_us": {"1": ["a"]}}'},
+    ],
+)
+def test_what_another_writer_means_by_metadata_of_our_names_is_passed_over(
+    tmp_path: Path, metadata: dict[str, str]
+) -> None:
+    """GIVEN our layout of a message with an array and metadata of our names THEN they are read all the same."""
+    fields = (Field("time_us", 1, "fixed64"), Field("data", 2, "double", 3))
+    layout = Layout("other.Array", "", fields)
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(layout.name, "protobuf", descriptor_set(layout))
+        channel = writer.register_channel("/array", "protobuf", schema, metadata)
+        for n in range(5):
+            writer.add_message(channel, n, layout.encode((n, (n, 0.5, -1.0))), n)
+        writer.finish()
+    found = open_log(path).columns("/array")
+    assert found["data"].tolist() == [[n, 0.5, -1.0] for n in range(5)]
+    assert found["time_us"].tolist() == list(range(5)) and found.labels == {}
+
+
+def test_a_schema_whose_fields_cannot_be_columns_is_not_believed() -> None:
+    for fields in (
+        (Field("a", 1, "double"), Field("a", 2, "double")),
+        (Field("a", -1, "double"),),
+        (Field("", 1, "double"),),
+    ):
+        assert layout_from_schema("x.Y", descriptor_set(Layout("x.Y", "", fields)), {}) is None
+
+
+def test_json_that_is_nested_too_deeply_is_one_line(tmp_path: Path) -> None:
+    depth = 100_000
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        text = writer.register_schema(TEXT_SCHEMA, "jsonschema", b"{}")
+        for topic, schema in (("/json", 0), ("/text", text)):
+            writer.add_message(
+                writer.register_channel(topic, "json", schema), 0, b'{"a":' * depth + b"1" + b"}" * depth, 0
+            )
+        writer.finish()
+    log = open_log(path)
+    with pytest.raises(BadInput, match="a JSON message cannot be read") as raised:
+        log.columns("/json")
+    assert "\n" not in str(raised.value)
+    with pytest.raises(BadInput, match="a text message cannot be read"):
+        log.texts("/text")
+
+
+def test_a_log_time_beyond_what_can_be_is_one_line(tmp_path: Path) -> None:
+    """Loose messages are under no checksum: one flip may make a log time of the year 2500."""
+    path = foreign(tmp_path / "a.mcap", use_chunking=False, index_types=IndexType.NONE)
+    data = path.read_bytes()
+    times = (10**7).to_bytes(8, "little") * 2
+    altered = data.replace(times, times[:7] + b"\xff" + times[8:])
+    assert altered != data
+    path.write_bytes(altered)
+    log = open_log(path)
+    for topic in ("/torque", "/json"):
+        for read in (log.columns, log.times):
+            with pytest.raises(BadInput, match="a log time of /") as raised:
+                read(topic)
+            assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(("start", "end"), [(1e300, None), (-1e300, 1e300), (-math.inf, math.inf), (0.0, 1e12)])
+def test_any_number_is_a_time(sample: tuple[Path, list[Any]], start: float | None, end: float | None) -> None:
+    log = open_log(sample[0])
+    whole = 0 if start == 1e300 else len(log.columns(topics.IMU).time)
+    assert len(log.columns(topics.IMU, start, end).time) == whole
+    assert len(log.columns(topics.EVENTS, start, end).time) == (
+        0 if start == 1e300 else len(log.events(topics.EVENTS))
+    )
+
+
+def test_no_number_is_no_time(sample: tuple[Path, list[Any]]) -> None:
+    with pytest.raises(BadInput, match="nan s is no time"):
+        open_log(sample[0]).columns(topics.IMU, math.nan)
