@@ -120,15 +120,15 @@ class Container:
         self._metadata_crcs: dict[int, int] = {}
         self._write(MCAP0_MAGIC + encode(Header(profile="", library=LIBRARY)))
 
-    def define(self, schema: Schema | None, channel: Channel) -> None:
-        """Declare a channel before its first chunk; the same declaration again does nothing.
+    def define(self, schema: Schema | None, channel: Channel) -> bool:
+        """Declare a channel before its first chunk, and say whether it is new; the same again does nothing.
 
         Raises:
             BadInput: another channel or schema has this number.
         """
         known = self._channels.get(channel.id)
         if known is channel and (schema is None or self._schemas.get(schema.id) is schema):
-            return
+            return False
         if known is not None and known != channel:
             raise BadInput(
                 f"channel {channel.id} is both {known.topic} and {channel.topic} (or differs in its schema)"
@@ -141,6 +141,7 @@ class Container:
         if known is None:
             self._write(encode(channel))
             self._channels[channel.id] = channel
+        return known is None
 
     def chunk(self, chunk: RawChunk) -> None:
         """Append a chunk and its message indexes."""

@@ -152,7 +152,7 @@ class McapRecorder:
                 self._flush_clock = self._clock() + FLUSH_S
             if not stream.sequence:
                 # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
-                buffer += encode(stream.codec.schema) + encode(stream.codec.channel)
+                buffer += _declared(stream.codec)
             offset = len(buffer)
             stream.sequence += 1
             stream.index += (log_ns, offset)
@@ -326,12 +326,14 @@ class McapRecorder:
         entries = {stream.topic.channel: stream.index for stream in filled}
         times = [stream.index[::2] for stream in filled]
         window = min(map(min, times)), max(map(max, times))
+        begun = {stream.topic.channel for stream in filled if stream.sequence == len(stream.index) // 2}
 
         def written(container: Container) -> None:
-            for codec in codecs:
-                container.define(codec.schema, codec.channel)
-            packed = {channel: struct.pack(f"<{len(index)}Q", *index) for channel, index in entries.items()}
-            container.chunk(pack_chunk(content, packed, window, self._compressor))
+            new = [codec for codec in codecs if container.define(codec.schema, codec.channel)]
+            # Every file has its declarations under a CRC: a later one, and one whose chunk with them was left out.
+            before = b"".join(_declared(codec) for codec in new if codec.channel.id not in begun)
+            packed = {channel: _packed(index, len(before)) for channel, index in entries.items()}
+            container.chunk(pack_chunk(before + content, packed, window, self._compressor))
 
         return written
 
@@ -344,6 +346,17 @@ class McapRecorder:
         waiting = self._backlog.waiting if self._backlog else 0
         time_us = (self._last_ns - self.start_epoch_ns) // 1000
         self.record(account, RecorderStatus(time_us, self.dropped, self.refused, waiting, self._volumes.written))
+
+
+def _declared(codec: Codec) -> bytes:
+    return encode(codec.schema) + encode(codec.channel)
+
+
+def _packed(index: list[int], shift: int) -> bytes:
+    """Times and offsets of a message index, its messages ``shift`` bytes further on."""
+    if shift:
+        index = [value + shift if place % 2 else value for place, value in enumerate(index)]
+    return struct.pack(f"<{len(index)}Q", *index)
 
 
 def _recording(start_epoch_ns: int) -> Metadata:

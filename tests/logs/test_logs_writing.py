@@ -225,6 +225,47 @@ def test_one_recording_in_several_files(tmp_path: Path) -> None:
     assert min(sizes) > 300_000 and max(sizes) < 600_000
 
 
+def torn_and_flipped(path: Path, text: bytes) -> Path:
+    """A copy without its end, one bit of the first ``text`` in it changed."""
+    data = path.read_bytes()
+    place = data.index(text)
+    torn = path.with_name("torn.mcap")
+    torn.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 : -3000])
+    return torn
+
+
+def test_every_file_has_its_declarations_under_a_checksum(tmp_path: Path) -> None:
+    """GIVEN a later file that was cut off WHEN a topic's name is damaged THEN it is read all the same."""
+    path = record(tmp_path / "a.mcap", flight(6.0), writing=Writing(volume=300_000)).with_name("a-2.mcap")
+    whole = open_log(path)
+    assert whole.complete and whole.verify() == []
+    for name in (topics.IMU.name, topics.HEALTH.name):
+        with open_log(torn_and_flipped(path, name.encode())) as log:
+            assert not log.complete
+            assert set(log.topics) == set(whole.topics)
+            assert 0 < log.topics[name].messages <= whole.topics[name].messages
+
+
+def test_what_is_declared_in_a_chunk_that_is_left_out_is_declared_again(tmp_path: Path, go: threading.Event) -> None:
+    """GIVEN a disk that stands still when a topic begins WHEN it goes on THEN its declaration is in a chunk."""
+    messages = flight(3.0, IMU_ALONE)
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(60_000))
+    go.clear()
+    for topic, message in flight(3.0, (topics.WING,)):
+        recorder.record(topic, message)
+    for topic, message in messages:
+        recorder.record(topic, message._replace(time_us=message.time_us + 3_000_000))
+    dropped = recorder.dropped
+    go.set()
+    for topic, message in flight(20.0, IMU_ALONE):
+        recorder.record(topic, message._replace(time_us=message.time_us + 10_000_000))
+    recorder.close()
+    assert dropped > len(messages) // 2
+    whole = imu_times(open_log(recorder.path))
+    torn = open_log(torn_and_flipped(recorder.path, topics.IMU.name.encode()))
+    assert topics.IMU.name in torn.topics and imu_times(torn) == whole[: len(imu_times(torn))]
+
+
 def test_another_file_of_the_recording_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "a-2.mcap").write_bytes(b"precious")
     path = record(tmp_path / "a.mcap", flight(6.0), writing=Writing(volume=300_000))
