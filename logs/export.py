@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.columns import Columns
-from logs.flat import split, split_units, texts, with_time
+from logs.flat import distinct, split, split_units, texts, with_time
 from logs.matlab import write_mat
 from logs.parquet import write_parquet
 from logs.placing import claim, draft, settle
@@ -152,13 +152,16 @@ def _write_csv_bytes(columns: Columns, file: IO[bytes]) -> None:
 def write_npz(tables: Tables, file: IO[bytes]) -> None:
     """Write tables: array ``main_wing/angle_left`` for field ``angle_left`` of ``/main/wing``.
 
-    Units are in the arrays ``main_wing/units`` of (field, unit) pairs. Fields that are not numbers are left out.
+    Units are in the arrays ``main_wing/units`` of (field, unit) pairs. Fields that are not numbers are left out. What
+    would have the same name as another is numbered.
     """
     arrays: dict[str, Any] = {}
-    for name, columns in tables.items():
+    for plain, columns in zip(_plain_names(tables), tables.values(), strict=True):
         numbers = [field for field, values in columns.items() if values.dtype != object]
-        arrays |= {f"{_plain(name)}/{field.lstrip('/')}": columns[field] for field in numbers}
-        arrays[f"{_plain(name)}/units"] = np.array([[field.lstrip("/"), columns.units[field]] for field in numbers])
+        names = distinct([field.lstrip("/") for field in numbers], ("units",))
+        arrays |= {f"{plain}/{name}": columns[field] for name, field in zip(names, numbers, strict=True)}
+        units = [[name, columns.units[field]] for name, field in zip(names, numbers, strict=True)]
+        arrays[f"{plain}/units"] = np.array(units)
     np.savez_compressed(file, **arrays)
 
 
@@ -176,7 +179,8 @@ FORMS = (*EACH, *TOGETHER, FLIGHT)
 
 def _write_each(tables: Tables, folder: Path, form: str, show: Show = lambda done, total, what: None) -> list[Path]:
     """A file for each table in a folder, which is made when it is missing; none if one of them exists."""
-    paths = {name: folder / f"{_plain(name)}.{form}" for name in tables}
+    plain = zip(tables, _plain_names(tables), strict=True)
+    paths = {name: folder / f"{file}.{form}" for name, file in plain}
     taken = next((path for path in paths.values() if path.exists()), None)
     if taken is not None:
         raise BadInput(f"{taken} exists: it is not overwritten")
@@ -215,8 +219,9 @@ def _write_flight(log: Log, path: Path, part: Part, show: Show) -> Path:
     return path
 
 
-def _plain(topic: str) -> str:
-    return topic.strip("/").replace("/", "_") or "topic"
+def _plain_names(topics: Iterable[str]) -> list[str]:
+    """Names of files, ``main_wing`` for ``/main/wing``, each one once."""
+    return distinct(topic.strip("/").replace("/", "_") or "topic" for topic in topics)
 
 
 def _make(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -33,6 +34,19 @@ def split_units(columns: Columns) -> dict[str, str]:
         for name, width in widths.items()
         for part in ([name] if width is None else [f"{name}_{i}" for i in range(width)])
     }
+
+
+def distinct(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """Names of which each is there once and none ``taken``: ``a``, ``a_2``, ``a_3``."""
+    out: list[str] = []
+    used = set(taken)
+    for name in names:
+        free, number = name, 2
+        while free in used:
+            free, number = f"{name}_{number}", number + 1
+        used.add(free)
+        out.append(free)
+    return out
 
 
 def texts(values: Array) -> list[str | None]:

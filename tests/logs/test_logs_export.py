@@ -238,3 +238,34 @@ def test_without_the_library_a_frame_is_one_line(log: Log, library: str, monkeyp
 def test_frames_of_an_unknown_library(log: Log) -> None:
     with pytest.raises(BadInput, match="no data frames of excel; there are those of pandas and polars"):
         log.frame(topics.WING, "excel")
+
+
+# --- names that meet ------------------------------------------------------------------------------------
+
+
+def meeting(path: Path) -> Log:
+    """Topics whose plain names are the same, and a field that is called as the list of units is."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for value, topic in enumerate(("/a/b", "/a_b", "/a_b_2")):
+            channel = writer.register_channel(topic, "json", 0)
+            writer.add_message(channel, 0, json.dumps({"x": value, "units": 7}).encode(), 0)
+        writer.finish()
+    return open_log(path)
+
+
+def test_topics_of_one_plain_name_are_all_in_the_npz(tmp_path: Path) -> None:
+    log = meeting(tmp_path / "a.mcap")
+    export(log, tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        assert [arrays[f"{name}/x"].tolist() for name in ("a_b", "a_b_2", "a_b_2_2")] == [[0], [1], [2]]
+        assert arrays["a_b/units_2"].tolist() == [7]
+        assert ["units_2", "-"] in arrays["a_b/units"].tolist()
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_topics_of_one_plain_name_have_a_file_each(tmp_path: Path, form: str) -> None:
+    files = export(meeting(tmp_path / "a.mcap"), tmp_path / "out", form=form).files
+    assert [path.name for path in files] == [f"{name}.{form}" for name in ("a_b", "a_b_2", "a_b_2_2")]
+    assert all(path.stat().st_size for path in files)
