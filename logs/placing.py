@@ -52,12 +52,24 @@ def settle(file: IO[bytes]) -> None:
 
 
 def claim(source: Path, path: Path) -> None:
-    """Move ``source`` to ``path``, which must not exist.
+    """Move ``source`` to ``path``, which must not exist; whoever looks finds all of it or nothing.
 
     Raises:
         BadInput: ``path`` exists.
         OSError: the disk refuses.
     """
+    try:
+        os.link(source, path)
+    except FileExistsError:
+        raise BadInput(f"{path} exists: it is not overwritten") from None
+    except OSError:
+        _claim_by_name(source, path)
+    else:
+        source.unlink()
+
+
+def _claim_by_name(source: Path, path: Path) -> None:
+    """`claim` where a file cannot have two names, as on a memory card."""
     try:
         path.open("xb").close()
     except FileExistsError:

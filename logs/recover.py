@@ -39,13 +39,14 @@ class Recovery(NamedTuple):
 def recover(path: Path | str) -> Recovery:
     """Repair a log in its place: what is whole goes to a new file that replaces the old one in one step.
 
-    The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched.
+    The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched. Of a
+    symbolic link it is the file behind it that is repaired, where it is.
 
     Raises:
         BadInput: not an MCAP file, being recorded or repaired just now, or the folder cannot be written to; the
             file is then as it was.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))
     with _locked(path):
         with open_log(path) as log:
             if log.complete and not log.verify():

@@ -375,3 +375,14 @@ def test_a_repair_leaves_no_lock_behind(tmp_path: Path, whole: bytes) -> None:
     recover(path)
     with path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_behind_a_link_the_file_itself_is_repaired(tmp_path: Path, whole: bytes) -> None:
+    (tmp_path / "far").mkdir()
+    target, link = tmp_path / "far" / "a.mcap", tmp_path / "a.mcap"
+    target.write_bytes(whole[: len(whole) // 2])
+    link.symlink_to(target)
+    done = recover(link)
+    assert link.is_symlink() and open_log(target).complete and open_log(target).verify() == []
+    assert done.messages > 0 and done.torn == target.with_name("a.mcap.torn")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "far"]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import errno
 import json
+import os
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from logs.export import csv_header, export_csv, export_npz
 from logs.info import flown_in, summary
 from logs.join import join
 from logs.names import JOINED, new_recording
+from logs.placing import claim, draft
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 
@@ -203,3 +207,44 @@ def test_npz(tmp_path: Path) -> None:
         assert arrays["sensors_adc/voltage_counts"].shape == (30, 60)
         assert ["phase", "rad"] in arrays["main_wing/units"].tolist()
         assert not any(name.endswith("/text") for name in arrays)
+
+
+def test_a_new_file_has_its_name_with_all_that_is_in_it_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GIVEN a file that is made beside its place WHEN it is moved there THEN its place is never an empty file."""
+    path, seen = tmp_path / "a.csv", []
+    link, replace = os.link, Path.replace
+
+    def linked(source: Path, target: Path) -> None:
+        seen.append(target.exists())
+        link(source, target)
+
+    def replaced(source: Path, target: Path) -> Path:
+        seen.append(target.exists())
+        return replace(source, target)
+
+    monkeypatch.setattr(os, "link", linked)
+    monkeypatch.setattr(Path, "replace", replaced)
+    with draft(path) as (file, name):
+        file.write(b"all")
+        claim(name, path)
+    assert seen == [False] and path.read_bytes() == b"all"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_the_place_of_another_is_never_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+    """On a file system without hard links too."""
+
+    def no_links(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr(os, "link", no_links)
+    for content in (b"first", b"second"):
+        with contextlib.suppress(BadInput), draft(tmp_path / "a.csv") as (file, name):
+            file.write(content)
+            claim(name, tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_bytes() == b"first"
+    assert len(list(tmp_path.iterdir())) == 1
