@@ -177,11 +177,12 @@ class Container:
         self._attachments.append(index)
 
     def metadata(self, record: bytes, name: str) -> None:
-        """Append a metadata record."""
+        """Append a metadata record, and its checksum at once: a file that is cut off has no summary."""
         index = MetadataIndex(offset=self.size, length=len(record), name=name)
-        self._write(record)
+        crc = {index.offset: crc32(record)}
+        self._write(record + encode_checksums(Checksums(0, crc)))
         self._metadata.append(index)
-        self._metadata_crcs[index.offset] = crc32(record)
+        self._metadata_crcs |= crc
 
     def finish(self) -> None:
         """Write the summary and the footer."""

@@ -70,6 +70,8 @@ class Index:
     """messages by channel"""
     checksums: Checksums | None = None
     """of what is under no CRC of MCAP's own; None where the file has none"""
+    beside: dict[int, int] = field(default_factory=dict)
+    """CRCs that stand behind the metadata records, by the offset of these"""
     data_end: Span | None = None
     """the record that ends the data and has their CRC; None where there is none, or none was passed yet"""
     complete: bool = True
@@ -142,8 +144,9 @@ def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> N
 
 def _vouched(index: Index, data: Buffer, span: Span) -> bool:
     """Whether a metadata record is what its checksum says, if there is one; what it says where it is not."""
-    known = None if index.checksums is None else index.checksums.metadata.get(span.offset, -1)
-    if known in (None, crc32(data[span.offset : span.end])):
+    tables = [table for table in (index.beside, index.checksums and index.checksums.metadata) if table]
+    told = [table.get(span.offset, -1) for table in tables]
+    if not (told or index.checksums) or crc32(data[span.offset : span.end]) in told:
         return True
     _drop(index, span.offset, span.end, f"metadata at byte {span.offset} does not match its checksum")
     return False
@@ -318,9 +321,19 @@ def _pass(index: Index, data: Buffer, span: Span) -> None:
         index.data_end = span
     elif span.opcode == Opcode.MESSAGE_INDEX:
         stored_entries(data, span.offset)
-    elif index.data_end is not None and span.opcode == CHECKSUMS:
-        index.checksums = decode_checksums(data, span)
+    elif span.opcode == CHECKSUMS:
+        _take_checksums(index, decode_checksums(data, span), span)
     elif not (span.opcode == Opcode.HEADER or (index.data_end is not None and span.opcode in _SUMMARY_ONLY)):
+        raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
+
+
+def _take_checksums(index: Index, found: Checksums | None, span: Span) -> None:
+    """Enter those of the summary or behind a metadata record; another program's have their place in the summary."""
+    if index.data_end is not None:
+        index.checksums = found
+    elif found is not None:
+        index.beside |= found.metadata
+    else:
         raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
 
 

@@ -386,3 +386,16 @@ def test_behind_a_link_the_file_itself_is_repaired(tmp_path: Path, whole: bytes)
     assert link.is_symlink() and open_log(target).complete and open_log(target).verify() == []
     assert done.messages > 0 and done.torn == target.with_name("a.mcap.torn")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "far"]
+
+
+def test_altered_metadata_of_a_file_that_was_cut_off_are_left_out_and_told(tmp_path: Path, whole: bytes) -> None:
+    torn = whole[: len(whole) * 3 // 4]
+    place = torn.index(str(EPOCH_NS).encode())
+    path = tmp_path / "a.mcap"
+    path.write_bytes(torn)
+    with open_log(path) as log:
+        assert log.boot_ns == EPOCH_NS and "flight" in log.metadata
+        assert not any("metadata" in line for line in log.damage)
+    with open_log(altered(path, torn, place + 2)) as log:
+        assert log.boot_ns == log.start_ns and "flight" in log.metadata
+        assert any("metadata" in line and "checksum" in line for line in log.damage)
