@@ -44,7 +44,7 @@ class Ground:
 
 
 def later_part(path: Path, out: Path, first: int, last: int | None = None) -> Path:
-    """A file with the chunks ``first`` to ``last`` of another and all its documents, as a later one of a recording."""
+    """A file with the chunks ``first`` to ``last`` of another and all documents, as a later one of a recording."""
     data = path.read_bytes()
     index = read_index(data)
     index.chunks = index.chunks[first:last]
