@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -21,6 +22,10 @@ KEY = 0x50
 _ORDERS = {84: "<", 86: ">"}
 """byte order by the number of the processor: Intel, MIPS"""
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm"}
+_TEXTS = ("POINT:UNITS", "POINT:Y_SCREEN", "POINT:LABELS", "POINT:LABELS2")
+"""parameters of characters that are read"""
+MOST_POINTS = 4096
+"""markers in a frame; no laboratory has so many, and a damaged head says any number up to 65535"""
 
 
 class Head(NamedTuple):
@@ -61,18 +66,19 @@ def _head(data: bytes, order: str) -> Head:
     points, analog, first, last = struct.unpack_from(f"{order}4H", data, 2)
     scale, block, _, rate = struct.unpack_from(f"{order}fHHf", data, 12)
     head = Head(points, analog, last - first + 1, scale, block, rate)
-    if not points or head.frames < 1 or block < 2 or not 1.0 <= rate <= 10_000.0 or not 0.0 < abs(scale) < 1e6:
+    counted_right = 0 < points <= MOST_POINTS and head.frames > 0 and block >= 2
+    if not counted_right or not 1.0 <= rate <= 10_000.0 or not 0.0 < abs(scale) < 1e6:
         raise BadInput("its head tells no frames of markers at a rate that can be")
     return head
 
 
 def _parameters(data: bytes, at: int) -> tuple[str, dict[str, list[str]]]:
-    """Byte order, and the texts among the parameters by ``GROUP:NAME``."""
+    """Byte order, and the parameters that are read, by ``GROUP:NAME``."""
     order = _ORDERS.get(data[at + 3], "")
     if not order:
         raise BadInput(f"it was written on a processor ({data[at + 3]}) whose numbers are not read here")
     groups: dict[int, str] = {}
-    texts: dict[tuple[int, str], list[str]] = {}
+    places: dict[tuple[int, str], int] = {}
     at += 4
     while True:
         length, group = struct.unpack_from("bb", data, at)
@@ -84,19 +90,28 @@ def _parameters(data: bytes, at: int) -> tuple[str, dict[str, list[str]]]:
         if group < 0:
             groups[-group] = name
         elif data[at + 2] == 255:  # characters
-            texts[group, name] = _texts(data, at + 3)
+            places[group, name] = at + 3
         if not step:
             break
         at += step
-    return order, {f"{groups.get(group, '')}:{name}": value for (group, name), value in texts.items()}
+    named = {f"{groups.get(group, '')}:{name}": place for (group, name), place in places.items()}
+    return order, {name: _texts(data, name, named[name]) for name in _TEXTS if name in named}
 
 
-def _texts(data: bytes, at: int) -> list[str]:
-    """A parameter of characters: its dimensions, the first of which is the length of a text, then the texts."""
+def _texts(data: bytes, name: str, at: int) -> list[str]:
+    """A parameter of characters: its dimensions, the first of which is the length of a text, then the texts.
+
+    Raises:
+        BadInput: they are more than the file has.
+    """
     count = data[at]
     sizes = list(data[at + 1 : at + 1 + count]) or [1]
-    width, number = sizes[0], int(np.prod(sizes[1:], dtype=int))
+    width, number = sizes[0], math.prod(sizes[1:])
     at += 1 + count
+    if not width:
+        return []
+    if at + width * number > len(data):
+        raise BadInput(f"its parameter {name} has dimensions that do not fit into the file")
     return [data[at + n * width : at + (n + 1) * width].decode("utf-8", "replace").strip() for n in range(number)]
 
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 LEAST_MARKERS = 3
+MOST_MARKERS = 100
+"""-; among those seen in the most frames a body is looked for: every pair of them is compared"""
 LEAST_FRAMES = 10
 """frames that a pair of markers must be seen in together"""
 RIGID = 0.005
@@ -34,7 +36,9 @@ def find_rigid_body(positions: Array) -> RigidBody | None:
     Args:
         positions: (markers, N, 3) m; NaN where a marker was not seen.
     """
-    members = _largest_group(_rigid_pairs(positions))
+    most_seen = np.argsort(-np.isfinite(positions).all(axis=2).sum(axis=1), kind="stable")[:MOST_MARKERS]
+    looked_at = np.sort(most_seen)
+    members = tuple(looked_at[list(_largest_group(_rigid_pairs(positions[looked_at])))].tolist())
     seen = np.isfinite(positions[list(members)]).all(axis=2)
     if len(members) < LEAST_MARKERS or not seen.all(axis=0).any():
         return None

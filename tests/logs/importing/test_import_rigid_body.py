@@ -90,3 +90,13 @@ def test_quaternions_of_rotations_about_every_axis_by_up_to_a_whole_turn() -> No
     assert np.stack(angles_of(*quaternions(rotations(turning())).T)) == pytest.approx(
         np.stack(angles_of(*turning().T)), abs=1e-9
     )
+
+
+def test_among_many_markers_those_seen_most_are_looked_at() -> None:
+    """GIVEN a body and thousands of markers that are seen now and then THEN it is found."""
+    source = np.random.default_rng(2)
+    seldom = np.full((3000, 60, 3), np.nan)
+    seldom[:, :15] = source.uniform(-1.0, 1.0, (3000, 15, 3))
+    body = np.array([[0.1, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.0, 0.05, 0.0]])[:, None] + np.zeros((3, 60, 3))
+    found = find_rigid_body(np.concatenate([seldom[:2000], body, seldom[2000:]]))
+    assert found is not None and found.markers == (2000, 2001, 2002)
