@@ -15,6 +15,8 @@ from logs.importing.source import Array, Dropped, Series
 from logs.importing.units import limits_in
 
 Mask = NDArray[np.bool_]
+LATEST_US = 4_102_444_800_000_000
+"""us since 1970; the year 2100: a clock beyond it was not read from a log but from garbage"""
 LONGEST_PAUSE_US = 3_600_000_000
 """us; between two rows of a topic; what lies behind a longer one was stamped by garbage"""
 ABSURD = 1e15

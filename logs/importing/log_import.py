@@ -15,7 +15,7 @@ from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
 from logs.importing import c3d, csv_table, dataflash, motion_capture, razor, tlog, ulog
-from logs.importing.checks import BEHIND, LATE_US, Mask, end_of, not_behind, sound
+from logs.importing.checks import BEHIND, LATE_US, LATEST_US, Mask, end_of, not_behind, sound
 from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
 from logs.importing.source import Dropped, Own, Series, Source, shifted
@@ -27,7 +27,7 @@ IMPORT = "wingbeat.import"
 """Name of the metadata record that says what a log was made of."""
 NOTES = "source.notes"
 """Name of the metadata record with what else the source says of itself."""
-LATEST_NS = tlog.LATEST_US * 1000
+LATEST_NS = LATEST_US * 1000
 """ns since 1970; a clock that was zero later was not read from the log but from garbage"""
 REPORT = "import_report.json"
 """Name of the attachment with the whole report."""

@@ -21,7 +21,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2, SIGNED
 from avionics.messages import CHANNELS, Event, Severity
 from avionics.quantities import BadInput, counted
-from logs.importing.checks import going_on
+from logs.importing.checks import LATEST_US, going_on
 from logs.importing.counterparts import Columns, Counterpart, View, ground_velocity, pulse_array
 from logs.importing.source import Array, Series, Source
 
@@ -29,8 +29,6 @@ CLOCKS = ("vehicle", "ground")
 """whose times a log is written with"""
 STAMP = struct.Struct(">Q")
 """us since 1970 on the ground's clock, before each frame"""
-LATEST_US = 4_102_444_800_000_000
-"""us since 1970; the year 2100: a stamp beyond it is none"""
 _MARKERS = (bytes([MARKER_V1]), bytes([MARKER_V2]))
 NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID"""

@@ -10,12 +10,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pyulog import ULog
 
 from avionics import topics as t
 from avionics.messages import CHANNELS, Event, Severity
 from avionics.quantities import BadInput, counted
-from logs.importing.checks import LONGEST_PAUSE_US
+from logs.importing.checks import LATEST_US, LONGEST_PAUSE_US
 from logs.importing.counterparts import Columns, Counterpart, View, true_airspeed
 from logs.importing.source import OF_BOOT, Array, Series, Source
 
@@ -57,7 +58,7 @@ def read_ulog(data: bytes) -> Source:
     if not series:
         raise BadInput("there is no whole message of data in it")
     texts = {str(key): str(value) for key, value in log.msg_info_dict.items()}
-    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
+    parameters = {name: float(value) for name, value in log.initial_parameters.items() if _is_number(value)}
     return Source(
         "ulog", series, _vehicle(texts), zero * 1000 or _epoch_ns(series), (*_events(log, zero), *_modes(series)),
         parameters, texts, _damage(data, log), clock="since 1970, from the log's first time on" if zero else OF_BOOT,
@@ -67,18 +68,33 @@ def read_ulog(data: bytes) -> Source:
 def _zero_us(log: Any) -> int:
     """us; where the times begin: at boot, or in a simulation, which counts since 1970, with the first message."""
     start = int(log.start_timestamp)
-    if start < _LONGEST_UPTIME_US:
+    if not _LONGEST_UPTIME_US <= start < LATEST_US:
         return 0
-    every = np.concatenate([one.data["timestamp"] for one in log.data_list if "timestamp" in one.data])
-    stamps = every.astype(np.int64)  # latched messages are somewhat older than the log, and some never got a stamp
-    return int(min(start, stamps[stamps > start - LONGEST_PAUSE_US].min(initial=start)))
+    stamps = np.concatenate([np.empty(0, np.int64), *(_stamps(one) for one in log.data_list)])
+    # Latched messages are somewhat older than the log, and some never got a stamp.
+    stamps = stamps[stamps > start - LONGEST_PAUSE_US]
+    return int(min(start, stamps.min())) if len(stamps) else 0
+
+
+def _stamps(one: Any) -> NDArray[np.int64]:
+    """us; times of a message as it has them, none where a damaged format gives them another type."""
+    times = one.data.get("timestamp")
+    if times is None or times.dtype.kind != "u":
+        return np.empty(0, np.int64)
+    return np.asarray(np.minimum(times.astype(np.uint64), np.uint64(2**62)).astype(np.int64))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a parameter is one; of a damaged type it is bytes or text."""
+    return isinstance(value, int | float)
 
 
 def _events(log: Any, zero: int) -> Iterator[Event]:
     for one in log.logged_messages:
         yield Event(int(one.timestamp) - zero, _severity(one.log_level), "vehicle", one.message.strip())
     for at, name, value in log.changed_parameters:
-        yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:g}")
+        if _is_number(value):
+            yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:g}")
     for lost in log.dropouts:
         yield Event(
             int(lost.timestamp) - zero, Severity.WARNING, "logger", f"{lost.duration} ms of the log were lost"
@@ -96,10 +112,19 @@ def _parsed(data: bytes) -> Any:
 
 
 def _damage(data: bytes, log: Any) -> tuple[str, ...]:
-    if log.file_corruption:
-        return ("damaged inside: messages that could not be read are missing",)
+    damage: list[str] = []
+    strange = [str(name) for name, value in log.initial_parameters.items() if not _is_number(value)]
+    strange += [str(name) for _, name, value in log.changed_parameters if not _is_number(value)]
+    if strange:
+        damage.append(f"{counted(len(strange), 'parameter')} without a number, the first: {strange[0]}")
+    if not int(log.start_timestamp) < LATEST_US:
+        damage.append("its first time cannot be")
     rest = 0 if log.has_data_appended else len(data) - _end_of_messages(data)
-    return (f"cut off in the middle of a message, {counted(rest, 'byte')} before the end",) if rest else ()
+    if log.file_corruption:
+        damage.append("damaged inside: messages that could not be read are missing")
+    elif rest:
+        damage.append(f"cut off in the middle of a message, {counted(rest, 'byte')} before the end")
+    return tuple(damage)
 
 
 def _end_of_messages(data: bytes) -> int:
@@ -114,10 +139,9 @@ def _end_of_messages(data: bytes) -> int:
 def _series(log: Any, zero: int) -> Iterator[tuple[str, Series]]:
     for one in log.data_list:
         name = one.name if not one.multi_id else f"{one.name}_{one.multi_id}"
-        times = one.data.get("timestamp")
-        if times is None or not len(times):
+        stamps = _stamps(one) - zero
+        if not len(stamps):
             continue
-        stamps = np.minimum(times, np.uint64(2**62)).astype(np.int64) - zero
         columns = _columns({key: value for key, value in one.data.items() if key != "timestamp"})
         yield name, Series(name, stamps, columns, {column: unit_of(column) for column in columns})
 
@@ -128,9 +152,11 @@ def _columns(flat: Mapping[str, Array]) -> Columns:
     for name in flat:
         whole = re.fullmatch(r"(.*)\[\d+\]", name)
         arrays.setdefault(whole[1] if whole else name, []).append(name)
-    columns = {}
+    columns: Columns = {}
     for name, parts in arrays.items():
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+        while plain in columns:
+            plain += "_"
         single = len(parts) == 1 and parts[0] == name
         columns[plain] = flat[parts[0]] if single else np.stack([flat[part] for part in parts], axis=1)
     return columns
@@ -155,15 +181,19 @@ def _vehicle(texts: Mapping[str, str]) -> str:
 def _modes(series: Mapping[str, Series]) -> Iterator[Event]:
     status = series.get("vehicle_status")
     for field, word in (("nav_state", "mode"), ("arming_state", "arming state")):
-        values = () if status is None else status.columns.get(field, ())
-        if status is None or not len(values):
+        values = None if status is None else status.columns.get(field)
+        if status is None or values is None or not _is_whole(values):
             continue
-        values = np.asarray(values)
         for row in [0, *(np.flatnonzero(np.diff(values.astype(int))) + 1).tolist()]:
             number = int(values[row])
-            named = field == "nav_state" and number < len(_NAVIGATION)
+            named = field == "nav_state" and 0 <= number < len(_NAVIGATION)
             told = _NAVIGATION[number] if named else str(number)
             yield Event(int(status.time_us[row]), Severity.INFO, "vehicle", f"{word} {told}")
+
+
+def _is_whole(values: Array) -> bool:
+    """Whether a column has one whole number in each row, as an undamaged format tells it."""
+    return values.ndim == 1 and values.dtype.kind in "iu"
 
 
 def _epoch_ns(series: Mapping[str, Series]) -> int:
@@ -171,7 +201,7 @@ def _epoch_ns(series: Mapping[str, Series]) -> int:
     for name in ("vehicle_gps_position", "sensor_gps"):
         fixes = series.get(name)
         told = None if fixes is None else fixes.columns.get("time_utc_usec")
-        if fixes is not None and told is not None and np.any(told > 0):
+        if fixes is not None and told is not None and _is_whole(told) and np.any(told > 0):
             known = told > 0
             return max(int(np.median(told[known].astype(float) - fixes.time_us[known])) * 1000, 0)
     return 0

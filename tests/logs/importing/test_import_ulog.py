@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from pathlib import Path
 
 import numpy as np
@@ -113,3 +114,31 @@ def test_a_simulation_that_counts_since_1970_begins_with_the_log(tmp_path: Path)
         assert log.boot_ns == 1710773350054000000
         assert log.metadata[IMPORT]["clock"].startswith("since 1970")
         assert log.columns(topics.IMU)["accel_z"].mean() == pytest.approx(-9.8, abs=0.1)
+
+
+def test_a_parameter_of_a_damaged_type_is_left_out_and_told(tmp_path: Path) -> None:
+    source, data = tmp_path / "flipped.ulg", BENCH.read_bytes()
+    at = next(found.end() for found in re.finditer(rb"P.(?=int32_t )", data, re.DOTALL))
+    source.write_bytes(data[: at + 3] + b"7" + data[at + 4 :])
+    out, report = imported(source, tmp_path)
+    assert len(report.damage) == 1 and "1 parameter without a number" in report.damage[0]
+    with open_log(out) as log:
+        assert len(log.parameters.initial) == 979
+
+
+def test_a_simulation_cut_before_its_first_message_of_data_is_refused_in_one_line(tmp_path: Path) -> None:
+    source, data = tmp_path / "cut.ulg", BENCH.read_bytes()
+    for start in (1_710_773_350_054_000, 2**64 - 1):
+        for end in (16, 40, 20_000):
+            source.write_bytes(data[:8] + start.to_bytes(8, "little") + data[16:end])
+            with pytest.raises(BadInput, match="no whole message of data"):
+                imported(source, tmp_path)
+
+
+def test_a_first_time_that_cannot_be_is_told_and_costs_nothing(tmp_path: Path) -> None:
+    source, data = tmp_path / "flipped.ulg", BENCH.read_bytes()
+    source.write_bytes(data[:15] + b"\xff" + data[16:])
+    out, report = imported(source, tmp_path)
+    assert report.damage == ("its first time cannot be",)
+    with open_log(out) as log:
+        assert log.columns(topics.IMU).time[0] == pytest.approx(20.33, abs=0.01)
