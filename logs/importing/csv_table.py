@@ -8,6 +8,8 @@ from __future__ import annotations
 import csv
 import io
 import math
+import reprlib
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,6 +42,8 @@ class Table(NamedTuple):
     rows: int
     strange: int
     """cells with something in them that is no number"""
+    twice: frozenset[str] = frozenset()
+    """names that several columns have"""
 
 
 def read_table(data: bytes, mapping: Path | None) -> Source:
@@ -104,7 +108,7 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
         1 for name, column in cells.items() for cell, value in zip(column, columns[name].tolist(), strict=True)
         if math.isnan(value) and cell.strip() and cell.strip().lower() != "nan" and np.isfinite(columns[name]).any()
     )  # fmt: skip
-    return Table(columns, len(body), strange)
+    return Table(columns, len(body), strange, frozenset(name for name in columns if names.count(name) > 1))
 
 
 def _whole(layout: Mapping[str, Any], key: str) -> int:
@@ -142,21 +146,30 @@ def _times(table: Table, chosen: Mapping[str, Any]) -> Series:
 
 
 def _column(table: Table, name: Any) -> NDArray[np.float64]:
-    if name not in table.columns:
+    if not isinstance(name, str) or name not in table.columns:
         raise BadInput(f"the table has no column {name!r}; it has: {', '.join(table.columns)}")
+    if name in table.twice:
+        raise BadInput(f"the table has several columns {name!r}: it cannot be told which is meant")
     return table.columns[name]
 
 
 def _plain_number(value: Any, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise BadInput(f"{key} must be a number, not {value!r}")
-    return float(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
+        return float(value)
+    raise BadInput(f"{key} must be a number, not {reprlib.repr(value)}")
 
 
 def _entries(fields: Any) -> dict[str, Any]:
     if not isinstance(fields, dict):
         return {}
     return {name: entry for name, entry in fields.items() if isinstance(entry, dict)}
+
+
+def _told(fields: Any) -> dict[str, Any]:
+    """The fields of a topic in a mapping: ``rate`` is one where it has a column, else how many rows are taken."""
+    if not isinstance(fields, dict):
+        return {}
+    return {name: entry for name, entry in fields.items() if name != "rate" or isinstance(entry, dict)}
 
 
 def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows: Array) -> Own | Series:
@@ -166,12 +179,13 @@ def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows:
         raise BadInput(
             f"topic {name} is not known; known: {', '.join(KNOWN_TOPICS)}, and any of yours after {OWN_PREFIX}"
         )
-    if not isinstance(fields, dict) or not fields.keys() - {"rate"}:
+    told = _told(fields)
+    if not told:
         raise BadInput(f"topic {name} has no field")
     known = None if topic is None else {field.name: field for field in fields_of(topic)[1:]}
-    read = {field: _field(f"{name}.{field}", fields[field], table, known) for field in fields if field != "rate"}
+    read = {field: _field(f"{name}.{field}", entry, table, known) for field, entry in told.items()}
     kept = ~_all_unknown([read[field][0] for field, entry in _entries(fields).items() if "column" in entry])[rows]
-    if "rate" in fields:
+    if "rate" in fields and "rate" not in told:
         kept &= _thinned(times, _plain_number(fields["rate"], f"{name}.rate"))
     columns = {field: values[rows[kept]] for field, (values, _) in read.items()}
     units = {field: unit for field, (_, unit) in read.items()}

@@ -43,6 +43,8 @@ def load_mapping(path: Path) -> dict[str, Any]:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BadInput(f"cannot read mapping {path}: {error.strerror or error}") from None
+    except RecursionError:
+        raise BadInput(f"mapping {path}: not valid TOML: nested too deep") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInput(f"mapping {path}: not valid TOML: {error}") from None
     for section, keys in _SECTIONS.items():

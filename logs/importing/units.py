@@ -112,13 +112,13 @@ LIMITS: dict[str, tuple[float, float]] = {
 """What a quantity of small aircraft can be, by SI unit; what lies outside was not measured."""
 
 
-def conversion(unit: str) -> Conversion:
+def conversion(unit: object) -> Conversion:
     """How a unit becomes SI.
 
     Raises:
         BadInput: it is not known; the text lists what is.
     """
-    if unit not in CONVERSIONS:
+    if not isinstance(unit, str) or unit not in CONVERSIONS:
         raise BadInput(f"unit {unit!r} is not known; known: {', '.join(one for one in CONVERSIONS if one)}")
     return CONVERSIONS[unit]
 

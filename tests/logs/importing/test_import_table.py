@@ -314,6 +314,12 @@ WHOLE = '[time]\nrate = 10.0\n[topics."/sensors/imu"]\ngyro_y = { column = "Q", 
         (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", scale = "two"'), "must be a number"),
         (WHOLE.replace('{ column = "Q", unit = "deg/s" }', "3"), "must be { column"),
         (WHOLE + "rate = 0\n", "rate must be above 0"),
+        (WHOLE.replace('"deg/s"', '["s"]'), r"unit \['s'\] is not known; known: "),
+        (WHOLE.replace('"Q"', '["F"]'), r"no column \['F'\]; it has: Q"),
+        (WHOLE.replace("rate = 10.0", 'column = ["t"]'), r"no column \['t'\]; it has: Q"),
+        (WHOLE.replace("rate = 10.0", "rate = 1" + 400 * "0"), "time.rate must be a number"),
+        (WHOLE.replace("rate = 10.0", "rate = " + 10_000 * "["), "not valid TOML"),
+        (WHOLE + 'rate = { column = "Q" }\n', "rate: the topic has no such field"),
     ],
 )
 def test_a_mapping_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, mapping: str, reason: str) -> None:
@@ -348,3 +354,23 @@ def test_units_agree_with_each_other() -> None:
             assert limits is not None
             back = tuple(value * known.factor + known.offset for value in limits)
             assert back == pytest.approx(LIMITS[known.unit])
+
+
+def test_of_two_columns_of_one_name_none_is_meant(tmp_path: Path) -> None:
+    """Beside them the table is read."""
+    mapping = '[time]\ncolumn = "t"\n[topics."/csv/stand"]\nforce = { column = "F", unit = "N" }\n'
+    source, chosen = mapped(tmp_path, "t,F,F\n0,1,2\n1,3,4\n", mapping)
+    with pytest.raises(BadInput, match="several columns 'F'"):
+        imported(source, tmp_path, mapping=chosen)
+    source.write_text("t,F,G,G\n0,1,2,3\n1,3,4,5\n")
+    out, _ = imported(source, tmp_path, mapping=chosen)
+    with open_log(out) as log:
+        assert log.columns("/csv/stand")["force"].tolist() == [1.0, 3.0]
+
+
+def test_a_field_may_be_called_rate(tmp_path: Path) -> None:
+    mapping = '[time]\ncolumn = "t"\n[topics."/csv/stand"]\nrate = { column = "f", unit = "rpm" }\n'
+    source, chosen = mapped(tmp_path, "t,f\n0,60\n1,120\n", mapping)
+    out, _ = imported(source, tmp_path, mapping=chosen)
+    with open_log(out) as log:
+        assert log.columns("/csv/stand")["rate"].tolist() == [1.0, 2.0]
