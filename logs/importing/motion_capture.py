@@ -28,7 +28,12 @@ MOTIVE = "Format Version"
 """first cell of Motive's export"""
 NEXUS = ("Segments", "Trajectories", "Model Outputs", "Joints", "Devices")
 """first cells of the parts of Nexus's export"""
+_LENGTHS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
+"""Motive's"""
 NED_FROM_MOTIVE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_MARKER_AXES = {"X": "m", "Y": "m", "Z": "m"}
+_BODY_AXES = {"RX": "rad", "RY": "rad", "RZ": "rad", "TX": "m", "TY": "m", "TZ": "m"}
+"""Nexus's, with what their units become"""
 NED_FROM_NEXUS = np.diag([1.0, -1.0, -1.0])
 
 
@@ -64,7 +69,7 @@ def read_motion_capture(data: bytes) -> Source:
         rows = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"it cannot be read as a table: {error}") from None
-    motive = rows[0][0].strip() == MOTIVE
+    motive = bool(rows and rows[0]) and rows[0][0].strip() == MOTIVE
     tracks = motive_tracks(rows) if motive else nexus_tracks(rows)
     return source_of(tracks, "OptiTrack Motive" if motive else "Vicon Nexus")
 
@@ -128,9 +133,10 @@ def motive_tracks(rows: Rows) -> list[Track]:
     at = next((n for n, row in enumerate(rows) if row and row[0].strip() == "Frame"), None)
     if at is None or at < 4:
         raise BadInput("there is no line of column names (Frame, Time) below the head")
-    metre = conversion(
-        {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}.get(head.get("Length Units", ""), "m")
-    )
+    unit = head.get("Length Units", "Meters").strip()
+    if unit not in _LENGTHS:
+        raise BadInput(f"its Length Units are {unit!r}; known: {', '.join(_LENGTHS)}")
+    metre = conversion(_LENGTHS[unit])
     if "Quaternion" not in head.get("Rotation Type", "Quaternion"):
         raise BadInput("its rotations are not quaternions: export it with Rotation Type Quaternion")
     names = next((row for row in rows[1:at] if len(row) > 1 and row[1].strip() == "Name"), [])
@@ -156,10 +162,12 @@ def _motive_track(name: str, places: Mapping[str, int], table: Array, metre: flo
 def nexus_tracks(rows: Rows) -> list[Track]:
     """Bodies of the part ``Segments`` and markers of the part ``Trajectories`` of a Nexus export."""
     tracks: list[Track] = []
+    behind = 0
     for at, row in enumerate(rows):
-        kind = row[0].strip() if row else ""
+        kind = row[0].strip() if row and at >= behind else ""
         if kind in ("Segments", "Trajectories") and len(rows) > at + 5:
             end = next((n for n in range(at + 5, len(rows)) if not any(cell.strip() for cell in rows[n])), len(rows))
+            behind = end
             tracks += _nexus_part(rows[at + 1 : end], kind == "Segments")
     return tracks
 
@@ -174,18 +182,30 @@ def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
         raise BadInput(f"a rate of {rate:g} Hz cannot be")
     names, axes, units = rows[1], rows[2], rows[3]
     table = _numbers(rows[4:], len(axes))
-    time = (table[:, 0] - table[0, 0]) / rate
+    frames = table[:, 0]
+    time = (frames - frames[np.isfinite(frames)][:1].sum()) / rate
+    expected = _BODY_AXES if bodies else _MARKER_AXES
     tracks = []
     for place, name in enumerate(names):
-        wanted = [axis.strip() for axis in axes[place : place + (6 if bodies else 3)]]
-        scales = [conversion(unit.strip().replace("°", "deg")).factor for unit in units[place : place + len(wanted)]]
-        values = table[:, place : place + len(wanted)] * scales if name.strip() else table[:, :0]
-        if bodies and wanted == ["RX", "RY", "RZ", "TX", "TY", "TZ"] and len(scales) == 6:
+        wanted = tuple(axis.strip() for axis in axes[place : place + len(expected)])
+        if not name.strip() or wanted != tuple(expected):
+            continue
+        scales = [_scale(name, axis, units[place + n : place + n + 1]) for n, axis in enumerate(wanted)]
+        values = table[:, place : place + len(wanted)] * scales
+        position, quaternion = values[:, -3:] @ NED_FROM_NEXUS.T, None
+        if bodies:
             quaternion = turned(of_rotation_vector(values[:, :3]), NED_FROM_NEXUS)
-            tracks.append(Track(plain_name(name), time, values[:, 3:] @ NED_FROM_NEXUS.T, quaternion))
-        elif not bodies and wanted == ["X", "Y", "Z"] and len(scales) == 3 and name.strip():
-            tracks.append(Track(plain_name(name), time, values @ NED_FROM_NEXUS.T))
+        tracks.append(Track(plain_name(name), time, position, quaternion))
     return tracks
+
+
+def _scale(name: str, axis: str, told: Sequence[str]) -> float:
+    """What a column is multiplied by to be in SI; ``told`` is its unit, or nothing where the line is short."""
+    unit = "".join(told).strip().replace("°", "deg")
+    known, expected = conversion(unit), (_BODY_AXES | _MARKER_AXES)[axis]
+    if known.unit != expected:
+        raise BadInput(f"{axis} of {name.strip()} is in {unit!r}, where a unit of {expected} must be")
+    return known.factor
 
 
 def plain_name(name: str) -> str:

@@ -165,13 +165,17 @@ def test_a_motion_that_repeats_itself_fits_at_several_offsets_and_is_refused() -
 
 
 def test_exports_that_are_not_whole_are_refused_in_one_line(tmp_path: Path) -> None:
-    whole = motive_csv(wandering(1), 1.0)
+    whole, nexus = motive_csv(wandering(1), 1.0), nexus_csv(wandering(1), 1.0)
     for text, reason in (
         ("Format Version,1.23\n", "no line of column names"),
         ("\n".join(whole.splitlines()[:7]), "no frame in it"),
         (whole.replace("Quaternion", "XYZ"), "not quaternions"),
         ("Segments\nfast\n,,A\nFrame\n,\n1\n", "rate of a part"),
         ("Devices\n1000\n", "no body and no marker"),
+        (whole.replace("Millimeters", "Inches"), "Length Units are 'Inches'"),
+        (nexus.replace(",,deg,deg,deg,mm,mm,mm", ",,rad,rad,rad,mm"), "TY of Global Angle Bird:Body is in ''"),
+        (nexus.replace(",,deg,deg,deg,mm,mm,mm", ",,deg,deg,deg,,mm,mm"), "TX of .* is in ''"),
+        (nexus.replace(",,deg,deg,deg,mm,mm,mm", ",,deg,mm,deg,mm,mm,mm"), "RY of .* where a unit of rad must be"),
     ):
         with pytest.raises(BadInput, match=reason) as error:
             imported(written(tmp_path, text), tmp_path)
