@@ -229,9 +229,9 @@ def scan(data: Buffer) -> Index:
         position = _take_records(index, data, position, stop)
         if not index.complete and position < stop:
             position = _skip(index, data, position, stop)
+    index.metadata = [span for span in index.metadata if _vouched(index, data, span)]
     if not index.complete:
         index.damage.append("the file was cut off before its end")
-    index.metadata = [span for span in index.metadata if _vouched(index, data, span)]
     _walk_chunks(index, data)
     if index.complete and not index.damage and data_intact(data, index) is False:
         index.damage.append(ALTERED)

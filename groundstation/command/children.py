@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import time
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import IO, NamedTuple, Self
+
+from groundstation.command.ending import STARTED
 
 GRACE = 8.0
 """s; for a child to close its recording after it was asked to stop"""
@@ -51,14 +54,18 @@ class Children:
         self._first_end: float | None = None
 
     def start(self, name: str, arguments: Sequence[str]) -> None:
-        """Start ``wingbeat ARGUMENTS`` in a session of its own: Ctrl-C reaches it through us alone."""
+        """Start ``wingbeat ARGUMENTS`` in a session of its own: Ctrl-C reaches it through us alone.
+
+        It ends when we do, even by SIGKILL: see `ending.follow_starter`.
+        """
         command = [sys.executable, "-m", "groundstation.command.main", *arguments]
         complaints = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the child)
         process = subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=complaints,
+            env=os.environ | {STARTED: "1"},
             start_new_session=True,
         )
         self._children.append(Child(name, process, complaints))
@@ -108,6 +115,8 @@ class Children:
         self.stop()
         for child in self._children:
             child.complaints.close()
+            assert child.process.stdin is not None
+            child.process.stdin.close()
 
 
 def _ending(child: Child, code: int) -> str:

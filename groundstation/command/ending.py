@@ -1,5 +1,7 @@
 """How a command is ended from outside: Ctrl-C, SIGTERM, SIGHUP, each as early as it comes and without a torn file.
 
+A command that another has started as a part of its own ends with it, whatever became of that one: see `follow_starter`.
+
 Ctrl-C is a KeyboardInterrupt, which Python drops where it comes upon it in a callback of its import system: so while
 a command's modules are imported, when nothing is open yet, Ctrl-C ends the program at once. SIGTERM and SIGHUP are
 made KeyboardInterrupts too, so that whatever finishes its file on Ctrl-C does so on them.
@@ -18,6 +20,8 @@ INTERRUPTED = 130
 """exit code after Ctrl-C: 128 and the signal's number, as of every signal"""
 WORDS = "stopped with "
 """that a KeyboardInterrupt says, which a signal other than Ctrl-C's was made"""
+STARTED = "WINGBEAT_STARTED"
+"""environment variable by which a command knows that its standard input is held open by the one that started it"""
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
 
 
@@ -67,6 +71,20 @@ def importing() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def follow_starter() -> None:
+    """End as with SIGTERM when the command that started this one is gone, however it ended: its end of the pipe closes."""
+    if os.environ.pop(STARTED, ""):
+        threading.Thread(target=_wait_for_starter, name="starter", daemon=True).start()
+
+
+def _wait_for_starter() -> None:
+    with contextlib.suppress(OSError):
+        # Not by sys.stdin: its lock would be held when the interpreter goes down.
+        while os.read(0, 1024):
+            pass
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _in_main_thread() -> bool:

@@ -84,6 +84,7 @@ def dispatch(arguments: Sequence[str]) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of the console script; never lets a traceback of a foreseen failure through."""
     with ending.heeded() as ended:
+        ending.follow_starter()
         try:
             code = _main(arguments)
         except OSError:  # the terminal went away, as it does with SIGHUP: nobody is there to be told

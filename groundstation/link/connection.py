@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -270,10 +271,12 @@ def _heartbeat(stays: bool) -> Any:
 def listen_locally(first: int = 14600, last: int = 14999) -> Connection:
     """A passive connection on a free UDP port of the loopback interface.
 
+    Which one is left to chance: a vehicle whose listener died still speaks to the port that he had.
+
     Raises:
         BadInput: every port of the range is taken.
     """
-    for port in range(first, last):
+    for port in random.sample(range(first, last), last - first):
         try:
             return Connection(f"udpin:127.0.0.1:{port}", passive=True)
         except BadInput:

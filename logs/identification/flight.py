@@ -42,6 +42,8 @@ class _Table:
             columns = source.columns(topic)
             arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
         except (KeyError, BadInput):
+            if topic.name in getattr(source, "topics", ()):
+                raise  # it is there, and damaged: nothing can stand for it
             raise BadInput(f"the log has no topic {topic.name}, which this needs") from None
         if len(arrays[0]) < LEAST_SAMPLES:
             raise BadInput(f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}")

@@ -233,6 +233,25 @@ def test_a_child_that_is_killed_ends_the_flight_in_one_line(tmp_path: Path) -> N
     assert not Path(f"/proc/{second}").exists(), "the other child must not be left behind"
 
 
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
+def test_a_flight_whose_command_is_killed_flies_on_unwatched_no_more(tmp_path: Path) -> None:
+    """GIVEN a flight WHEN nothing is left of its command to end it THEN world and flight computer close their files."""
+    flight = fly(tmp_path, "--speed", "1")
+    parts = [tmp_path / f"flight.{who}.mcap" for who in ("world", "avionics")]
+    for part in parts:
+        wait_for(part, 20_000)
+    left = children_of(flight.pid)
+    flight.kill()
+    flight.communicate(timeout=60)
+    deadline = time.monotonic() + 30.0
+    while any(Path(f"/proc/{pid}").exists() for pid in left):
+        assert time.monotonic() < deadline, "a child is left"
+        time.sleep(0.05)
+    for part in parts:
+        with open_log(part) as log:
+            assert log.complete
+
+
 def test_the_complaint_of_a_child_is_told() -> None:
     with Children() as children:
         children.start("the world", ["vehicles", "no_such_bird"])
