@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics as t
-from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.importing.checks import Mask, within
 from logs.importing.source import Array, Dropped, Own, Series
@@ -124,12 +123,21 @@ def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list
             continue
         try:
             columns = counterpart.build(View(series, counterpart.source))
-        except (KeyError, IndexError, BadInput):
-            continue  # another version of the source, without the column or in another unit
+            _check_shapes(counterpart.topic, columns)
+        except (KeyError, IndexError, ValueError):
+            continue  # another version of the source: no such column, another unit, an array for a number
         own = checked(counterpart.topic, series[counterpart.source], columns)
         if len(own.series.time_us):
             made[counterpart.topic] = own
     return list(made.values())
+
+
+def _check_shapes(topic: Topic, columns: Columns) -> None:
+    """Whether numbers are given for numbers, and arrays for arrays; raises `ValueError` where they are not."""
+    fields = {field.name: field for field in fields_of(topic)}
+    for name, values in columns.items():
+        if np.shape(values)[1:] != ((fields[name].length,) if fields[name].length else ()):
+            raise ValueError(name)
 
 
 def checked(topic: Topic, source: Series, columns: Columns) -> Own:

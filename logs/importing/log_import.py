@@ -121,12 +121,13 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
         raise BadInput(f"{choice.target} exists: it is not overwritten")
     data = _bytes(choice.source)
     try:
-        source = _read(choice, data)
+        with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
+            source = _read(choice, data)
+            found = _checked(source)
+        if not found.own and not found.series:
+            raise BadInput(f"no row of it can be true{_reasons(found.dropped)}")
     except BadInput as reason:
-        raise BadInput(f"{choice.source}: {reason}") from None
-    found = _checked(source)
-    if not found.own and not found.series:
-        raise BadInput(f"{choice.source}: no row of it can be true{_reasons(found.dropped)}")
+        raise BadInput(f"{choice.source}: {_line(str(reason))}") from None
     if choice.onboard is not None:
         source, found = _on_clock_of(choice.onboard, source, found)
     report = _report(choice, data, source, found)
@@ -173,6 +174,11 @@ def _read(choice: Choice, data: bytes) -> Source:
             "it is no log that is known; known: .bin, .ulg, .tlog, .c3d, captures of a Razor, any table with --map"
         )
     return named[suffix]()
+
+
+def _line(text: str) -> str:
+    """A text in one line: names in a damaged file have anything in them."""
+    return "".join(one if one.isprintable() else "?" for one in " ".join(text.split()))
 
 
 def _refuse(name: str) -> Source:

@@ -101,10 +101,24 @@ def _events(log: Any, zero: int) -> Iterator[Event]:
         )
 
 
+class _Stream(io.BytesIO):
+    """A file in which a read beyond the end counts in full: the package seeks back by as much as it asked for.
+
+    Otherwise it would come before where it was, and read the end of a damaged file for ever.
+    """
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Up to ``size`` bytes."""
+        at, data = self.tell(), super().read(size)
+        if size is not None and size > len(data):
+            self.seek(at + size)
+        return data
+
+
 def _parsed(data: bytes) -> Any:
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            return ULog(io.BytesIO(data))
+            return ULog(_Stream(data))
     except MemoryError:
         raise
     except Exception as error:  # a damaged file makes the package raise whatever it comes to
