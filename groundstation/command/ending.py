@@ -1,6 +1,6 @@
 """How a command is ended from outside: Ctrl-C, SIGTERM, SIGHUP, each as early as it comes and without a torn file.
 
-A command that another has started as a part of its own ends with it, whatever became of that one: see `follow_starter`.
+A command that another has started as a part of its own ends with that one, whatever became of it: `follow_starter`.
 
 Ctrl-C is a KeyboardInterrupt, which Python drops where it comes upon it in a callback of its import system: so while
 a command's modules are imported, when nothing is open yet, Ctrl-C ends the program at once. SIGTERM and SIGHUP are
@@ -74,7 +74,7 @@ def importing() -> Iterator[None]:
 
 
 def follow_starter() -> None:
-    """End as with SIGTERM when the command that started this one is gone, however it ended: its end of the pipe closes."""
+    """End as with SIGTERM when the command that started this one is gone: its end of the pipe closes in any case."""
     if os.environ.pop(STARTED, ""):
         threading.Thread(target=_wait_for_starter, name="starter", daemon=True).start()
 

@@ -41,8 +41,8 @@ class _Table:
         try:
             columns = source.columns(topic)
             arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
-        except (KeyError, BadInput):
-            if topic.name in getattr(source, "topics", ()):
+        except (KeyError, BadInput) as error:
+            if isinstance(error, BadInput) and topic.name in getattr(source, "topics", ()):
                 raise  # it is there, and damaged: nothing can stand for it
             raise BadInput(f"the log has no topic {topic.name}, which this needs") from None
         if len(arrays[0]) < LEAST_SAMPLES:

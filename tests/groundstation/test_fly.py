@@ -95,11 +95,12 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         "sticks",
         "wall_time",
         "speed",
+        "incomplete",
     }
     keys = told | {"flight", "identified"}
     assert set(document) == keys
     assert document["aerodynamics"] == "strip_theory" and document["never_injected"] == []
-    assert document["flight"]["against_truth"] is True
+    assert document["flight"]["against_truth"] is True and document["incomplete"] == []
     assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
     assert [path.name for path in recorded.folder.iterdir()] == ["flight.mcap"]
     with open_log(recorded.folder / "flight.mcap") as log:
@@ -235,7 +236,7 @@ def test_a_child_that_is_killed_ends_the_flight_in_one_line(tmp_path: Path) -> N
 
 @pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
 def test_a_flight_whose_command_is_killed_flies_on_unwatched_no_more(tmp_path: Path) -> None:
-    """GIVEN a flight WHEN nothing is left of its command to end it THEN world and flight computer close their files."""
+    """GIVEN a flight WHEN its command is gone without a word THEN world and flight computer close their files."""
     flight = fly(tmp_path, "--speed", "1")
     parts = [tmp_path / f"flight.{who}.mcap" for who in ("world", "avionics")]
     for part in parts:

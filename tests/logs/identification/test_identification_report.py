@@ -213,6 +213,21 @@ def test_a_missing_topic_is_named_in_one_line(motion: RecordedTopics, topic: Top
     assert "\n" not in str(refusal.value)
 
 
+class DamagedTopics(RecordedTopics):
+    """A log in which everything is declared, and a part of the file cannot be read."""
+
+    topics = frozenset(topic.name for topic in topics.TOPICS)
+
+    def columns(self, topic: Topic) -> Mapping[str, Any]:
+        raise BadInput("chunk at byte 496888 does not match its checksum")
+
+
+@pytest.mark.parametrize("what", ["modes", "servo"])
+def test_a_damaged_topic_is_not_called_missing(motion: RecordedTopics, what: str) -> None:
+    with pytest.raises(BadInput, match="chunk at byte 496888"):
+        identify(DamagedTopics(motion.tables), what, AIRCRAFT)
+
+
 @pytest.mark.parametrize(
     ("gone", "notes"),
     [

@@ -104,3 +104,10 @@ def test_damage_anywhere_is_imported_or_refused_in_one_line(tmp_path: Path, name
 @pytest.mark.parametrize("name", SAMPLES)
 def test_a_thousand_damages_of_every_format(tmp_path: Path, name: str) -> None:
     attempt_all(tmp_path, name, 1000)
+
+
+def test_a_ulog_whose_definitions_end_in_a_false_length_is_not_read_for_ever(tmp_path: Path) -> None:
+    """pyulog seeks back by the length that was told, which at the end of the file is more than it had read."""
+    whole = SAMPLES["ulog"][2]()
+    false = (20_000).to_bytes(2, "little") + b"\0"
+    assert "no whole message of data" in attempt(tmp_path, "ulog", whole[:16] + false + b"rest")
