@@ -69,6 +69,10 @@ def export(
         BadInput: unknown topic or form, a file exists (then none is written), it cannot be written, a package is not
             installed, several tables would have to go to one file, or a part was asked for of a form without parts.
     """
+    if form is None and target.suffix and target.suffix[1:] not in FORMS and not target.is_dir():
+        raise BadInput(
+            f"{target}: no export as {target.suffix}; there are {', '.join(FORMS)}, or a folder with a form"
+        )
     form = form or (target.suffix[1:] if target.suffix[1:] in FORMS else "csv")
     if form not in FORMS:
         raise BadInput(f"no export as {form}; there are {', '.join(FORMS)}")
@@ -117,10 +121,20 @@ def _decodable(log: Log, part: Part) -> tuple[Part, list[str]]:
 def _tables(log: Log, part: Part) -> dict[str, Columns]:
     topics = _with_messages(log) if part.topics is None else part.topics
     if part.rate is None:
+        _check_whole(log, topics)
         found = log.tables(topics, part.start, part.end)
+        if found and (part.start, part.end) != (None, None) and not any(len(each.time) for each in found.values()):
+            raise BadInput(f"{log.path} has no message in that time: it lasts {log.duration:.3f} s")
     else:
         found = {"aligned": log.aligned(topics, part.rate, part.start, part.end)}
     return {name: with_time(columns) for name, columns in found.items()}
+
+
+def _check_whole(log: Log, topics: Iterable[str]) -> None:
+    for name in topics:
+        topic = name.rpartition(".")[0]
+        if name not in log.topics and topic in log.topics:
+            raise BadInput(f"{name}: a field alone goes into one table of a rate: give a rate, or the topic {topic}")
 
 
 def _with_messages(log: Log) -> list[str]:

@@ -155,8 +155,9 @@ class McapRecorder:
                 buffer += _declared(stream.codec)
             offset = len(buffer)
             stream.sequence += 1
-            stream.index += (log_ns, offset)
+            # Ctrl-C may come between any two lines: an index must not name a message that is not there.
             buffer += record
+            stream.index += (log_ns, offset)
             self._last_ns = log_ns
             if (
                 len(buffer) >= CHUNK_BYTES
@@ -180,11 +181,13 @@ class McapRecorder:
         filled = [stream for stream in self._streams.values() if stream.index]
         others = (stream for stream in filled if stream.topic is not self._writing.account)
         count = sum(len(stream.index) // 2 for stream in others)
-        if not self._hand_over(self._chunk(filled), len(self._buffer)):
-            self.dropped += count
+        work, size = self._chunk(filled), len(self._buffer)
+        # Emptied before it is handed over: whatever interrupts this, no message is written twice.
+        self._buffer = bytearray()
         for stream in filled:
             stream.index = []
-        self._buffer = bytearray()
+        if not self._hand_over(work, size):
+            self.dropped += count
         self._tell_drops()
 
     def _flush_overdue(self) -> None:

@@ -37,8 +37,11 @@ def _cache_folder() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
-        return Path(tempfile.gettempdir()) / f"wingbeat-kernels-{digest.hexdigest()[:16]}"
-    return folder
+        pass
+    else:
+        if os.access(folder, os.W_OK):
+            return folder
+    return Path(tempfile.gettempdir()) / f"wingbeat-kernels-{os.getuid()}-{digest.hexdigest()[:16]}"
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:

@@ -26,7 +26,7 @@ from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.live import add_live, shown_live
-from groundstation.command.recordings import put_right
+from groundstation.command.recordings import COMPUTER, WORLD, put_right
 from groundstation.command.sim import COMPILING, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
@@ -177,7 +177,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
     log: Path = chosen.log or new_recording(vehicle.name)
-    parts = (log.with_suffix(".world.mcap"), log.with_suffix(".avionics.mcap"))
+    parts = (log.with_suffix(WORLD), log.with_suffix(COMPUTER))
     for path in (log, *parts):
         if path.exists():
             raise BadInput(f"{path} exists: it is not overwritten")
@@ -323,6 +323,18 @@ def _keep(plan: Plan) -> None:
         print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
 
 
+def _joined(plan: Plan) -> list[Kept]:
+    """The parts that were not whole.
+
+    Raises:
+        BadInput: they cannot be joined; where they are is said.
+    """
+    try:
+        return join(plan.parts, plan.log)
+    except BadInput as reason:
+        raise BadInput(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
+
+
 def _tell_kept(kept: Sequence[Kept]) -> None:
     """Say which recordings ended before the flight did: what is summed up is only what they hold."""
     for part in kept:
@@ -364,7 +376,7 @@ def _end(log: Log) -> float:
 
 def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
-        kept = join(plan.parts, plan.log)
+        kept = _joined(plan)
         summary, found, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)
     _tell_kept(kept)

@@ -3,17 +3,43 @@
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
-from avionics.quantities import counted
+from avionics.quantities import BadInput, counted
+from logs.join import join
+from logs.live.follower import is_recorded
 from logs.recorder import McapRecorder
 from logs.recover import recover_left
 
+WORLD, COMPUTER = ".world.mcap", ".avionics.mcap"
+"""how the names of the recordings end that ``wingbeat fly`` joins"""
+LEFT_FOR = 10.0
+"""s; since the last byte of a flight's recordings: until then its own command may be about to join them"""
+
 
 def put_right(folder: Path) -> None:
-    """Repair what a flight that was cut off left in ``folder``, and say so on stderr."""
+    """Repair what a flight that was cut off left in ``folder``, join its two recordings, and say so on stderr."""
+    pairs = list(_left_apart(folder))
     for path, done in recover_left(folder):
         print(f"repaired {path}, which was cut off: {counted(done.messages, 'message')} kept", file=sys.stderr)
+    for parts, flight in pairs:
+        with suppress(BadInput, OSError):
+            join(parts, flight)
+            print(f"joined {flight}, which its flight had left in two recordings", file=sys.stderr)
+
+
+def _left_apart(folder: Path) -> Iterator[tuple[list[Path], Path]]:
+    """Recordings of world and flight computer of one flight that nobody writes any more, and the log of both."""
+    for world in sorted(folder.glob(f"*{WORLD}")):
+        name = world.name.removesuffix(WORLD)
+        parts, flight = [world, world.with_name(name + COMPUTER)], world.with_name(f"{name}.mcap")
+        with suppress(BadInput, OSError):
+            newest = max(part.stat().st_mtime for part in parts)
+            if time.time() - newest > LEFT_FOR and not flight.exists() and not any(map(is_recorded, parts)):
+                yield parts, flight
 
 
 def told_paths(recorder: McapRecorder) -> str:

@@ -44,7 +44,7 @@ def clock(seconds: float | None) -> str:
     """Flight time as minutes, seconds and tenths."""
     if seconds is None or not math.isfinite(seconds):
         return UNKNOWN
-    tenths = int(seconds * 10)
+    tenths = round(seconds * 10)
     return f"{tenths // 600:02d}:{tenths // 10 % 60:02d}.{tenths % 10}"
 
 

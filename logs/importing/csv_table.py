@@ -44,6 +44,8 @@ class Table(NamedTuple):
     """cells with something in them that is no number"""
     twice: frozenset[str] = frozenset()
     """names that several columns have"""
+    short: int = 0
+    """rows with fewer cells than there are names"""
 
 
 def read_table(data: bytes, mapping: Path | None) -> Source:
@@ -74,7 +76,11 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
     used = {chosen["time"].get("column"), *(entry.get("column") for entry in entries)}
     left = [name for name in table.columns if name not in used]
     notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(left)}
-    damage = (f"{counted(table.strange, 'cell')} with something that is no number",) if table.strange else ()
+    told = {
+        f"{counted(table.strange, 'cell')} with something that is no number": table.strange,
+        f"{counted(table.short, 'row')} with fewer cells than there are names of columns": table.short,
+    }
+    damage = tuple(line for line, count in told.items() if count)
     return Source(
         "csv", series, notes=notes, damage=damage, dropped=tuple(dropped), made=tuple(made),
     )  # fmt: skip
@@ -86,10 +92,7 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
     Raises:
         BadInput: it is no text, or has no row below its names.
     """
-    try:
-        lines = data.decode("utf-8-sig").splitlines()[_whole(layout, "skip") :]
-    except UnicodeDecodeError:
-        raise BadInput("it is no text in UTF-8") from None
+    lines = _text(data, layout.get("encoding", "utf-8")).splitlines()[_whole(layout, "skip") :]
     delimiter, decimal = str(layout.get("delimiter", ",")), str(layout.get("decimal", "."))
     if len(delimiter) != 1 or len(decimal) != 1:
         raise BadInput("delimiter and decimal must be one character each")
@@ -108,7 +111,19 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
         1 for name, column in cells.items() for cell, value in zip(column, columns[name].tolist(), strict=True)
         if math.isnan(value) and cell.strip() and cell.strip().lower() != "nan" and np.isfinite(columns[name]).any()
     )  # fmt: skip
-    return Table(columns, len(body), strange, frozenset(name for name in columns if names.count(name) > 1))
+    width = max((place + 1 for place, name in enumerate(names) if name), default=0)
+    short = sum(len(row) < width for row in body)
+    return Table(columns, len(body), strange, frozenset(name for name in columns if names.count(name) > 1), short)
+
+
+def _text(data: bytes, encoding: Any) -> str:
+    try:
+        return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
+    except UnicodeDecodeError:
+        hint = "" if encoding != "utf-8" else ': the mapping can say [table] encoding = "latin-1"'
+        raise BadInput(f"it is no text in {encoding.upper()}{hint}") from None
+    except (LookupError, TypeError):
+        raise BadInput(f"[table] encoding {encoding!r} is not known") from None
 
 
 def _whole(layout: Mapping[str, Any], key: str) -> int:

@@ -19,6 +19,7 @@ start = 1200.0        # reading at boot, in that unit; 0 when not given
 skip = 0              # lines before the one with the names
 delimiter = ","
 decimal = "."
+encoding = "utf-8"    # "latin-1" or "cp1252" of many instruments
 
 [topics."/sensors/imu"]
 gyro_y  = { column = "Q", unit = "deg/s" }
@@ -30,7 +31,7 @@ rate   = 50.0               # Hz; fewer rows than the table has
 thrust = { column = "F", unit = "gf" }
 """
 """What a mapping looks like; the value in its unit is column * scale + offset."""
-_SECTIONS = {"time": ("column", "unit", "start", "rate"), "table": ("skip", "delimiter", "decimal")}
+_SECTIONS = {"time": ("column", "unit", "start", "rate"), "table": ("skip", "delimiter", "decimal", "encoding")}
 
 
 def load_mapping(path: Path) -> dict[str, Any]:

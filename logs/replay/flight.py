@@ -61,12 +61,15 @@ def replay_flight(
         progress: told now and then.
 
     Raises:
-        BadInput: the log is not of our flight computer or is damaged, or a gain is unknown or refused.
+        BadInput: the log is not of our flight computer or is damaged, a gain is unknown or refused, or nothing was
+            flown between ``start`` and ``end``.
     """
     flight = recorded_flight(log)
     began, autopilot, publish = _begin(flight, changes or {}, start)
     ticks = [tick for tick in flight.ticks if began < tick.frame.time_us <= end * 1e6]
-    last = ticks[-1].frame.time_us * 1e-6 if ticks else began * 1e-6
+    if not ticks or start > min(end, flight.ticks[-1].frame.time_us * 1e-6):
+        raise BadInput(_nothing(flight, start, end))
+    last = ticks[-1].frame.time_us * 1e-6
     compared = {
         topic.name: comparison(log, topic, began * 1e-6 if began >= 0 else -math.inf, last)
         for topic in topics.TOPICS
@@ -79,6 +82,12 @@ def replay_flight(
             progress(done, len(ticks))
     told = tuple(each.told() for each in compared.values())
     return Replayed(max(began, 0) * 1e-6, last, len(ticks), told, flight.late)
+
+
+def _nothing(flight: RecordedFlight, start: float, end: float) -> str:
+    first, last = (tick.frame.time_us * 1e-6 for tick in (flight.ticks[0], flight.ticks[-1]))
+    asked = f"from {start:g} s on" if math.isinf(end) else f"from {start:g} to {end:g} s"
+    return f"nothing was flown {asked}: the log goes from {first:.3f} to {last:.3f} s"
 
 
 def step(autopilot: Autopilot, tick: Tick) -> None:

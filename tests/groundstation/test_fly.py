@@ -16,16 +16,21 @@ from typing import Any, NamedTuple
 import pytest
 from mcap.reader import make_reader
 
+from avionics import topics
 from avionics.messages import Mode
+from avionics.state import zero
 from groundstation.command import options
 from groundstation.command.children import Children
 from groundstation.command.main import main
+from groundstation.command.recordings import COMPUTER, WORLD, put_right
 from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
 from logs.info import summary
 from logs.reader import open_log
+from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS
 from sim_bridge.flight.faults import parse_fault
+from sim_bridge.topics import STATE
 from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
@@ -251,6 +256,26 @@ def test_a_flight_whose_command_is_killed_flies_on_unwatched_no_more(tmp_path: P
     for part in parts:
         with open_log(part) as log:
             assert log.complete
+
+
+def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = [tmp_path / f"a{ending}" for ending in (WORLD, COMPUTER)]
+    for part, topic in zip(parts, (STATE, topics.IMU), strict=True):
+        with McapRecorder(part, start_epoch_ns=0) as recorder:
+            for tick in range(1, 500):
+                recorder.record(topic, zero(topic.message)._replace(time_us=tick * 5000))
+    parts[0].write_bytes(parts[0].read_bytes()[:-300])
+    put_right(tmp_path)
+    assert "repaired" in capsys.readouterr().err and all(part.exists() for part in parts), "it may be about to end"
+    for part in parts:
+        os.utime(part, (1e9, 1e9))
+    put_right(tmp_path)
+    assert f"joined {tmp_path / 'a.mcap'}" in capsys.readouterr().err
+    assert [path.name for path in sorted(tmp_path.glob("*.mcap"))] == ["a.mcap"]
+    with open_log(tmp_path / "a.mcap") as log:
+        assert {STATE.name, topics.IMU.name} <= set(log.topics)
 
 
 def test_the_complaint_of_a_child_is_told() -> None:

@@ -141,6 +141,18 @@ def test_a_window_of_every_topic(log: Log, tmp_path: Path) -> None:
         assert arrays["main_wing/time_us"].tolist() == list(range(500_000, 1_000_000, 5_000))
 
 
+def test_what_would_be_empty_or_is_not_meant_is_refused_in_one_line(log: Log, tmp_path: Path) -> None:
+    for target, part, said in (
+        (tmp_path / "a.npz", Part(start=50.0, end=20.0), "no message in that time"),
+        (tmp_path / "a.npz", Part(["/main/wing"], start=500.0), "no message in that time"),
+        (tmp_path / "a.npz", Part(["/main/wing.phase"]), "/main/wing.phase: a field alone goes into one table"),
+        (tmp_path / "a.xyz", Part(), r"a.xyz: no export as .xyz; there are csv"),
+    ):
+        with pytest.raises(BadInput, match=said):
+            export(log, target, part)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_one_table_at_one_rate(log: Log, tmp_path: Path) -> None:
     part = Part(["/main/wing.angle_left", "/guidance/navigation"], 0.5, 1.5, 100.0)
     rows = rows_of(export(log, tmp_path / "a.csv", part).files[0])

@@ -356,6 +356,33 @@ def test_units_agree_with_each_other() -> None:
             assert back == pytest.approx(LIMITS[known.unit])
 
 
+def test_rows_that_are_short_of_cells_are_told(tmp_path: Path) -> None:
+    table = "t,F,note\n0,1,a\n0.1,2,b\n0.2\n0.3,4\n0.4,5,c\n"
+    mapping = '[time]\ncolumn = "t"\n[topics."/csv/cell"]\nthrust = { column = "F", unit = "N" }\n'
+    source, chosen = mapped(tmp_path, table, mapping)
+    out, report = imported(source, tmp_path, mapping=chosen)
+    assert "2 rows with fewer cells than there are names of columns" in report.damage
+    with open_log(out) as log:
+        assert log.columns("/csv/cell")["thrust"].tolist() == [1.0, 2.0, 4.0, 5.0]
+
+
+def test_a_table_of_another_encoding_says_which(tmp_path: Path) -> None:
+    table, mapping = mapped(
+        tmp_path, "", '[time]\ncolumn = "t"\n[topics."/csv/a"]\npitch = { column = "pitch °", unit = "deg" }\n'
+    )
+    table.write_bytes("t,pitch °\n0,90\n1,45\n".encode("latin-1"))
+    with pytest.raises(BadInput, match=r'no text in UTF-8: the mapping can say \[table\] encoding = "latin-1"'):
+        imported(table, tmp_path, mapping=mapping)
+    text = mapping.read_text()
+    for encoding in ("elvish", "hex"):
+        mapping.write_text(f'{text}[table]\nencoding = "{encoding}"\n')
+        with pytest.raises(BadInput, match=f"encoding '{encoding}' is not known"):
+            imported(table, tmp_path, mapping=mapping)
+    mapping.write_text(f'{text}[table]\nencoding = "latin-1"\n')
+    with open_log(imported(table, tmp_path, mapping=mapping)[0]) as log:
+        assert log.columns("/csv/a")["pitch"] == pytest.approx([math.pi / 2, math.pi / 4])
+
+
 def test_of_two_columns_of_one_name_none_is_meant(tmp_path: Path) -> None:
     """Beside them the table is read."""
     mapping = '[time]\ncolumn = "t"\n[topics."/csv/stand"]\nforce = { column = "F", unit = "N" }\n'
