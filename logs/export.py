@@ -123,8 +123,6 @@ def _tables(log: Log, part: Part) -> dict[str, Columns]:
     if part.rate is None:
         _check_whole(log, topics)
         found = log.tables(topics, part.start, part.end)
-        if found and (part.start, part.end) != (None, None) and not any(len(each.time) for each in found.values()):
-            raise BadInput(f"{log.path} has no message in that time: it lasts {log.duration:.3f} s")
     else:
         found = {"aligned": log.aligned(topics, part.rate, part.start, part.end)}
     return {name: with_time(columns) for name, columns in found.items()}

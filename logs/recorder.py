@@ -221,7 +221,30 @@ class McapRecorder:
             self._keep(lambda container: container.metadata(record, name), f"metadata {name}", len(record))
 
     def close(self) -> None:
-        """Finish the recording; further calls do nothing."""
+        """Finish the recording; further calls do nothing.
+
+        Ctrl-C meanwhile, as when both commands of a flight are ended at once, is raised when the file is whole.
+        """
+        interruption = None
+        done = threading.Event()
+
+        def finish() -> None:
+            try:
+                self._finish()
+            finally:
+                done.set()
+
+        threading.Thread(target=finish, name="finishing").start()
+        # Not by `join`: a thread whose join was interrupted counts as ended.
+        while not done.is_set():
+            try:
+                done.wait()
+            except KeyboardInterrupt as stop:
+                interruption = stop
+        if interruption is not None:
+            raise interruption
+
+    def _finish(self) -> None:
         with self._lock:
             if self._closed:
                 return

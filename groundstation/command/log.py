@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from avionics.quantities import counted
+from avionics.quantities import BadInput, counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
@@ -20,7 +20,7 @@ from groundstation.views.terminal import open_console
 from logs.export import EACH, FORMS, Part, export
 from logs.info import flown_in, is_long, summary
 from logs.placing import numbered
-from logs.reader import open_log
+from logs.reader import Log, open_log
 from logs.recover import recover
 
 if TYPE_CHECKING:
@@ -186,6 +186,7 @@ def _export(chosen: argparse.Namespace) -> None:
     target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
     part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
     with open_log(chosen.file) as log, ProgressBar("exporting", quiet=chosen.json) as bar:
+        _check_window(log, chosen.start, chosen.end)
         done = export(log, target, part, chosen.format, bar.show)
     if chosen.json:
         print_document({"files": [str(file) for file in done.files], "left_out": done.left_out})
@@ -194,6 +195,15 @@ def _export(chosen: argparse.Namespace) -> None:
         print(file)
     for line in done.left_out:
         print(f"left out: {line}", file=sys.stderr)
+
+
+def _check_window(log: Log, start: float | None, end: float | None) -> None:
+    first, last = ((moment - log.boot_ns) * 1e-9 for moment in (log.start_ns, log.end_ns))
+    begin, stop = first if start is None else start, last + 1.0 if end is None else end
+    if begin >= stop or begin > last or stop <= first:
+        raise BadInput(
+            f"nothing lies between {begin:g} and {stop:g} s: the log goes from {first:.3f} to {last:.3f} s"
+        )
 
 
 def _recover(chosen: argparse.Namespace) -> None:

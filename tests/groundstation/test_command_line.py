@@ -347,3 +347,9 @@ def _listening(pid: int) -> bool:
         return any(str(file.readlink()).startswith("socket:") for file in folder.iterdir())
     except OSError:
         return False
+
+
+@pytest.mark.parametrize("window", [("--start", "50", "--end", "20"), ("--start", "500"), ("--end", "-1")])
+def test_a_window_without_anything_is_not_exported(log: Path, window: tuple[str, ...], capsys: Capture) -> None:
+    assert main(["log", "export", str(log), "--to", str(log.with_suffix(".npz")), *window]) == 2
+    assert "nothing lies between" in complaint(capsys) and not log.with_suffix(".npz").exists()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import struct
 import threading
 import time
@@ -61,6 +63,30 @@ def test_behind_the_flights_back_the_same_bytes_are_written(tmp_path: Path) -> N
     at_once = record(tmp_path / "a.mcap", messages)
     behind = record(tmp_path / "b.mcap", messages, writing=Writing(10**8, account=topics.RECORDER))
     assert behind.read_bytes() == at_once.read_bytes()
+
+
+@pytest.mark.parametrize("queue", [0, 10**6])
+def test_ctrl_c_while_a_recording_is_closed_waits_until_the_file_is_whole(
+    tmp_path: Path, go: threading.Event, queue: int
+) -> None:
+    recorder = recorder_at(tmp_path / "a.mcap", Writing(queue))
+    for topic, message in flight(0.2, IMU_ALONE):
+        recorder.record(topic, message)
+    go.clear()
+
+    def interrupt() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+        go.set()
+
+    pressing = threading.Timer(0.1, interrupt)
+    pressing.start()
+    with pytest.raises(KeyboardInterrupt):
+        recorder.close()
+    pressing.join()
+    with open_log(recorder.path) as log:
+        assert log.complete and len(imu_times(log)) == 40
+    recorder.close()
 
 
 def test_a_message_that_no_other_follows_is_written_all_the_same(tmp_path: Path) -> None:
