@@ -256,6 +256,7 @@ FLOODS: dict[str, Any] = {
 }
 
 
+@pytest.mark.bench
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
 def test_a_flood_of_frames_that_count_leaves_most_of_a_tick() -> None:
     """CPU time, not the wall's, and three times what it is: it was 5 to 35 ms of a tick of 5."""
