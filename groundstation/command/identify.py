@@ -15,8 +15,8 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle
 from logs.identification.data import Aircraft
-from logs.identification.elevator import MadeElevator
 from logs.identification.report import SUBJECTS, Identification, document, identify
+from logs.identification.sources.elevator import MadeElevator
 from logs.reader import Log, open_log
 from logs.truth import known_truths
 

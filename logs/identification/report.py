@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
-from logs.identification.flight import ColumnSource, drive_data, flight_data, true_drive_data
+from logs.identification.drive.servo import ServoModel, ServoResult, identify_power, identify_torque, power_truth
+from logs.identification.modes.short_period import Mode, ModesResult, identify_modes
 from logs.identification.results import Estimate, Unidentified
-from logs.identification.servo import ServoModel, ServoResult, identify_power, identify_torque, power_truth
-from logs.identification.short_period import Mode, ModesResult, identify_modes
+from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, true_drive_data
 
 SUBJECTS = ("servo", "power", "modes", "all")
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"

@@ -9,8 +9,8 @@ from numba import njit
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
-from logs.identification.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.manoeuvre import Reference
+from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
+from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67)

@@ -8,10 +8,10 @@ from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 
 from avionics.quantities import BadInput
 from logs.identification.data import FlightData
-from logs.identification.flapping import flapping_frequency, strokes_in
-from logs.identification.inputs import find_inputs
+from logs.identification.modes.short_period import identify_modes, short_period_of
 from logs.identification.results import Array
-from logs.identification.short_period import identify_modes, short_period_of
+from logs.identification.sources.flapping import flapping_frequency, strokes_in
+from logs.identification.sources.inputs import find_inputs
 
 STEP = 0.005
 TIME = np.arange(0.0, 30.0, STEP)

@@ -16,8 +16,8 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import FlightData
+from logs.identification.modes.short_period import short_period_of
 from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows, text
-from logs.identification.short_period import short_period_of
 from sim_bridge import topics as truth
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)

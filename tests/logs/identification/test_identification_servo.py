@@ -8,8 +8,8 @@ from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
 
 from avionics.quantities import BadInput
 from logs.identification.data import DriveData
+from logs.identification.drive.servo import ServoModel, identify_power, identify_torque, power_truth
 from logs.identification.results import Estimate
-from logs.identification.servo import ServoModel, identify_power, identify_torque, power_truth
 
 SHORT = Drives(duration=25.0)
 

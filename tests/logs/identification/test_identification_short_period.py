@@ -11,11 +11,12 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly, model_of
 from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
-from logs.identification.equation_error import signals
-from logs.identification.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.manoeuvre import find_manoeuvres, reference_of
+from logs.identification.delta import propagate
+from logs.identification.modes.equation_error import signals
+from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
+from logs.identification.modes.short_period import ModesResult, identify_modes, short_period_of
+from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.results import Array
-from logs.identification.short_period import ModesResult, identify_modes, propagate, short_period_of
 
 
 def true_mode(flight: Flight) -> tuple[float, float]:

@@ -13,9 +13,9 @@ from foreign_logs import DATA, ROOT, imported
 from avionics import topics
 from avionics.quantities import BadInput
 from groundstation.command.identify import UNKNOWN, identified
-from logs.identification.elevator import MadeElevator
+from logs.identification.modes.short_period import short_period_of
 from logs.identification.report import identify
-from logs.identification.short_period import short_period_of
+from logs.identification.sources.elevator import MadeElevator
 from logs.importing.log_import import NOTES
 from logs.importing.mapping import EXAMPLE, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from avionics.quantities import BadInput
 from logs.identification.data import DriveData
-from logs.identification.regression import Fit, regress
+from logs.identification.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 

@@ -16,10 +16,10 @@ import numpy as np
 from numba import njit
 
 from logs.identification.data import Aircraft
-from logs.identification.equation_error import LEAST_CLUSTERS, DerivativeFit, failed, scatter_between
-from logs.identification.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
-from logs.identification.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
-from logs.identification.regression import colour_of, coloured_information
+from logs.identification.modes.equation_error import LEAST_CLUSTERS, DerivativeFit, failed, scatter_between
+from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
+from logs.identification.preparing.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
+from logs.identification.regression.colour import colour_of, coloured_information
 from logs.identification.results import Array
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")

@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
+from logs.identification.preparing.stroke import averaging_matrix, wing_period
 from logs.identification.results import Array
-from logs.identification.stroke import averaging_matrix, wing_period
 
 OUTPUT_STEP = 0.02
 """s; between stroke averages: they hold nothing above the flapping frequency"""

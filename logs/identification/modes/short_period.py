@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from logs.identification.data import Aircraft, FlightData
-from logs.identification.equation_error import DerivativeFit, equation_error, failed, likely_lag
-from logs.identification.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
-from logs.identification.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
-from logs.identification.output_error import Problem, flown_regressors, output_error
+from logs.identification.delta import propagate
+from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
+from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
+from logs.identification.modes.output_error import Problem, flown_regressors, output_error
+from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
 from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
 
 FITTED_OUTPUTS = (0, 1, 2)
@@ -91,21 +91,6 @@ def _time_constants(system: Array) -> Array:
     pair = faster_pair(system)
     constants: Array = np.sort(-1 / pair.real)
     return constants
-
-
-def propagate(of: Callable[[Array], Array], values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Value (k,) and standard errors (k,) of ``of(values)`` by the delta method, gradients by central difference."""
-    central = of(values)
-    errors = np.sqrt(np.diag(covariance))
-    columns = []
-    for index, error in enumerate(errors):
-        width = 0.01 * error if error > 0 else 1e-6
-        ahead, behind = values.copy(), values.copy()
-        ahead[index] += width
-        behind[index] -= width
-        columns.append((of(ahead) - of(behind)) / (2 * width))
-    gradient = np.column_stack(columns)
-    return central, np.sqrt(np.maximum(np.diag(gradient @ covariance @ gradient.T), 0.0))
 
 
 def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Aircraft) -> Mode:

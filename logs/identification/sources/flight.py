@@ -14,9 +14,9 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
-from logs.identification.flapping import strokes_in
-from logs.identification.inputs import find_inputs
 from logs.identification.results import Array
+from logs.identification.sources.flapping import strokes_in
+from logs.identification.sources.inputs import find_inputs
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
-from logs.identification.longitudinal import REGRESSORS
-from logs.identification.manoeuvre import Manoeuvre, Reference, lagged
+from logs.identification.modes.longitudinal import REGRESSORS
+from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
 
 HIGHEST = 0.5
@@ -29,7 +29,7 @@ LEAST_CLUSTERS = 5
 
 
 class DerivativeFit(NamedTuple):
-    """Derivatives of `logs.identification.longitudinal` as one method found them."""
+    """Derivatives of `logs.identification.modes.longitudinal` as one method found them."""
 
     names: tuple[str, ...]
     """-; (p,)"""

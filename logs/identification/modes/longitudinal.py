@@ -15,7 +15,7 @@ from numba import njit
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
-from logs.identification.manoeuvre import Reference
+from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
 
 REGRESSORS = ("u", "w", "q", "delta")

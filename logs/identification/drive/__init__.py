@@ -1,0 +1,1 @@
+"""The wing drives: torque, power and speed of their servos."""

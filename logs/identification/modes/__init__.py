@@ -1,0 +1,1 @@
+"""The modes of motion: frequencies and dampings by several methods, with their errors."""

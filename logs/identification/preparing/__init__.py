@@ -1,0 +1,1 @@
+"""What is done to signals before a model is fitted: averaging, filtering, cutting, aligning."""

@@ -1,0 +1,1 @@
+"""Linear models of measured quantities: least squares and what its errors are worth."""
