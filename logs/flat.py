@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 from logs.columns import Array, Columns
@@ -36,14 +37,17 @@ def split_units(columns: Columns) -> dict[str, str]:
     }
 
 
-def distinct(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
-    """Names of which each is there once and none ``taken``: ``a``, ``a_2``, ``a_3``."""
+def distinct(names: Iterable[str], taken: Iterable[str] = (), longest: int | None = None) -> list[str]:
+    """Names of which each is there once and none ``taken``: ``a``, ``a_2``, ``a_3``, ``longest`` letters at most."""
     out: list[str] = []
     used = set(taken)
     for name in names:
-        free, number = name, 2
-        while free in used:
-            free, number = f"{name}_{number}", number + 1
+        free, ending = name[:longest], ""
+        for number in count(2):
+            if free not in used:
+                break
+            ending = f"_{number}"
+            free = name[: None if longest is None else longest - len(ending)] + ending
         used.add(free)
         out.append(free)
     return out

@@ -10,7 +10,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.columns import Array, Columns
-from logs.flat import texts
+from logs.flat import distinct, texts
 
 LONGEST_NAME = 63
 """characters of a MATLAB name"""
@@ -39,18 +39,13 @@ def write_mat(tables: Mapping[str, Columns], file: IO[bytes]) -> None:
 
 def matlab_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
     """Names that MATLAB allows: letters, digits and underscores, 63 at most, each one once and none ``taken``."""
-    out: list[str] = []
-    used = set(taken)
-    for name in names:
-        plain = re.sub(r"[^A-Za-z0-9_]", "_", name.strip("/")) or "table"
-        plain = plain if plain[0].isalpha() else f"x{plain}"
-        plain = f"{plain}_" if plain in _KEYWORDS else plain[:LONGEST_NAME]
-        free, number = plain, 2
-        while free in used:
-            free, number = f"{plain[: LONGEST_NAME - 1 - len(str(number))]}_{number}", number + 1
-        used.add(free)
-        out.append(free)
-    return out
+    return distinct([_allowed(name) for name in names], taken, LONGEST_NAME)
+
+
+def _allowed(name: str) -> str:
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name.strip("/")) or "table"
+    plain = plain if plain[0].isalpha() else f"x{plain}"
+    return f"{plain}_" if plain in _KEYWORDS else plain
 
 
 def _struct(columns: Columns) -> dict[str, Any]:

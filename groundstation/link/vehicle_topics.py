@@ -9,11 +9,14 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from avionics import messages as m
 from avionics import topics as t
 from avionics.link.vehicle import PROFILES
 from avionics.topics import Topic
 from groundstation.link.vehicle_state import VehicleState, is_ours
+from logs.rotations import quaternion_of
 
 NAN = math.nan
 _NO_SPEED = 65535
@@ -37,14 +40,8 @@ def _attitude(message: Any, time_us: int, state: VehicleState) -> m.Attitude:
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """w, x, y, z of r_ned_from_frd, from the angles of yaw, pitch, roll in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * angle), math.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
+    w, x, y, z = (float(part) for part in quaternion_of(np.array(roll), np.array(pitch), np.array(yaw)))
+    return w, x, y, z
 
 
 def _altitude(message: Any, time_us: int, state: VehicleState) -> m.Altitude:

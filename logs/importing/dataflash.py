@@ -1,45 +1,19 @@
-"""ArduPilot's dataflash logs (``.bin``): every record behind two magic bytes, its format told in the file.
-
-Records have no checksum. One is taken only where another record, or the end of the file, follows it; bytes between
-them are counted as damage. Formats: https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
-"""
+"""ArduPilot's dataflash logs (``.bin``): times, units, sensors of one kind, texts, parameters."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics import topics as t
-from avionics.messages import CHANNELS, Event, Severity
-from avionics.quantities import BadInput, counted
-from logs.importing.counterparts import (
-    DRY_AIR,
-    Columns,
-    Counterpart,
-    View,
-    ground_velocity,
-    pulse_array,
-    true_airspeed,
-)
-from logs.importing.source import Array, Series, Source
+from avionics.messages import Event, Severity
+from avionics.quantities import BadInput
+from logs.importing.counterparts import Columns
+from logs.importing.dataflash_records import Kind, Records, columns_of, find_records
+from logs.importing.source import Series, Source
 
-MAGIC = b"\xa3\x95"
-HEAD = 3
-"""bytes; magic and the number of the format"""
-FORMAT = 0x80
-"""number of the format of formats"""
-_CODES: dict[str, tuple[str, float]] = {
-    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
-    "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
-    "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0),
-    "c": ("<i2", 1e2), "C": ("<u2", 1e2), "e": ("<i4", 1e2), "E": ("<u4", 1e2), "L": ("<i4", 1e7),
-}  # fmt: skip
-"""NumPy type of each letter, and what the stored number is divided by."""
-_FMT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"), ("columns", "S64")])
 _OWN_TABLES = ("FMT", "UNIT", "MULT", "FMTU", "PARM", "MSG")
 """messages that say something of the file, and are not data"""
 _UNITS = {
@@ -82,30 +56,6 @@ _LEAPS = ((1135, 14), (1356, 15), (1695, 16), (1851, 17), (1930, 18))
 """GPS week from which so many leap seconds hold."""
 
 
-class Kind(NamedTuple):
-    """A format as the file tells it."""
-
-    name: str
-    record: np.dtype[np.void]
-    """of the whole record, head included"""
-    codes: Mapping[str, str]
-    """letter of each column"""
-
-
-class Records(NamedTuple):
-    """What the bytes come to."""
-
-    kinds: Mapping[int, Kind]
-    places: Mapping[int, list[int]]
-    """offsets of the whole records, by format"""
-    damage: tuple[str, ...]
-
-
-def is_dataflash(head: bytes) -> bool:
-    """Whether a file that begins so is a dataflash log."""
-    return head[:HEAD] == MAGIC + bytes([FORMAT])
-
-
 def read_dataflash(data: bytes) -> Source:
     """Read a dataflash log; what is damaged is left out and told in ``damage``.
 
@@ -114,7 +64,7 @@ def read_dataflash(data: bytes) -> Source:
     """
     records = find_records(data)
     tables = {
-        kind.name: _columns(data, kind, records.places[number])
+        kind.name: columns_of(data, kind, records.places[number])
         for number, kind in records.kinds.items()
         if records.places.get(number)
     }
@@ -133,79 +83,6 @@ def read_dataflash(data: bytes) -> Source:
         "dataflash", series, _vehicle(texts), _epoch_ns(series), (*texts, *_happened(series)),
         _parameters(tables), damage=records.damage,
     )  # fmt: skip
-
-
-def find_records(data: bytes) -> Records:
-    """Where the records stand, whichever are whole."""
-    kinds: dict[int, Kind] = {FORMAT: Kind("FMT", _record(_FMT), {})}
-    places: dict[int, list[int]] = {}
-    lost: list[tuple[int, int]] = []
-    used, at, cut = len(data.rstrip(b"\0\xff")), 0, ""
-    while at < used:
-        kind = kinds.get(data[at + 2]) if data.startswith(MAGIC, at) and at + 2 < len(data) else None
-        end = at + HEAD if kind is None else at + kind.record.itemsize
-        if end > len(data) and MAGIC.startswith(data[at : at + 2]):
-            cut = f"cut off in the middle of a record, {counted(len(data) - at, 'byte')} before the end"
-            break
-        if kind is not None and (end >= used or MAGIC.startswith(data[end : end + 2])):
-            places.setdefault(data[at + 2], []).append(at)
-            if data[at + 2] == FORMAT:
-                _learn(data, at, kinds)
-            at = end
-            continue
-        at = _skip(data, at, lost)
-    size = sum(last - first for first, last in lost)
-    told = f"{counted(size, 'byte')} in {counted(len(lost), 'place')} that are no whole record" if lost else ""
-    return Records(kinds, places, tuple(filter(None, (told, cut))))
-
-
-def _skip(data: bytes, at: int, lost: list[tuple[int, int]]) -> int:
-    """The next place where a record may begin; what lies before it is added to ``lost``."""
-    after = data.find(MAGIC, at + 1)
-    after = len(data) if after < 0 else after
-    begin = lost.pop()[0] if lost and lost[-1][1] == at else at
-    lost.append((begin, after))
-    return after
-
-
-def _record(body: np.dtype[np.void]) -> np.dtype[np.void]:
-    return np.dtype([("/head", f"S{HEAD}"), *((name, body.fields[name][0]) for name in body.names or ())])  # type: ignore[index]
-
-
-def _learn(data: bytes, at: int, kinds: dict[int, Kind]) -> None:
-    """Take a format into ``kinds``; one that contradicts itself, or one from before, is not."""
-    row = np.frombuffer(data, _record(_FMT), 1, at)[0]
-    name, letters, listed = (_text(row[key]) for key in ("name", "format", "columns"))
-    columns = [column.strip() for column in listed.split(",") if column.strip()]
-    if len(columns) != len(letters) or len(set(columns)) != len(columns):
-        return
-    taken = int(row["type"]) in kinds or name in (kind.name for kind in kinds.values())
-    if taken or not re.fullmatch(r"\w{1,4}", name, re.ASCII) or any(letter not in _CODES for letter in letters):
-        return
-    types = [(column, _CODES[letter][0]) for column, letter in zip(columns, letters, strict=True)]
-    record = _record(np.dtype(types)) if types else np.dtype([("/head", f"S{HEAD}")])
-    if record.itemsize == int(row["length"]):
-        kinds[int(row["type"])] = Kind(name, record, dict(zip(columns, letters, strict=True)))
-
-
-def _text(value: bytes) -> str:
-    return bytes(value).partition(b"\0")[0].decode("utf-8", "replace")
-
-
-def _columns(data: bytes, kind: Kind, places: list[int]) -> Columns:
-    """Columns of all records of a kind, as stored but for the divisor of their letter."""
-    size = kind.record.itemsize
-    rows = np.frombuffer(b"".join(data[at : at + size] for at in places), kind.record)
-    return {
-        name: _decoded(rows[name], kind.codes.get(name, "")) for name in kind.record.names or () if name != "/head"
-    }
-
-
-def _decoded(values: Array, letter: str) -> Array:
-    if values.dtype.kind == "S":
-        return np.array([_text(value) for value in values], object)
-    divisor = _CODES[letter][1] if letter else 1.0
-    return np.array(values) if divisor == 1.0 else values / divisor
 
 
 def _times(name: str, columns: Columns) -> NDArray[np.int64] | None:
@@ -368,96 +245,3 @@ def _epoch_ns(series: Mapping[str, Series]) -> int:
     in_week = round(float(fixes.columns[within][first]) * factor)
     epoch = _GPS_EPOCH_NS + weeks * _WEEK_NS + in_week - leaps * 10**9 - int(fixes.time_us[first]) * 1000
     return max(epoch, 0)
-
-
-# --- what the project's own topics are made of ------------------------------------------------------------
-
-
-def _imu(view: View) -> Columns:
-    columns = {f"accel_{axis}": view[f"Acc{axis.upper()}"] for axis in "xyz"}
-    columns |= {f"gyro_{axis}": view[f"Gyr{axis.upper()}"] for axis in "xyz"}
-    return columns | {f"mag_{axis}": view.held("MAG", f"Mag{axis.upper()}") for axis in "xyz"}
-
-
-def _attitude(view: View) -> Columns:
-    rates = {
-        f"{name}_rate": view.held("IMU", f"Gyr{axis}") for name, axis in (("roll", "X"), ("pitch", "Y"), ("yaw", "Z"))
-    }
-    return {"roll": view["Roll"], "pitch": view["Pitch"], "yaw": view["Yaw"]} | rates
-
-
-def _air_data(view: View) -> Columns:
-    pressure, temperature = view.held("BARO", "Press"), view.held("BARO", "Temp")
-    density = pressure / (DRY_AIR * temperature)
-    return {
-        "airspeed": true_airspeed(view["Airspeed"], density),
-        "dynamic_pressure": view.get("DiffPress"),
-        "static_pressure": pressure,
-        "temperature": temperature,
-        "density": density,
-        "pressure_altitude": view.held("BARO", "Alt"),
-    }
-
-
-def _altitude(view: View) -> Columns:
-    return {"altitude": view["Alt"], "climb_rate": view.get("CRt")}
-
-
-def _filter_altitude(view: View) -> Columns:
-    return {"altitude": -view["PD"], "climb_rate": -view["VD"]}
-
-
-def _position(view: View) -> Columns:
-    named = {"north": "PN", "east": "PE", "v_north": "VN", "v_east": "VE"}
-    place = {"latitude": view.held("POS", "Lat"), "longitude": view.held("POS", "Lng")}
-    return {field: view[column] for field, column in named.items()} | place
-
-
-def _power(view: View) -> Columns:
-    voltage, current = view["Volt"], view["Curr"]
-    return {
-        "voltage": voltage,
-        "current": current,
-        "power": voltage * current,
-        "charge": view.get("CurrTot"),
-        "energy": view.get("EnrgTot"),
-        "resistance": view.get("Res"),
-    }
-
-
-def _gps(view: View) -> Columns:
-    north, east = ground_velocity(view["Spd"], view["GCrs"])
-    status = view["Status"]
-    return {
-        "latitude": view["Lat"],
-        "longitude": view["Lng"],
-        "altitude": view["Alt"],
-        "v_north": north,
-        "v_east": east,
-        "v_down": view.get("VZ"),
-        "horizontal_accuracy": view.held("GPA", "HAcc"),
-        "vertical_accuracy": view.held("GPA", "VAcc"),
-        "fix_type": np.where(status >= 2, status, 0),
-        "satellites": view.get("NSats"),
-    }
-
-
-def _receiver(view: View) -> Columns:
-    pulses = pulse_array(view, [f"C{number}" for number in range(1, CHANNELS + 1)], CHANNELS)
-    return {"pulses": pulses, "rssi": np.full(len(pulses), 255)}
-
-
-_NAVIGATION_FILTERS = ("XKF1", "NKF1", "EKF1")
-COUNTERPARTS = (
-    Counterpart(t.IMU, "IMU", _imu),
-    Counterpart(t.ATTITUDE, "ATT", _attitude),
-    Counterpart(t.AIR_DATA, "ARSP", _air_data),
-    *(Counterpart(t.ALTITUDE, name, _filter_altitude) for name in _NAVIGATION_FILTERS),
-    Counterpart(t.ALTITUDE, "BARO", _altitude),
-    *(Counterpart(t.POSITION, name, _position) for name in _NAVIGATION_FILTERS),
-    Counterpart(t.POWER, "BAT", _power),
-    Counterpart(t.POWER, "CURR", _power),
-    Counterpart(t.GPS, "GPS", _gps),
-    Counterpart(t.RECEIVER, "RCIN", _receiver),
-)
-"""In the order in which they are tried."""

@@ -14,7 +14,19 @@ import numpy as np
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS
-from logs.importing import c3d, csv_table, dataflash, motion_capture, razor, tlog, ulog
+from logs.importing import (
+    c3d,
+    csv_table,
+    dataflash,
+    dataflash_records,
+    dataflash_topics,
+    motion_capture,
+    razor,
+    tlog,
+    tlog_topics,
+    ulog,
+    ulog_topics,
+)
 from logs.importing.checks import BEHIND, LATE_US, LATEST_US, Mask, end_of, not_behind, sound
 from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
@@ -43,9 +55,9 @@ class Format(NamedTuple):
 
 
 FORMATS: Mapping[str, Format] = {
-    "dataflash": Format("ArduPilot dataflash", "dataflash", dataflash.COUNTERPARTS),
-    "ulog": Format("PX4 ULog", "ulg", ulog.COUNTERPARTS),
-    "tlog": Format("MAVLink telemetry log", "tlog", tlog.COUNTERPARTS),
+    "dataflash": Format("ArduPilot dataflash", "dataflash", dataflash_topics.COUNTERPARTS),
+    "ulog": Format("PX4 ULog", "ulg", ulog_topics.COUNTERPARTS),
+    "tlog": Format("MAVLink telemetry log", "tlog", tlog_topics.COUNTERPARTS),
     "razor": Format("Razor 9DOF serial capture", "razor", ()),
     "motion capture": Format("motion capture", "mocap", ()),
     "csv": Format("table of comma-separated values", "csv", ()),
@@ -154,7 +166,7 @@ def _read(choice: Choice, data: bytes) -> Source:
         raise BadInput("it tells itself what is in it: --map is for tables of columns")
     if ulog.is_ulog(data):
         return ulog.read_ulog(data)
-    if dataflash.is_dataflash(data):
+    if dataflash_records.is_dataflash(data):
         return dataflash.read_dataflash(data)
     if suffix == ".c3d":
         return c3d.read_c3d(data)

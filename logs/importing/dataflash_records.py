@@ -1,0 +1,129 @@
+"""The records of ArduPilot's dataflash logs: every one behind two magic bytes, its format told in the file.
+
+Records have no checksum. One is taken only where another record, or the end of the file, follows it; bytes between
+them are counted as damage. Formats: https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import counted
+from logs.importing.counterparts import Columns
+from logs.importing.source import Array
+
+MAGIC = b"\xa3\x95"
+HEAD = 3
+"""bytes; magic and the number of the format"""
+FORMAT = 0x80
+"""number of the format of formats"""
+_CODES: dict[str, tuple[str, float]] = {
+    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
+    "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0),
+    "c": ("<i2", 1e2), "C": ("<u2", 1e2), "e": ("<i4", 1e2), "E": ("<u4", 1e2), "L": ("<i4", 1e7),
+}  # fmt: skip
+"""NumPy type of each letter, and what the stored number is divided by."""
+_FMT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"), ("columns", "S64")])
+
+
+class Kind(NamedTuple):
+    """A format as the file tells it."""
+
+    name: str
+    record: np.dtype[np.void]
+    """of the whole record, head included"""
+    codes: Mapping[str, str]
+    """letter of each column"""
+
+
+class Records(NamedTuple):
+    """What the bytes come to."""
+
+    kinds: Mapping[int, Kind]
+    places: Mapping[int, list[int]]
+    """offsets of the whole records, by format"""
+    damage: tuple[str, ...]
+
+
+def is_dataflash(head: bytes) -> bool:
+    """Whether a file that begins so is a dataflash log."""
+    return head[:HEAD] == MAGIC + bytes([FORMAT])
+
+
+def find_records(data: bytes) -> Records:
+    """Where the records stand, whichever are whole."""
+    kinds: dict[int, Kind] = {FORMAT: Kind("FMT", _record(_FMT), {})}
+    places: dict[int, list[int]] = {}
+    lost: list[tuple[int, int]] = []
+    used, at, cut = len(data.rstrip(b"\0\xff")), 0, ""
+    while at < used:
+        kind = kinds.get(data[at + 2]) if data.startswith(MAGIC, at) and at + 2 < len(data) else None
+        end = at + HEAD if kind is None else at + kind.record.itemsize
+        if end > len(data) and MAGIC.startswith(data[at : at + 2]):
+            cut = f"cut off in the middle of a record, {counted(len(data) - at, 'byte')} before the end"
+            break
+        if kind is not None and (end >= used or MAGIC.startswith(data[end : end + 2])):
+            places.setdefault(data[at + 2], []).append(at)
+            if data[at + 2] == FORMAT:
+                _learn(data, at, kinds)
+            at = end
+            continue
+        at = _skip(data, at, lost)
+    size = sum(last - first for first, last in lost)
+    told = f"{counted(size, 'byte')} in {counted(len(lost), 'place')} that are no whole record" if lost else ""
+    return Records(kinds, places, tuple(filter(None, (told, cut))))
+
+
+def _skip(data: bytes, at: int, lost: list[tuple[int, int]]) -> int:
+    """The next place where a record may begin; what lies before it is added to ``lost``."""
+    after = data.find(MAGIC, at + 1)
+    after = len(data) if after < 0 else after
+    begin = lost.pop()[0] if lost and lost[-1][1] == at else at
+    lost.append((begin, after))
+    return after
+
+
+def _record(body: np.dtype[np.void]) -> np.dtype[np.void]:
+    return np.dtype([("/head", f"S{HEAD}"), *((name, body.fields[name][0]) for name in body.names or ())])  # type: ignore[index]
+
+
+def _learn(data: bytes, at: int, kinds: dict[int, Kind]) -> None:
+    """Take a format into ``kinds``; one that contradicts itself, or one from before, is not."""
+    row = np.frombuffer(data, _record(_FMT), 1, at)[0]
+    name, letters, listed = (text_of(row[key]) for key in ("name", "format", "columns"))
+    columns = [column.strip() for column in listed.split(",") if column.strip()]
+    if len(columns) != len(letters) or len(set(columns)) != len(columns):
+        return
+    taken = int(row["type"]) in kinds or name in (kind.name for kind in kinds.values())
+    if taken or not re.fullmatch(r"\w{1,4}", name, re.ASCII) or any(letter not in _CODES for letter in letters):
+        return
+    types = [(column, _CODES[letter][0]) for column, letter in zip(columns, letters, strict=True)]
+    record = _record(np.dtype(types)) if types else np.dtype([("/head", f"S{HEAD}")])
+    if record.itemsize == int(row["length"]):
+        kinds[int(row["type"])] = Kind(name, record, dict(zip(columns, letters, strict=True)))
+
+
+def text_of(value: bytes) -> str:
+    """A text as stored, up to its first zero."""
+    return bytes(value).partition(b"\0")[0].decode("utf-8", "replace")
+
+
+def columns_of(data: bytes, kind: Kind, places: list[int]) -> Columns:
+    """Columns of all records of a kind, as stored but for the divisor of their letter."""
+    size = kind.record.itemsize
+    rows = np.frombuffer(b"".join(data[at : at + size] for at in places), kind.record)
+    return {
+        name: _decoded(rows[name], kind.codes.get(name, "")) for name in kind.record.names or () if name != "/head"
+    }
+
+
+def _decoded(values: Array, letter: str) -> Array:
+    if values.dtype.kind == "S":
+        return np.array([text_of(value) for value in values], object)
+    divisor = _CODES[letter][1] if letter else 1.0
+    return np.array(values) if divisor == 1.0 else values / divisor
