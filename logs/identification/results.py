@@ -42,6 +42,41 @@ class Unidentified(NamedTuple):
     """-; one clause"""
 
 
+class FitSeries(NamedTuple):
+    """One measured output of one manoeuvre beside what a model makes of it."""
+
+    experiment: str
+    """-; the manoeuvre's name"""
+    output: str
+    """-; what was fitted or predicted"""
+    unit: str
+    """-; SI"""
+    time: Array
+    """s; (M,), equally spaced"""
+    measured: Array
+    """as `unit`; (M,)"""
+    model: Array
+    """as `unit`; (M,)"""
+    held_out: bool = False
+    """-; not among the data that the model was fitted to: a prediction"""
+
+
+class Fitted(NamedTuple):
+    """What any method hands to the report: its model, its numbers, and how they fit."""
+
+    method: str
+    """-; what the report calls it"""
+    equations: tuple[str, ...]
+    """-; the model, one equation in symbols or one sentence each"""
+    estimates: tuple[Estimate, ...]
+    unidentified: tuple[Unidentified, ...] = ()
+    correlation: Array | None = None
+    """-; (p, p), of the estimates in their order"""
+    series: tuple[FitSeries, ...] = ()
+    notes: tuple[str, ...] = ()
+    """-; what was dropped, taken from elsewhere or decided, one sentence each"""
+
+
 def student_factor(degrees: float) -> float:
     """Half width of the 95 % interval in standard errors for ``degrees`` of freedom (at least one)."""
     from scipy.special import stdtrit  # takes 0.3 s, which a flight need not wait for
