@@ -11,6 +11,12 @@ from logs.identification.results import Array
 
 def propagate(of: Callable[[Array], Array], values: Array, covariance: Array) -> tuple[Array, Array]:
     """Value (k,) and standard errors (k,) of ``of(values)`` by the delta method, gradients by central difference."""
+    central, carried = carry(of, values, covariance)
+    return central, np.sqrt(np.maximum(np.diag(carried), 0.0))
+
+
+def carry(of: Callable[[Array], Array], values: Array, covariance: Array) -> tuple[Array, Array]:
+    """Value (k,) and covariance (k, k) of ``of(values)`` by the delta method, gradients by central difference."""
     central = of(values)
     errors = np.sqrt(np.diag(covariance))
     columns = []
@@ -21,4 +27,4 @@ def propagate(of: Callable[[Array], Array], values: Array, covariance: Array) ->
         behind[index] -= width
         columns.append((of(ahead) - of(behind)) / (2 * width))
     gradient = np.column_stack(columns)
-    return central, np.sqrt(np.maximum(np.diag(gradient @ covariance @ gradient.T), 0.0))
+    return central, gradient @ covariance @ gradient.T

@@ -16,7 +16,7 @@ from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft
-from logs.identification.modes.short_period import Mode
+from logs.identification.modes.mode import Mode
 from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.report import identify
 from logs.identification.sources.flight import flight_data

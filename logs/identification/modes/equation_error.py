@@ -14,6 +14,7 @@ import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
+from logs.identification.modes.errors import LEAST_CLUSTERS, scatter_between
 from logs.identification.modes.longitudinal import REGRESSORS
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
@@ -24,8 +25,6 @@ DRIFT_ORDER = 2
 SPEED_PASSES = 3
 """-; of putting the speeds found into the products that they were found with: a fourth changes 1e-4 of their range"""
 WORST_CONDITION = 1e3
-LEAST_CLUSTERS = 5
-"""-; manoeuvres from which on the scatter between them is added to the error"""
 
 
 class DerivativeFit(NamedTuple):
@@ -158,19 +157,6 @@ def _score(clean: Array, residuals: Array) -> Array:
     """Gradient (axes x kept,) of one manoeuvre's squares."""
     gradient: Array = (clean.T @ residuals).T.ravel()
     return gradient
-
-
-def scatter_between(inverse: Array, scores: list[Array]) -> Array:
-    """Covariance (p, p) from the scatter between manoeuvres, a sandwich over clusters.
-
-    What a model lacks is much the same all through a manoeuvre and another in the next; residuals taken as noise
-    would promise too much. ``scores`` (p,) are each manoeuvre's gradient, ``inverse`` (p, p) that of the
-    information of all.
-    """
-    count = len(scores)
-    middle = np.sum([np.outer(score, score) for score in scores], axis=0) * count / (count - 1)
-    sandwich: Array = inverse @ middle @ inverse.T
-    return sandwich
 
 
 def failed(names: tuple[str, ...], why: str) -> DerivativeFit:

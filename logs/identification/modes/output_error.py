@@ -16,10 +16,10 @@ import numpy as np
 from numba import njit
 
 from logs.identification.data import Aircraft
-from logs.identification.modes.equation_error import LEAST_CLUSTERS, DerivativeFit, failed, scatter_between
+from logs.identification.modes.equation_error import DerivativeFit, failed
+from logs.identification.modes.errors import coloured_spread, information
 from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
-from logs.identification.regression.colour import colour_of, coloured_information
 from logs.identification.results import Array
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")
@@ -230,20 +230,15 @@ def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
     return regressors
 
 
-def _information(here: Linearised) -> Array:
-    information: Array = sum(np.einsum("nip,niq->pq", s, s) for s in here.sensitivities)
-    return information
-
-
 def _gauss_newton(here: Linearised) -> tuple[Array, Array]:
     """Step (p,) of least squares and its standard errors for white residuals; NaN where it is not determined."""
-    information = _information(here)
+    squared = information(here.sensitivities)
     gradient = sum(np.einsum("nip,ni->p", s, r) for s, r in zip(here.sensitivities, here.residuals, strict=True))
-    scale = np.sqrt(np.diag(information))
+    scale = np.sqrt(np.diag(squared))
     nothing = np.full(len(scale), np.nan)
     if not np.all(np.isfinite(scale)) or not np.all(scale > 0):
         return nothing, nothing
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(squared / np.outer(scale, scale))
     if values[0] * WORST_CONDITION**2 < values[-1]:
         return nothing, nothing
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
@@ -267,13 +262,5 @@ def _finish(problem: Problem, values: Array, deviation: Array, here: Linearised)
     strokes = max(m.period for m in problem.manoeuvres) / OUTPUT_STEP
     longest = max(len(piece) for piece in here.residuals)
     lags = int(min(max(longest / 10, LAG_STROKES * strokes), longest / 2)) + 1
-    colour = colour_of(here.residuals, [np.ones(len(piece)) for piece in here.residuals], lags)
-    inverse = np.asarray(np.linalg.inv(_information(here)), dtype=np.float64)
-    degrees = max(colour.effective - len(values) - here.nuisances, 1.0)
-    core = coloured_information(here.sensitivities, colour) * (colour.effective / degrees)
-    covariance = inverse @ core @ inverse
-    if len(problem.manoeuvres) >= LEAST_CLUSTERS:
-        scores = [np.einsum("nip,ni->p", s, r) for s, r in zip(here.sensitivities, here.residuals, strict=True)]
-        covariance = covariance + scatter_between(inverse, scores)
-        degrees = float(len(scores) - 1)
-    return DerivativeFit(problem.names, values, covariance, degrees, deviation)
+    spread = coloured_spread(here.residuals, here.sensitivities, lags, here.nuisances)
+    return DerivativeFit(problem.names, values, spread.covariance, spread.degrees, deviation)

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
 from logs.identification.drive.servo import ServoModel, ServoResult, identify_power, identify_torque, power_truth
-from logs.identification.modes.short_period import Mode, ModesResult, identify_modes
+from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
+from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, true_drive_data
 
@@ -119,12 +120,12 @@ def rows(result: Identification) -> tuple[Row, ...]:
     if any(name.startswith("power.") for name in result.truths):
         table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
     for mode in result.modes.modes if result.modes else ():
-        found = [e for e in (mode.frequency, mode.damping) if e is not None]
-        table += _estimate_rows(mode.method, (*found, *mode.time_constants), result.truths, "")
+        for pair in (mode.of_kind(kind) for kind in KINDS):
+            table += _estimate_rows(mode.method, () if pair is None else pair.estimates, result.truths, "")
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
-        table.append(Row("short period", "agreement", "", None, None, result.modes.statement))
-        table += [Row("short period", "taken", "", None, None, note) for note in result.modes.notes]
+        table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
+        table += [Row("modes", "taken", "", None, None, note) for note in result.modes.notes]
     return (*table, *_refusals("", result.missing))
 
 
@@ -191,17 +192,29 @@ def _modes(result: ModesResult, truths: Mapping[str, float]) -> dict[str, Any]:
         "manoeuvres": result.manoeuvres,
         "notes": list(result.notes),
         "wing_period": result.wing_period,
-        "reference": {key: float(value) for key, value in result.reference._asdict().items()},
+        "reference": None if result.reference is None else _floats(result.reference._asdict()),
     }
+
+
+def _floats(values: Mapping[str, Any]) -> dict[str, float]:
+    return {key: float(value) for key, value in values.items()}
 
 
 def _mode(mode: Mode, truths: Mapping[str, float]) -> dict[str, Any]:
     return {
         "method": mode.method,
-        "frequency": None if mode.frequency is None else _estimate(mode.frequency, truths),
-        "damping": None if mode.damping is None else _estimate(mode.damping, truths),
-        "time_constants": [_estimate(found, truths) for found in mode.time_constants],
+        **_oscillation(mode.short_period, truths),
+        "phugoid": None if mode.phugoid is None else _oscillation(mode.phugoid, truths),
         "eigenvalues": [[root.real, root.imag] for root in mode.eigenvalues],
         "derivatives": [_estimate(found, truths) for found in mode.derivatives],
         "unidentified": [entry._asdict() for entry in mode.unidentified],
     }
+
+
+def _oscillation(pair: Oscillation | None, truths: Mapping[str, float]) -> dict[str, Any]:
+    """`frequency`, `damping`, `period`, `time_to_half`, `cycles`: null where not identified; `time_constants`."""
+    single = ("frequency", "damping", "period", "time_to_half", "cycles")
+    found = {key: None if pair is None else getattr(pair, key) for key in single}
+    entries = {key: None if value is None else _estimate(value, truths) for key, value in found.items()}
+    constants = () if pair is None else pair.time_constants
+    return entries | {"time_constants": [_estimate(value, truths) for value in constants]}

@@ -8,7 +8,8 @@ from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 
 from avionics.quantities import BadInput
 from logs.identification.data import FlightData
-from logs.identification.modes.short_period import identify_modes, short_period_of
+from logs.identification.modes.mode import short_period_of
+from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Array
 from logs.identification.sources.flapping import flapping_frequency, strokes_in
 from logs.identification.sources.inputs import find_inputs

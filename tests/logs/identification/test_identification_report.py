@@ -16,7 +16,7 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import FlightData
-from logs.identification.modes.short_period import short_period_of
+from logs.identification.modes.mode import short_period_of
 from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows, text
 from sim_bridge import topics as truth
 

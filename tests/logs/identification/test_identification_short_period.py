@@ -14,7 +14,8 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes.equation_error import signals
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.modes.short_period import ModesResult, identify_modes, short_period_of
+from logs.identification.modes.mode import ModesResult, short_period_of
+from logs.identification.modes.short_period import identify_modes
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.results import Array
 

@@ -13,7 +13,7 @@ from foreign_logs import DATA, ROOT, imported
 from avionics import topics
 from avionics.quantities import BadInput
 from groundstation.command.identify import UNKNOWN, identified
-from logs.identification.modes.short_period import short_period_of
+from logs.identification.modes.mode import short_period_of
 from logs.identification.report import identify
 from logs.identification.sources.elevator import MadeElevator
 from logs.importing.log_import import NOTES

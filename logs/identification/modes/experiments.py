@@ -1,0 +1,45 @@
+"""The modes of records that any table may give: every method that the data allows, and where they disagree."""
+
+from __future__ import annotations
+
+from logs.identification.experiment import Experiment
+from logs.identification.modes.agreement import agreement
+from logs.identification.modes.free_response import free_response
+from logs.identification.modes.mode import PHUGOID, SHORT_PERIOD, Mode, ModesResult
+from logs.identification.modes.records import Records, records_of
+
+SLOW_UNITS = ("m/s", "m")
+"""speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
+
+
+def modes_of_experiments(
+    experiments: tuple[Experiment, ...],
+    input_name: str | None,
+    output_names: tuple[str, ...],
+    kinds: tuple[str, ...] | None = None,
+    known: tuple[Mode, ...] = (),
+) -> ModesResult:
+    """Short period, phugoid or both (``kinds``) of ``experiments`` by every method that applies.
+
+    ``input_name`` is None where the motion is free all the time. ``kinds`` of `mode.KINDS`; None takes the phugoid
+    where a speed or a height is among the outputs and no angular rate, angle of attack or acceleration is, else
+    the short period. ``known`` are modes by other methods, `mode.mode_of_system` of a fitted model, to compare with.
+
+    Raises:
+        BadInput: a named signal is not there, or no record is long enough.
+    """
+    records = records_of(experiments, input_name, output_names)
+    modes = (*known, *modes_of_records(records, kinds or _likely(records)))
+    agree, statement = agreement(modes)
+    return ModesResult(modes, agree, statement, None, len(records.pieces), None, records.notes)
+
+
+def modes_of_records(records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ...]:
+    """The methods without a physical model, one after the other."""
+    return (free_response(records, kinds),)
+
+
+def _likely(records: Records) -> tuple[str, ...]:
+    slow = any(unit in SLOW_UNITS for unit in records.units)
+    fast = any(unit in ("rad/s", "m/s^2") for unit in records.units) or "alpha" in records.names
+    return (PHUGOID,) if slow and not fast else (SHORT_PERIOD,)

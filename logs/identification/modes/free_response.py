@@ -1,0 +1,162 @@
+"""Free motion after an input, or without one: damped sinusoids with an offset and a slow drift.
+
+Nonlinear least squares on the ring-down (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 3; the
+logarithmic decrement as in Etkin & Reid, Dynamics of Flight, 1996). All outputs and records share the frequency
+and the damping; amplitudes, phases, offsets and drifts are each one's own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from logs.identification.modes.errors import coloured_spread, determined
+from logs.identification.modes.mode import KINDS, PHUGOID, SHORT_PERIOD, Mode, Oscillation, nothing, oscillation
+from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
+from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
+from logs.identification.results import Array, Unidentified
+
+METHOD = "free response"
+DRIFT_ORDER = 2
+GRID = 24
+DAMPINGS = (0.05, 0.3, 0.8)
+SLOWER = (0.08, 0.2, 0.4)
+"""-; of the short period's frequency: where the phugoid is looked for"""
+LEAST_TURN = 0.5
+"""-; of a period that the ring-down must span"""
+LARGEST_DAMPING = 0.4
+"""-; a quarter of a cycle to half amplitude. Above, the drift took the phugoid for damping: at 0.6 3 % too little"""
+
+
+def free_response(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
+    """Modes ``kinds`` from what follows the input of each record, or from the whole record where there is none."""
+    rings = ring_downs(records)
+    if not rings:
+        return nothing(METHOD, "the input does not rest long enough for a free motion to be seen", kinds)
+    fit = fit_ring_downs(rings, len(kinds))
+    why = fit.failure or _doubt(fit, rings)
+    if why:
+        return nothing(METHOD, why, kinds)
+    return _mode(fit, rings, records, kinds)
+
+
+def ring_downs(records: Records) -> tuple[Record, ...]:
+    """What is left of each record after its input has come to rest and been averaged away."""
+    found = []
+    for piece in records.pieces:
+        first = piece.free_from + (0 if piece.free_from == 0 else 1)
+        rest = piece.outputs[first:]
+        if len(rest) >= LEAST_SAMPLES:
+            found.append(piece._replace(input=None, outputs=rest - rest.mean(axis=0), free_from=0))
+    return tuple(found)
+
+
+def fit_ring_downs(rings: tuple[Record, ...], count: int) -> SeparableFit:
+    """``count`` pairs of frequency (rad/s) and damping ratio, from the best of a grid and the decrement's."""
+    build = builder(rings)
+    longest = max(len(ring.outputs) * ring.step for ring in rings)
+    highest = min(0.25 * math.pi / ring.step for ring in rings)
+    lowest = min(math.pi / longest, highest / 2)
+    starts = [np.array([w, z]) for w in np.geomspace(lowest, highest, GRID) for z in DAMPINGS]
+    decrement = log_decrement(rings[0].outputs[:, 0], rings[0].step)
+    starts += [] if decrement is None else [np.array(decrement)]
+    best = min(starts, key=lambda start: squares(build, start))
+    if count == 1:
+        return solve(build, best)
+    pairs = [np.concatenate((best, [best[0] * share, 0.1])) for share in SLOWER]
+    pairs += [np.concatenate(([best[0] / share, 0.4], best)) for share in SLOWER]
+    return solve(build, min(pairs, key=lambda start: squares(build, start)))
+
+
+def builder(rings: tuple[Record, ...]) -> Build:
+    """What makes the linear problem of given frequencies and dampings (2 k,)."""
+    spans = {(len(ring.outputs), ring.step) for ring in rings}
+
+    def build(values: Array) -> list[Piece]:
+        own = {span: _columns(values, *span) for span in spans}
+        pieces = []
+        for ring in rings:
+            outputs = ring.outputs.shape[1]
+            columns = own[len(ring.outputs), ring.step]
+            pieces.append(Piece(ring.outputs, (columns,) * outputs, (columns[:, :0],) * outputs))
+        return pieces
+
+    return build
+
+
+def _columns(values: Array, samples: int, step: float) -> Array:
+    """The waves of each pair of ``values`` (2 k,), an offset and a slow drift: (N, 2 k + 3)."""
+    time = np.linspace(0.0, (samples - 1) * step, samples)
+    waves = [wave for w, z in values.reshape(-1, 2).tolist() for wave in damped(time, w, z)]
+    return np.column_stack((*waves, np.vander(2 * time / time[-1] - 1, DRIFT_ORDER + 1)))
+
+
+def damped(time: Array, frequency: float, damping: float) -> tuple[Array, Array]:
+    """The two solutions (N,) of ``y'' + 2 zeta omega y' + omega^2 y = 0``, smooth through a damping of 1."""
+    root = np.sqrt(complex(damping**2 - 1)) * frequency
+    root = root if abs(root) > 1e-9 * abs(frequency) else complex(1e-9 * abs(frequency))
+    exponent = np.clip(-damping * frequency * time, -300.0, 300.0)
+    up, down = (np.exp(np.clip((exponent + sign * root * time).real, -300, 300) + 1j * (sign * root * time).imag)
+                for sign in (1, -1))  # fmt: skip
+    return ((up + down) / 2).real, ((up - down) / (2 * root)).real
+
+
+def log_decrement(values: Array, step: float) -> tuple[float, float] | None:
+    """Frequency (rad/s) and damping ratio of ``values`` (N,) by its extrema (Etkin & Reid), None where there are few.
+
+    The differences between neighbouring extrema fall by ``exp(-pi zeta / sqrt(1 - zeta^2))`` each half period,
+    whatever the offset.
+    """
+    slope = np.sign(np.diff(values))
+    extrema = np.flatnonzero(slope[1:] * slope[:-1] < 0) + 1
+    if len(extrema) < 4:
+        return None
+    swings = np.abs(np.diff(values[extrema]))
+    large = swings > 0.1 * swings.max()
+    if large.sum() < 3:
+        return None
+    half = float(np.mean(np.diff(extrema)[large])) * step
+    ratio = np.polyfit(np.flatnonzero(large), np.log(swings[large]), 1)[0]
+    damping = -ratio / math.hypot(math.pi, ratio)
+    return math.pi / half / math.sqrt(1 - damping**2), float(np.clip(damping, -0.5, 0.95))
+
+
+def _doubt(fit: SeparableFit, rings: tuple[Record, ...]) -> str:
+    """Why the fitted numbers may not be used; empty where they may."""
+    if not determined(fit.sensitivities):
+        return "the ring-down does not determine frequency and damping"
+    longest = max(len(ring.outputs) * ring.step for ring in rings)
+    for frequency, damping in fit.values.reshape(-1, 2):
+        if not frequency > 0:
+            return "no oscillation found in the ring-down"
+        if damping > LARGEST_DAMPING:
+            return "it falls to half within a quarter of a cycle: decay and drift are not told apart"
+        if frequency * longest < LEAST_TURN * 2 * math.pi:
+            return "the ring-down is shorter than half a period of what it may hold"
+    return ""
+
+
+def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds: tuple[str, ...]) -> Mode:
+    step = rings[0].step
+    longest = max(len(ring.outputs) for ring in rings)
+    lags = int(min(max(longest / 10, 2 * records.blur / step), longest / 2)) + 1
+    spread = coloured_spread(fit.residuals, fit.sensitivities, lags, fit.linear)
+    order = np.argsort(-fit.values[::2])
+    found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
+    missing, roots = [], []
+    for kind, index in zip(kinds, order, strict=True):
+        chosen = slice(2 * index, 2 * index + 2)
+        outcome = oscillation(kind, fit.values[chosen], spread.covariance[chosen, chosen], spread.degrees)
+        roots += eigenvalues_of(*fit.values[chosen])
+        if isinstance(outcome, Unidentified):
+            missing.append(outcome)
+        else:
+            found[kind] = outcome
+    return Mode(METHOD, found[SHORT_PERIOD], found[PHUGOID], tuple(roots), (), tuple(missing))
+
+
+def eigenvalues_of(frequency: float, damping: float) -> list[complex]:
+    """The two roots in 1/s of ``s^2 + 2 zeta omega s + omega^2``."""
+    root = np.sqrt(complex(damping**2 - 1))
+    return [complex(frequency * (-damping + sign * root)) for sign in (1, -1)]

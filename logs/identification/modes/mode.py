@@ -1,0 +1,240 @@
+"""A mode of motion of second order: what it is known by, with the errors of everything, and where it comes from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.delta import carry, propagate
+from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.results import Array, Estimate, Unidentified, estimate
+
+SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
+WIDEST = 1.0
+"""-; of the value: a frequency with a wider half interval is not identified"""
+UNSURE = "the interval of its frequency reaches zero: fly more or larger inputs"
+
+
+class Oscillation(NamedTuple):
+    """One mode of second order, whether it oscillates or not."""
+
+    frequency: Estimate
+    """rad/s; undamped natural frequency"""
+    damping: Estimate
+    """-; damping ratio; above 1 the mode does not oscillate"""
+    period: Estimate | None
+    """s; of the damped oscillation; None where the interval of the damping reaches 1"""
+    time_to_half: Estimate | None
+    """s; until the amplitude has halved, or doubled where the name says so; None where neither is sure"""
+    cycles: Estimate | None
+    """-; oscillations until then"""
+    time_constants: tuple[Estimate, ...]
+    """s; the two of a mode that does not oscillate, the shorter first, else empty"""
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Every number that there is."""
+        timing = (self.period, self.time_to_half, self.cycles)
+        return (self.frequency, self.damping, *(e for e in timing if e is not None), *self.time_constants)
+
+
+class Mode(NamedTuple):
+    """The modes of motion by one method."""
+
+    method: str
+    """-; what reports call it"""
+    short_period: Oscillation | None
+    """None where not identified"""
+    phugoid: Oscillation | None
+    """None where not identified or not asked for"""
+    eigenvalues: tuple[complex, ...]
+    """1/s; of the whole model"""
+    derivatives: tuple[Estimate, ...]
+    """the model's parameters"""
+    unidentified: tuple[Unidentified, ...]
+    """what this method does not give, and why"""
+
+    @property
+    def frequency(self) -> Estimate | None:
+        """Undamped natural frequency of the short period in rad/s, None where not identified."""
+        return None if self.short_period is None else self.short_period.frequency
+
+    @property
+    def damping(self) -> Estimate | None:
+        """Damping ratio of the short period, None where not identified."""
+        return None if self.short_period is None else self.short_period.damping
+
+    @property
+    def time_constants(self) -> tuple[Estimate, ...]:
+        """The two time constants in s of a short period that does not oscillate, else empty."""
+        return () if self.short_period is None else self.short_period.time_constants
+
+    def of_kind(self, kind: str) -> Oscillation | None:
+        """The short period or the phugoid, by its name in `KINDS`."""
+        return self.short_period if kind == SHORT_PERIOD else self.phugoid
+
+
+class ModesResult(NamedTuple):
+    """The modes of a flight or of a set of experiments by every method."""
+
+    modes: tuple[Mode, ...]
+    """one per method"""
+    agree: bool | None
+    """-; None where fewer than two methods gave a number"""
+    statement: str
+    """-; one sentence on the agreement"""
+    reference: Reference | None
+    """the flight condition, None where the records do not tell it"""
+    manoeuvres: int
+    """-; how many inputs or records were used"""
+    wing_period: float | None
+    """s; mean in the manoeuvres, None without flapping wings"""
+    notes: tuple[str, ...] = ()
+    """-; what the log does not tell and was taken from elsewhere"""
+
+
+def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
+    """A method without a number, and why."""
+    return Mode(method, None, None, (), (), tuple(Unidentified(kind, why) for kind in kinds))
+
+
+def pair_of(first: complex, second: complex) -> tuple[float, float]:
+    """Undamped natural frequency (rad/s) and damping ratio of two eigenvalues, a complex pair or both real.
+
+    A damping ratio above 1 belongs to two real eigenvalues; both numbers pass smoothly through 1.
+
+    Raises:
+        ValueError: one of the two is positive and the other negative: no mode of second order.
+    """
+    product, total = (first * second).real, (first + second).real
+    if product <= 0:
+        raise ValueError("the eigenvalues have different signs: a divergence, no mode of second order")
+    return math.sqrt(product), -total / (2 * math.sqrt(product))
+
+
+def short_period_of(system: Array) -> tuple[float, float]:
+    """Undamped natural frequency (rad/s) and damping ratio of the faster pair of eigenvalues of ``system`` (n, n).
+
+    Raises:
+        ValueError: one of the two is positive and the other negative: no mode of second order.
+    """
+    try:
+        return pair_of(*split_pairs(system)[0])
+    except ValueError as error:
+        raise ValueError("the faster eigenvalues have different signs: a divergence, no short-period mode") from error
+
+
+def phugoid_of(system: Array) -> tuple[float, float]:
+    """Undamped natural frequency (rad/s) and damping ratio of the slower pair of a ``system`` (4, 4).
+
+    Raises:
+        ValueError: there is no slower pair, or its eigenvalues have different signs.
+    """
+    slow = split_pairs(system)[1]
+    if len(slow) != 2:
+        raise ValueError("the model holds the speed constant")
+    return pair_of(*slow)
+
+
+def split_pairs(system: Array) -> tuple[Array, Array]:
+    """The two eigenvalues of greatest modulus, and the others; a complex pair is not torn apart."""
+    roots = np.linalg.eigvals(system).astype(complex)
+    roots = roots[np.argsort(-np.abs(roots), kind="stable")]
+    partner = 1 if abs(roots[0].imag) > 1e-9 else 1 + int(np.argmax(np.abs(roots[1:].imag) <= 1e-9))
+    chosen = np.isin(np.arange(len(roots)), (0, partner))
+    return roots[chosen], roots[~chosen]
+
+
+def oscillation(kind: str, pair: Array, covariance: Array, degrees: float) -> Oscillation | Unidentified:
+    """A mode from its ``pair`` (2,) of frequency (rad/s) and damping ratio with their ``covariance`` (2, 2).
+
+    Times and cycles are monotone in the decay rate, the damped frequency and their ratio: the ends of their
+    intervals are those of what they are computed from, so that a decay that may be none gives no time to half.
+    """
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    frequency = estimate(f"{kind}_frequency", "rad/s", float(pair[0]), float(errors[0]), degrees)
+    damping = estimate(f"{kind}_damping", "-", float(pair[1]), float(errors[1]), degrees)
+    if not np.all(np.isfinite(errors)) or frequency.low < (1 - WIDEST) * frequency.value:
+        return Unidentified(kind, UNSURE)
+    rate = _computed(lambda p: float(p[0] * p[1]), pair, covariance, degrees)
+    half = _over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
+    constants = _time_constants(pair, covariance, degrees) if pair[1] >= 1 else ()
+    if damping.high >= 1 or damping.low <= -1:
+        return Oscillation(frequency, damping, None, half, None, constants)
+    turning = _computed(lambda p: float(p[0] * math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, covariance, degrees)
+    ratio = _computed(lambda p: float(p[1] / math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, covariance, degrees)
+    period = _over(f"{kind}_period", "s", 2 * math.pi, turning)
+    cycles = _over(f"{kind}_cycles_to_{_change(rate)}", "-", math.log(2) / (2 * math.pi), ratio)
+    return Oscillation(frequency, damping, period, half, cycles, constants)
+
+
+def _change(rate: Estimate) -> str:
+    return "half" if rate.value > 0 else "double"
+
+
+def _computed(of: Callable[[Array], float], pair: Array, covariance: Array, degrees: float) -> Estimate:
+    value, error = propagate(lambda p: np.array([of(p)]), pair, covariance)
+    return estimate("", "", float(value[0]), float(error[0]), degrees)
+
+
+def _over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate | None:
+    """``numerator`` / |``below``| with the ends of the interval of ``below``; None where that reaches zero."""
+    if below.low <= 0 <= below.high:
+        return None
+    value = numerator / abs(below.value)
+    low, high = sorted((numerator / abs(below.low), numerator / abs(below.high)))
+    return Estimate(name, unit, value, value * abs(below.standard_error / below.value), low, high)
+
+
+def _time_constants(pair: Array, covariance: Array, degrees: float) -> tuple[Estimate, ...]:
+    def constants(p: Array) -> Array:
+        root = math.sqrt(max(p[1] ** 2 - 1, 0.0))
+        return np.array([1 / (p[0] * (p[1] + root)), 1 / (p[0] * (p[1] - root))])
+
+    values, errors = propagate(constants, pair, covariance)
+    return tuple(estimate(f"time_constant_{i + 1}", "s", float(values[i]), float(errors[i]), degrees) for i in (0, 1))
+
+
+TAKEN = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
+
+
+def mode_of_system(
+    method: str,
+    system: Callable[[Array], Array],
+    values: Array,
+    covariance: Array,
+    degrees: float,
+    derivatives: tuple[Estimate, ...] = (),
+) -> Mode:
+    """Short period and, of four states, phugoid of the ``system`` (n, n) that parameters ``values`` (p,) make.
+
+    ``covariance`` (p, p) is that of the parameters; the errors of the modes follow by the delta method.
+    """
+    eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(values)))
+    found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
+    missing = []
+    for kind, of in TAKEN[: len(eigenvalues) // 2]:
+        outcome = _carried(kind, of, system, values, covariance, degrees)
+        if isinstance(outcome, Unidentified):
+            missing.append(outcome)
+        else:
+            found[kind] = outcome
+    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], eigenvalues, derivatives, tuple(missing))
+
+
+def _carried(
+    kind: str,
+    of: Callable[[Array], tuple[float, float]],
+    system: Callable[[Array], Array],
+    values: Array,
+    covariance: Array,
+    degrees: float,
+) -> Oscillation | Unidentified:
+    try:
+        pair, spread = carry(lambda v: np.array(of(system(v))), values, covariance)
+    except ValueError as error:
+        return Unidentified(kind, str(error))
+    return oscillation(kind, pair, spread, degrees)

@@ -1,0 +1,131 @@
+"""What the methods without a physical model work on: input and outputs of each manoeuvre, even and without gaps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.preparing.manoeuvre import Manoeuvre
+from logs.identification.results import Array
+
+LEAST_SAMPLES = 16
+LONGEST_GAP = 3
+"""-; samples; a gap up to that is bridged by a straight line, at a longer one the record is cut"""
+AT_REST = 0.03
+"""-; of the input's range: what remains of it when it rests"""
+AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
+"""of a flapping flight; units by name. What else there is adds nothing but its own errors"""
+
+
+class Record(NamedTuple):
+    """One manoeuvre, or one free motion, without gaps."""
+
+    name: str
+    """-; what it is called in reports"""
+    step: float
+    """s"""
+    input: Array | None
+    """(N,); minus its first value; None where the motion is free"""
+    outputs: Array
+    """(N, m); minus their means"""
+    free_from: int
+    """-; first sample after the input has come to rest, N where it does not"""
+
+
+class Records(NamedTuple):
+    """Everything that one set of modes is found from."""
+
+    pieces: tuple[Record, ...]
+    names: tuple[str, ...]
+    """-; of the m outputs"""
+    units: tuple[str, ...]
+    """SI; of the m outputs"""
+    blur: float
+    """s; length of the moving average that input and outputs went through, 0 for none"""
+    notes: tuple[str, ...] = ()
+    """-; what was bridged or left out, one clause each"""
+
+
+def records_of(experiments: tuple[Experiment, ...], input_name: str | None, output_names: tuple[str, ...]) -> Records:
+    """The longest stretch of each experiment on which input and outputs were measured.
+
+    Raises:
+        BadInput: a signal that is named is not there, or no experiment is long enough.
+    """
+    if not output_names:
+        raise BadInput("no output is named: modes need at least one")
+    pieces, notes = [], []
+    for experiment in experiments:
+        columns, note = _without_gaps(_columns(experiment, input_name, output_names))
+        notes += [f"{experiment.name}: {note}"] if note else []
+        if len(columns) >= LEAST_SAMPLES:
+            pieces.append(_record(experiment, columns, input_name is not None))
+    if not pieces:
+        raise BadInput(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
+    units = tuple(experiments[0].units.get(name, "") for name in output_names)
+    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes))
+
+
+def _columns(experiment: Experiment, input_name: str | None, output_names: tuple[str, ...]) -> Array:
+    """Outputs and, last, the input where there is one: (N, m) or (N, m + 1)."""
+    names = (*output_names, *(() if input_name is None else (input_name,)))
+    for name in names:
+        if name not in experiment.signals:
+            raise BadInput(f"{experiment.name}: no signal {name!r}; there are {', '.join(experiment.signals)}")
+    return np.column_stack([np.asarray(experiment.signals[name], dtype=float) for name in names])
+
+
+def _without_gaps(columns: Array) -> tuple[Array, str]:
+    """The longest stretch (M, k) of ``columns`` without a long gap, its short ones bridged; and what was done."""
+    whole = np.all(np.isfinite(columns), axis=1)
+    if np.all(whole):
+        return columns, ""
+    bridged, count = columns.copy(), 0
+    gaps = [run for run in _runs(~whole) if run.stop - run.start <= LONGEST_GAP]
+    for run in (run for run in gaps if run.start > 0 and run.stop < len(whole)):
+        share = (np.arange(run.start, run.stop) - run.start + 1)[:, None] / (run.stop - run.start + 1)
+        bridged[run] = (1 - share) * columns[run.start - 1] + share * columns[run.stop]
+        whole[run], count = True, count + run.stop - run.start
+    longest = max(_runs(whole), key=lambda run: run.stop - run.start, default=slice(0, 0))
+    kept = bridged[longest]
+    return kept, f"{count} missing samples bridged, {len(columns) - len(kept)} at the ends or in long gaps left out"
+
+
+def _runs(mask: Array) -> list[slice]:
+    """Stretches on which ``mask`` (N,) holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(int), [0]))))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
+    outputs = columns[:, :-1] if driven else columns
+    given = columns[:, -1] - columns[0, -1] if driven else None
+    return Record(experiment.name, experiment.step, given, outputs - outputs.mean(axis=0), rest_of(given))
+
+
+def rest_of(given: Array | None) -> int:
+    """First sample after which the input ``given`` (N,) stays where it ends; N where it never does."""
+    if given is None:
+        return 0
+    span = float(np.ptp(given))
+    moving = np.flatnonzero(np.abs(given - given[-1]) > AT_REST * span)
+    return int(moving[-1]) + 1 if len(moving) else 0
+
+
+def averaged_records(manoeuvres: tuple[Manoeuvre, ...]) -> Records:
+    """Stroke averages of tail angle, pitch rate and normal specific force of each manoeuvre of a flapping flight.
+
+    One average is taken of input and outputs alike, which leaves every linear relation between them as it is.
+    """
+    pieces = []
+    for manoeuvre in manoeuvres:
+        tail = manoeuvre.averaging @ manoeuvre.tail
+        outputs = manoeuvre.averages[:, [0, 2]]
+        step = float(manoeuvre.at[1] - manoeuvre.at[0])
+        about = outputs - outputs.mean(axis=0)
+        pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))
+    blur = float(np.mean([manoeuvre.period for manoeuvre in manoeuvres]))
+    return Records(tuple(pieces), tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values()), blur)

@@ -1,0 +1,120 @@
+"""Least squares where most unknowns enter linearly: those are solved for at every step of the few others.
+
+Variable projection (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973). Amplitudes, offsets and drifts of each
+record and gains that all records share are linear; frequency, damping and delay are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from logs.identification.results import Array
+
+PASSES = 3
+"""-; of estimating the outputs' variances anew (relaxation of the likelihood)"""
+EVALUATIONS = 200
+
+
+class Piece(NamedTuple):
+    """One record at given nonlinear parameters."""
+
+    measured: Array
+    """(n, m)"""
+    own: tuple[Array, ...]
+    """m of (n, l); what has a coefficient of its own in this record"""
+    shared: tuple[Array, ...]
+    """m of (n, g); what has one coefficient in all records, g may be 0"""
+
+
+class SeparableFit(NamedTuple):
+    """The nonlinear parameters at the optimum."""
+
+    values: Array
+    """(p,)"""
+    residuals: list[Array]
+    """(n_i, m); in standard deviations"""
+    sensitivities: list[Array]
+    """(n_i, m, p); of the model, linear unknowns projected out, in standard deviations"""
+    linear: int
+    """-; how many unknowns were projected out"""
+    deviation: Array
+    """(m,); standard deviation of the outputs' residuals"""
+    gains: tuple[Array, ...]
+    """m of (g,); the shared coefficients"""
+    failure: str = ""
+    """-; why the numbers may not be used"""
+
+
+Build = Callable[[Array], list[Piece]]
+
+
+def residuals_at(build: Build, values: Array) -> tuple[list[Array], tuple[Array, ...]]:
+    """Residuals (n_i, m) with all linear unknowns at their optimum, and the shared ones, m of (g,)."""
+    pieces = build(values)
+    distinct = {id(own): own for piece in pieces for own in piece.own}
+    bases = {key: _basis(own) for key, own in distinct.items()}
+    columns, gains = [], []
+    for output in range(len(pieces[0].own)):
+        column, gain = _output_residuals(pieces, output, bases)
+        columns.append(column)
+        gains.append(gain)
+    bounds = np.cumsum([len(piece.measured) for piece in pieces])[:-1]
+    return np.split(np.column_stack(columns), bounds), tuple(gains)
+
+
+def _output_residuals(pieces: list[Piece], output: int, bases: dict[int, Array]) -> tuple[Array, Array]:
+    rests, designs = [], []
+    for piece in pieces:
+        measured, shared = piece.measured[:, output], piece.shared[output]
+        basis = bases[id(piece.own[output])]
+        rests.append(measured - basis @ (basis.T @ measured))
+        designs.append(shared - basis @ (basis.T @ shared))
+    rest, design = np.concatenate(rests), np.vstack(designs)
+    if not design.shape[1]:
+        return rest, np.zeros(0)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    gains = np.linalg.lstsq(design / scale, rest, rcond=1e-10)[0] / scale
+    return rest - design @ gains, gains
+
+
+def _basis(columns: Array) -> Array:
+    norms = np.linalg.norm(columns, axis=0)
+    basis: Array = np.linalg.qr(columns[:, norms > 0] / norms[norms > 0])[0]
+    return basis
+
+
+def squares(build: Build, values: Array) -> float:
+    """Sum over the outputs of the logarithm of the residuals' squares: the concentrated likelihood of ``values``."""
+    residuals, _ = residuals_at(build, values)
+    return float(np.sum(np.log(np.sum(np.vstack(residuals) ** 2, axis=0) + 1e-300)))
+
+
+def solve(build: Build, start: Array) -> SeparableFit:
+    """The nonlinear parameters from ``start`` (p,) on, by Levenberg-Marquardt on what the linear ones leave."""
+    values, deviation = start, np.ones(1)
+    for _ in range(PASSES):
+        residuals, _ = residuals_at(build, values)
+        deviation = np.maximum(np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0)), 1e-300)
+        found = least_squares(
+            _weighted(build, deviation), values, method="lm", jac="3-point", x_scale="jac", max_nfev=EVALUATIONS
+        )
+        values = found.x
+    residuals, gains = residuals_at(build, values)
+    failure = "" if found.success and np.all(np.isfinite(found.jac)) else "the fit did not converge"
+    bounds = np.cumsum([len(piece) for piece in residuals])[:-1]
+    slopes = np.split(-found.jac.reshape(-1, len(deviation), len(values)), bounds)
+    pieces = build(values)
+    linear = sum(own.shape[1] for piece in pieces for own in piece.own) + sum(len(gain) for gain in gains)
+    return SeparableFit(values, [r / deviation for r in residuals], slopes, linear, deviation, gains, failure)
+
+
+def _weighted(build: Build, deviation: Array) -> Callable[[Array], Array]:
+    def weighted(values: Array) -> Array:
+        flat: Array = (np.vstack(residuals_at(build, values)[0]) / deviation).ravel()
+        return flat
+
+    return weighted
