@@ -299,8 +299,17 @@ def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) 
     set_outside(y, around, s)
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
     wing_motion(s.tree, p.wings, q, rates, s.outside, s.wings)
+    set_tail(q, p, s.wings.motion.tail)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
+
+
+@inlined
+def set_tail(q: Floats, p: PlantParameters, tail: Floats) -> None:
+    """Tell what elevator and rudder have achieved, of the coordinates ``q``."""
+    for i in range(p.joints.kind.shape[0]):
+        if p.joints.kind[i] == FOLLOWS:
+            tail[p.joints.channel[i] - ELEVATOR] = q[i]
 
 
 @inlined

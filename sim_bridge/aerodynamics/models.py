@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple, get_type_hints
 
 from avionics.quantities import BadInput
-from sim_bridge.aerodynamics import blade_element, quasi_steady, regression, strip_theory
+from sim_bridge.aerodynamics import blade_element, derivatives, quasi_steady, regression, strip_theory
 from sim_bridge.aerodynamics.blade_element import BladeParameters
+from sim_bridge.aerodynamics.derivatives import DerivativesParameters
 from sim_bridge.aerodynamics.protocol import MODELS, AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.aerodynamics.quasi_steady import QuasiSteadyParameters
 from sim_bridge.aerodynamics.regression import RegressionParameters
@@ -19,10 +20,10 @@ from sim_bridge.vectors import Floats, kernel
 
 __all__ = ["MODELS", "Air", "advance", "air_of", "find_model", "loads"]
 
-for _model in (strip_theory.MODEL, quasi_steady.MODEL, blade_element.MODEL, regression.MODEL):
+for _model in (strip_theory.MODEL, quasi_steady.MODEL, blade_element.MODEL, regression.MODEL, derivatives.MODEL):
     MODELS[_model.name] = _model
 
-STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION = range(len(MODELS))
+STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION, DERIVATIVES = range(len(MODELS))
 
 
 class Air(NamedTuple):
@@ -34,6 +35,7 @@ class Air(NamedTuple):
     quasi_steady: QuasiSteadyParameters
     blade_element: BladeParameters
     regression: RegressionParameters
+    derivatives: DerivativesParameters
 
 
 def find_model(name: str) -> AerodynamicModel:
@@ -70,6 +72,8 @@ def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Float
         blade_element.loads(air.blade_element, strips, motion, density, state, out)
     elif air.which == REGRESSION:
         regression.loads(air.regression, strips, motion, density, state, out)
+    elif air.which == DERIVATIVES:
+        derivatives.loads(air.derivatives, strips, motion, density, state, out)
 
 
 @kernel
@@ -83,3 +87,5 @@ def advance(air: Air, strips: Strips, motion: Motion, density: float, state: Flo
         blade_element.advance(air.blade_element, strips, motion, density, state, dt)
     elif air.which == REGRESSION:
         regression.advance(air.regression, strips, motion, density, state, dt)
+    elif air.which == DERIVATIVES:
+        derivatives.advance(air.derivatives, strips, motion, density, state, dt)

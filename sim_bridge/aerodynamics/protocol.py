@@ -65,6 +65,8 @@ class Motion(NamedTuple):
     """(wings, 2) rad, rad/s; flap angle and rate, wing up positive"""
     body: Floats
     """(6,) m/s, rad/s; velocity of the fuselage through the air and its angular velocity, body axes"""
+    tail: Floats
+    """(2,) rad; achieved elevator (nose up positive) and rudder (nose right positive), 0 where a vehicle has none"""
 
 
 class SectionLoads(NamedTuple):
@@ -84,7 +86,9 @@ def blank_motion(strips: Strips, wings: int) -> Motion:
     """A motion at rest, to be filled."""
     n = strips.chord.shape[0]
     columns = [np.zeros(n) for _ in range(5)]
-    return Motion._make([*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6)])
+    return Motion._make(
+        [*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6), np.zeros(2)]
+    )
 
 
 def blank_loads(parts: int, strips: Strips, states: int) -> SectionLoads:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from sim_bridge.aerodynamics import regression
+from sim_bridge.aerodynamics import derivatives, regression
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -28,7 +28,10 @@ class Control(NamedTuple):
         return max((end - self.value) / rate, 0.0) if rate else math.inf
 
 
-MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {regression.MODEL.name: regression.check}
+MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {
+    regression.MODEL.name: regression.check,
+    derivatives.MODEL.name: derivatives.check,
+}
 """by model: refuses, from its section of the vehicle file, an airspeed in m/s at which it does not hold"""
 
 MODEL_WARNINGS = {

@@ -24,7 +24,24 @@ at = 0.35                                # of the input, at the trim
 [lateral]                                # states v m/s, p rad/s, r rad/s, roll rad; may be left out
 a = [[...], [...], [...], [...]]
 rudder = [...]                           # B of the achieved rudder angle, rad, nose right positive
+
+[identified]                             # where A and B are of a flight test; may be left out
+log = "flight.mcap"                      # its name, and the SHA-256 of its bytes
+sha256 = "..."
+method = "output error"
+elevator = -0.02                         # rad, achieved, at the trim
+angle_of_attack = 0.09                   # rad, at the trim
+density = 1.2                            # kg/m^3; may be left out
+
+[identified.estimates.X_u]               # what was estimated, by its symbol
+value = -0.21
+standard_error = 0.03
+low = -0.27                              # of the 95 % interval
+high = -0.15
+unit = "1/s"
 ```
+
+A folder of the vehicle's name beside the file is the vehicle meant: `wingbeat identify --model` leaves both.
 """
 
 from __future__ import annotations
@@ -52,8 +69,11 @@ SECTIONS = {
     "longitudinal": ("a", "elevator"),
     "drive": ("input", "b", "lag", "at"),
     "lateral": ("a", "rudder"),
+    "identified": ("log", "sha256", "method", "elevator", "angle_of_attack"),
 }
-OPTIONAL = ("drive", "lateral")
+OPTIONAL = {"identified": ("density", "estimates")}
+"""keys that may be left out"""
+ESTIMATE = ("value", "standard_error", "low", "high")
 DIGITS = 7
 
 
@@ -79,6 +99,36 @@ class LateralModel(NamedTuple):
     """(4,); of the achieved rudder, rad"""
 
 
+class IdentifiedValue(NamedTuple):
+    """One estimate with its 95 % interval."""
+
+    name: str
+    """-; its symbol"""
+    unit: str
+    """-; of what follows"""
+    value: float
+    standard_error: float
+    low: float
+    high: float
+
+
+class Identified(NamedTuple):
+    """The flight test that a model is of."""
+
+    log: str
+    """-; name of the file"""
+    sha256: str
+    """-; of its bytes, in hexadecimal digits"""
+    method: str
+    elevator: float
+    """rad; achieved, at the trim"""
+    angle_of_attack: float
+    """rad; at the trim"""
+    density: float | None = None
+    """kg/m^3; of the air, None where it is not known"""
+    values: tuple[IdentifiedValue, ...] = ()
+
+
 class LinearModel(NamedTuple):
     """Stroke-averaged motion about a trim."""
 
@@ -100,11 +150,23 @@ class LinearModel(NamedTuple):
     """None where it is not known"""
     lateral: LateralModel | None
     """None where it is not known"""
+    identified: Identified | None = None
+    """None for a model that is of no flight test"""
 
     @property
     def flapping_rate(self) -> float:
         """rad/s; of the flapping."""
         return 2.0 * math.pi * self.frequency
+
+    def from_log(self) -> Identified:
+        """The flight test that the model is of.
+
+        Raises:
+            BadInput: it is of none.
+        """
+        if self.identified is None:
+            raise BadInput(f"the model ({self.origin}) is of no flight test: it has no section [identified]")
+        return self.identified
 
 
 def model_of(vehicle: SimulatedVehicle, orbit: Orbit, axes: AxesModel) -> LinearModel:
@@ -149,7 +211,7 @@ def load_model(path: Path) -> LinearModel:
     drive = _drive(path, _section(path, document, "drive")) if "drive" in document else None
     across = _section(path, document, "lateral") if "lateral" in document else None
     return LinearModel(
-        str(document.get("vehicle", "")),
+        _vehicle(path, str(document.get("vehicle", ""))),
         str(document.get("origin", path.name)),
         _positive(path, "trim.airspeed", trim["airspeed"]),
         float(_numbers(path, "trim.pitch", trim["pitch"], ())),
@@ -162,6 +224,7 @@ def load_model(path: Path) -> LinearModel:
         else LateralModel(
             _numbers(path, "lateral.a", across["a"], (4, 4)), _numbers(path, "lateral.rudder", across["rudder"], (4,))
         ),
+        _identified(path, _section(path, document, "identified")) if "identified" in document else None,
     )
 
 
@@ -199,7 +262,21 @@ def model_text(model: LinearModel) -> str:
     if model.lateral is not None:
         lines += ["", "[lateral]  # of v m/s, p rad/s, r rad/s, roll rad; rudder rad, nose right positive"]
         lines += [f"a = {_matrix(model.lateral.a)}", f"rudder = {_row(model.lateral.rudder)}"]
+    if model.identified is not None:
+        lines += _identified_lines(model.identified)
     return "\n".join(lines) + "\n"
+
+
+def _identified_lines(found: Identified) -> list[str]:
+    lines = ["", "[identified]  # rad at the trim; estimates with their 95 % intervals"]
+    lines += [f"{key} = {json.dumps(getattr(found, key))}" for key in ("log", "sha256", "method")]
+    numbers = {"elevator": found.elevator, "angle_of_attack": found.angle_of_attack, "density": found.density}
+    lines += [f"{key} = {value:.{DIGITS}g}" for key, value in numbers.items() if value is not None]
+    for one in found.values:
+        lines += ["", f"[identified.estimates.{json.dumps(one.name)}]"]
+        lines += [f"{key} = {getattr(one, key):.{DIGITS}g}" for key in ESTIMATE]
+        lines.append(f"unit = {json.dumps(one.unit)}")
+    return lines
 
 
 def _row(values: Floats) -> str:
@@ -230,9 +307,10 @@ def _section(path: Path, document: Mapping[str, Any], name: str) -> Mapping[str,
     for key in SECTIONS[name]:
         if key not in table:
             raise BadInput(f"{path}: key {name}.{key} is missing")
-    unknown = set(table) - set(SECTIONS[name])
+    known = (*SECTIONS[name], *OPTIONAL.get(name, ()))
+    unknown = set(table) - set(known)
     if unknown:
-        raise BadInput(f"{path}: unknown key {name}.{min(unknown)}; known: {', '.join(SECTIONS[name])}")
+        raise BadInput(f"{path}: unknown key {name}.{min(unknown)}; known: {', '.join(known)}")
     return table
 
 
@@ -244,6 +322,41 @@ def _drive(path: Path, table: Mapping[str, Any]) -> DriveModel:
         raise BadInput(f"{path}: drive.lag = {lag:g} is below 0 s")
     at = float(_numbers(path, "drive.at", table["at"], ()))
     return DriveModel(str(table["input"]), _numbers(path, "drive.b", table["b"], (4,)), lag, at)
+
+
+def _vehicle(path: Path, name: str) -> str:
+    """The folder of that name beside the file where there is one, else the name itself."""
+    beside = path.parent / name
+    return str(beside) if name and beside.is_dir() else name
+
+
+def _identified(path: Path, table: Mapping[str, Any]) -> Identified:
+    words = [_words(path, f"identified.{key}", table[key]) for key in ("log", "sha256", "method")]
+    trim = [float(_numbers(path, f"identified.{key}", table[key], ())) for key in ("elevator", "angle_of_attack")]
+    density = _positive(path, "identified.density", table["density"]) if "density" in table else None
+    estimates = table.get("estimates", {})
+    if not isinstance(estimates, dict):
+        raise BadInput(f"{path}: identified.estimates must be a section of estimates")
+    values = tuple(_estimate(path, name, entry) for name, entry in estimates.items())
+    return Identified(words[0], words[1], words[2], trim[0], trim[1], density, values)
+
+
+def _estimate(path: Path, name: str, entry: Any) -> IdentifiedValue:
+    where = f"identified.estimates.{name}"
+    if not isinstance(entry, dict) or set(entry) != {*ESTIMATE, "unit"}:
+        raise BadInput(f"{path}: {where} must have {', '.join(ESTIMATE)} and unit, and nothing else")
+    value, error, low, high = (float(_numbers(path, f"{where}.{key}", entry[key], ())) for key in ESTIMATE)
+    if error < 0.0 or not low <= value <= high:
+        raise BadInput(
+            f"{path}: {where} is no estimate: its value must be inside its interval, its error not below 0"
+        )
+    return IdentifiedValue(name, _words(path, f"{where}.unit", entry["unit"]), value, error, low, high)
+
+
+def _words(path: Path, name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise BadInput(f"{path}: {name} must be text")
+    return value
 
 
 def _positive(path: Path, name: str, value: Any) -> float:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim_bridge import plant_kernel as k
+from sim_bridge.aerodynamics.derivatives import Derivatives
 from sim_bridge.aerodynamics.models import MODELS, loads
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, blank_loads
 from sim_bridge.aerodynamics.regression import Regression
@@ -22,7 +23,16 @@ NAMES = ("robo_raven_ii_d", "arizona_100cm")
 DENSITY = 1.225
 ALTITUDE = 500.0
 """m; nothing touches the ground"""
-ELSEWHERE: dict[str, Any] = {"regression": Regression("time", 0.3, 0.25)}
+IDENTIFIED = Derivatives(
+    forward=6.7, down=0.6, elevator=-0.02, force_x=0.9, force_z=-9.7,
+    density=1.2, mass=0.36, center=(0.03, 0.0, -0.01), inertia=(0.009, 0.035, 0.043, 0.001),
+    x_u=-0.2, x_w=0.4, x_q=0.1, x_delta=-0.3, z_u=-1.9, z_w=-6.0, z_q=-0.4, z_delta=-4.0,
+    m_u=0.4, m_w=-5.0, m_q=-3.0, m_delta=-40.0, y_v=-0.6, y_p=0.1, y_r=0.2, y_rudder=1.5,
+    l_v=-2.0, l_p=-12.0, l_r=2.0, l_rudder=-3.0, n_v=2.5, n_p=-0.5, n_r=-1.5, n_rudder=12.0,
+    x_drive=2.0, z_drive=-1.0, m_drive=0.5, flap_rate=5.0, drive_lag=0.15,
+)  # fmt: skip
+"""of no vehicle, in the size of Robo Raven's"""
+ELSEWHERE: dict[str, Any] = {"regression": Regression("time", 0.3, 0.25), "derivatives": IDENTIFIED}
 """settings of models that hold for none of the vehicles: of another aircraft, to keep the contract all the same"""
 MIRROR = np.array([1.0, -1.0, 1.0])
 
