@@ -10,6 +10,7 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import options
+from groundstation.command.identify_out import add_outputs, check_outputs, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
@@ -25,6 +26,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap modes --json",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
+    "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
 )
 UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
 """what is said of a log without a vehicle's file"""
@@ -54,6 +56,7 @@ def build_parser() -> options.Parser:
         metavar=("TOPIC.FIELD", "RAD"),
         help="what the elevator was told, where no angle was recorded, and rad per unit of it",
     )
+    add_outputs(parser)
     options.add_json(parser)
     return parser
 
@@ -66,12 +69,15 @@ def run(arguments: Sequence[str]) -> int:
             given beside the log's own.
     """
     chosen = build_parser().parse_args(arguments)
+    check_outputs(chosen)
     with open_log(chosen.file) as log:
         found = identified(log, chosen.what, chosen.vehicle, chosen.elevator)
+        written = write_outputs(chosen, log, found)
     if chosen.json:
         print_document(document(found))
     else:
         open_console().print(identification_table(found))
+        open_console().print(*written, sep="\n", highlight=False, soft_wrap=True)
     return 0
 
 

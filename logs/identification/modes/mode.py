@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from logs.identification.delta import carry, propagate
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array, Estimate, Unidentified, estimate
+
+if TYPE_CHECKING:
+    from logs.identification.modes.equation_error import DerivativeFit
+    from logs.identification.modes.output_error import Problem
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
@@ -94,6 +98,10 @@ class ModesResult(NamedTuple):
     """s; mean in the manoeuvres, None without flapping wings"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere"""
+    problem: Problem | None = None
+    """what the derivatives were fitted to; None where there are none"""
+    fits: tuple[DerivativeFit, ...] = ()
+    """of the derivatives: by output error, by equation error"""
 
 
 def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:

@@ -230,6 +230,13 @@ def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
     return regressors
 
 
+def fitted_outputs(problem: Problem, fit: DerivativeFit) -> list[Array]:
+    """Stroke-averaged outputs (M_i, m) of the fitted model ; initial states and biases at their best."""
+    pieces = _projections(problem, fit.values, fit.scatter)
+    pairs = zip(problem.manoeuvres, pieces, strict=True)
+    return [m.averages[:, problem.outputs] - piece.residuals * fit.scatter for m, piece in pairs]
+
+
 def _gauss_newton(here: Linearised) -> tuple[Array, Array]:
     """Step (p,) of least squares and its standard errors for white residuals; NaN where it is not determined."""
     squared = information(here.sensitivities)

@@ -12,7 +12,13 @@ from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG,
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.output_error import Problem, flown_regressors, output_error
 from logs.identification.modes.records import averaged_records
-from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, lagged, reference_of
+from logs.identification.preparing.manoeuvre import (
+    Reference,
+    dropped_manoeuvres,
+    find_manoeuvres,
+    lagged,
+    reference_of,
+)
 from logs.identification.results import Array, estimates
 
 FITTED_OUTPUTS = (0, 1, 2)
@@ -54,7 +60,8 @@ def identify_modes(
     )
     agree, statement = agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
-    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, data.notes)
+    notes = (*data.notes, *dropped_manoeuvres(data, manoeuvres))
+    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, notes, problem, (second, first))
 
 
 def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

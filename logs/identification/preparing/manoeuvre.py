@@ -49,6 +49,8 @@ class Manoeuvre(NamedTuple):
     """s; mean wing period"""
     airspeed: float
     """m/s; mean over the raw samples"""
+    start: float = 0.0
+    """s; of the first raw sample, on the log's clock"""
 
 
 class Reference(NamedTuple):
@@ -62,6 +64,8 @@ class Reference(NamedTuple):
     """rad"""
     airspeed: float
     """m/s"""
+    elevator: float = 0.0
+    """rad; commanded"""
 
 
 def tail_angle(time: Array, command: Array, aircraft: Aircraft) -> Array:
@@ -98,6 +102,16 @@ def find_manoeuvres(data: FlightData, aircraft: Aircraft) -> tuple[Manoeuvre, ..
     if not usable:
         raise BadInput("the log has no complete elevator manoeuvre flown with flapping wings")
     return usable
+
+
+def dropped_manoeuvres(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> tuple[str, ...]:
+    """Why manoeuvres that the log has are not among the usable ``manoeuvres``, one clause each."""
+    used, told = {m.number for m in manoeuvres}, []
+    for number in np.unique(data.manoeuvre[data.active > 0]):
+        if int(number) not in used:
+            why = "ended by an envelope limit" if _aborted(data, number) else "too short, or flown without flapping"
+            told.append(f"manoeuvre {int(number)} left out: {why}")
+    return tuple(told)
 
 
 def _spans(data: FlightData) -> list[tuple[int, int]]:
@@ -157,7 +171,7 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int
     return Manoeuvre(
         number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
         held, raw, at - zero, averaging, averaging @ raw, float(np.mean(period)),
-        float(np.mean(data.airspeed[reach])),
+        float(np.mean(data.airspeed[reach])), float(zero),
     )  # fmt: skip
 
 
@@ -177,4 +191,5 @@ def reference_of(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> Referen
         raise BadInput(f"mean airspeed in the manoeuvres is {airspeed:.2f} m/s: no forward flight to identify")
     climb = float(np.mean(data.climb_rate[during]))
     angle = pitch - float(np.arcsin(np.clip(climb / airspeed, -1, 1)))
-    return Reference(airspeed * float(np.cos(angle)), airspeed * float(np.sin(angle)), pitch, airspeed)
+    elevator = float(np.mean(data.elevator[during]))
+    return Reference(airspeed * float(np.cos(angle)), airspeed * float(np.sin(angle)), pitch, airspeed, elevator)

@@ -1,0 +1,124 @@
+"""``wingbeat identify --report`` and ``--model``: what is left of an identification beside its table."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from avionics import topics
+from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command import options
+from groundstation.views.progress import ProgressBar
+from logs.attached import flight_vehicle, simulated_vehicle
+from logs.identification import model_file
+from logs.identification.data import DriveData
+from logs.identification.report import Identification
+from logs.identification.report.report import Subject, refuse_existing, write_report
+from logs.identification.sources.flight import drive_data
+from logs.info import vehicle as vehicle_name
+from logs.reader import Log
+from sim_bridge.vehicles import load_vehicle as load_world
+
+BLOCK = 1 << 20
+"""bytes read at once"""
+
+
+def add_outputs(parser: argparse.ArgumentParser) -> None:
+    """Offer ``--report`` and ``--model``."""
+    parser.add_argument(
+        "--report", type=Path, metavar="OUT.html", help="a new page: data, model, intervals, fits, residuals, modes"
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="OUT.toml",
+        help="a new linear model for wingbeat tune, and beside it the folder OUT/ for wingbeat fly --vehicle OUT",
+    )
+
+
+def check_outputs(chosen: argparse.Namespace) -> None:
+    """Refuse files that are there already, before the long work.
+
+    Raises:
+        BadInput: one is, or the model asks for modes that are not identified.
+    """
+    if chosen.report is not None:
+        refuse_existing(chosen.report)
+    if chosen.model is not None:
+        model_file.places(chosen.model)
+
+
+def write_outputs(chosen: argparse.Namespace, log: Log, found: Identification) -> list[str]:
+    """Write what was asked for; lines that say what was written and what of it is not identified.
+
+    Raises:
+        BadInput: a file exists or cannot be written, or there is no model to write.
+    """
+    lines: list[str] = []
+    if chosen.report is None and chosen.model is None:
+        return lines
+    digest = sha256(log.path)
+    if chosen.report is not None:
+        with ProgressBar("writing the report"):
+            write_report(chosen.report, _subject(log, digest), found, _drive(log, found))
+        lines.append(f"written {chosen.report}")
+    if chosen.model is not None:
+        lines += _model(chosen, log, found, digest)
+    return lines
+
+
+def sha256(path: Path) -> str:
+    """Of a file's bytes, in hexadecimal digits."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _subject(log: Log, digest: str) -> Subject:
+    name = vehicle_name(log) or "unknown vehicle"
+    begun = datetime.fromtimestamp(log.start_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    length = (log.end_ns - log.start_ns) * 1e-9
+    world = simulated_vehicle(log)
+    flown = "a real flight, or another simulator" if world is None else f"simulated, {world.aerodynamics.model}"
+    facts = (("vehicle", name), ("recorded", begun), ("length", f"{length:.1f} s"), ("flight", flown))
+    damage = tuple(("damage", line) for line in log.damage)
+    return Subject(f"{name}: identification", log.path.name, digest, (*facts, *damage))
+
+
+def _drive(log: Log, found: Identification) -> DriveData | None:
+    return drive_data(log) if found.torque is not None or found.power is not None else None
+
+
+def _model(chosen: argparse.Namespace, log: Log, found: Identification, digest: str) -> list[str]:
+    if found.modes is None:
+        why = "; ".join(one.reason for one in found.missing)
+        raise BadInput(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
+    about = model_file.Log(log.path.name, digest, _density(log))
+    with ProgressBar("linearising what was not identified") as bar:
+        written = model_file.write_model(chosen.model, found.modes, about, _base(chosen.vehicle, log), bar.show)
+    return [f"written {' and '.join(str(path) for path in written.paths)}", *written.notes]
+
+
+def _density(log: Log) -> float | None:
+    """kg/m^3; mean of what the air data told, None where they did not."""
+    if topics.AIR_DATA.name not in log.topics:
+        return None
+    told = np.asarray(log.columns(topics.AIR_DATA)["density"], dtype=np.float64)
+    told = told[np.isfinite(told) & (told > 0.0)]
+    return float(told.mean()) if len(told) else None
+
+
+def _base(vehicle: str | None, log: Log) -> model_file.Base | None:
+    """The vehicle by the log's own files, else by ``--vehicle``; None where neither tells its bodies."""
+    if vehicle is not None:
+        world, avionics = options.vehicle_files(vehicle)
+        return model_file.Base(load_world(world), load_flight_vehicle(avionics))
+    world_of_log = simulated_vehicle(log)
+    return None if world_of_log is None else model_file.Base(world_of_log, flight_vehicle(log))

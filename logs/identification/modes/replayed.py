@@ -1,0 +1,125 @@
+"""The fitted models flown again beside what was measured: fits, residuals, and manoeuvres that were held out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from logs.identification.modes.equation_error import DerivativeFit, signals
+from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
+from logs.identification.modes.mode import ModesResult
+from logs.identification.modes.output_error import OUTPUTS, Problem, fitted_outputs, output_error
+from logs.identification.preparing.manoeuvre import Manoeuvre, lagged
+from logs.identification.results import Array, FitSeries, Fitted, Unidentified, estimates
+
+OUTPUT_UNITS = ("rad/s", "m/s^2", "m/s^2", "rad")
+HELD = 3
+"""-; every third manoeuvre is held out"""
+DRIFT = 2
+"""-; order of the polynomial that the integrated speeds leave in an equation's balance"""
+LINEAR_MODEL = (
+    "du/dt = X_u u + X_w w + (X_q − w₀) q − g cos θ₀ θ + X_δ δ",
+    "dw/dt = Z_u u + Z_w w + (Z_q + u₀) q − g sin θ₀ θ + Z_δ δ",
+    "dq/dt = M_u u + M_w w + M_q q + M_δ δ,   dθ/dt = q",
+    "u, w (airspeed along the body's x and z axis), q (pitch rate), θ (pitch) and δ (achieved tail angle, nose up"
+    " positive) are changes from the steady flight u₀, w₀, θ₀ and averages over a wing stroke; body axes, x ahead, z"
+    " down.",
+)
+OUTPUT_ERROR, EQUATION_ERROR = "output error", "equation error, frequency domain"
+
+
+def fitted(result: ModesResult) -> tuple[Fitted, ...]:
+    """What output error and equation error found, with measured and modelled outputs of every manoeuvre.
+
+    Output error has its manoeuvres held out too, where there are enough: they cost a second fit.
+    """
+    if result.problem is None:
+        return ()
+    makers = ((OUTPUT_ERROR, _output_error), (EQUATION_ERROR, _equation_error))
+    return tuple(make(name, result.problem, fit) for (name, make), fit in zip(makers, result.fits, strict=True))
+
+
+def _output_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
+    if fit.failure:
+        return _failed(method, fit)
+    ready, again = _with_lag(problem, fit)
+    series = _series(ready, again, ready.manoeuvres, False)
+    predicted, note = _held_out(ready, again)
+    return _told(method, fit)._replace(series=series + predicted, notes=(note,))
+
+
+def _with_lag(problem: Problem, fit: DerivativeFit) -> tuple[Problem, DerivativeFit]:
+    """Both with the tail's lag that was found taken as known, the parameter then being the rest of it: none."""
+    if TAIL_LAG not in fit.names:
+        return problem, fit
+    values, place = fit.values.copy(), fit.names.index(TAIL_LAG)
+    aircraft = problem.aircraft._replace(tail_time_constant=max(float(values[place]), 0.0))
+    values[place] = 0.0
+    manoeuvres = tuple(lagged(m, aircraft) for m in problem.manoeuvres)
+    return problem._replace(manoeuvres=manoeuvres, aircraft=aircraft, names=fit.names), fit._replace(values=values)
+
+
+def _series(
+    problem: Problem, fit: DerivativeFit, manoeuvres: tuple[Manoeuvre, ...], held: bool
+) -> tuple[FitSeries, ...]:
+    outputs = fitted_outputs(problem._replace(manoeuvres=manoeuvres), fit)
+    return tuple(
+        FitSeries(_name(m), OUTPUTS[o], OUTPUT_UNITS[o], m.at, m.averages[:, o], modelled[:, i], held)
+        for m, modelled in zip(manoeuvres, outputs, strict=True)
+        for i, o in enumerate(problem.outputs)
+    )
+
+
+def _held_out(problem: Problem, fit: DerivativeFit) -> tuple[tuple[FitSeries, ...], str]:
+    """Every third manoeuvre as a model of the others predicts it, and in words what was done."""
+    count = len(problem.manoeuvres)
+    if count < HELD:
+        return (), f"No manoeuvre was held out: of {count} none can be spared."
+    held = tuple(m for i, m in enumerate(problem.manoeuvres) if i % HELD == HELD - 1)
+    kept = tuple(m for i, m in enumerate(problem.manoeuvres) if i % HELD != HELD - 1)
+    again = output_error(problem._replace(manoeuvres=kept), fit.values)
+    if again.failure:
+        return (), f"No manoeuvre was held out: without every third of them, {again.failure}."
+    told = (
+        f"{len(held)} of {count} manoeuvres were held out: derivatives found from the other {len(kept)} alone predict"
+        " them; only initial state and sensor biases are those of the manoeuvre itself."
+    )
+    return _series(problem, again, held, True), told
+
+
+def _equation_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
+    """Each equation's balance in the time domain, the drift of the integrated speeds taken out of it."""
+    if fit.failure:
+        return _failed(method, fit)
+    by_axis = {axis: [i for i, name in enumerate(fit.names) if name.startswith(axis)] for axis in "XZM"}
+    units = {"X": ("f_x", "m/s^2"), "Z": ("f_z", "m/s^2"), "M": ("dq/dt", "rad/s^2")}
+    series = []
+    for manoeuvre in problem.manoeuvres:
+        pair = signals(manoeuvre, problem.reference, problem.aircraft)
+        for row, axis in enumerate("XZM"):
+            if by_axis[axis]:
+                columns = ["uwqd".index(fit.names[i].partition("_")[2][0]) for i in by_axis[axis]]
+                model = pair.regressors[:, columns] @ fit.values[by_axis[axis]]
+                measured = pair.responses[:, row]
+                output, unit = units[axis]
+                near = model + _drift(measured - model)
+                series.append(FitSeries(_name(manoeuvre), output, unit, manoeuvre.at, measured, near))
+    return _told(method, fit)._replace(series=tuple(series))
+
+
+def _drift(difference: Array) -> Array:
+    position = np.linspace(-1.0, 1.0, len(difference))
+    return np.asarray(np.polyval(np.polyfit(position, difference, DRIFT), position), dtype=np.float64)
+
+
+def _name(manoeuvre: Manoeuvre) -> str:
+    return f"manoeuvre {manoeuvre.number} at {manoeuvre.start:.1f} s"
+
+
+def _told(method: str, fit: DerivativeFit) -> Fitted:
+    found = estimates({n: UNITS[n] for n in fit.names}, fit.values, fit.covariance, fit.degrees)
+    spread = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    return Fitted(method, LINEAR_MODEL, found, (), fit.covariance / np.outer(spread, spread))
+
+
+def _failed(method: str, fit: DerivativeFit) -> Fitted:
+    return Fitted(method, LINEAR_MODEL, (), (Unidentified(method, fit.failure),))

@@ -1,0 +1,215 @@
+"""The whole report of an identification, chapter by chapter, and its page."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
+from logs.identification.data import DriveData
+from logs.identification.modes.mode import KINDS, ModesResult
+from logs.identification.modes.output_error import Problem
+from logs.identification.modes.replayed import fitted
+from logs.identification.report.drives import drives_chapter
+from logs.identification.report.fits import (
+    correlation_chapter,
+    fits_chapter,
+    parameters_chapter,
+    residuals_chapter,
+    validation_chapter,
+)
+from logs.identification.report.html import page
+from logs.identification.report.numbers import POWER_TRUTH, Identification
+from logs.identification.results import Array, Fitted
+from logs.placing import claim, draft, settle
+
+
+class Subject(NamedTuple):
+    """What was identified from."""
+
+    title: str
+    """-; of the page"""
+    file: str
+    """-; name of the log or table"""
+    sha256: str
+    """-; of its bytes, in hexadecimal digits"""
+    facts: tuple[tuple[str, str], ...]
+    """what else is known of it: word and value"""
+
+
+def refuse_existing(path: Path) -> None:
+    """Refuse a file that is there, before the long work.
+
+    Raises:
+        BadInput: it exists, or its folder does not.
+    """
+    if path.exists():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: there is no folder {path.parent}")
+
+
+def write_report(
+    path: Path,
+    subject: Subject,
+    found: Identification,
+    drive: DriveData | None = None,
+    more: tuple[Chapter, ...] = (),
+) -> int:
+    """Write the page to ``path``, which must not exist; its size in bytes.
+
+    ``drive`` is what the servo models were found from, for their scatter plots; ``more`` are chapters of other rooms.
+
+    Raises:
+        BadInput: the file exists or cannot be written.
+    """
+    refuse_existing(path)
+    facts = (subject.file, *(f"{word} {value}" for word, value in subject.facts[:3]))
+    text = page(subject.title, facts, chapters(subject, found, drive, more)).encode()
+    with draft(path) as (file, name):
+        file.write(text)
+        settle(file)
+        claim(name, path)
+    return len(text)
+
+
+def chapters(
+    subject: Subject, found: Identification, drive: DriveData | None = None, more: tuple[Chapter, ...] = ()
+) -> tuple[Chapter, ...]:
+    """The report: findings first, then what they rest on."""
+    fits = fitted(found.modes) if found.modes is not None else ()
+    told = [
+        _findings(found),
+        _data(subject, found),
+        _modes(found.modes, found) if found.modes is not None else None,
+        drives_chapter(found.torque, found.power, drive, found.truths),
+        *_of_fits(fits, found),
+        *more,
+    ]
+    return tuple(chapter for chapter in told if chapter is not None)
+
+
+def _of_fits(fits: tuple[Fitted, ...], found: Identification) -> tuple[Chapter | None, ...]:
+    if not fits:
+        return ()
+    return (
+        _model(fits, found.modes),
+        parameters_chapter(fits, found.truths),
+        correlation_chapter(fits),
+        fits_chapter(fits),
+        residuals_chapter(fits),
+        validation_chapter(fits),
+    )
+
+
+def _findings(found: Identification) -> Chapter:
+    """What a reader wants to know first."""
+    bars = []
+    for mode in found.modes.modes[:1] if found.modes else ():
+        for kind in KINDS:
+            pair = mode.of_kind(kind)
+            bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
+    if found.torque is not None:
+        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in found.torque.estimates]
+    notes = [] if found.modes is None else [f"Modes by {found.modes.modes[0].method}; {found.modes.statement}."]
+    notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
+    if found.truths:
+        notes.append(
+            "The flight was simulated: true values stand beside the estimates, red where outside the interval."
+        )
+    return Chapter("Findings", tuple(notes), plots=(Intervals("", tuple(bars)),) if bars else ())
+
+
+def _data(subject: Subject, found: Identification) -> Chapter:
+    """The file, the manoeuvres, and what was left out or taken from elsewhere."""
+    rows = (("file", subject.file), ("SHA-256", subject.sha256), *subject.facts)
+    tables = [Table(("", ""), rows)]
+    notes: tuple[str, ...] = ()
+    parts: tuple[Chapter, ...] = ()
+    if found.modes is not None:
+        notes = tuple(f"{note[:1].upper()}{note[1:]}." for note in found.modes.notes)
+        if found.modes.problem is not None:
+            tables.append(_manoeuvres(found.modes.problem))
+            parts = (_inputs(found.modes.problem),)
+    if any(name.startswith("power.") for name in found.truths):
+        notes += (f"True values of the power model: {POWER_TRUTH}.",)
+    return Chapter("Data used", notes, tuple(tables), parts=parts)
+
+
+def _manoeuvres(problem: Problem) -> Table:
+    rows = tuple(
+        (
+            f"{m.number}",
+            m.start,
+            float(m.time[-1]),
+            float(m.time[-1]) / m.period,
+            1.0 / m.period,
+            m.airspeed,
+            math.degrees(float(np.ptp(m.command))),
+            math.degrees(float(np.ptp(m.averages[:, 0]))),
+        )
+        for m in problem.manoeuvres
+    )
+    columns = (
+        "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)", "airspeed (m/s)",
+        "elevator, range (°)", "pitch rate, range (°/s)",
+    )  # fmt: skip
+    return Table(columns, rows, f"Used: {counted(len(rows), 'manoeuvre')}; ranges are from least to greatest.")
+
+
+def _inputs(problem: Problem) -> Chapter:
+    """The elevator of every manoeuvre over each other."""
+    series = tuple(Series("", m.time, _degrees(m.command), MEASURED) for m in problem.manoeuvres)
+    plot = Plot("Elevator command, all manoeuvres", "time from the start", "s", "change of elevator", "°", series)
+    return Chapter("Inputs", plots=(plot,))
+
+
+def _degrees(angle: Array) -> Array:
+    return np.asarray(np.degrees(angle), dtype=np.float64)
+
+
+def _modes(result: ModesResult, found: Identification) -> Chapter:
+    """Every number by every method below each other, and whether the methods agree."""
+    parts = []
+    for kind in KINDS:
+        pairs = [(mode.method, pair) for mode in result.modes if (pair := mode.of_kind(kind)) is not None]
+        names = dict.fromkeys(e.name for _, pair in pairs for e in pair.estimates)
+        bars = tuple(
+            Bar(method, e, found.truths.get(name))
+            for name in names
+            for method, pair in pairs
+            for e in pair.estimates
+            if e.name == name
+        )
+        if bars:
+            parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=(Intervals("", bars),)))
+    rows = tuple(
+        (mode.method, one.name.replace("_", " "), one.reason) for mode in result.modes for one in mode.unidentified
+    )
+    tables = (Table(("method", "not identified", "why"), rows),) if rows else ()
+    return Chapter("Modes", (f"{result.statement[:1].upper()}{result.statement[1:]}.",), tables, parts=tuple(parts))
+
+
+def _model(fits: tuple[Fitted, ...], result: ModesResult | None) -> Chapter:
+    """Equations and the flight that they are about."""
+    methods = {fit.equations: [other.method for other in fits if other.equations == fit.equations] for fit in fits}
+    parts = tuple(Chapter(" and ".join(names), equations) for equations, names in methods.items())
+    tables: tuple[Table, ...] = ()
+    if result is not None and result.reference is not None:
+        about = result.reference
+        rows: list[tuple[str, float, str]] = [
+            ("u₀, airspeed along x", about.u, "m/s"),
+            ("w₀, airspeed along z", about.w, "m/s"),
+            ("airspeed", about.airspeed, "m/s"),
+            ("θ₀, pitch", math.degrees(about.pitch), "°"),
+            ("angle of attack", math.degrees(math.atan2(about.w, about.u)), "°"),
+            ("elevator command", math.degrees(about.elevator), "°"),
+        ]
+        if result.wing_period:
+            rows.append(("flapping", 1.0 / result.wing_period, "Hz"))
+        tables = (Table(("steady flight", "value", "unit"), tuple(rows), "Mean over the manoeuvres."),)
+    return Chapter("Model", (), tables, parts=parts)

@@ -1,0 +1,100 @@
+"""Numbers and symbols for people: digits by the error, subscripts and Greek letters, what a symbol means."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+
+GREEK = {"alpha": "α", "beta": "β", "delta": "δ", "theta": "θ", "tau": "τ", "omega": "ω", "zeta": "ζ", "rho": "ρ"}
+AXES = {"X": "forward force per mass", "Z": "downward force per mass", "M": "nose-up pitch acceleration",
+        "Y": "force to the right per mass", "L": "roll acceleration", "N": "yaw acceleration"}  # fmt: skip
+FOLLOWED = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate", "delta": "tail angle",
+            "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack"}  # fmt: skip
+MEANINGS = {
+    "tail_time_constant": "first-order lag from the elevator command to the tail angle",
+    "tail_delay": "pure delay of the tail beyond its lag",
+    "short_period_frequency": "undamped natural frequency of the short period",
+    "short_period_damping": "damping ratio of the short period",
+    "short_period_period": "of the damped oscillation of the short period",
+    "short_period_time_to_half": "until the short period's amplitude has halved",
+    "short_period_time_to_double": "until the short period's amplitude has doubled",
+    "short_period_cycles_to_half": "oscillations of the short period until then",
+    "short_period_cycles_to_double": "oscillations of the short period until then",
+    "phugoid_period": "of the damped oscillation of the phugoid",
+    "phugoid_time_to_half": "until the phugoid's amplitude has halved",
+    "phugoid_time_to_double": "until the phugoid's amplitude has doubled",
+    "phugoid_cycles_to_half": "oscillations of the phugoid until then",
+    "phugoid_cycles_to_double": "oscillations of the phugoid until then",
+    "phugoid_frequency": "undamped natural frequency of the phugoid",
+    "phugoid_damping": "damping ratio of the phugoid",
+    "time_constant_1": "the shorter time constant of a mode that does not oscillate",
+    "time_constant_2": "the longer time constant of a mode that does not oscillate",
+    "K_tau": "torque of one drive per ampere of both (Gerdes Eq. 11)",
+    "K_tau0": "torque at no current, extended from the line (Gerdes Eq. 11)",
+    "P_0": "output power at the centre of the data",
+    "C_A": "constant term of Gerdes Eq. 12",
+    "C_B": "power per current", "C_C": "power per voltage", "C_F": "power per product of current and voltage",
+    "C_G": "power per current squared", "C_H": "power per voltage squared",
+}  # fmt: skip
+
+
+def number(value: float, step: float | None = None) -> str:
+    """A number with four digits, or with those that ``step``, an error, leaves meaning."""
+    if not math.isfinite(value):
+        return "–"
+    if step is None or not math.isfinite(step) or step <= 0.0:
+        text = f"{value:.4g}"
+    else:
+        places = 1 - math.floor(math.log10(step))
+        text = f"{value:.{min(places, 9)}f}" if places > 0 else f"{round(value, places):.0f}"
+        if len(text.lstrip("-").replace(".", "").lstrip("0")) > 7:
+            text = f"{value:.4g}"
+    return text.replace("-", "−")
+
+
+def symbol(name: str) -> str:
+    """A name as HTML: ``X_delta`` with its subscript, ``short_period_frequency`` as words."""
+    head, _, rest = name.partition("_")
+    if rest and len(head) <= 2 and re.fullmatch(r"[A-Za-z0-9δα]+", rest):
+        return f"<i>{html.escape(GREEK.get(head, head))}</i><sub>{html.escape(_below(rest))}</sub>"
+    if re.fullmatch(r"[A-Za-z]\w?", name) or name in GREEK:
+        return f"<i>{html.escape(GREEK.get(name, name))}</i>"
+    return html.escape(name.replace("_", " "))
+
+
+def _below(rest: str) -> str:
+    """A subscript with its Greek letter, ``tau0`` too."""
+    letters = rest.rstrip("0123456789")
+    return GREEK.get(letters, letters) + rest[len(letters) :]
+
+
+def rich(text: str) -> str:
+    """A sentence as HTML, the symbols in it set as such."""
+    return re.sub(r"\b[A-Za-z]_[A-Za-z0-9δα]+\b", lambda match: symbol(match[0]), html.escape(text))
+
+
+def drawn_words(text: str) -> str:
+    """A name as SVG text, its subscripts below the line."""
+    parts = re.split(r"\b([A-Za-z])_([A-Za-z0-9]+)\b", text)
+    plain = [html.escape(part) for part in parts[::3]]
+    lowered = [
+        f'{head}<tspan dy="3" font-size="9">{html.escape(_below(rest))}</tspan><tspan dy="-3">\u200b</tspan>'
+        for head, rest in zip(parts[1::3], parts[2::3], strict=True)
+    ]
+    return plain[0] + "".join(low + after for low, after in zip(lowered, plain[1:], strict=True))
+
+
+def meaning(name: str) -> str:
+    """What a symbol stands for; empty where nothing is known of it."""
+    if name in MEANINGS:
+        return MEANINGS[name]
+    axis, _, follows = name.partition("_")
+    if axis in AXES and follows in FOLLOWED:
+        return f"{AXES[axis]} by {FOLLOWED[follows]}"
+    return ""
+
+
+def unit(text: str) -> str:
+    """A unit with its powers raised, escaped; nothing for a plain number."""
+    return "" if text in ("-", "") else html.escape(text).replace("^2", "²").replace("^3", "³")
