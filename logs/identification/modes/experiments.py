@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from logs.identification.experiment import Experiment
 from logs.identification.modes.agreement import agreement
+from logs.identification.modes.equivalent_system import equivalent_system
 from logs.identification.modes.free_response import free_response
 from logs.identification.modes.mode import PHUGOID, SHORT_PERIOD, Mode, ModesResult
+from logs.identification.modes.realization import realization
 from logs.identification.modes.records import Records, records_of
+from logs.identification.modes.spectrum import spectrum
 
+METHODS = (equivalent_system, realization, free_response, spectrum)
 SLOW_UNITS = ("m/s", "m")
 """speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
 
@@ -36,7 +40,7 @@ def modes_of_experiments(
 
 def modes_of_records(records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ...]:
     """The methods without a physical model, one after the other."""
-    return (free_response(records, kinds),)
+    return tuple(method(records, kinds) for method in METHODS)
 
 
 def _likely(records: Records) -> tuple[str, ...]:

@@ -12,10 +12,10 @@ import math
 import numpy as np
 
 from logs.identification.modes.errors import coloured_spread, determined
-from logs.identification.modes.mode import KINDS, PHUGOID, SHORT_PERIOD, Mode, Oscillation, nothing, oscillation
+from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
-from logs.identification.results import Array, Unidentified
+from logs.identification.results import Array
 
 METHOD = "free response"
 DRIFT_ORDER = 2
@@ -142,21 +142,5 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
     longest = max(len(ring.outputs) for ring in rings)
     lags = int(min(max(longest / 10, 2 * records.blur / step), longest / 2)) + 1
     spread = coloured_spread(fit.residuals, fit.sensitivities, lags, fit.linear)
-    order = np.argsort(-fit.values[::2])
-    found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
-    missing, roots = [], []
-    for kind, index in zip(kinds, order, strict=True):
-        chosen = slice(2 * index, 2 * index + 2)
-        outcome = oscillation(kind, fit.values[chosen], spread.covariance[chosen, chosen], spread.degrees)
-        roots += eigenvalues_of(*fit.values[chosen])
-        if isinstance(outcome, Unidentified):
-            missing.append(outcome)
-        else:
-            found[kind] = outcome
-    return Mode(METHOD, found[SHORT_PERIOD], found[PHUGOID], tuple(roots), (), tuple(missing))
-
-
-def eigenvalues_of(frequency: float, damping: float) -> list[complex]:
-    """The two roots in 1/s of ``s^2 + 2 zeta omega s + omega^2``."""
-    root = np.sqrt(complex(damping**2 - 1))
-    return [complex(frequency * (-damping + sign * root)) for sign in (1, -1)]
+    roots = [root for pair in fit.values.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
+    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees, roots)

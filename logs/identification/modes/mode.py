@@ -206,6 +206,37 @@ def _time_constants(pair: Array, covariance: Array, degrees: float) -> tuple[Est
     return tuple(estimate(f"time_constant_{i + 1}", "s", float(values[i]), float(errors[i]), degrees) for i in (0, 1))
 
 
+def paired_mode(
+    method: str,
+    kinds: tuple[str, ...],
+    pairs: Array,
+    covariance: Array,
+    degrees: float,
+    roots: list[complex],
+    parameters: tuple[Estimate, ...] = (),
+) -> Mode:
+    """Modes ``kinds`` of a method that fits frequency and damping of each of them itself, ``pairs`` (2 k,).
+
+    ``covariance`` (2 k + n, 2 k + n) has the pairs first; the fastest pair is the first of ``kinds``.
+    """
+    found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
+    missing = []
+    for kind, index in zip(kinds, np.argsort(-pairs[::2]), strict=True):
+        chosen = slice(2 * index, 2 * index + 2)
+        outcome = oscillation(kind, pairs[chosen], covariance[chosen, chosen], degrees)
+        if isinstance(outcome, Unidentified):
+            missing.append(outcome)
+        else:
+            found[kind] = outcome
+    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], tuple(roots), parameters, tuple(missing))
+
+
+def eigenvalues_of(frequency: float, damping: float) -> list[complex]:
+    """The two roots in 1/s of ``s^2 + 2 zeta omega s + omega^2``."""
+    root = np.sqrt(complex(damping**2 - 1))
+    return [complex(frequency * (-damping + sign * root)) for sign in (1, -1)]
+
+
 TAKEN = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
 
 

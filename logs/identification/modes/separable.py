@@ -14,9 +14,10 @@ from scipy.optimize import least_squares
 
 from logs.identification.results import Array
 
-PASSES = 3
+PASSES = 2
 """-; of estimating the outputs' variances anew (relaxation of the likelihood)"""
-EVALUATIONS = 200
+EVALUATIONS = 400
+TOLERANCE = 1e-6
 
 
 class Piece(NamedTuple):
@@ -55,8 +56,7 @@ Build = Callable[[Array], list[Piece]]
 def residuals_at(build: Build, values: Array) -> tuple[list[Array], tuple[Array, ...]]:
     """Residuals (n_i, m) with all linear unknowns at their optimum, and the shared ones, m of (g,)."""
     pieces = build(values)
-    distinct = {id(own): own for piece in pieces for own in piece.own}
-    bases = {key: _basis(own) for key, own in distinct.items()}
+    bases = _bases({id(own): own for piece in pieces for own in piece.own})
     columns, gains = [], []
     for output in range(len(pieces[0].own)):
         column, gain = _output_residuals(pieces, output, bases)
@@ -81,10 +81,15 @@ def _output_residuals(pieces: list[Piece], output: int, bases: dict[int, Array])
     return rest - design @ gains, gains
 
 
-def _basis(columns: Array) -> Array:
-    norms = np.linalg.norm(columns, axis=0)
-    basis: Array = np.linalg.qr(columns[:, norms > 0] / norms[norms > 0])[0]
-    return basis
+def _bases(distinct: dict[int, Array]) -> dict[int, Array]:
+    """An orthonormal basis of the columns of each array (n, l); those of one shape in one go."""
+    bases: dict[int, Array] = {}
+    for shape in {own.shape for own in distinct.values()}:
+        alike = {key: own for key, own in distinct.items() if own.shape == shape}
+        stack = np.stack(list(alike.values()))
+        norms = np.maximum(np.linalg.norm(stack, axis=1, keepdims=True), 1e-300)
+        bases.update(zip(alike, np.linalg.qr(stack / norms)[0], strict=True))
+    return bases
 
 
 def squares(build: Build, values: Array) -> float:
@@ -100,8 +105,9 @@ def solve(build: Build, start: Array) -> SeparableFit:
         residuals, _ = residuals_at(build, values)
         deviation = np.maximum(np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0)), 1e-300)
         found = least_squares(
-            _weighted(build, deviation), values, method="lm", jac="3-point", x_scale="jac", max_nfev=EVALUATIONS
-        )
+            _weighted(build, deviation), values, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE,
+            max_nfev=EVALUATIONS,
+        )  # fmt: skip
         values = found.x
     residuals, gains = residuals_at(build, values)
     failure = "" if found.success and np.all(np.isfinite(found.jac)) else "the fit did not converge"

@@ -197,15 +197,16 @@ def flown_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
 def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(
     tmp_path: Path, mapping: str, doublets: int, notes: list[str]
 ) -> None:
-    """The true short period lies in the interval of either method."""
+    """The true short period lies in the interval of every method; the two with a physical model must give one."""
     flight = Flight(doublets=doublets)
     with open_log(flown_as_table(tmp_path, mapping, flight)) as log:
         found = identify(log, "modes", AIRCRAFT).modes
     frequency, damping = short_period_of(model_of(flight).a)
     assert found is not None and [note.partition(":")[0] for note in found.notes] == notes
-    for mode in found.modes:
-        assert mode.frequency is not None and mode.frequency.contains(frequency)
-        assert mode.damping is not None and mode.damping.contains(damping)
+    assert all(mode.frequency is not None for mode in found.modes[:2])
+    for mode in (mode for mode in found.modes if mode.short_period is not None):
+        assert mode.frequency.contains(frequency)
+        assert mode.damping.contains(damping)
 
 
 def test_an_imported_log_does_not_tell_its_aircraft_and_the_report_says_so(tmp_path: Path) -> None:
