@@ -12,10 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.regression.colour import colour_of, coloured_information
+from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.results import Array
 
 WORST_CONDITION = 1e10
+
+
+class Piece(NamedTuple):
+    """One record of a regression."""
+
+    regressors: Array
+    """(N, p)"""
+    instruments: Array
+    """(N, p); the regressors themselves in ordinary least squares"""
+    response: Array
+    """(N,)"""
+    used: Array
+    """-; (N,), 1.0 for a sample that counts, else 0.0"""
 
 
 class Fit(NamedTuple):
@@ -26,9 +39,11 @@ class Fit(NamedTuple):
     covariance: Array
     """(p, p); corrected for coloured residuals"""
     residuals: Array
-    """as the response; (N,), 0 where the weight is 0"""
+    """as the response; (N,) of all records one after the other, 0 where the weight is 0"""
     degrees: float
-    """-; effective degrees of freedom"""
+    """-; effective degrees of freedom, the fewest of any parameter"""
+    degrees_each: Array
+    """-; (p,), effective degrees of freedom of each parameter"""
 
 
 def regress(
@@ -43,19 +58,27 @@ def regress(
     Raises:
         numpy.linalg.LinAlgError: the regressors are linearly dependent.
     """
-    design = (regressors if instruments is None else instruments) * used[:, None]
-    if np.linalg.cond(design) > WORST_CONDITION:
+    piece = Piece(regressors, regressors if instruments is None else instruments, response, used)
+    return regress_records((piece,), least_lags)
+
+
+def regress_records(pieces: tuple[Piece, ...], least_lags: int = 1) -> Fit:
+    """`regress` over several records, whose residuals know nothing of each other."""
+    designs = [piece.instruments * piece.used[:, None] for piece in pieces]
+    if np.linalg.cond(np.vstack(designs)) > WORST_CONDITION:
         raise np.linalg.LinAlgError("the regressors are linearly dependent")
-    inverse = np.linalg.inv(design.T @ (regressors * used[:, None]))
-    values = inverse @ (design.T @ (response * used))
-    residuals = (response - regressors @ values) * used
-    lags = max(int(len(used) / 10), least_lags, 1)
-    colour = colour_of([residuals[:, None]], [used], lags)
+    inverse = np.linalg.inv(sum(d.T @ (p.regressors * p.used[:, None]) for d, p in zip(designs, pieces, strict=True)))
+    values = inverse @ sum(d.T @ (p.response * p.used) for d, p in zip(designs, pieces, strict=True))
+    residuals = [(p.response - p.regressors @ values) * p.used for p in pieces]
+    lags = max(int(max(len(p.used) for p in pieces) / 10), least_lags, 1)
+    colour = colour_of([r[:, None] for r in residuals], [p.used for p in pieces], lags)
     degrees = max(colour.effective - len(values), 1.0)
-    core = coloured_information([design[:, None, :]], colour)
-    white = inverse @ (design.T @ design) @ inverse.T * (residuals @ residuals) / max(used.sum() - len(values), 1.0)
+    core = coloured_information([d[:, None, :] for d in designs], colour)
+    stacked, design = np.concatenate(residuals), np.vstack(designs)
+    samples = sum(float(p.used.sum()) for p in pieces)
+    white = inverse @ (design.T @ design) @ inverse.T * (stacked @ stacked) / max(samples - len(values), 1.0)
     covariance = inverse @ core @ inverse.T * (colour.effective / degrees)
-    return Fit(values, _not_below_white(covariance, white), residuals, degrees)
+    return Fit(values, _not_below_white(covariance, white), stacked, degrees, np.full(len(values), degrees))
 
 
 def _not_below_white(covariance: Array, white: Array) -> Array:

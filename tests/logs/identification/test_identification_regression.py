@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from logs.identification.regression.colour import parzen
+from logs.identification.accuracy.colour import parzen
 from logs.identification.regression.least_squares import regress
 from logs.identification.results import student_factor
 

@@ -1,0 +1,1 @@
+"""How far numbers may be trusted: colour of residuals, correlation of parameters, whiteness, held-out prediction."""
