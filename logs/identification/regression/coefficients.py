@@ -116,7 +116,7 @@ def _fit(system: Equations, settings: Settings) -> Fit:
     size = np.linalg.norm(np.vstack([p.regressors * p.used[:, None] for p in system.pieces]), axis=0)
     scale = np.where(size > 0, size, 1.0)
     pieces = tuple(Piece(p.regressors / scale, p.instruments / scale, p.response, p.used) for p in system.pieces)
-    fit = regress_records(pieces)
+    fit = regress_records(pieces, colour=settings.covariance)
     return fit._replace(values=fit.values / scale, covariance=fit.covariance / np.outer(scale, scale))
 
 

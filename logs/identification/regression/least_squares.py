@@ -1,21 +1,24 @@
 """Least squares with standard errors that stay true when the residuals are coloured.
 
 Residuals of flight data are correlated from sample to sample; the textbook covariance is then several times
-too small. The covariance here weighs the regressors with the residuals' own autocovariance (Morelli & Klein,
-Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data, J. Guidance 20(1), 1997), its lags
-tapered by Parzen's window. Records are equally spaced; a sample that is not used has the weight 0.
+too small. How it is put right: `logs.identification.accuracy.coloured`. Records are equally spaced; a sample that is
+not used has the weight 0.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logs.identification.accuracy.colour import colour_of, coloured_information
+from logs.identification.accuracy.coloured import Coloured, Linear, all_lags, prewhitened, white
 from logs.identification.results import Array
 
 WORST_CONDITION = 1e10
+ROUNDING = 1e-24
+"""-; of the response's squares, below which residuals have no colour"""
+Colouring = Literal["parzen", "all lags", "white"]
 
 
 class Piece(NamedTuple):
@@ -62,27 +65,27 @@ def regress(
     return regress_records((piece,), least_lags)
 
 
-def regress_records(pieces: tuple[Piece, ...], least_lags: int = 1) -> Fit:
+def regress_records(pieces: tuple[Piece, ...], least_lags: int = 1, colour: Colouring = "parzen") -> Fit:
     """`regress` over several records, whose residuals know nothing of each other."""
     designs = [piece.instruments * piece.used[:, None] for piece in pieces]
-    if np.linalg.cond(np.vstack(designs)) > WORST_CONDITION:
+    whole = np.vstack(designs)
+    if len(whole) < whole.shape[1] or np.linalg.cond(whole) > WORST_CONDITION:
         raise np.linalg.LinAlgError("the regressors are linearly dependent")
-    inverse = np.linalg.inv(sum(d.T @ (p.regressors * p.used[:, None]) for d, p in zip(designs, pieces, strict=True)))
-    values = inverse @ sum(d.T @ (p.response * p.used) for d, p in zip(designs, pieces, strict=True))
+    pairs = list(zip(designs, pieces, strict=True))
+    inverse = np.linalg.inv(np.sum([d.T @ (p.regressors * p.used[:, None]) for d, p in pairs], axis=0))
+    values = inverse @ np.sum([d.T @ (p.response * p.used) for d, p in pairs], axis=0)
     residuals = [(p.response - p.regressors @ values) * p.used for p in pieces]
-    lags = max(int(max(len(p.used) for p in pieces) / 10), least_lags, 1)
-    colour = colour_of([r[:, None] for r in residuals], [p.used for p in pieces], lags)
-    degrees = max(colour.effective - len(values), 1.0)
-    core = coloured_information([d[:, None, :] for d in designs], colour)
-    stacked, design = np.concatenate(residuals), np.vstack(designs)
-    samples = sum(float(p.used.sum()) for p in pieces)
-    white = inverse @ (design.T @ design) @ inverse.T * (stacked @ stacked) / max(samples - len(values), 1.0)
-    covariance = inverse @ core @ inverse.T * (colour.effective / degrees)
-    return Fit(values, _not_below_white(covariance, white), stacked, degrees, np.full(len(values), degrees))
+    basis, at = np.linalg.qr(whole)[0], np.cumsum([0] + [len(p.used) for p in pieces])
+    rows = zip(designs, residuals, pieces, pairwise(at), strict=True)
+    records = tuple(Linear(d @ inverse.T, basis[a:b], r, p.used) for d, r, p, (a, b) in rows)
+    coloured = _coloured(records, least_lags, colour, sum(float(p.response**2 @ p.used) for p in pieces))
+    degrees = coloured.degrees
+    return Fit(values, coloured.covariance, np.concatenate(residuals), float(degrees.min(initial=np.inf)), degrees)
 
 
-def _not_below_white(covariance: Array, white: Array) -> Array:
-    """Scale up to the white-residual standard errors: a short record must not promise more than they do."""
-    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    scaled: Array = covariance * np.outer(ratio, ratio)
-    return scaled
+def _coloured(records: tuple[Linear, ...], least_lags: int, colour: Colouring, squares: float) -> Coloured:
+    if colour == "all lags":
+        return all_lags(records)
+    if colour == "white" or sum(float(r.residuals @ r.residuals) for r in records) <= ROUNDING * squares:
+        return white(records)
+    return prewhitened(records, least_lags)

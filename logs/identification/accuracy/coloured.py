@@ -1,0 +1,191 @@
+"""Covariance of a linear estimate whose residuals are coloured: the recipe behind every interval of a regression.
+
+An estimate that is linear in the samples, theta = W^T z, has the covariance W^T Gamma W, with Gamma the residuals'
+autocovariance. Two ways to have Gamma:
+
+`parzen`, the default. A lag window of a tenth of the record is shorter than the memory of slow residuals, and fitted
+residuals lack what the regressors took of them: alone it promises up to three times too little. So the residuals are
+first made white by an autoregression (`autoregression`; Andrews & Monahan, Econometrica 60, 1992); the lag window
+(Parzen's, N/10) sees what that left, corrected for the fit; and the autoregression colours the result again. What is
+not known of Gamma itself widens the intervals by Student's factor, by each parameter's degrees of freedom
+(Satterthwaite, Biometrics 2, 1946): an intercept under slow noise has few of them, a derivative in the same fit many.
+
+`all lags`, Morelli & Klein, Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data, J. Guidance
+20(1), 1997: the residuals' autocovariance as it is, at all lags. It promises too much: see the README.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from logs.identification.accuracy.autoregression import Autoregression, autocovariance, autoregression_of, runs
+from logs.identification.accuracy.colour import parzen
+from logs.identification.results import Array
+
+STEP = 1e-3
+LEAST_SHARE = 0.1
+"""-; of the white density, that the whitened residuals have at every frequency: less has come about by chance"""
+FINE = 16
+"""-; frequencies per lag at which that is seen to"""
+
+
+class Linear(NamedTuple):
+    """One record of a linear estimate."""
+
+    weights: Array
+    """(N, p); theta is the sum over records of weights^T response"""
+    basis: Array
+    """(N, p); orthonormal over all records, spans the columns that the residuals are orthogonal to"""
+    residuals: Array
+    """(N,); 0 where not used"""
+    used: Array
+    """-; (N,), 1.0 or 0.0"""
+
+
+class Coloured(NamedTuple):
+    """Covariance of an estimate and what it is worth."""
+
+    covariance: Array
+    """(p, p)"""
+    degrees: Array
+    """-; (p,), effective degrees of freedom of each parameter's variance"""
+
+
+def white(records: tuple[Linear, ...]) -> Coloured:
+    """The textbook's covariance, true of white residuals alone."""
+    squares, free = _squares(records), _free(records)
+    covariance = np.sum([r.weights.T @ r.weights for r in records], axis=0) * (squares / free)
+    return Coloured(np.asarray(covariance), np.full(records[0].weights.shape[1], free))
+
+
+def all_lags(records: tuple[Linear, ...]) -> Coloured:
+    """Morelli & Klein's covariance with the residuals' autocovariance at all lags, as published."""
+    longest = max(len(record.used) for record in records)
+    sums, count = np.zeros(longest), sum(float(r.used.sum()) for r in records)
+    for record in records:
+        sums[: len(record.used)] += correlate(record.residuals[:, None])[:, 0]
+    free = _free(records)
+    return Coloured(_quadratic(records, sums / count), np.full(records[0].weights.shape[1], free))
+
+
+def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
+    """The default: Parzen's window of a tenth of the longest record on residuals made white.
+
+    The window has at least ``least_lags`` lags.
+    """
+    basis, residuals, used = ([record[k] for record in records] for k in (1, 2, 3))
+    model = autoregression_of(basis, residuals, used)
+    lags = max(int(max(len(mask) for mask in used) / 10), least_lags, 1)
+    window, pairs = _white_autocovariance(records, model, lags)
+    longest = max(len(mask) for mask in used)
+    covariance = _quadratic(records, _coloured_again(_nowhere_negative(window), model, longest))
+    doubt = 2 / _free(records) + _doubt_of_model(records, model) + _doubt_of_window(records, model, lags, pairs)
+    return Coloured(covariance, np.maximum(2 / doubt, 1.0))
+
+
+def _squares(records: tuple[Linear, ...]) -> float:
+    return float(sum(record.residuals @ record.residuals for record in records))
+
+
+def _free(records: tuple[Linear, ...]) -> float:
+    count = sum(float(record.used.sum()) for record in records)
+    return float(max(count - records[0].weights.shape[1], 1.0))
+
+
+def correlate(columns: Array) -> Array:
+    """Sum of each column of ``columns`` (N, k) times itself, at lags 0 to N - 1: (N, k)."""
+    size = 2 * len(columns)
+    power = np.abs(np.fft.rfft(columns, size, axis=0)) ** 2
+    return np.asarray(np.fft.irfft(power, size, axis=0)[: len(columns)])
+
+
+def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
+    """Sum over records of W^T Gamma W, Gamma of the ``autocovariance`` (longest,) by lag."""
+    width = records[0].weights.shape[1]
+    total = np.zeros((width, width))
+    for record in records:
+        count = len(record.used)
+        there = autocovariance[:count]
+        density = np.fft.rfft(np.concatenate((there, [0.0], there[:0:-1]))).real
+        spectrum = np.fft.rfft(record.weights, 2 * count, axis=0)
+        density[1:-1] *= 2
+        total += (spectrum.conj().T @ (spectrum * density[:, None])).real / (2 * count)
+    return total
+
+
+def _white_autocovariance(records: tuple[Linear, ...], model: Autoregression, lags: int) -> tuple[Array, float]:
+    """Autocovariance (lags,) of the whitened residuals under Parzen's window, and the samples that it is from.
+
+    Whitened residuals lack what the whitened regressors took, which makes their neighbours look opposed; that part is
+    known for white noise and put back.
+    """
+    order = len(model.reflections)
+    masks = [(runs(record.used, order) >= order).astype(float) for record in records]
+    columns = [np.column_stack((record.basis, record.residuals)) for record in records]
+    filtered = [lfilter(model.filter, [1.0], c, axis=0) * m[:, None] for c, m in zip(columns, masks, strict=True)]
+    whole = np.vstack(filtered)
+    basis, _ = np.linalg.qr(whole[:, :-1])
+    rest = whole[:, -1] - basis @ (basis.T @ whole[:, -1])
+    count = float(sum(mask.sum() for mask in masks))
+    variance = float(rest @ rest) / max(count - basis.shape[1], 1.0)
+    sums, pairs, at = np.zeros(lags), np.zeros(lags), 0
+    for mask in masks:
+        part = slice(at, at + len(mask))
+        at += len(mask)
+        there = min(lags, len(mask))
+        own = correlate(np.column_stack((rest[part], mask, basis[part])))[:there]
+        sums[:there] += own[:, 0] + variance * own[:, 2:].sum(axis=1)
+        pairs[:there] += own[:, 1]
+    found = sums / np.maximum(pairs, 1.0)
+    found[0] = variance
+    return found * parzen(lags), count
+
+
+def _nowhere_negative(window: Array) -> Array:
+    """The autocovariance ``window`` (L,) with its spectral density raised to `LEAST_SHARE`: (FINE L / 2,)."""
+    size = FINE * len(window)
+    density = 2 * np.fft.rfft(window, size).real - window[0]
+    return np.asarray(np.fft.irfft(np.maximum(density, LEAST_SHARE * window[0]), size)[: size // 2])
+
+
+def _coloured_again(window: Array, model: Autoregression, count: int) -> Array:
+    """Autocovariance (count,) of the noise whose whitened autocovariance is ``window`` (L,)."""
+    both_sides = np.concatenate((window[:0:-1], window))
+    lags = len(window)
+    long = autocovariance(model.reflections, count + lags)
+    mirrored = np.concatenate((long[:0:-1], long))
+    size = len(both_sides) + len(mirrored)
+    product = np.fft.irfft(np.fft.rfft(both_sides, size) * np.fft.rfft(mirrored, size), size)
+    centre = len(long) - 1 + lags - 1
+    return np.asarray(product[centre : centre + count])
+
+
+def _doubt_of_model(records: tuple[Linear, ...], model: Autoregression) -> Array:
+    """Variance (p,) of the logarithm of each parameter's variance, from that of the autoregression."""
+    at = np.arctanh(model.reflections)
+    longest = max(len(record.used) for record in records)
+
+    def logarithms(transformed: Array) -> Array:
+        noise = autocovariance(np.tanh(transformed), longest) * model.variances(transformed)
+        return np.asarray(np.log(np.maximum(np.diag(_quadratic(records, noise)), 1e-300)))
+
+    steps = np.eye(len(at)) * STEP
+    if not len(at):
+        return np.zeros(records[0].weights.shape[1])
+    slopes = np.array([(logarithms(at + step) - logarithms(at - step)) / (2 * STEP) for step in steps])
+    return np.asarray(np.einsum("ka,kl,la->a", slopes, model.uncertainty, slopes))
+
+
+def _doubt_of_window(records: tuple[Linear, ...], model: Autoregression, lags: int, count: float) -> Array:
+    """The same from the scatter of the autocovariances inside the lag window."""
+    width = records[0].weights.shape[1]
+    own = np.zeros((lags, width))
+    for record in records:
+        back = lfilter([1.0], model.filter, record.weights[::-1], axis=0)[::-1]
+        there = min(lags, len(back))
+        own[:there] += correlate(back)[:there]
+    shares = 2 * parzen(lags)[1:, None] * own[1:] / np.maximum(own[0], 1e-300)
+    return np.asarray(np.sum(shares**2, axis=0) / max(count, 1.0))
