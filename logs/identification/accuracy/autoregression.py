@@ -28,6 +28,8 @@ SAMPLES_PER_ORDER = 10
 """-; samples that each coefficient asks for"""
 PRIOR = 1.0
 """-; weight of log(1 - kappa^2) in twice the log likelihood: no short record is taken for a random walk"""
+LARGEST = 1 - 1e-7
+"""-; size of a reflection"""
 LEAST_CURVATURE = 1e-2
 STEP = 1e-3
 NEVER = 1e10
@@ -144,8 +146,10 @@ def _squares(of: Products, reflections: Array) -> tuple[float, float, Array]:
 def _criterion(of: Products, transformed: Array) -> float:
     """Minus twice the restricted log likelihood at artanh(reflections), the white variance at its optimum."""
     reflections = np.tanh(transformed)
+    if not np.all(np.abs(reflections) < LARGEST):
+        return NEVER
     squares, determinant, variances = _squares(of, reflections)
-    if not squares > 0 or not np.all(np.abs(reflections) < 1):
+    if not squares > 0:
         return NEVER
     free = of.counts.sum() - (of.sums.shape[3] - 1)
     prior = PRIOR * np.sum(np.log(1 - reflections**2))

@@ -19,22 +19,12 @@ import numpy as np
 from scipy.special import fdtrc
 
 from logs.identification.experiment import Experiment
+from logs.identification.regression.candidates import Candidates, candidates_of, determined, pieces_of
 from logs.identification.regression.coefficients import CoefficientRegression, solve
-from logs.identification.regression.design import Design, design_of
-from logs.identification.regression.equation_error import Settings, equations
-from logs.identification.regression.least_squares import Fit, Piece, regress_records
-from logs.identification.regression.statistics import (
-    Statistics,
-    System,
-    for_colour,
-    partial_correlations,
-    partial_f,
-    statistics_of,
-    system_of,
-)
-
-RANK = 1e-5
-"""-; a candidate's least share of its own size that the terms before it do not explain"""
+from logs.identification.regression.design import design_of
+from logs.identification.regression.equation_error import Settings
+from logs.identification.regression.least_squares import Fit, regress_records
+from logs.identification.regression.statistics import Statistics, partial_correlations, partial_f, statistics_of
 
 
 class Rules(NamedTuple):
@@ -88,13 +78,9 @@ class Stepwise(NamedTuple):
 
 
 class _Pool(NamedTuple):
-    """Candidates and what the tests need of them."""
+    """Candidates and by what they are judged."""
 
-    names: tuple[str, ...]
-    pieces: tuple[Piece, ...]
-    """nuisances first, then the candidates; columns of unit size"""
-    nuisances: int
-    system: System
+    candidates: Candidates
     rules: Rules
     always: tuple[int, ...]
 
@@ -128,60 +114,12 @@ def stepwise_regression(
     if design.samples < least:
         why = f"{design.samples} samples with {response} and all candidates: {least} are the least"
         return Stepwise(solve(design.taking(()), "time", settings, lengths), (), (), float(design.samples), why)
-    pool = _pool(design, rules, settings)
+    always = tuple(candidates.index(name) for name in rules.always)
+    pool = _Pool(candidates_of(design, settings), rules, always)
     steps = _walk(pool)
     terms = steps[-1].terms
     model = solve(design.taking(terms), "time", settings, lengths)
-    return Stepwise(model, terms, tuple(steps), pool.system.independent, model.failure)
-
-
-def _pool(design: Design, rules: Rules, settings: Settings) -> _Pool:
-    asked = equations(design, "time", settings)
-    nuisances = len(asked.names) - len(design.names)
-    size = np.linalg.norm(np.vstack([piece.regressors for piece in asked.pieces]), axis=0)
-    unit = [piece.regressors / np.where(size > 0, size, 1.0) for piece in asked.pieces]
-    pieces = tuple(p._replace(regressors=u, instruments=u) for p, u in zip(asked.pieces, unit, strict=True))
-    always = tuple(design.names.index(name) for name in rules.always)
-    pool = _Pool(design.names, pieces, nuisances, system_of(pieces, nuisances), rules, always)
-    return pool._replace(system=_coloured(pool, _most_complete(pool)))
-
-
-def _most_complete(pool: _Pool) -> tuple[int, ...]:
-    """Independent candidates, of the highest partial correlation first, as many as the samples bear."""
-    chosen: tuple[int, ...] = ()
-    most = min(len(pool.names), max(len(pool.system.response) // 10, 1), 2 * pool.rules.most_terms)
-    while len(chosen) < most:
-        correlations = np.abs(partial_correlations(pool.system, chosen))
-        best = int(np.argmax(correlations)) if len(correlations) else 0
-        if correlations.max(initial=0.0) <= 0 or not _determined(pool, (*chosen, best)):
-            break
-        chosen = (*chosen, best)
-    return chosen
-
-
-def _coloured(pool: _Pool, chosen: tuple[int, ...]) -> System:
-    """The system with its samples over the median factor by which colour raises the variances of ``chosen``."""
-    pieces, count = _pieces(pool, chosen), len(pool.system.response)
-    try:
-        coloured, plain = regress_records(pieces), regress_records(pieces, colour="white")
-    except np.linalg.LinAlgError:
-        return pool.system
-    raised, white = (np.diag(fit.covariance)[pool.nuisances :] for fit in (coloured, plain))
-    factor = float(np.median(raised / white)) if len(white) and np.all(white > 0) else 1.0
-    noise = statistics_of(pool.system, chosen).variance
-    return for_colour(pool.system, count / float(np.clip(factor, 1.0, count / 3)), noise)
-
-
-def _determined(pool: _Pool, chosen: tuple[int, ...]) -> bool:
-    columns = pool.system.columns[:, chosen]
-    scaled = columns / np.linalg.norm(columns, axis=0)
-    return bool(np.linalg.svd(scaled, compute_uv=False)[-1] > RANK)
-
-
-def _pieces(pool: _Pool, chosen: tuple[int, ...]) -> tuple[Piece, ...]:
-    columns = [*range(pool.nuisances), *(pool.nuisances + column for column in chosen)]
-    taken = ((piece, piece.regressors[:, columns]) for piece in pool.pieces)
-    return tuple(Piece(regressors, regressors, piece.response, piece.used) for piece, regressors in taken)
+    return Stepwise(model, terms, tuple(steps), pool.candidates.system.independent, model.failure)
 
 
 def _walk(pool: _Pool) -> list[Step]:
@@ -205,9 +143,9 @@ def _walk(pool: _Pool) -> list[Step]:
 
 def _enter(pool: _Pool, chosen: tuple[int, ...]) -> tuple[tuple[int, ...] | None, Step]:
     """The model with one more term, or None, and the step that tells why."""
-    correlations = partial_correlations(pool.system, chosen)
+    correlations = partial_correlations(pool.candidates.system, chosen)
     for column in np.argsort(-np.abs(correlations)):
-        if correlations[column] == 0 or not _determined(pool, (*chosen, int(column))):
+        if correlations[column] == 0 or not determined(pool.candidates, (*chosen, int(column))):
             correlations[column] = 0.0
     best = int(np.argmax(np.abs(correlations))) if len(correlations) else 0
     if len(chosen) >= pool.rules.most_terms:
@@ -226,12 +164,12 @@ def _enter(pool: _Pool, chosen: tuple[int, ...]) -> tuple[tuple[int, ...] | None
 
 def _accepted(pool: _Pool, chosen: tuple[int, ...], trial: tuple[int, ...], test: _Test) -> tuple[bool, str]:
     """Whether the stop rule takes the last of ``trial``, and why."""
-    before, after = (statistics_of(pool.system, columns) for columns in (chosen, trial))
+    before, after = (statistics_of(pool.candidates.system, columns) for columns in (chosen, trial))
     gain = after.r_squared - before.r_squared
     if gain < pool.rules.least_gain:
         return False, f"R2 would rise by {gain:.2g} only"
     if pool.rules.stop == "F":
-        level = pool.rules.significance / (len(pool.names) - len(chosen))
+        level = pool.rules.significance / (len(pool.candidates.names) - len(chosen))
         return test.probability < level, f"probability of its F by chance {test.probability:.2g}, limit {level:.2g}"
     old, new = (before.pse, after.pse) if pool.rules.stop == "PSE" else (before.press, after.press)
     return new < old, f"{pool.rules.stop} {'falls' if new < old else 'does not fall'}: from {old:.4g} to {new:.4g}"
@@ -255,20 +193,20 @@ def _superfluous(pool: _Pool, chosen: tuple[int, ...], rest: tuple[int, ...], te
     if pool.rules.stop == "F":
         limit = pool.rules.significance
         return test.probability > limit, f"probability of its F by chance {test.probability:.2g}, limit {limit:.2g}"
-    with_, without = (statistics_of(pool.system, columns) for columns in (chosen, rest))
+    with_, without = (statistics_of(pool.candidates.system, columns) for columns in (chosen, rest))
     old, new = (with_.pse, without.pse) if pool.rules.stop == "PSE" else (with_.press, without.press)
     return new < old, f"{pool.rules.stop} falls without it: from {old:.4g} to {new:.4g}"
 
 
 def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
     """Coloured F of each of the ``chosen``; None where the fit cannot be had."""
-    if len(pool.system.response) <= pool.nuisances + len(chosen) + 2:
+    if len(pool.candidates.system.response) <= pool.candidates.nuisances + len(chosen) + 2:
         return None
     try:
-        fit = regress_records(_pieces(pool, chosen))
+        fit = regress_records(pieces_of(pool.candidates, chosen))
     except np.linalg.LinAlgError:
         return None
-    return [_test(fit, pool.nuisances + index) for index in range(len(chosen))]
+    return [_test(fit, pool.candidates.nuisances + index) for index in range(len(chosen))]
 
 
 def _test(fit: Fit, index: int) -> _Test:
@@ -284,17 +222,17 @@ def _step(
     why: str,
     chosen: tuple[int, ...],
 ) -> Step:
-    names = tuple(pool.names[c] for c in chosen)
-    term = "" if column is None else pool.names[column]
+    names = tuple(pool.candidates.names[c] for c in chosen)
+    term = "" if column is None else pool.candidates.names[column]
     nothing = (np.nan, np.nan, np.nan, np.nan)
-    return Step(action, term, why, *nothing, names, statistics_of(pool.system, chosen))
+    return Step(action, term, why, *nothing, names, statistics_of(pool.candidates.system, chosen))
 
 
 def _told(step: Step, pool: _Pool, trial: tuple[int, ...], column: int, test: _Test, correlation: float) -> Step:
     """``step`` with the statistics of its term."""
     return step._replace(
         partial_correlation=correlation,
-        partial_f=partial_f(pool.system, trial, column),
+        partial_f=partial_f(pool.candidates.system, trial, column),
         coloured_f=test.f,
         probability=test.probability,
     )
