@@ -1,0 +1,57 @@
+"""From a flight to its manoeuvres by the logged excitation, any control and any kind of aircraft."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.preparing.resampling import cut
+
+NEEDED = ("active", "manoeuvre", "aborted")
+"""signals: 1 while a manoeuvre runs, its number, 1 where an envelope limit ended it"""
+
+
+def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[Experiment, ...]:
+    """One experiment for each whole manoeuvre, ``lead`` s longer before and ``tail`` s behind where none other runs.
+
+    They are called FLIGHT, manoeuvre NUMBER. One that was aborted, or that the record's ends cut, is left out.
+
+    Raises:
+        BadInput: the flight tells no excitation, or has no whole manoeuvre.
+    """
+    missing = [name for name in NEEDED if name not in flight.signals]
+    if missing:
+        raise BadInput(f"{flight.name} has no signal {', '.join(missing)} to find its manoeuvres by")
+    active, number, aborted = (flight.signals[name] for name in NEEDED)
+    label = np.where((active > 0) & np.isfinite(number), number, np.nan)
+    spans = [span for span in _runs(label) if not np.any(aborted[number == label[span.start]] > 0)]
+    if not spans:
+        raise BadInput(f"{flight.name} has no whole manoeuvre that was not aborted")
+    before, behind = (int(seconds / flight.step + 1e-6) for seconds in (lead, tail))
+    free = np.isnan(label)
+    return tuple(
+        cut(flight, _widened(free, span, before, behind))._replace(
+            name=f"{flight.name}, manoeuvre {label[span.start]:.0f}"
+        )
+        for span in spans
+    )
+
+
+def _runs(label: np.ndarray) -> list[slice]:
+    """Runs of one finite label that neither begin nor end with the record."""
+    same = (label[1:] == label[:-1]) | (np.isnan(label[1:]) & np.isnan(label[:-1]))
+    bounds = np.concatenate(([0], np.flatnonzero(~same) + 1, [len(label)]))
+    spans = [slice(int(a), int(b)) for a, b in pairwise(bounds)]
+    return [s for s in spans if np.isfinite(label[s.start]) and s.start > 0 and s.stop < len(label)]
+
+
+def _widened(free: np.ndarray, span: slice, before: int, behind: int) -> slice:
+    start, stop = span.start, span.stop
+    while start > 0 and span.start - start < before and free[start - 1]:
+        start -= 1
+    while stop < len(free) and stop - span.stop < behind and free[stop]:
+        stop += 1
+    return slice(start, stop)

@@ -1,0 +1,79 @@
+"""Sensors off the centre of mass: on a rigid body that turns, what they tell is taken back to the centre exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.preparing.lever_arm import (
+    AirData,
+    AirDataPlaces,
+    acceleration_at_centre,
+    air_data_at_centre,
+    air_data_of,
+    measured_air_data,
+    sideslip_of_flank,
+    velocity_of,
+)
+
+PLACE = (0.3, -0.1, 0.05)
+
+
+def test_a_body_that_spins_about_its_centre_feels_nothing_there() -> None:
+    """GIVEN rotation by a known angle about a fixed axis THEN the IMU's circle is taken off to rounding."""
+    time = np.arange(0, 5, 0.01)
+    axis = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
+    rate, change = 3 + np.sin(2 * time), 2 * np.cos(2 * time)
+    omega, omega_dot = np.outer(rate, axis), np.outer(change, axis)
+    across = np.asarray(PLACE) - axis * (axis @ PLACE)
+    circle = np.outer(change, np.cross(axis, PLACE)) - np.outer(rate**2, across)
+    np.testing.assert_allclose(acceleration_at_centre(circle, omega, omega_dot, PLACE), 0, atol=1e-12)
+
+
+def test_the_acceleration_is_the_second_derivative_of_the_place() -> None:
+    """GIVEN a pitching, plunging body WHEN its IMU's path is differentiated twice THEN the plunge is left."""
+    time = np.arange(0, 4, 1e-3)
+    angle, plunge = 0.4 * np.sin(3 * time), 0.2 * np.cos(5 * time)
+    x = PLACE[0] * np.cos(angle) + PLACE[2] * np.sin(angle)
+    z = -PLACE[0] * np.sin(angle) + PLACE[2] * np.cos(angle) + plunge
+    a_x, a_z = (np.gradient(np.gradient(each, time), time) for each in (x, z))
+    body = np.column_stack(
+        (a_x * np.cos(angle) - a_z * np.sin(angle), 0 * time, a_x * np.sin(angle) + a_z * np.cos(angle))
+    )
+    omega = np.column_stack((0 * time, 1.2 * np.cos(3 * time), 0 * time))
+    omega_dot = np.column_stack((0 * time, -3.6 * np.sin(3 * time), 0 * time))
+    centre = acceleration_at_centre(body, omega, omega_dot, PLACE)
+    plunging = -5 * np.cos(5 * time)
+    wanted = np.column_stack((-plunging * np.sin(angle), 0 * time, plunging * np.cos(angle)))
+    np.testing.assert_allclose(centre[5:-5], wanted[5:-5], atol=2e-4)
+
+
+def test_vanes_on_three_booms_tell_the_flow_at_the_centre() -> None:
+    rng = np.random.default_rng(1)
+    velocity = np.column_stack((20 + rng.normal(size=80), rng.normal(size=80), 2 + rng.normal(size=80)))
+    omega = 0.5 * rng.normal(size=(80, 3))
+    places = AirDataPlaces((1.0, 0.2, 0.1), (1.5, -0.5, 0.0), (1.5, 0.5, 0.1))
+    told = measured_air_data(velocity, omega, places)
+    np.testing.assert_allclose(velocity_of(air_data_at_centre(told, omega, places)), velocity, atol=1e-10)
+    assert np.max(np.abs(velocity_of(told) - velocity)) > 0.3
+
+
+def test_a_pure_pitch_rate_moves_the_vane_by_its_arm() -> None:
+    velocity, omega = np.array([[20.0, 0.0, 1.0]]), np.array([[0.0, 0.5, 0.0]])
+    told = measured_air_data(velocity, omega, AirDataPlaces(alpha=(2.0, 0.0, 0.0)))
+    assert told.alpha[0] == pytest.approx(np.arctan2(1.0 - 0.5 * 2.0, 20.0))
+
+
+def test_flank_angle_and_sideslip() -> None:
+    velocity = np.array([[15.0, 2.0, 3.0], [10.0, -4.0, -1.0]])
+    air = air_data_of(velocity)
+    np.testing.assert_allclose(
+        sideslip_of_flank(np.arctan2(velocity[:, 1], velocity[:, 0]), air.alpha), air.beta, atol=1e-14
+    )
+
+
+def test_a_body_that_outruns_its_flight_is_refused() -> None:
+    still = AirData(np.array([1.0]), np.array([0.5]), np.array([0.1]))
+    with pytest.raises(BadInput, match="too slow for how it turns"):
+        air_data_at_centre(still, np.array([[3.0, 40.0, 8.0]]), AirDataPlaces((1, 0, 0), (-1, 1, 0), (1, 1, 1)))
