@@ -1,0 +1,1 @@
+"""How a vehicle moved: from markers to bodies, coordinates and speeds."""

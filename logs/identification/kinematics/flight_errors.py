@@ -1,0 +1,147 @@
+"""Errors of a reconstructed flight path: coloured residuals, and input noise that the kinematics integrate.
+
+A lag window that ends at a tenth of a short record cuts into slow colour. So the residuals are freed of a first-order
+pole before their autocovariance is tapered, and its spectrum gets the pole back (Andrews & Monahan, Econometrica
+60(4), 1992).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from logs.identification.kinematics.flight_records import Path, Problem, Slopes, Values, errors_by_name
+from logs.identification.kinematics.rigid_motion import INPUTS, input_slopes
+from logs.identification.preparing.noise_level import noise_level
+from logs.identification.regression.colour import colour_of
+from logs.identification.results import Array
+
+LAG_SHARE = 0.1
+"""-; of the longest record, that the lag window spans"""
+HIGHEST_POLE = 0.99
+PARZEN_DEGREES = 3.71
+"""-; of freedom, times the record's length over the window's (Priestley, Spectral Analysis and Time Series, 1981)"""
+
+
+class _Residual(NamedTuple):
+    """Colour of one output's residuals: a first-order pole, and the autocovariance of what it leaves."""
+
+    pole: float
+    covariances: Array
+    """(L,); of the residuals freed of their pole, tapered"""
+    effective: float
+    """-; independent samples that carry as much knowledge of the variance"""
+
+
+def _colours(problem: Problem, paths: list[Path]) -> list[_Residual]:
+    """Colour of every output's residuals; those of different sensors are taken to be independent."""
+    lags = int(LAG_SHARE * max(len(record.time) for record in problem.records)) + 1
+    columns = range(len(problem.channels))
+    fitted = _unknowns(problem) / len(columns)
+    return [
+        _colour([p.residuals[:, m] for p in paths], [r.used[:, m] for r in problem.records], lags, fitted)
+        for m in columns
+    ]
+
+
+def _unknowns(problem: Problem) -> int:
+    return len(problem.parameters) + len(problem.records) * len(problem.free)
+
+
+def _colour(residuals: list[Array], used: list[Array], lags: int, fitted: float) -> _Residual:
+    """Colour of one output's ``residuals`` (N,), of which so many unknowns were ``fitted``."""
+    product = sum(float(e[1:] @ e[:-1]) for e in residuals)
+    pairs = [mask[1:] * mask[:-1] for mask in used]
+    power = sum(float((e[1:] ** 2 + e[:-1] ** 2) @ pair) / 2 for e, pair in zip(residuals, pairs, strict=True))
+    count = float(sum(np.sum(pair) for pair in pairs))
+    pole = product / power if power > 0 else 0.0
+    if pole > 0:
+        # Kendall's correction: the correlation of what is left by a fit to a short record is found too small.
+        pole = min(pole + ((1 + pole) * max(fitted, 1.0) + 2 * pole) / max(count, 1.0), HIGHEST_POLE)
+    pole = max(pole, 0.0)
+    whitened = [np.append(0.0, (e[1:] - pole * e[:-1]) * pair) for e, pair in zip(residuals, pairs, strict=True)]
+    masks = [np.append(0.0, pair) for pair in pairs]
+    raw = colour_of([e[:, None] for e in residuals], used, lags)
+    if pole == 0:
+        return _Residual(0.0, raw.covariances[:, 0, 0], raw.effective)
+    return _Residual(pole, colour_of([e[:, None] for e in whitened], masks, lags).covariances[:, 0, 0], raw.effective)
+
+
+def degrees_of(problem: Problem, paths: list[Path]) -> float:
+    """Degrees of freedom of the standard errors: of a spectrum by Parzen's window, or fewer where samples are few."""
+    effective = sum(colour.effective for colour in _colours(problem, paths)) - _unknowns(problem)
+    lengths = [len(record.time) for record in problem.records]
+    return float(max(min(effective, PARZEN_DEGREES * sum(lengths) / (LAG_SHARE * max(lengths))), 1.0))
+
+
+def covariance_of(
+    problem: Problem,
+    values: Values,
+    deviation: Array,
+    paths: list[Path],
+    slopes: list[Slopes],
+    input_noise: Mapping[str, float] | None,
+) -> Array:
+    """Covariance (P, P) of the parameters and first states, not below that of white residuals."""
+    count, free, size = len(problem.parameters), len(problem.free), _unknowns(problem)
+    information, core = np.zeros((size, size)), np.zeros((size, size))
+    colours = _colours(problem, paths)
+    effective = sum(colour.effective for colour in colours)
+    degrees = max(effective - size, 1.0)
+    for index, slope in enumerate(slopes):
+        at = np.concatenate((np.arange(count), count + index * free + np.arange(free)))
+        weighted = slope.outputs / deviation[:, None] ** 2
+        information[np.ix_(at, at)] += np.einsum("nmp,nmq->pq", weighted, slope.outputs)
+        noise = _input_noise(problem, values, index, input_noise)
+        core[np.ix_(at, at)] += _coloured(weighted, colours) * effective / degrees + _driven(weighted, slope, noise)
+    scale = np.sqrt(np.diag(information))
+    inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
+    return _not_below(inverse @ core @ inverse, inverse)
+
+
+def _coloured(weighted: Array, colours: list[_Residual]) -> Array:
+    """Sum over all pairs of samples of sensitivities (N, m, p) times the residuals' autocovariance."""
+    total = np.zeros((weighted.shape[2], weighted.shape[2]))
+    for output, colour in enumerate(colours):
+        lags = len(colour.covariances)
+        # Long enough that nothing comes round from the other end.
+        size = next_fast_len(len(weighted) + lags + int(np.log(1e-6) / np.log(max(abs(colour.pole), 1e-6))) + 1)
+        both = np.zeros(size)
+        both[:lags], both[size - lags + 1 :] = colour.covariances, colour.covariances[:0:-1]
+        turn = np.exp(-2j * np.pi * np.arange(size // 2 + 1) / size)
+        density = np.fft.rfft(both).real / np.abs(1 - colour.pole * turn) ** 2
+        density[1 : (size + 1) // 2] *= 2
+        waves = np.fft.rfft(weighted[:, output], size, axis=0)
+        total += ((waves.conj() * density[:, None]).T @ waves).real / size
+    return total
+
+
+def _driven(weighted: Array, slope: Slopes, noise: Array) -> Array:
+    """What white noise (6,) of the inputs does to the scores: (p, p)."""
+    pulls = input_slopes(slope.steps, np.einsum("nmp,nmi->nip", weighted, slope.by_state))
+    scaled = pulls * noise[:, None]
+    total: Array = np.einsum("nip,niq->pq", scaled, scaled)
+    return total
+
+
+def _input_noise(problem: Problem, values: Values, index: int, told: Mapping[str, float] | None) -> Array:
+    """Standard deviations (6,) of the corrected inputs' noise."""
+    measured = problem.records[index].inputs
+    if told is None:
+        levels = [noise_level(column) if np.any(column) else 0.0 for column in measured.T]
+    else:
+        levels = [told.get(name, 0.0) for name in INPUTS]
+    errors = errors_by_name(problem, values)
+    return np.array(
+        [level / (1 + errors.get(f"scale_{name}", 0.0)) for level, name in zip(levels, INPUTS, strict=True)]
+    )
+
+
+def _not_below(covariance: Array, white: Array) -> Array:
+    """Scale up to the white-residual standard errors: a short record must not promise more than they do."""
+    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    scaled: Array = covariance * np.outer(ratio, ratio)
+    return scaled

@@ -1,0 +1,184 @@
+"""Reconstruction of a prescribed flight: sensors' errors are found within their intervals, or it is said why not."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from prescribed_flight import ERRORS, NOISE, PLACES, Flight, measured, truth
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
+from logs.identification.kinematics.flight_sensors import Places
+
+LONGITUDINAL = ("airspeed", "theta", "altitude")
+
+
+def rebuilt(flight: Flight, channels: tuple[str, ...] = (), **asked: object) -> Reconstruction:
+    setup = Setup(longitudinal=flight.longitudinal, places=flight.places)._replace(**asked)
+    return reconstruct([measured(flight, channels)], setup)
+
+
+def reasons(found: Reconstruction) -> dict[str, str]:
+    return {refused.name: refused.reason for refused in found.unidentified}
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Reconstruction:
+    return rebuilt(Flight(seed=1))
+
+
+def test_without_noise_all_errors_are_found_exactly() -> None:
+    """GIVEN sensors on arms, biases and scales, a wind and no noise THEN only what the sampling loses is left."""
+    errors = {**ERRORS, "scale_q": 0.02, "bias_psi": 0.0}
+    found = rebuilt(Flight(noise=0, input_noise=0, errors=errors, wind=(2.0, -1.0)), also=("scale_q",))
+    assert not found.failure
+    values = {p.name: p.value for p in found.parameters}
+    assert values.keys() == {*ERRORS, "scale_q", "wind_north", "wind_east"}
+    for name, truth_ in {**errors, "wind_north": 2.0, "wind_east": -1.0}.items():
+        if name in values:
+            assert values[name] == pytest.approx(truth_, abs=1e-5)
+
+
+def test_with_noise_the_errors_lie_within_their_intervals(noisy: Reconstruction) -> None:
+    assert not noisy.failure
+    truths = {**ERRORS, "wind_north": 0.0, "wind_east": 0.0}
+    scores = [(p.value - truths[p.name]) / p.standard_error for p in noisy.parameters]
+    assert len(scores) == 12
+    assert np.max(np.abs(scores)) < 3.5
+    assert np.sum([p.contains(truths[p.name]) for p in noisy.parameters]) >= 10
+    np.testing.assert_allclose(np.diag(noisy.correlation), 1.0)
+
+
+def test_the_motion_at_the_centre_of_mass_is_found(noisy: Reconstruction) -> None:
+    flight = Flight(seed=1, places=Places())
+    _, told = truth(flight)
+    signals = noisy.tracks[0].motion.signals
+    for name, error in {"airspeed": 0.05, "alpha": 0.003, "beta": 0.003, "theta": 0.002, "phi": 0.002}.items():
+        assert np.sqrt(np.mean((signals[name] - told[name]) ** 2)) < error
+    assert noisy.tracks[0].motion.units["alpha"] == "rad"
+
+
+def test_residuals_are_the_noise_and_white(noisy: Reconstruction) -> None:
+    assert len(noisy.tracks[0].whiteness) == 10
+    for whiteness in noisy.tracks[0].whiteness:
+        assert whiteness.deviation == pytest.approx(NOISE[whiteness.name], rel=0.1)
+    assert np.mean([whiteness.outside for whiteness in noisy.tracks[0].whiteness]) < 0.12
+
+
+def test_coloured_residuals_are_told() -> None:
+    track = rebuilt(Flight(seed=2, colour=0.9, longitudinal=True), LONGITUDINAL).tracks[0]
+    assert not any(whiteness.white for whiteness in track.whiteness)
+
+
+def test_missing_channels_are_said_and_the_rest_is_found() -> None:
+    found = rebuilt(Flight(seed=3), ("airspeed", "alpha", "phi", "theta", "psi", "altitude"))
+    assert {"bias_beta", "scale_beta"} <= reasons(found).keys()
+    assert reasons(found)["bias_beta"] == "beta was not measured"
+    assert reasons(found)["wind_north"] == "north and east were not measured"
+    assert {"bias_p", "bias_q", "bias_a_x", "bias_alpha"} <= {p.name for p in found.parameters}
+
+
+def test_missing_samples_of_outputs_are_left_out() -> None:
+    flight = Flight(seed=4, longitudinal=True)
+    experiment = measured(flight, LONGITUDINAL)
+    sparse = dict(experiment.signals)
+    sparse["airspeed"] = np.where(np.arange(len(experiment.time)) % 4 == 0, sparse["airspeed"], np.nan)
+    sparse["theta"] = np.where((experiment.time > 5) & (experiment.time < 8), np.nan, sparse["theta"])
+    found = reconstruct([experiment._replace(signals=sparse)], Setup(longitudinal=True, places=flight.places))
+    for estimate in found.parameters:
+        assert abs(estimate.value - ERRORS[estimate.name]) < 4 * estimate.standard_error
+    assert np.isnan(found.tracks[0].residuals["theta"]).sum() == pytest.approx(150, abs=2)
+
+
+def test_what_cannot_be_told_apart_is_refused_by_name() -> None:
+    """GIVEN heading measured without position THEN its bias is that of the first heading."""
+    found = rebuilt(Flight(seed=5), ("airspeed", "alpha", "beta", "phi", "theta", "psi"), also=("bias_psi",))
+    assert "psi at the start" in reasons(found)["bias_psi"]
+    assert not found.failure
+    altitude = rebuilt(Flight(seed=5, longitudinal=True), LONGITUDINAL, also=("bias_altitude", "bias_colour"))
+    assert "altitude at the start" in reasons(altitude)["bias_altitude"]
+    assert reasons(altitude)["bias_colour"] == "no such error is modelled"
+
+
+def test_what_the_motion_hardly_tells_is_refused_with_its_error() -> None:
+    """GIVEN flight that is all but steady THEN a vane's scale is not told."""
+    found = rebuilt(Flight(seed=6, activity=0.01, longitudinal=True), ("airspeed", "alpha", "theta", "altitude"))
+    assert "standard error" in reasons(found)["scale_alpha"]
+    assert "bias_q" in {p.name for p in found.parameters}
+
+
+def test_several_records_share_the_sensors() -> None:
+    flights = [Flight(seed=seed, duration=8, longitudinal=True) for seed in (7, 8, 9)]
+    setup = Setup(longitudinal=True, places=PLACES)
+    together = reconstruct([measured(flight, LONGITUDINAL) for flight in flights], setup)
+    alone = reconstruct([measured(flights[0], LONGITUDINAL)], setup)
+    assert len(together.tracks) == 3
+    for joint, single in zip(together.parameters, alone.parameters, strict=True):
+        assert joint.standard_error < 0.8 * single.standard_error
+        assert abs(joint.value - ERRORS[joint.name]) < 4 * joint.standard_error
+
+
+def test_bad_records_are_refused_in_a_line() -> None:
+    experiment = measured(Flight(longitudinal=True), LONGITUDINAL)
+
+    def without(name: str) -> Experiment:
+        return experiment._replace(signals={k: v for k, v in experiment.signals.items() if k != name})
+
+    setup = Setup(longitudinal=True)
+    with pytest.raises(BadInput, match="has no q"):
+        reconstruct([without("q")], setup)
+    with pytest.raises(BadInput, match="no airspeed was measured"):
+        reconstruct([without("airspeed")], setup)
+    gap = np.where(np.arange(len(experiment.time)) == 50, np.nan, experiment.signals["a_z"])
+    with pytest.raises(BadInput, match="1 samples of a_z are missing"):
+        reconstruct([experiment._replace(signals={**experiment.signals, "a_z": gap})], setup)
+    with pytest.raises(BadInput, match="not even"):
+        reconstruct([experiment._replace(time=experiment.time**1.1)], setup)
+    with pytest.raises(BadInput, match="turns with banked wings"):
+        reconstruct([measured(Flight())], setup)
+    with pytest.raises(BadInput, match="no record"):
+        reconstruct([], setup)
+
+
+def test_wrong_units_do_not_give_numbers() -> None:
+    """GIVEN rates in degrees THEN no flight path fits, or one that is not believed."""
+    experiment = measured(Flight(longitudinal=True), LONGITUDINAL)
+    wrong = {**experiment.signals, "q": np.degrees(experiment.signals["q"])}
+    found = reconstruct([experiment._replace(signals=wrong)], Setup(longitudinal=True, places=PLACES))
+    assert found.failure
+    assert not found.parameters
+    assert not found.tracks
+
+
+def coverage(seeds: range, flight: Flight, channels: tuple[str, ...]) -> dict[str, float]:
+    """Share of intervals that hold the truth, by parameter."""
+    hits: dict[str, list[bool]] = {}
+    for seed in seeds:
+        found = rebuilt(flight._replace(seed=seed), channels)
+        assert not found.failure
+        for estimate in found.parameters:
+            hits.setdefault(estimate.name, []).append(estimate.contains(flight.errors.get(estimate.name, 0.0)))
+    return {name: float(np.mean(inside)) for name, inside in hits.items()}
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_intervals_hold_the_truth(colour: float) -> None:
+    shares = coverage(range(8), Flight(longitudinal=True, colour=colour), LONGITUDINAL)
+    assert np.mean(list(shares.values())) >= 0.8
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("input_noise", [0.0, 1.0])
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+@pytest.mark.parametrize("longitudinal", [True, False])
+def test_intervals_of_many(longitudinal: bool, colour: float, input_noise: float) -> None:
+    flight = Flight(longitudinal=longitudinal, colour=colour, input_noise=input_noise)
+    shares = coverage(range(300), flight, LONGITUDINAL if longitudinal else ())
+    told = ", ".join(f"{name} {share:.3f}" for name, share in shares.items())
+    sys.stdout.write(f"longitudinal {longitudinal}, colour {colour}, input noise {input_noise}: {told}\n")
+    assert min(shares.values()) >= 0.9
+    assert max(shares.values()) <= 0.99
+    assert 0.92 <= np.mean(list(shares.values())) <= 0.98
