@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from logs.identification.results import Array
 
@@ -31,26 +30,41 @@ def parzen(lags: int) -> Array:
 
 
 def colour_of(residuals: list[Array], used: list[Array], lags: int) -> Colour:
-    """Autocovariance over records of ``residuals`` (N_i, m), zero where ``used`` (N_i,) is 0."""
+    """Autocovariance over records of ``residuals`` (N_i, m), zero where ``used`` (N_i,) or (N_i, m) is 0."""
     outputs = residuals[0].shape[1]
-    sums, pairs = np.zeros((lags, outputs, outputs)), np.zeros(lags)
+    sums, pairs = np.zeros((lags, outputs, outputs)), np.zeros((lags, outputs, outputs))
     for values, mask in zip(residuals, used, strict=True):
         reach = min(lags, len(mask))
-        sums[:reach] += _lagged_products(values, values, reach)
-        pairs[:reach] += np.round(_lagged_products(mask[:, None], mask[:, None], reach)[:, 0, 0])
-    raw = sums / np.maximum(pairs, 1.0)[:, None, None]
+        whole = mask if mask.ndim == 2 else np.repeat(mask[:, None], outputs, axis=1)
+        sums[:reach] += _correlations(values, reach)
+        pairs[:reach] += np.rint(_correlations(whole, reach))
+    raw = sums / np.maximum(pairs, 1.0)
     tapered = raw * parzen(lags)[:, None, None]
     return Colour(tapered, _effective(tapered, pairs))
+
+
+def _correlations(values: Array, lags: int) -> Array:
+    """Sums (lags, m, m) over n of ``values[n, i] values[n + lag, j]`` for ``values`` (N, m).
+
+    By Fourier transform: a flight of ten minutes has 60,000 samples and 6,000 lags.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft  # takes 0.1 s, which a flight need not wait for
+
+    length = next_fast_len(len(values) + lags, real=True)
+    spectrum = rfft(values, length, axis=0)
+    product = np.conj(spectrum)[:, :, None] * spectrum[:, None, :]
+    sums: Array = irfft(product, length, axis=0)[:lags]
+    return sums
 
 
 def _effective(tapered: Array, pairs: Array) -> float:
     """Independent samples, summed over the outputs: pairs of samples count by their squared correlation."""
     total = 0.0
     for output in range(tapered.shape[1]):
-        covariance = tapered[:, output, output]
+        covariance, counts = tapered[:, output, output], pairs[:, output, output]
         if covariance[0] > 0:
-            squared = (covariance / covariance[0]) ** 2 * pairs
-            total += float(pairs[0] ** 2 / (squared[0] + 2 * np.sum(squared[1:])))
+            squared = (covariance / covariance[0]) ** 2 * counts
+            total += float(counts[0] ** 2 / (squared[0] + 2 * np.sum(squared[1:])))
     return total
 
 
@@ -66,19 +80,10 @@ def coloured_information(sensitivities: list[Array], colour: Colour) -> Array:
     return total
 
 
-def _lagged_products(first: Array, second: Array, lags: int) -> Array:
-    """Sums (lags, m, m) of ``first[n, i] second[n + lag, j]`` over n, for both (N, m).
-
-    By Fourier transforms: a flight of ten minutes has 60,000 samples and 6,000 lags.
-    """
-    size = next_fast_len(len(first) + lags, real=True)
-    one, other = rfft(first, size, axis=0), rfft(second, size, axis=0)
-    products: Array = irfft(np.conj(one)[:, :, None] * other[:, None, :], size, axis=0)[:lags]
-    return products
-
-
 def _weighted_ahead(covariances: Array, sensitivity: Array) -> Array:
     """Sums (N, m, p) over lags of ``covariances[lag, i, j] sensitivity[n + lag, j]``."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
     size = next_fast_len(len(sensitivity) + len(covariances), real=True)
     weights, values = np.conj(rfft(covariances, size, axis=0)), rfft(sensitivity, size, axis=0)
     weighted: Array = irfft(np.einsum("fij,fjp->fip", weights, values), size, axis=0)[: len(sensitivity)]

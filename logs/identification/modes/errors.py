@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.regression.colour import colour_of, coloured_information
+from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.results import Array
 
 LEAST_CLUSTERS = 5

@@ -1,0 +1,110 @@
+"""Output error from a problem to a fit that says what it is worth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from logs.identification.output_error.accuracy import accuracy_of
+from logs.identification.output_error.flown import Flight
+from logs.identification.output_error.problem import Fit, History, Own, Problem
+from logs.identification.output_error.records import layout_of, records_of
+from logs.identification.output_error.search import Found, gauss_newton
+from logs.identification.output_error.weights import about_mean, noise_of
+from logs.identification.results import estimate
+
+MOST_STEPS = 60
+
+
+def output_error(problem: Problem) -> Fit:
+    """The free parameters of ``problem`` by maximum likelihood.
+
+    Raises:
+        BadInput: the problem does not make sense: unknown names, gaps in inputs, nothing measured.
+    """
+    flight = flight_of(problem)
+    return fit_of(problem, flight, gauss_newton(problem, flight, flight.first(), MOST_STEPS))
+
+
+def flight_of(problem: Problem) -> Flight:
+    """The problem's model and records, ready to be flown.
+
+    Raises:
+        BadInput: see `output_error`.
+    """
+    layout = layout_of(problem)
+    return Flight(problem.model, layout, records_of(problem, layout))
+
+
+def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
+    """What a search found, with its errors; nothing but the reason where it may not be used."""
+    names = _free_names(problem, flight)
+    reason = found.reason or _worse_than_still(problem, flight, found)
+    if reason:
+        return _failed(problem, found, names, reason)
+    accuracy = accuracy_of(flight, found, names)
+    lost = {u.name for u in accuracy.unidentified}
+    errors, units = np.sqrt(np.diag(accuracy.covariance)), problem.model.parameters
+    rows = zip(names, found.unknowns.values, errors, strict=True)
+    return Fit(
+        status="converged" if len(lost) < len(names) else "not identifiable",
+        failure="" if len(lost) < len(names) else f"no parameter is identified: {accuracy.unidentified[0].reason}",
+        estimates=tuple(
+            estimate(name, units[name].unit, float(value), float(error), accuracy.degrees)
+            for name, value, error in rows
+            if name not in lost
+        ),
+        unidentified=accuracy.unidentified,
+        names=names,
+        values=found.unknowns.values,
+        covariance=accuracy.covariance,
+        degrees=accuracy.degrees,
+        noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(found.unknowns)),
+        cost=found.cost,
+        iterations=found.iterations,
+        own=tuple(_own(problem, flight, found, i) for i in range(len(flight.records))),
+        histories=tuple(_history(flight, found, i) for i in range(len(flight.records))),
+        outputs=problem.outputs,
+    )
+
+
+def _free_names(problem: Problem, flight: Flight) -> tuple[str, ...]:
+    every = tuple(problem.model.parameters)
+    return tuple(every[index] for index in flight.layout.free)
+
+
+def _failed(problem: Problem, found: Found, names: tuple[str, ...], reason: str) -> Fit:
+    p, m = len(names), len(problem.outputs)
+    nothing = np.full((p, p), np.nan)
+    status = found.status if found.reason else "not identifiable"
+    return Fit(
+        status, reason, (), (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), found.cost,
+        found.iterations, (), (), problem.outputs,
+    )  # fmt: skip
+
+
+def _worse_than_still(problem: Problem, flight: Flight, found: Found) -> str:
+    """Why a fit that explains less than constants do is none: a search may converge far from any."""
+    residuals = flight.residuals(found.unknowns)
+    left = np.sum([np.sum(piece**2, axis=0) for piece in residuals], axis=0)
+    still = np.sum([np.sum(about_mean(record) ** 2, axis=0) for record in flight.records], axis=0)
+    if np.all(left >= still):
+        return "the model that was found explains less than constants would"
+    return ""
+
+
+def _own(problem: Problem, flight: Flight, found: Found, index: int) -> Own:
+    record, model = flight.records[index], problem.model
+    split = flight.split(record, found.unknowns.values, found.unknowns.own[index])
+    return Own(
+        record.name,
+        dict(zip(model.parameters, split.parameters.tolist(), strict=True)),
+        dict(zip(model.states, split.start.tolist(), strict=True)),
+        dict(zip(problem.outputs, split.output_biases.tolist(), strict=True)),
+        dict(zip(model.inputs, split.input_biases.tolist(), strict=True)),
+    )
+
+
+def _history(flight: Flight, found: Found, index: int) -> History:
+    record = flight.records[index]
+    model = flight.outputs(record, found.unknowns.values, found.unknowns.own[index])
+    return History(record.name, record.time, np.where(record.used > 0, record.measured, np.nan), model)

@@ -1,0 +1,114 @@
+"""The model flown through every record: residuals, and by central differences what each free number does to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.output_error.problem import Model
+from logs.identification.output_error.records import Layout, Record
+from logs.identification.results import Array
+
+DIFFERENCE = 1e-5
+"""-; of a number's size: width of a central difference"""
+LEAST_SIZE = 1e-2
+"""-; of a parameter or state that is near zero"""
+
+
+class Unknowns(NamedTuple):
+    """Everything that is fitted."""
+
+    values: Array
+    """(p,); parameters, the same for all records"""
+    own: tuple[Array, ...]
+    """(l,) of each record: local parameters, initial states, output biases, input biases"""
+
+
+class Split(NamedTuple):
+    """One record's own numbers by kind."""
+
+    parameters: Array
+    """(P,); all of the model's"""
+    start: Array
+    """(n,)"""
+    output_biases: Array
+    """(m,); of the fitted outputs"""
+    input_biases: Array
+    """(k,)"""
+
+
+class Flight(NamedTuple):
+    """A problem ready to be flown."""
+
+    model: Model
+    layout: Layout
+    records: tuple[Record, ...]
+
+    def first(self) -> Unknowns:
+        """Where the search begins."""
+        own = tuple(self._first_own(record) for record in self.records)
+        return Unknowns(self.layout.base[list(self.layout.free)], own)
+
+    def _first_own(self, record: Record) -> Array:
+        layout = self.layout
+        zeros = np.zeros(len(layout.biased_outputs) + len(layout.biased_inputs))
+        return np.concatenate((layout.base[list(layout.local)], record.start[list(layout.states)], zeros))
+
+    def split(self, record: Record, values: Array, own: Array) -> Split:
+        """The numbers of one record, each where it belongs."""
+        layout = self.layout
+        parameters, start = layout.base.copy(), record.start.copy()
+        outputs, inputs = np.zeros(len(layout.outputs)), np.zeros(record.inputs.shape[1])
+        parameters[list(layout.free)] = values
+        ends = np.cumsum([len(layout.local), len(layout.states), len(layout.biased_outputs)])
+        local, states, out, into = np.split(own, ends)
+        parameters[list(layout.local)] = local
+        start[list(layout.states)] = states
+        outputs[list(layout.biased_outputs)] = out
+        inputs[list(layout.biased_inputs)] = into
+        return Split(parameters, start, outputs, inputs)
+
+    def outputs(self, record: Record, values: Array, own: Array) -> Array:
+        """Fitted outputs (N, m) of the model, biases included; not finite where it overflows."""
+        split = self.split(record, values, own)
+        inputs = record.inputs + split.input_biases if self.layout.biased_inputs else record.inputs
+        flown = self.model.simulate(split.parameters, split.start, inputs, record.step)
+        chosen: Array = flown[:, self.layout.outputs] + split.output_biases
+        return chosen
+
+    def residuals(self, unknowns: Unknowns) -> list[Array]:
+        """Measured minus model (N_i, m) of each record, 0 where not measured; not finite where it overflows."""
+        pairs = zip(self.records, unknowns.own, strict=True)
+        return [self._residual(record, unknowns.values, own) for record, own in pairs]
+
+    def _residual(self, record: Record, values: Array, own: Array) -> Array:
+        rest = record.measured - self.outputs(record, values, own)
+        rest[record.used == 0] = 0.0
+        return rest
+
+    def slopes(self, record: Record, values: Array, own: Array) -> Array:
+        """Sensitivities (N, m, p + l) of the outputs to the parameters and the record's own numbers, 0 where not
+        measured."""
+        columns = [self._slope(record, values, own, index) for index in range(len(values) + len(own))]
+        table: Array = np.stack(columns, axis=2) * record.used[:, :, None]
+        return table
+
+    def _slope(self, record: Record, values: Array, own: Array, index: int) -> Array:
+        bias = index - len(values) - len(self.layout.local) - len(self.layout.states)
+        if 0 <= bias < len(self.layout.biased_outputs):
+            column = np.zeros(record.measured.shape)
+            column[:, self.layout.biased_outputs[bias]] = 1.0
+            return column
+        both = np.concatenate((values, own))
+        width = DIFFERENCE * max(abs(both[index]), LEAST_SIZE)
+        return _central(lambda v: self.outputs(record, v[: len(values)], v[len(values) :]), both, index, width)
+
+
+def _central(of: Callable[[Array], Array], at: Array, index: int, width: float) -> Array:
+    ahead, behind = at.copy(), at.copy()
+    ahead[index] += width
+    behind[index] -= width
+    slope: Array = (of(ahead) - of(behind)) / (ahead[index] - behind[index])
+    return slope
