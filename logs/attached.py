@@ -10,7 +10,7 @@ from typing import TypeVar
 from avionics import parameters
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.identification.data import Aircraft
+from logs.identification.data import Aircraft, GaugeErrors
 from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, WORLD, WORLD_VEHICLE
 from logs.reader import Log
 from logs.settings import initial_parameters
@@ -52,7 +52,7 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
 
 
 def aircraft_of(log: Log) -> Aircraft:
-    """Place and calibration of the IMU and lag of the tail; not known where the log has no vehicle file.
+    """Place and calibration of the IMU, lag of the tail, accuracy of the gauges; not known without a vehicle file.
 
     Raises:
         BadInput: the attached vehicle file cannot be used.
@@ -61,7 +61,18 @@ def aircraft_of(log: Log) -> Aircraft:
     if vehicle is None:
         return Aircraft()
     known = vehicle.airframe
-    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu)
+    gauges = gauges_of(simulated_vehicle(log))
+    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu, gauges=gauges)
+
+
+def gauges_of(vehicle: SimulatedVehicle | None) -> GaugeErrors:
+    """Accuracy of the drives' sensors by a vehicle's file; not known without one, or where it tells no sensors."""
+    if vehicle is None or not {"torque_cell", "power_sensor"} <= set(vehicle.sections):
+        return GaugeErrors()
+    cell, power = vehicle.sections["torque_cell"], vehicle.sections["power_sensor"]
+    return GaugeErrors(
+        cell.zero_sigma, cell.scale_sigma, power.current_zero_sigma, power.current_scale_sigma, power.divider_sigma
+    )
 
 
 def airframe_of(vehicle: FlightVehicle) -> Aircraft:

@@ -68,6 +68,21 @@ class DriveData(NamedTuple):
     """-; (K,), wing strokes since the first sample, never decreasing"""
 
 
+class GaugeErrors(NamedTuple):
+    """Standard deviations of what calibrations leave wrong in the drives' sensors for a whole flight."""
+
+    torque_zero: float = 0.0
+    """N m; of each cell"""
+    torque_scale: float = 0.0
+    """-; of each cell"""
+    current_zero: float = 0.0
+    """A; of both drives"""
+    current_scale: float = 0.0
+    """-"""
+    voltage_scale: float = 0.0
+    """-"""
+
+
 class Aircraft(NamedTuple):
     """What must be known of the aircraft beside its flight data."""
 
@@ -86,3 +101,5 @@ class Aircraft(NamedTuple):
     """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""
     imu: inertial.Gains = inertial.NEUTRAL
     """calibration of the IMU; a log holds its samples as they came"""
+    gauges: GaugeErrors = GaugeErrors()
+    """accuracy of torque cells and power sensors, none where it is not known"""

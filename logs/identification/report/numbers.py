@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
-from logs.identification.drive.servo import ServoModel, ServoResult, identify_power, identify_torque, power_truth
+from logs.identification.drive.gauges import with_gauge_errors
+from logs.identification.drive.power import power_truth, power_with_gauge_errors
+from logs.identification.drive.servo import ServoModel, ServoResult
+from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
@@ -98,8 +101,14 @@ def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Un
     if data is None:
         return ServoResult(None, None)
     centre = aircraft.centre_current, aircraft.centre_voltage
-    torque = None if what == "power" else _attempt(lambda: identify_torque(data), "servo torque", missing)
-    return ServoResult(torque, _attempt(lambda: identify_power(data, *centre), "servo power", missing))
+    gauges = aircraft.gauges
+    torque = (
+        None
+        if what == "power"
+        else _attempt(lambda: with_gauge_errors(identify_torque, data, gauges), "servo torque", missing)
+    )
+    power = _attempt(lambda: power_with_gauge_errors(data, gauges, *centre), "servo power", missing)
+    return ServoResult(torque, power)
 
 
 def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
