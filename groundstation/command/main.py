@@ -38,6 +38,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
     "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
+    "design": Subcommand("groundstation.command.design", "plan an identification input and the errors it will leave"),
     "validate": Subcommand("groundstation.command.validate", "every published figure beside ours"),
     "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
 }

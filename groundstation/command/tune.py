@@ -118,7 +118,7 @@ def _subject(chosen: argparse.Namespace) -> _Chosen:
             raise BadInput("--vehicle goes with a MODEL; a VEHICLE is tuned on its own")
         vehicle = _flight_vehicle(chosen.subject)
         world = _world(chosen.subject, chosen.aerodynamics)
-        return _Chosen(_linearised(world, chosen.airspeed), vehicle, world)
+        return _Chosen(linearised(world, chosen.airspeed), vehicle, world)
     if chosen.airspeed is not None or chosen.aerodynamics is not None:
         raise BadInput("--airspeed and --aerodynamics go with a VEHICLE; a MODEL is about its own trim")
     model = load_model(path)
@@ -156,8 +156,8 @@ def _world(name: str, aerodynamics: str | None) -> SimulatedVehicle:
     return simulated(options.vehicle_files(name)[0], aerodynamics)
 
 
-def _linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
-    """The stroke-averaged model about level flight.
+def linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
+    """The stroke-averaged model about level flight, with a progress bar; at the vehicle's cruise without an airspeed.
 
     Raises:
         BadInput: there is no such flight.

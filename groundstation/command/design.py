@@ -1,0 +1,236 @@
+"""``wingbeat design``: plan an identification input, and tell beforehand what it will leave uncertain."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.missions.excitations import SHAPES
+from avionics.quantities import BadInput
+from avionics.vehicles import FlightVehicle
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from groundstation.command import options
+from groundstation.command.tune import linearised
+from groundstation.views.input_design import plan_view
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
+from groundstation.views.terminal import open_console
+from logs.attached import airframe_of
+from logs.identification.data import Aircraft
+from logs.identification.input_design.limits import Limits
+from logs.identification.input_design.plan import Asked, Plan, plan
+from logs.identification.input_design.prediction import Gust
+from logs.identification.input_design.prior import Prior, prior_of, sensor_noise
+from logs.identification.input_design.wording import command_line, mission_item
+from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import load_vehicle as load_world
+
+EXAMPLES = (
+    "wingbeat design robo_raven_ii_d",
+    "wingbeat design my_model.toml --input multisine --duration 20 --json",
+    "wingbeat design robo_raven_ii_d --input doublet --frequency-error 1 --out excite.toml",
+)
+JSON_KEYS = {
+    "model": "where the prior model comes from",
+    "input": "shape, amplitude rad, width s (of a step, a sweep, the period of a multisine), low, high Hz, settle s,"
+    " repeats",
+    "predicted": "list of {name, unit, value, standard_error}: the mode, then every derivative, after all repeats",
+    "noise": "q rad/s, a_x, a_z m/s^2 of one sample; rate Hz",
+    "gust_factor": "the frequency's predicted error over that without gusts",
+    "limits, reached": "elevator, pitch, alpha rad, load m/s^2, airspeed m/s: greatest changes from the trim",
+    "bound_by": "the limit that set the amplitude, empty where it was given",
+    "flight_time": "s; of all repeats",
+    "mission_item, command": "how it is flown",
+}
+MARGIN = 0.8
+"""-; of the vehicle's own envelope, whose limits end a manoeuvre"""
+ALPHA, LOAD = 0.15, 8.0
+"""rad, m/s^2; where a linear model still holds, by default"""
+TRAVEL = 0.35
+"""rad; of the elevator, by default"""
+
+
+class _Subject(NamedTuple):
+    """What the command line came to."""
+
+    model: LinearModel
+    aircraft: Aircraft
+    vehicle: FlightVehicle | None
+    world: SimulatedVehicle | None
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = (
+        "Plan an elevator input for identification from a linear model: the errors that white sensor noise will leave"
+        " in the short period and every derivative, the greatest amplitude within limits, and how to fly it."
+    )
+    parser = options.build_parser("design", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("subject", metavar="MODEL|VEHICLE", help="file of a linear model, or a vehicle to linearise")
+    parser.add_argument("--vehicle", metavar="V|DIR", help="whose sensors and tail fly, with a MODEL")
+    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="of a VEHICLE's trim (its cruise)")
+    parser.add_argument("--input", choices=tuple(SHAPES), default="3211", help="its shape (3211)")
+    parser.add_argument("--amplitude", type=options.positive, metavar="DEG", help="as given, not by the limits")
+    parser.add_argument("--duration", type=options.positive, metavar="S", help="of a step, a sweep, a period")
+    parser.add_argument("--repeats", type=_count, metavar="N", help="how often it is flown (1)")
+    parser.add_argument("--frequency-error", type=options.positive, metavar="%", help="asked of the mode's frequency")
+    parser.add_argument("--damping-error", type=options.positive, metavar="X", help="asked of the damping ratio")
+    parser.add_argument("--settle", type=options.not_negative, metavar="S", help="before and after (by the damping)")
+    limits = parser.add_argument_group("limits, as changes from the trim")
+    for name, unit, words in (
+        ("--elevator", "DEG", "of the command (20)"),
+        ("--pitch", "DEG", "0.8 of the vehicle's envelope"),
+        ("--load", "M/S2", f"of a_z at the IMU ({LOAD:g})"),
+        ("--alpha", "DEG", "of the angle of attack (8.6)"),
+        ("--speed-change", "M/S", "0.8 of the vehicle's envelope"),
+    ):
+        limits.add_argument(name, type=options.positive, metavar=unit, help=words)
+    parser.add_argument(
+        "--noise", nargs=3, type=options.positive, metavar=("Q", "AX", "AZ"),
+        help="of one sample, rad/s and m/s^2 (the vehicle's sensors)",
+    )  # fmt: skip
+    parser.add_argument("--rate", type=options.positive, default=0.0, metavar="HZ", help="of the samples (200)")
+    parser.add_argument("--gust", type=options.positive, metavar="M/S", help="gusts of this standard deviation")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a new file for the mission's item")
+    options.add_json(parser)
+    return parser
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or not 1 <= int(text) <= 100:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 100")
+    return int(text)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Choose the input, print what it will tell, write its item.
+
+    Raises:
+        BadInput: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists.
+    """
+    chosen = build_parser().parse_args(arguments)
+    if chosen.out is not None and chosen.out.exists():
+        raise BadInput(f"{chosen.out} exists already; choose another name")
+    subject = _subject(chosen)
+    noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
+    prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)
+    asked = _asked(chosen, subject, prior)
+    with ProgressBar("designing") as bar:
+        found = plan(prior, asked, bar.show)
+    if chosen.out is not None:
+        with chosen.out.open("x", encoding="utf-8") as file:
+            file.write(mission_item(found.excitation))
+    if chosen.json:
+        print_document(_document(subject, prior, asked, found))
+    else:
+        open_console().print(plan_view(subject.model, prior, asked, found))
+    return 0
+
+
+def _subject(chosen: argparse.Namespace) -> _Subject:
+    path = Path(chosen.subject)
+    if not is_model_file(path):
+        if chosen.vehicle is not None:
+            raise BadInput("--vehicle goes with a MODEL; a VEHICLE has its own sensors")
+        world = load_world(options.vehicle_files(chosen.subject)[0])
+        vehicle = _flight_vehicle(chosen.subject)
+        return _Subject(linearised(world, chosen.airspeed), _aircraft(vehicle, world), vehicle, world)
+    if chosen.airspeed is not None:
+        raise BadInput("--airspeed goes with a VEHICLE; a MODEL is about its own trim")
+    model = load_model(path)
+    name = chosen.vehicle or model.vehicle
+    if not name and not chosen.noise:
+        raise BadInput(f"{path} names no vehicle: say with --vehicle whose sensors fly, or their noise with --noise")
+    if not name:
+        return _Subject(model, Aircraft(tail_time_constant=0.0), None, None)
+    try:
+        world = load_world(options.vehicle_files(name)[0])
+    except BadInput:
+        if not chosen.noise or chosen.vehicle:
+            raise
+        return _Subject(model, Aircraft(tail_time_constant=0.0), None, None)
+    vehicle = _flight_vehicle(name)
+    return _Subject(model, _aircraft(vehicle, world), vehicle, world)
+
+
+def _flight_vehicle(name: str) -> FlightVehicle | None:
+    """What the flight computer knows of it; None for a vehicle that only the world knows."""
+    world, avionics = options.vehicle_files(name)
+    try:
+        return load_flight_vehicle(avionics)
+    except BadInput:
+        if world == avionics:
+            return None
+        raise
+
+
+def _aircraft(vehicle: FlightVehicle | None, world: SimulatedVehicle) -> Aircraft:
+    if vehicle is not None:
+        return airframe_of(vehicle)
+    return Aircraft(tail_time_constant=world.tail_servo.time_constant)
+
+
+def _noise(subject: _Subject) -> tuple[float, float, float]:
+    if subject.world is None:
+        raise BadInput("no vehicle tells the sensors' noise: say it with --noise")
+    return sensor_noise(subject.world)
+
+
+def _asked(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Asked:
+    envelope = None if subject.vehicle is None else subject.vehicle.gains.excitation
+    pacing = {} if envelope is None else {"fade": envelope.fade, "pause": envelope.recovery + envelope.spread / 2.0}
+    return Asked(
+        SHAPES[chosen.input],
+        _limits(chosen, subject, prior),
+        None if chosen.amplitude is None else math.radians(chosen.amplitude),
+        chosen.duration,
+        chosen.repeats,
+        None if chosen.frequency_error is None else chosen.frequency_error / 100.0,
+        chosen.damping_error,
+        chosen.settle,
+        gust=None if chosen.gust is None else Gust(chosen.gust),
+        **pacing,
+    )
+
+
+def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limits:
+    """What was asked for, else by the vehicle's envelope and where a linear model holds."""
+    pitch = speed = math.inf
+    if subject.vehicle is not None:
+        envelope, airspeed = subject.vehicle.gains.excitation, prior.reference.airspeed
+        pitch = MARGIN * envelope.pitch_max
+        speed = MARGIN * min(airspeed - envelope.airspeed_min, envelope.airspeed_max - airspeed)
+        if speed <= 0.0 and chosen.speed_change is None and chosen.amplitude is None:
+            raise BadInput(f"{airspeed:.3g} m/s is outside the vehicle's envelope for identification inputs")
+    degrees = (math.nan if v is None else math.radians(v) for v in (chosen.elevator, chosen.pitch, chosen.alpha))
+    elevator, pitch_asked, alpha = degrees
+    return Limits(
+        TRAVEL if math.isnan(elevator) else elevator,
+        pitch if math.isnan(pitch_asked) else pitch_asked,
+        chosen.load or LOAD,
+        ALPHA if math.isnan(alpha) else alpha,
+        chosen.speed_change or speed,
+    )
+
+
+def _document(subject: _Subject, prior: Prior, asked: Asked, found: Plan) -> dict[str, Any]:
+    """The keys of `JSON_KEYS`."""
+    flown = found.excitation
+    keys = ("amplitude", "width", "low", "high", "settle", "repeats")
+    return {
+        "model": subject.model.origin,
+        "input": {"shape": flown.shape.name.lower(), **{key: getattr(flown, key) for key in keys}},
+        "predicted": [one._asdict() for one in found.predicted],
+        "noise": dict(zip(("q", "a_x", "a_z"), prior.noise, strict=True)) | {"rate": 1.0 / prior.step},
+        "gust_factor": found.gust_factor,
+        "limits": asked.limits._asdict(),
+        "reached": found.reached._asdict(),
+        "bound_by": found.bound_by,
+        "flight_time": found.flight_time,
+        "mission_item": mission_item(flown),
+        "command": command_line(flown),
+    }

@@ -1,0 +1,76 @@
+"""A planned identification input and what it will tell, for people."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from groundstation.views import tables, wording
+from logs.identification.input_design.limits import NAMES
+from logs.identification.input_design.plan import Asked, Plan
+from logs.identification.input_design.prior import Prior
+from logs.identification.input_design.wording import command_line, mission_item
+from sim_bridge.tuning.model import LinearModel
+
+WHITE = "of white sensor noise alone; gusts, and what the wing's shaking leaves after averaging, come on top (--gust)"
+SHARE_SHOWN = 10.0
+"""-; a relative error above it says nothing"""
+
+
+def plan_view(model: LinearModel, prior: Prior, asked: Asked, found: Plan) -> RenderableType:
+    """Heading, predicted errors, envelope, and how it is flown."""
+    return Group(
+        Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
+        _errors(found),
+        Text(_basis(prior, asked, found), style="dim"),
+        _envelope(asked, found),
+        Text(f"{found.excitation.repeats} x in {found.flight_time:.0f} s of flight", style="dim"),
+        Text(),
+        Text(mission_item(found.excitation)),
+        Text(command_line(found.excitation), style="bold"),
+    )
+
+
+def _errors(found: Plan) -> RenderableType:
+    table = tables.plain_table(("", ""), ("value", "right"), ("standard error", "right"), ("", "right"), ("", ""))
+    for one in found.predicted:
+        value, error = wording.significant(one.value, one.standard_error)
+        share = one.standard_error / abs(one.value) if one.value else math.inf
+        relative = f"{100.0 * share:.2g} %" if share < SHARE_SHOWN else ""
+        unit = "" if one.unit == "-" else one.unit
+        table.add_row(_name(one.name), value, Text(error, style="bold"), relative, unit)
+    return table
+
+
+def _name(name: str) -> str:
+    return wording.words(name) if name.islower() else name
+
+
+def _basis(prior: Prior, asked: Asked, found: Plan) -> str:
+    q, x, z = prior.noise
+    sensors = f"noise {q:.2g} rad/s, {x:.2g} and {z:.2g} m/s^2 at {1.0 / prior.step:.0f} Hz"
+    if asked.gust is None:
+        return f"{sensors}: errors {WHITE}"
+    gusts = f"gusts of {asked.gust.sigma:g} m/s make the frequency's error {found.gust_factor:.2g} times as large"
+    return f"{sensors}; {gusts}"
+
+
+def _envelope(asked: Asked, found: Plan) -> RenderableType:
+    table = tables.plain_table(("change from the trim", ""), ("reached", "right"), ("limit", "right"), ("", ""))
+    for field, (words, unit) in NAMES.items():
+        reached, limit = getattr(found.reached, field), getattr(asked.limits, field)
+        style = "bold" if field == found.bound_by else ("yellow" if reached > limit * 1.001 else "")
+        table.add_row(words, Text(_amount(reached, unit), style=style), _amount(limit, unit), _unit(unit))
+    return table
+
+
+def _amount(value: float, unit: str) -> str:
+    if math.isinf(value):
+        return "none"
+    return f"{math.degrees(value):.1f}" if unit == "rad" else f"{value:.2f}"
+
+
+def _unit(unit: str) -> str:
+    return "deg" if unit == "rad" else unit

@@ -1,0 +1,163 @@
+"""Predicted standard errors: what the sensors' noise, and gusts, will leave uncertain after a planned manoeuvre.
+
+The Cramer-Rao bound of output error (Klein & Morelli, Aircraft System Identification, 2006, ch. 6 and 9.3), with what
+the initial state and a bias of each output take out of it. A flapping aircraft's outputs are averaged over strokes
+first: neighbouring averages share samples, so the bound is that of least squares on noise coloured so. In gusts the
+residuals are coloured by the aircraft's own motion; their covariance is that of a stationary gust through the model.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.sparse import csr_array, eye_array
+
+from avionics.quantities import BadInput
+from logs.identification.delta import propagate
+from logs.identification.input_design.prior import OUTPUTS, Prior
+from logs.identification.input_design.response import Response
+from logs.identification.input_design.waveform import Waveform
+from logs.identification.modes.longitudinal import LONGITUDINAL, UNITS, matrices
+from logs.identification.modes.short_period import short_period_of
+from logs.identification.preparing.manoeuvre import OUTPUT_STEP
+from logs.identification.preparing.stroke import averaging_matrix
+from logs.identification.regression.colour import Colour, coloured_information
+from logs.identification.results import Array
+
+WORST_CONDITION = 1e12
+FORGOTTEN = 1e-3
+"""-; correlation of gusts below which lags are left out"""
+MODE_UNITS = {"short_period_frequency": "rad/s", "short_period_damping": "-"}
+
+
+class Gust(NamedTuple):
+    """Turbulence, first-order along and across the path (after Dryden, MIL-F-8785C)."""
+
+    sigma: float
+    """m/s; standard deviation of each component"""
+    scale: float = 20.0
+    """m; length over which it is correlated"""
+
+
+class Predicted(NamedTuple):
+    """One parameter, and what will be uncertain about it."""
+
+    name: str
+    """-; symbol of a derivative, or of the mode"""
+    unit: str
+    """-; its unit"""
+    value: float
+    """as `unit`; of the prior"""
+    standard_error: float
+    """as `unit`; predicted"""
+
+
+def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gust: Gust | None = None) -> Array:
+    """Covariance (12, 12) of the derivatives after one manoeuvre.
+
+    Raises:
+        BadInput: the manoeuvre does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
+    """
+    averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
+    colour = _gust_colour(prior, gust, len(planned.time)) if gust is not None and windy else None
+    noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
+    if colour is not None:
+        noise = np.sqrt(noise**2 + np.diag(colour.covariances[0]))
+    averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
+    free = _without(_nuisances(averaging, response.starts, noise), averaged)
+    information = np.einsum("nip,niq->pq", free, free)
+    size = np.sqrt(np.diag(information))
+    if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
+        raise BadInput("this input does not tell all derivatives apart: make it longer, or of more frequencies")
+    inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
+    core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
+    if colour is not None:
+        core = core + coloured_information([_coarser(weights, _stride(prior))], colour)
+    covariance: Array = inverse @ core @ inverse
+    return covariance
+
+
+def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicted, ...]:
+    """The mode's frequency and damping, then every derivative, after ``repeats`` of a manoeuvre.
+
+    Raises:
+        BadInput: the prior has no short period.
+    """
+    covariance = covariance / repeats
+
+    def mode(values: Array) -> Array:
+        return np.array(short_period_of(matrices(LONGITUDINAL, values, prior.reference, prior.aircraft).a))
+
+    try:
+        both, errors = propagate(mode, prior.values, covariance)
+    except ValueError as error:
+        raise BadInput(f"the prior model has no short period: {error}") from None
+    rows = zip(
+        (*MODE_UNITS, *LONGITUDINAL), (*both, *prior.values), (*errors, *np.sqrt(np.diag(covariance))), strict=True
+    )
+    return tuple(Predicted(n, (UNITS | MODE_UNITS)[n], float(value), float(error)) for n, value, error in rows)
+
+
+def _stride(prior: Prior) -> int:
+    """Samples over which gusts and their response hardly change."""
+    return max(round(OUTPUT_STEP / prior.step), 1)
+
+
+def _coarser(weights: Array, stride: int) -> Array:
+    """Sums (N / stride, m, p) of ``weights`` (N, m, p) over ``stride`` samples each."""
+    summed: Array = np.add.reduceat(weights, np.arange(0, len(weights), stride), axis=0)
+    return summed
+
+
+def _averaging(prior: Prior, planned: Waveform) -> csr_array:
+    """From samples to what is fitted: stroke averages, or the samples themselves."""
+    if not prior.wing_period:
+        return csr_array(eye_array(len(planned.time)))
+    at = np.arange(planned.begin, planned.end, OUTPUT_STEP)
+    return averaging_matrix(planned.time, np.full(len(at), prior.wing_period), at)
+
+
+def _averaged(averaging: csr_array, columns: Array) -> Array:
+    """Averages (M, m, k) of ``columns`` (N, m, k)."""
+    flat: Array = averaging @ columns.reshape(len(columns), -1)
+    return flat.reshape(-1, *columns.shape[1:])
+
+
+def _nuisances(averaging: csr_array, starts: Array, noise: Array) -> Array:
+    """Columns (M, m, 4 + m) of the initial state and of a bias of each output, in standard deviations."""
+    free = _averaged(averaging, starts) / noise[:, None]
+    biases = np.broadcast_to(np.eye(free.shape[1]), (len(free), free.shape[1], free.shape[1]))
+    return np.concatenate((free, biases), axis=2)
+
+
+def _without(nuisances: Array, columns: Array) -> Array:
+    """``columns`` (M, m, k) less what the nuisances can explain of them."""
+    flat, known = columns.reshape(-1, columns.shape[2]), nuisances.reshape(-1, nuisances.shape[2])
+    left, sizes, _ = np.linalg.svd(known / np.linalg.norm(known, axis=0), full_matrices=False)
+    basis = left[:, sizes > 1e-8 * sizes[0]]
+    rest: Array = (flat - basis @ (basis.T @ flat)).reshape(columns.shape)
+    return rest
+
+
+def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
+    """Autocovariance (L, 3, 3) of the outputs in gusts along x and z, by lag in strides of `_stride`."""
+    model, pole = prior.model(), prior.reference.airspeed / gust.scale
+    force = prior.values.reshape(3, 4)[:, :2]
+    x, z, m = force
+    at_imu = np.array([np.zeros(2), x + prior.aircraft.imu_z * m, z - prior.aircraft.imu_x * m])
+    whole = np.block([[model.a, np.vstack((-force, np.zeros(2)))], [np.zeros((2, 4)), -pole * np.eye(2)]])
+    if np.max(np.linalg.eigvals(whole).real) >= 0.0:
+        raise BadInput("the prior model's motion grows by itself: its errors in gusts cannot be predicted")
+    drive = np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0]) * 2.0 * pole * gust.sigma**2
+    spread = solve_continuous_lyapunov(whole, -drive)
+    c = np.hstack((model.c[: len(OUTPUTS)], -at_imu))
+    once, power, lags = expm(whole * prior.step * _stride(prior)), np.eye(6), []
+    for _ in range(0, samples, _stride(prior)):
+        lags.append(c @ spread @ power.T @ c.T)
+        power = once @ power
+        if np.max(np.abs(power)) < FORGOTTEN:
+            break
+    return Colour(np.array(lags), 0.0)

@@ -1,0 +1,91 @@
+"""What a linear model does in a planned manoeuvre, and how that changes with each of its derivatives.
+
+The derivatives enter the state space linearly, so a state's sensitivity is a state itself:
+``x_j' = A x_j + dA/dtheta_j x + dB/dtheta_j delta`` (Klein & Morelli, Aircraft System Identification, 2006, ch. 6.1).
+Model and sensitivities are stepped as one system, exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from logs.identification.input_design.prior import OUTPUTS, Prior
+from logs.identification.input_design.waveform import Waveform
+from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
+from logs.identification.preparing.manoeuvre import tail_angle
+from logs.identification.results import Array
+
+STATES = 4
+
+
+class Response(NamedTuple):
+    """One manoeuvre as the prior flies it."""
+
+    states: Array
+    """(N, 4); u m/s, w m/s, q rad/s, theta rad, about the trim"""
+    outputs: Array
+    """(N, 4); q rad/s, a_x and a_z m/s^2 at the IMU, theta rad, about the trim"""
+    sensitivities: Array
+    """(N, 3, 12); of `OUTPUTS` to the derivatives"""
+    starts: Array
+    """(N, 3, 4); of `OUTPUTS` to the initial state"""
+
+    def times(self, factor: float) -> Response:
+        """The response to an input ``factor`` times as large."""
+        return Response(self.states * factor, self.outputs * factor, self.sensitivities * factor, self.starts)
+
+
+def respond(prior: Prior, planned: Waveform) -> Response:
+    """The response to ``planned`` from the trim, and its sensitivities."""
+    model, slopes = prior.model(), _slopes(prior)
+    tail = tail_angle(planned.time, planned.command, prior.aircraft)
+    rows = _stepped(model, slopes, tail, prior.step, held=not prior.aircraft.tail_time_constant)
+    states, moved = rows[:, :STATES], rows[:, STATES:].reshape(len(rows), len(slopes), STATES)
+    outputs = states @ model.c.T + np.outer(tail, model.d)
+    sensitivities = np.stack(
+        [moved[:, j] @ model.c.T + states @ slope.c.T + np.outer(tail, slope.d) for j, slope in enumerate(slopes)],
+        axis=2,
+    )
+    count = len(OUTPUTS)
+    return Response(states, outputs, sensitivities[:, :count], _free(model, prior.step, len(tail))[:, :count])
+
+
+def _slopes(prior: Prior) -> list[Matrices]:
+    """How each matrix changes with each derivative; the same everywhere, for they are linear in them."""
+    none = matrices(LONGITUDINAL, np.zeros(len(LONGITUDINAL)), prior.reference, prior.aircraft)
+    units = (matrices(LONGITUDINAL, unit, prior.reference, prior.aircraft) for unit in np.eye(len(LONGITUDINAL)))
+    return [Matrices(*(one - zero for one, zero in zip(unit, none, strict=True))) for unit in units]
+
+
+def _stepped(model: Matrices, slopes: list[Matrices], tail: Array, step: float, held: bool) -> Array:
+    """States and their sensitivities, one after another (N, 4 (1 + p)), from rest, driven by ``tail`` (N,)."""
+    size = STATES * (1 + len(slopes))
+    block = np.zeros((size + 2, size + 2))
+    block[:size, :size] = np.kron(np.eye(1 + len(slopes)), model.a)
+    block[:STATES, size] = model.b
+    for j, slope in enumerate(slopes, start=1):
+        at = slice(STATES * j, STATES * (j + 1))
+        block[at, :STATES], block[at, size] = slope.a, slope.b
+    block *= step
+    block[size, size + 1] = 1.0
+    exact = expm(block)
+    f, whole, ramp = exact[:size, :size], exact[:size, size], exact[:size, size + 1]
+    first, second = (whole, np.zeros(size)) if held else (whole - ramp, ramp)
+    drive = np.outer(tail[:-1], first) + np.outer(tail[1:], second)
+    rows = np.zeros((len(tail), size))
+    for k in range(len(drive)):
+        rows[k + 1] = f @ rows[k] + drive[k]
+    return rows
+
+
+def _free(model: Matrices, step: float, count: int) -> Array:
+    """Outputs (N, 4, 4) of the free motion from each unit state."""
+    once, powers = expm(model.a * step), np.zeros((count, STATES, STATES))
+    powers[0] = np.eye(STATES)
+    for k in range(1, count):
+        powers[k] = once @ powers[k - 1]
+    outputs: Array = np.einsum("ij,njk->nik", model.c, powers)
+    return outputs
