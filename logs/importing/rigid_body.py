@@ -47,7 +47,7 @@ def find_rigid_body(positions: Array) -> RigidBody | None:
     shape = shape - shape.mean(axis=0)
     if np.linalg.svd(shape, compute_uv=False)[1] < FLAT * np.sqrt(len(members)):
         return None
-    return RigidBody(members, *_fitted(shape, chosen))
+    return RigidBody(members, *fitted(shape, chosen))
 
 
 def _rigid_pairs(positions: Array) -> NDArray[np.bool_]:
@@ -77,7 +77,7 @@ def _largest_group(pairs: NDArray[np.bool_]) -> tuple[int, ...]:
     return tuple(sorted(best))
 
 
-def _fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
+def fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
     """Position and quaternion that bring ``shape`` (markers, 3) nearest to every frame of ``frames`` (N, markers, 3).
 
     Least squares over the markers that were seen: Kabsch (1976), doi:10.1107/S0567739476001873.

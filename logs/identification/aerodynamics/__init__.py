@@ -1,0 +1,1 @@
+"""Air loads of the wings and what their coefficients depend on."""

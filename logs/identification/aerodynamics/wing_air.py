@@ -1,0 +1,96 @@
+"""The air load that the wings must have made for a vehicle to move as it did (Grauer et al. 2011, Eq. 13).
+
+The equations of motion of the plant, read the other way: mass matrix times the measured rates of the speeds, less
+what bias motion, weight, tail and, where asked for, the fuselage's drag make. What the joints' drives, springs and
+servos do stays inside the vehicle and is in none of the base's six equations.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from sim_bridge import plant_kernel as k
+from sim_bridge.aerodynamics.regression import dynamic_pressure
+from sim_bridge.bound import Bound, bound_values
+from sim_bridge.mechanism import build_mechanism
+from sim_bridge.multibody.plates import add_plates
+from sim_bridge.multibody.tree import BASE, Equations, assemble
+from sim_bridge.multibody.wings import add_wings
+from sim_bridge.plant import plant_parameters, scratch
+from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vehicles import SimulatedVehicle
+
+
+class MovedVehicle(NamedTuple):
+    """How a vehicle with c coordinates moved at N instants; coordinates in the order of `Layout.coordinates`."""
+
+    quaternion: Floats
+    """(N, 4) -; of r_ned_from_frd"""
+    speeds: Floats
+    """(N, 6 + c) m/s, rad/s; velocity over ground and angular velocity of the base, body axes; coordinates' rates"""
+    coordinates: Floats
+    """(N, c) rad"""
+    rates: Floats
+    """(N, 6 + c) m/s^2, rad/s^2; time derivatives of ``speeds``, component by component"""
+    wind_ned: Floats
+    """(N, 3) m/s; velocity of the air over ground"""
+
+
+class WingAir(NamedTuple):
+    """What the air did to the wings, N instants."""
+
+    load: Floats
+    """(N, 6) N, N m; on the vehicle about the base's origin, body axes; apparent mass included"""
+    pressure: Floats
+    """(N,) Pa; half the density times |v_mac|^2 of Eq. 14, mean of the wings"""
+
+
+@kernel
+def _required(states: Floats, rates: Floats, winds: Floats, density: float, bound: Bound, out: Floats) -> None:
+    """Fill ``out`` (N, 7) with load and dynamic pressure of every instant."""
+    p, s = bound_values(bound)
+    for n in range(states.shape[0]):
+        around = k.Surroundings(winds[n, 0], winds[n, 1], winds[n, 2], density, k.FREE, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        s.mass[:, :] = 0.0
+        s.load[:] = 0.0
+        k.set_motion(states[n], around, p, s)
+        add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
+        add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
+        k.load_fuselage(density, p, s)
+        assemble(p.tree, s.tree, s.mass, s.load)
+        for i in range(BASE):
+            out[n, i] = -s.load[i]
+            for j in range(rates.shape[1]):
+                out[n, i] += (s.mass[i, j] if i <= j else s.mass[j, i]) * rates[n, j]
+        out[n, BASE] = dynamic_pressure(p.wings.strips, s.wings.motion, density)
+
+
+def wing_air(vehicle: SimulatedVehicle, moved: MovedVehicle, density: float, with_drag: bool = True) -> WingAir:
+    """The wings' air load and dynamic pressure at every instant of ``moved``, air of ``density`` kg/m^3.
+
+    The tail's load is that of the vehicle's plates. The fuselage's drag is left in the wings' load ``with_drag``, as
+    Grauer did, or else taken off by the vehicle's drag areas.
+
+    Raises:
+        BadInput: the motion has other coordinates than the vehicle.
+    """
+    mechanism = build_mechanism(vehicle)
+    names, hull = mechanism.layout.coordinates, vehicle.fuselage
+    if moved.coordinates.shape[1] != len(names):
+        raise BadInput(f"{vehicle.name} has the coordinates {', '.join(names)}, not {moved.coordinates.shape[1]}")
+    areas = np.zeros(2) if with_drag else np.array([hull.drag_area, hull.side_area])
+    parameters = plant_parameters(vehicle, mechanism)._replace(plates=mechanism.plates, drag_areas=areas)
+    states = np.zeros((len(moved.speeds), mechanism.layout.size))
+    first, c = k.COORDINATES, len(names)
+    states[:, 3:7] = moved.quaternion
+    states[:, 7:first] = moved.speeds[:, :BASE]
+    states[:, first : first + c] = moved.coordinates
+    states[:, first + c : first + 2 * c] = moved.speeds[:, BASE:]
+    out = np.zeros((len(states), BASE + 1))
+    bound = Bound((parameters, scratch(mechanism)))
+    rates, winds = (np.ascontiguousarray(values, dtype=np.float64) for values in (moved.rates, moved.wind_ned))
+    _required(states, rates, winds, density, bound, out)
+    return WingAir(out[:, :BASE], out[:, BASE])
