@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 import reprlib
 import sys
 from collections.abc import Mapping
@@ -29,6 +30,9 @@ from logs.importing.units import conversion
 from logs.layout import Field
 
 OWN_PREFIX = "/csv/"
+WHITESPACE = "whitespace"
+"""as a delimiter: any run of blanks and tabs"""
+_FORTRAN = re.compile(r"[+-]?[0-9]*\.?[0-9]*[dD][+-]?[0-9]+")
 _ENTRY = ("column", "value", "unit", "scale", "offset")
 KNOWN_TOPICS: Mapping[str, Topic] = {
     topic.name: topic for topic in topics.TOPICS if topic.message not in (Event, Text)
@@ -92,21 +96,22 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
     Raises:
         BadInput: it is no text, or has no row below its names.
     """
-    lines = _text(data, layout.get("encoding", "utf-8")).splitlines()[_whole(layout, "skip") :]
-    delimiter, decimal = str(layout.get("delimiter", ",")), str(layout.get("decimal", "."))
-    if len(delimiter) != 1 or len(decimal) != 1:
-        raise BadInput("delimiter and decimal must be one character each")
-    try:
-        rows = [row for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter) if row]
-    except csv.Error as error:
-        raise BadInput(f"it cannot be read as a table: {error}") from None
+    lines = decoded(data, layout.get("encoding", "utf-8")).splitlines()[_whole(layout, "skip") :]
+    decimal = str(layout.get("decimal", "."))
+    if len(decimal) != 1:
+        raise BadInput("decimal must be one character")
+    rows = split_rows(lines, str(layout.get("delimiter", ",")))
+    if not isinstance(named := layout.get("names", True), bool):
+        raise BadInput("names must be true or false")
+    if not named and rows:
+        rows = [[str(number + 1) for number in range(max(map(len, rows)))], *rows]
     if len(rows) < 2:
         raise BadInput("there is no row of numbers in it")
     names, body = [name.strip() for name in rows[0]], rows[1:]
     cells = {
         name: [row[place] if place < len(row) else "" for row in body] for place, name in enumerate(names) if name
     }
-    columns = {name: np.array([_number(cell, decimal) for cell in column]) for name, column in cells.items()}
+    columns = {name: np.array([number_of(cell, decimal) for cell in column]) for name, column in cells.items()}
     strange = sum(
         1 for name, column in cells.items() for cell, value in zip(column, columns[name].tolist(), strict=True)
         if math.isnan(value) and cell.strip() and cell.strip().lower() != "nan" and np.isfinite(columns[name]).any()
@@ -116,7 +121,28 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
     return Table(columns, len(body), strange, frozenset(name for name in columns if names.count(name) > 1), short)
 
 
-def _text(data: bytes, encoding: Any) -> str:
+def split_rows(lines: list[str], delimiter: str) -> list[list[str]]:
+    """The cells of each line that has any; ``delimiter`` is one character, or `WHITESPACE` for any run of blanks.
+
+    Raises:
+        BadInput: the delimiter is neither, or a line cannot be split.
+    """
+    if delimiter == WHITESPACE:
+        return [cells for cells in (line.split() for line in lines) if cells]
+    if len(delimiter) != 1:
+        raise BadInput(f'delimiter must be one character or "{WHITESPACE}"')
+    try:
+        return [row for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter) if row]
+    except (csv.Error, ValueError) as error:
+        raise BadInput(f"it cannot be read as a table: {error}") from None
+
+
+def decoded(data: bytes, encoding: Any) -> str:
+    """A table's text.
+
+    Raises:
+        BadInput: it is none in that encoding, or there is no such encoding.
+    """
     try:
         return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
     except UnicodeDecodeError:
@@ -133,9 +159,15 @@ def _whole(layout: Mapping[str, Any], key: str) -> int:
     return value
 
 
-def _number(cell: str, decimal: str) -> float:
+def number_of(cell: str, decimal: str = ".") -> float:
+    """A cell's number, NaN where it has none; Fortran's ``1.0D+02`` is one."""
+    plain = cell if decimal == "." else cell.replace(decimal, ".")
     try:
-        return float(cell if decimal == "." else cell.replace(decimal, "."))
+        return float(plain)
+    except ValueError:
+        pass
+    try:
+        return float(plain.upper().replace("D", "E")) if _FORTRAN.fullmatch(plain.strip()) else math.nan
     except ValueError:
         return math.nan
 

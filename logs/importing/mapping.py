@@ -17,7 +17,8 @@ start = 1200.0        # reading at boot, in that unit; 0 when not given
 
 [table]               # all of it optional
 skip = 0              # lines before the one with the names
-delimiter = ","
+delimiter = ","       # "whitespace" for any run of blanks
+names = true          # false where the first line is one of numbers: the columns are "1", "2" ...
 decimal = "."
 encoding = "utf-8"    # "latin-1" or "cp1252" of many instruments
 
@@ -31,7 +32,10 @@ rate   = 50.0               # Hz; fewer rows than the table has
 thrust = { column = "F", unit = "gf" }
 """
 """What a mapping looks like; the value in its unit is column * scale + offset."""
-_SECTIONS = {"time": ("column", "unit", "start", "rate"), "table": ("skip", "delimiter", "decimal", "encoding")}
+_SECTIONS = {
+    "time": ("column", "unit", "start", "rate"),
+    "table": ("skip", "delimiter", "names", "decimal", "encoding"),
+}
 
 
 def load_mapping(path: Path) -> dict[str, Any]:

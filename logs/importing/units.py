@@ -17,7 +17,9 @@ class Conversion(NamedTuple):
     offset: float = 0.0
 
 
-_DEG, _INCH = math.radians(1.0), 0.0254
+_DEG, _INCH, _POUND = math.radians(1.0), 0.0254, 0.45359237
+_FOOT = 12.0 * _INCH
+_SLUG = _POUND * STANDARD_GRAVITY / _FOOT
 CONVERSIONS: dict[str, Conversion] = {
     "-": Conversion("-", 1.0),
     "": Conversion("-", 1.0),
@@ -40,20 +42,30 @@ CONVERSIONS: dict[str, Conversion] = {
     "rad/s": Conversion("rad/s", 1.0),
     "mrad/s": Conversion("rad/s", 1e-3),
     "deg/s": Conversion("rad/s", _DEG),
+    "rad/s^2": Conversion("rad/s^2", 1.0),
+    "deg/s^2": Conversion("rad/s^2", _DEG),
     "m": Conversion("m", 1.0),
     "cm": Conversion("m", 1e-2),
     "mm": Conversion("m", 1e-3),
-    "ft": Conversion("m", 12.0 * _INCH),
+    "in": Conversion("m", _INCH),
+    "ft": Conversion("m", _FOOT),
     "m/s": Conversion("m/s", 1.0),
     "cm/s": Conversion("m/s", 1e-2),
     "mm/s": Conversion("m/s", 1e-3),
     "km/h": Conversion("m/s", 1.0 / 3.6),
     "kn": Conversion("m/s", 1852.0 / 3600.0),
+    "kt": Conversion("m/s", 1852.0 / 3600.0),
+    "mph": Conversion("m/s", 5280.0 * _FOOT / 3600.0),
+    "ft/s": Conversion("m/s", _FOOT),
     "m/s^2": Conversion("m/s^2", 1.0),
     "m/s/s": Conversion("m/s^2", 1.0),
+    "ft/s^2": Conversion("m/s^2", _FOOT),
     "g": Conversion("m/s^2", STANDARD_GRAVITY),
     "mG": Conversion("m/s^2", 1e-3 * STANDARD_GRAVITY),
     "m^2": Conversion("m^2", 1.0),
+    "cm^2": Conversion("m^2", 1e-4),
+    "in^2": Conversion("m^2", _INCH**2),
+    "ft^2": Conversion("m^2", _FOOT**2),
     "m^2/s^2": Conversion("m^2/s^2", 1.0),
     "V": Conversion("V", 1.0),
     "cV": Conversion("V", 1e-2),
@@ -75,22 +87,35 @@ CONVERSIONS: dict[str, Conversion] = {
     "hPa": Conversion("Pa", 100.0),
     "mbar": Conversion("Pa", 100.0),
     "kPa": Conversion("Pa", 1e3),
+    "psf": Conversion("Pa", _POUND * STANDARD_GRAVITY / _FOOT**2),
+    "psi": Conversion("Pa", _POUND * STANDARD_GRAVITY / _INCH**2),
     "K": Conversion("K", 1.0),
     "degC": Conversion("K", 1.0, 273.15),
     "cdegC": Conversion("K", 0.01, 273.15),
     "kg/m^3": Conversion("kg/m^3", 1.0),
+    "slug/ft^3": Conversion("kg/m^3", _SLUG / _FOOT**3),
+    "kg": Conversion("kg", 1.0),
+    "gram": Conversion("kg", 1e-3),
+    "lb": Conversion("kg", _POUND),
+    "slug": Conversion("kg", _SLUG),
+    "kg m^2": Conversion("kg m^2", 1.0),
+    "gram cm^2": Conversion("kg m^2", 1e-7),
+    "lb ft^2": Conversion("kg m^2", _POUND * _FOOT**2),
+    "slug ft^2": Conversion("kg m^2", _SLUG * _FOOT**2),
     "gauss": Conversion("gauss", 1.0),
     "mgauss": Conversion("gauss", 1e-3),
     "uT": Conversion("gauss", 1e-2),
     "T": Conversion("gauss", 1e4),
     "N": Conversion("N", 1.0),
     "mN": Conversion("N", 1e-3),
+    "kN": Conversion("N", 1e3),
     "gf": Conversion("N", 1e-3 * STANDARD_GRAVITY),
+    "lbf": Conversion("N", _POUND * STANDARD_GRAVITY),
     "N m": Conversion("N m", 1.0),
     "mN m": Conversion("N m", 1e-3),
     "N mm": Conversion("N m", 1e-3),
 }
-"""By the unit as it is written; ``g`` is the acceleration and ``gf`` the force of a gram."""
+"""By the unit as it is written; ``g`` is the acceleration, ``gf`` a gram's force, ``lb`` a mass, ``lbf`` not."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "rad": (-4.0 * math.pi, 4.0 * math.pi),

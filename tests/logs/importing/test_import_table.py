@@ -16,6 +16,7 @@ from groundstation.command.identify import UNKNOWN, identified
 from logs.identification.modes.mode import short_period_of
 from logs.identification.report import identify
 from logs.identification.sources.elevator import MadeElevator
+from logs.importing.csv_table import parse_table
 from logs.importing.log_import import NOTES
 from logs.importing.mapping import EXAMPLE, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
@@ -402,3 +403,8 @@ def test_a_field_may_be_called_rate(tmp_path: Path) -> None:
     out, _ = imported(source, tmp_path, mapping=chosen)
     with open_log(out) as log:
         assert log.columns("/csv/stand")["rate"].tolist() == [1.0, 2.0]
+
+
+def test_a_table_of_blanks_without_names_and_with_fortran_s_exponents() -> None:
+    read = parse_table(b" 0.0  1.0D+02\n 1.0   2.5d-1 \n", {"delimiter": "whitespace", "names": False})
+    assert {name: column.tolist() for name, column in read.columns.items()} == {"1": [0.0, 1.0], "2": [100.0, 0.25]}

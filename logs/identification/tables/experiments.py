@@ -1,0 +1,173 @@
+"""Section [manoeuvres] of a map: records of tables are cut into experiments, some of them held out for validation."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.experiment import Experiment
+from logs.identification.results import Array
+from logs.identification.tables.keys import read_section
+from logs.identification.tables.quantities import SIGNALS
+from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
+from logs.identification.tables.table import Columns
+
+
+class _Span(NamedTuple):
+    start: float
+    end: float
+    file: str | None = None
+    validate: bool = False
+
+
+class Window(NamedTuple):
+    """One manoeuvre: ``[start, end]`` in s as the time reads, or ``{ file, start, end, validate }``."""
+
+    span: _Span
+    key: str
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> Window:
+        """Of a map's entry.
+
+        Raises:
+            BadInput: it is neither, or ends before it begins.
+        """
+        if isinstance(entry, list) and len(entry) == 2:
+            entry = {"start": entry[0], "end": entry[1]}
+        if not isinstance(entry, dict):
+            raise BadInput(f"{key} must be [start, end] in s or {{ file = ..., start = ..., end = ... }}")
+        span = read_section(_Span, entry, key)
+        if not span.end > span.start:
+            raise BadInput(f"{key} ends at {span.end:g}, before it begins at {span.start:g}")
+        return cls(span, key)
+
+
+class Manoeuvres(NamedTuple):
+    """As written; without any of ``windows``, ``rows`` and ``column`` each record is one manoeuvre."""
+
+    windows: tuple[Window, ...] = ()
+    rows: tuple[Window, ...] = ()
+    """as ``windows``, by the first and last row of numbers, from 1"""
+    column: Place | None = None
+    """a column of numbers, another in each manoeuvre, 0 or nothing between them"""
+    validate: tuple[int, ...] = ()
+    """numbers from 1 of the manoeuvres that are held out"""
+
+
+class Cut(NamedTuple):
+    """The experiments of all files."""
+
+    fitted: tuple[Experiment, ...]
+    held_out: tuple[Experiment, ...]
+    notes: tuple[str, ...]
+
+
+def cut(tables: list[Columns], entries: dict[str, SignalEntry], base: TimeSection, section: Manoeuvres) -> Cut:
+    """Experiments, named by number and file, on even time bases.
+
+    Raises:
+        BadInput: a column or window that is not in the tables, or nothing left to fit.
+    """
+    if sum(bool(told) for told in (section.windows, section.rows, section.column)) > 1:
+        raise BadInput("[manoeuvres] takes one of windows, rows and column")
+    records, notes = [], []
+    for columns in tables:
+        found, said = records_of(columns, entries, base, section.column)
+        records += found
+        notes += said
+    units = {name: SIGNALS.get(name, entry.unit) for name, entry in entries.items()}
+    pieces = _pieces(records, section)
+    experiments = [
+        (_experiment(str(number + 1), record, span, units, base.resample), held)
+        for number, (record, span, held) in enumerate(pieces)
+    ]
+    held_out = _held_out(len(pieces), section.validate)
+    split = [(one, held or number + 1 in held_out) for number, (one, held) in enumerate(experiments)]
+    fitted = tuple(one for one, held in split if not held)
+    if not fitted:
+        raise BadInput("every manoeuvre is held out for validation: none is left to fit (manoeuvres.validate)")
+    return Cut(fitted, tuple(one for one, held in split if held), tuple(notes))
+
+
+def _held_out(count: int, validate: tuple[int, ...]) -> set[int]:
+    for number in validate:
+        if not 1 <= number <= count:
+            raise BadInput(f"manoeuvres.validate: there is no manoeuvre {number}; there are {count}")
+    return set(validate)
+
+
+_Piece = tuple[Record, slice, bool]
+
+
+def _pieces(records: list[Record], section: Manoeuvres) -> list[_Piece]:
+    if section.column is not None:
+        return _marked(records)
+    windows = section.windows or section.rows
+    if not windows:
+        return [(record, slice(0, len(record.time)), False) for record in records]
+    return [piece for window in windows for piece in _of_window(records, window, by_time=bool(section.windows))]
+
+
+def _of_window(records: list[Record], window: Window, by_time: bool) -> list[_Piece]:
+    span, pieces = window.span, []
+    named = [record for record in records if span.file in (None, record.file)]
+    if not named:
+        known = ", ".join(sorted({record.file for record in records}))
+        raise BadInput(f"{window.key}: there is no file {span.file!r}; there are: {known}")
+    for record in named:
+        base = record.time if by_time else record.rows
+        slack = 1e-6 * (record.time[1] - record.time[0]) if by_time else 0.0
+        inside = np.flatnonzero((base >= span.start - slack) & (base <= span.end + slack))
+        if len(inside) >= LEAST_SAMPLES:
+            pieces.append((record, slice(int(inside[0]), int(inside[-1]) + 1), span.validate))
+    if not pieces:
+        told = [f"{_reach(record, by_time)} of {record.file}" for record in named[:3]]
+        few = f"{window.key} holds fewer than {LEAST_SAMPLES} samples of any record; there are {', '.join(told)}"
+        raise BadInput(few)
+    for (one, _, _), (other, _, _) in pairwise(pieces):
+        if by_time and one.file == other.file and other.time[0] <= one.time[-1]:
+            raise BadInput(f"{window.key}: the time of {one.file} goes back, it tells several pieces: give rows")
+    return pieces
+
+
+def _reach(record: Record, by_time: bool) -> str:
+    if by_time:
+        return f"{record.time[0]:.6g} to {record.time[-1]:.6g} s"
+    return f"rows {record.rows[0]:g} to {record.rows[-1]:g}"
+
+
+def _marked(records: list[Record]) -> list[_Piece]:
+    """Runs of one number in the column that tells the manoeuvres."""
+    pieces: list[_Piece] = []
+    for record in records:
+        marks = np.zeros(len(record.time)) if record.marks is None else np.nan_to_num(record.marks)
+        edges = [0, *(np.flatnonzero(np.diff(marks)) + 1).tolist(), len(marks)]
+        runs = [slice(a, b) for a, b in pairwise(edges) if marks[a] and b - a >= LEAST_SAMPLES]
+        pieces += [(record, run, False) for run in runs]
+    if not pieces:
+        raise BadInput(f"manoeuvres.column has no run of {LEAST_SAMPLES} rows with the same number other than 0")
+    return pieces
+
+
+def _experiment(name: str, record: Record, span: slice, units: dict[str, str], resample: float | None) -> Experiment:
+    time, signals = record.time[span], {key: values[span] for key, values in record.signals.items()}
+    if resample is not None:
+        rate = (len(time) - 1) / float(time[-1] - time[0])
+        factor = round(rate / resample)
+        if factor < 1:
+            raise BadInput(f"time.resample = {resample:g} Hz is above the {rate:.4g} Hz of {record.file}")
+        time, signals = _averaged(time, factor), {key: _averaged(one, factor) for key, one in signals.items()}
+    if len(time) < LEAST_SAMPLES:
+        raise BadInput(f"manoeuvre {name} has {counted(len(time), 'sample')} left after time.resample")
+    return Experiment(f"manoeuvre {name} of {record.file}", time, signals, units)
+
+
+def _averaged(values: Array, factor: int) -> Array:
+    """Means over every ``factor`` samples, which holds back what the slower rate cannot show."""
+    whole = len(values) // factor
+    means: Array = values[: whole * factor].reshape(whole, factor).mean(axis=1)
+    return means

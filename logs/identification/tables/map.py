@@ -1,0 +1,160 @@
+"""The map of a table: TOML that says what its columns are, which manoeuvres are in it, and what is to be fitted."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from avionics.quantities import BadInput
+from logs.identification.tables.constants import ConstantsSection
+from logs.identification.tables.experiments import Manoeuvres
+from logs.identification.tables.keys import check_known, number, read_section
+from logs.identification.tables.signals import SignalEntry, TimeSection
+from logs.identification.tables.table import Layout
+
+EXAMPLE = """\
+# What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
+[time]
+column = "t"                 # or rate = 25.0 (Hz) where the rows have no time
+unit = "s"
+
+[signals]                    # SI value: (column * scale + offset) in unit; body axes x forward, y right, z down
+alpha = { column = "alpha", unit = "deg" }
+q = { column = "q", unit = "deg/s" }                 # a column's name, or its number from 1
+a_z = { column = "nz", unit = "g", scale = -1.0 }    # specific force: -9.81 m/s^2 at rest
+V = { column = "tas", unit = "kn" }
+delta_e = { column = "elevator", unit = "deg" }      # any name for controls
+
+[manoeuvres]                 # all of the table is one when not given
+windows = [[2.0, 12.0], [20.0, 32.0]]                # s
+validate = [2]               # numbers of those that are only predicted
+
+[constants]                  # a number in SI, or with a unit
+mass = { value = 10500, unit = "lb" }
+I_y = { value = 23800, unit = "slug ft^2" }
+S = { value = 300, unit = "ft^2" }
+c = { value = 6.5, unit = "ft" }
+V = { value = 200, unit = "kn" }
+altitude = { value = 8000, unit = "ft" }
+
+[modes]                      # the short period, by every method
+inputs = ["delta_e"]         # [] for a free response
+outputs = ["alpha", "q", "a_z"]
+[modes.parameters]           # all of the model's are free when not given; start values are found
+Z_alpha = { start = -1.0 }
+Z_q = 0.0                    # fixed
+
+[[aero.regressions]]         # coefficients by regression, as many as wanted
+response = "C_m"             # a signal, or C_X C_Y C_Z C_L C_D C_l C_m C_n of the measured accelerations
+regressors = ["alpha", "q*c/2V", "delta_e"]
+
+[table]                      # all of it is found out when not given
+missing = [-9999]            # numbers that stand for "not measured"
+"""
+"""What a map looks like: `wingbeat identify --map-example` prints it."""
+
+LINEAR_MODELS = ("short period", "longitudinal", "lateral")
+MODELS = (*LINEAR_MODELS, "nonlinear longitudinal")
+
+
+class Parameter(NamedTuple):
+    """A model's parameter: free, or held at a number."""
+
+    fixed: float | None = None
+    start: float | None = None
+    """where the search begins; found by regression when not given"""
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> Parameter:
+        """Of a map's entry: a number holds it, ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
+
+        Raises:
+            BadInput: it is none of these.
+        """
+        if entry == "free":
+            return cls()
+        if not isinstance(entry, dict):
+            return cls(fixed=number(entry, key))
+        for name in entry:
+            check_known(name, ("fixed", "start"), f"{key}.{name}")
+        told = {name: number(value, f"{key}.{name}") for name, value in entry.items()}
+        if len(told) > 1:
+            raise BadInput(f"{key} is either fixed or has a start")
+        return cls(**told)
+
+
+class ModesSection(NamedTuple):
+    """Section [modes]."""
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    model: Annotated[str, "short period", "longitudinal"] = "short period"
+    parameters: dict[str, Parameter] = {}
+    delay: Parameter = Parameter(fixed=0.0)
+    """s; of the inputs"""
+    biases: bool = True
+    """one of every output in every manoeuvre"""
+
+
+class Regression(NamedTuple):
+    """One of [[aero.regressions]]."""
+
+    response: str
+    regressors: tuple[str, ...]
+    selection: Annotated[str, "all", "stepwise"] = "all"
+    domain: Annotated[str, "time", "frequency"] = "time"
+    band: tuple[float, float] | None = None
+    """Hz; of the frequency domain"""
+
+
+class OutputError(NamedTuple):
+    """Section [aero.output_error]."""
+
+    model: Annotated[str, "short period", "longitudinal", "lateral", "nonlinear longitudinal"]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    parameters: dict[str, Parameter] = {}
+    delay: Parameter = Parameter(fixed=0.0)
+    biases: bool | tuple[str, ...] = True
+
+
+class AeroSection(NamedTuple):
+    """Section [aero]."""
+
+    regressions: tuple[Regression, ...] = ()
+    output_error: tuple[OutputError, ...] = ()
+
+
+class Map(NamedTuple):
+    """A whole map."""
+
+    signals: dict[str, SignalEntry]
+    time: TimeSection
+    table: Layout = Layout()
+    manoeuvres: Manoeuvres = Manoeuvres()
+    constants: ConstantsSection = ConstantsSection()
+    modes: ModesSection | None = None
+    aero: AeroSection | None = None
+
+
+def load_map(path: Path) -> Map:
+    """A map, every key of it checked.
+
+    Raises:
+        BadInput: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
+    except RecursionError:
+        raise BadInput(f"map {path}: not valid TOML: nested too deep") from None
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    try:
+        found: Map = read_section(Map, document, "")
+        found.time.check()
+    except BadInput as error:
+        raise BadInput(f"map {path}: {error}") from None
+    return found

@@ -1,0 +1,281 @@
+"""Sections [signals] and [time] of a map: columns of a table become named signals in SI on even time bases."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput, counted
+from logs.identification.results import Array
+from logs.identification.tables.keys import read_section
+from logs.identification.tables.quantities import ANGLES, SIGNALS, WIDEST_ANGLE, converted, in_unit
+from logs.identification.tables.table import Columns
+
+LEAST_RATE, HIGHEST_RATE = 1e-3, 1e5
+LEAST_SAMPLES = 5
+"""-; of a record worth keeping"""
+MOST_SAMPLES = 5_000_000
+WIDEST_GAP = 1.5
+"""-; steps between two rows; over it nothing is interpolated between them"""
+LONGEST_FILL = 5
+"""-; samples missing on end that do not cut a record, and over which an input is interpolated"""
+FOLLOWING = 0.1
+"""-; share of a stamp's surprise that the clock takes over"""
+
+
+class Place(NamedTuple):
+    """A column: by name, or by number from 1."""
+
+    column: str | int
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> Place:
+        """Of a map's entry.
+
+        Raises:
+            BadInput: it is neither text nor a whole number.
+        """
+        if isinstance(entry, bool) or not isinstance(entry, str | int):
+            raise BadInput(f"{key} must be the name of a column in quotes, or its number from 1")
+        return cls(entry)
+
+
+class _Entry(NamedTuple):
+    unit: str
+    column: Place | None = None
+    value: float | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    missing: tuple[float, ...] = ()
+
+
+class SignalEntry(NamedTuple):
+    """One signal: SI value = conversion of (column * scale + offset)."""
+
+    entry: _Entry
+    key: str
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> SignalEntry:
+        """Of a map's entry, its unit checked against what the name means.
+
+        Raises:
+            BadInput: neither column nor value, or a unit that cannot be that of the signal.
+        """
+        told = read_section(_Entry, entry, key)
+        if (told.column is None) == (told.value is None):
+            raise BadInput(f'{key} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
+        converted(told.unit, SIGNALS.get(key.rpartition(".")[2]), key)
+        return cls(told, key)
+
+    @property
+    def unit(self) -> str:
+        """In SI."""
+        return converted(self.entry.unit, None, self.key).unit
+
+    def read(self, columns: Columns) -> Array:
+        """Values in SI (N,), NaN where not measured.
+
+        Raises:
+            BadInput: the column is not there, or has angles that no aircraft has.
+        """
+        told, entry = converted(self.entry.unit, None, self.key), self.entry
+        if entry.column is None:
+            raw = np.full(columns.rows, entry.value, dtype=np.float64)
+        else:
+            raw = columns.column(entry.column.column, self.key)
+        raw = np.where(np.isin(raw, entry.missing), np.nan, raw)
+        with np.errstate(over="ignore", invalid="ignore"):
+            values: Array = (raw * entry.scale + entry.offset) * told.factor + told.offset
+        values[~(np.abs(values) < 1e15)] = np.nan
+        _check_angle(self.key, told.unit, values)
+        return values
+
+
+def _check_angle(key: str, unit: str, values: Array) -> None:
+    name = key.rpartition(".")[2]
+    limit = math.pi if name in ANGLES else WIDEST_ANGLE if unit == "rad" and name not in SIGNALS else math.inf
+    largest = float(np.nanmax(np.abs(values))) if np.any(np.isfinite(values)) else 0.0
+    if largest > limit:
+        raise BadInput(
+            f"{key} reaches {largest:.3g} rad: is its unit right, and what stands for missing values told?"
+        )
+
+
+class TimeSection(NamedTuple):
+    """Where the time of a row comes from: a column, or the rate of the rows."""
+
+    column: Place | None = None
+    unit: str = "s"
+    rate: float | None = None
+    """Hz; of rows without a time"""
+    resample: float | None = None
+    """Hz; to which the rows are averaged and thinned"""
+    fill: float | None = None
+    """s; longest run of missing samples over which an input is interpolated; 5 samples where not told"""
+
+    def check(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            BadInput: neither column nor rate, or a number out of range.
+        """
+        if (self.column is None) == (self.rate is None):
+            raise BadInput("[time] must have either a column or a rate")
+        in_unit(0.0, self.unit, "s", "time.unit")
+        for name, rate in (("rate", self.rate), ("resample", self.resample)):
+            if rate is not None and not LEAST_RATE <= rate <= HIGHEST_RATE:
+                raise BadInput(f"time.{name} = {rate:g} Hz is outside {LEAST_RATE:g} to {HIGHEST_RATE:g} Hz")
+        if self.fill is not None and self.fill < 0:
+            raise BadInput("time.fill must be 0 or more")
+
+
+class Record(NamedTuple):
+    """Rows of one file that follow each other in time, on an even base."""
+
+    file: str
+    time: Array
+    """s; (N,), equally spaced"""
+    rows: Array
+    """-; (N,), number of the table's row from 1 that each sample is of, or lies after"""
+    signals: dict[str, Array]
+    """by name in SI; (N,) each"""
+    marks: Array | None
+    """-; (N,), numbers of the column that tells the manoeuvres"""
+
+
+def records_of(
+    columns: Columns, entries: dict[str, SignalEntry], base: TimeSection, marks: Place | None
+) -> tuple[list[Record], list[str]]:
+    """Every record of a table, cut where its time goes back, and what was done to make its time even.
+
+    Raises:
+        BadInput: a column that is not there, no time in it, or none of the rows can be used.
+    """
+    signals = {name: entry.read(columns) for name, entry in entries.items()}
+    marked = None if marks is None else columns.column(marks.column, "manoeuvres.column")
+    times = _times(columns, base)
+    rows = np.flatnonzero(np.isfinite(times))
+    if not len(rows):
+        raise BadInput(f"{columns.file}: no row has a time (time.column)")
+    notes = list(columns.notes)
+    bounds = [0, *_cuts(columns.file, times[rows], base, notes), len(rows)]
+    if len(rows) < len(times):
+        notes.append(f"{columns.file}: {counted(len(times) - len(rows), 'row')} without a time left out")
+    found = []
+    for first, last in pairwise(bounds):
+        piece = rows[first:last]
+        if len(np.unique(times[piece])) < LEAST_SAMPLES:
+            notes.append(f"{columns.file}: a piece of {counted(len(piece), 'row')} is too short and left out")
+            continue
+        found.append(_even(columns.file, times[piece], piece, signals, marked, notes))
+    if not found:
+        raise BadInput(f"{columns.file}: it has fewer than {LEAST_SAMPLES} rows with a time of their own")
+    return found, notes
+
+
+def _cuts(file: str, times: Array, base: TimeSection, notes: list[str]) -> list[int]:
+    """First rows after the time went back, or after more than what is filled is missing."""
+    steps = np.diff(times)
+    forward = steps[steps > 0]
+    usual = float(np.median(forward)) if len(forward) else 0.0
+    back = steps < 0
+    gap = steps > max(base.fill or 0.0, LONGEST_FILL * usual) + WIDEST_GAP * usual
+    for what, where in (("goes back", back), ("has a gap", gap)):
+        if where.any():
+            notes.append(f"{file}: the time {what} {counted(int(where.sum()), 'time')}; each piece is a record")
+    return (np.flatnonzero(back | gap) + 1).tolist()
+
+
+def _times(columns: Columns, base: TimeSection) -> Array:
+    if base.rate is not None:
+        return np.arange(columns.rows) / base.rate
+    if base.column is None:
+        raise BadInput("[time] must have either a column or a rate")
+    told = converted(base.unit, "s", "time.unit")
+    return columns.column(base.column.column, "time.column") * told.factor
+
+
+def _even(
+    file: str, time: Array, rows: NDArray[np.int64], signals: dict[str, Array], marks: Array | None, notes: list[str]
+) -> Record:
+    """A record on the even base that its time stamps are nearest to."""
+    keep = np.concatenate(([True], np.diff(time) > 0))
+    if not keep.all():
+        notes.append(f"{file}: {counted(int((~keep).sum()), 'row')} with the time of the row before left out")
+    time, rows = time[keep], rows[keep]
+    step = _usual_step(time)
+    if time[-1] - time[0] > step * min(MOST_SAMPLES, 1000 * len(time)):
+        raise BadInput(
+            f"{file}: rows are {step:.3g} s apart but span {time[-1] - time[0]:.3g} s: too many are missing"
+        )
+    places = _places(time, step)
+    count = int(places[-1]) + 1
+    step, start = (float(one) for one in np.polyfit(places, time, 1))
+    start = round(start, 9)
+
+    off = float(np.max(np.abs(time - start - places * step)))
+    if off <= max(_resolution(time), 1e-3 * step):
+        if count > len(time):
+            notes.append(f"{file}: {counted(count - len(time), 'sample')} missing in the time, taken as not measured")
+        even: Array = np.asarray(start + step * np.arange(count), dtype=np.float64)
+        taken = {name: _spread(values[rows], places, count) for name, values in signals.items()}
+        before = np.searchsorted(places, np.arange(count), side="right") - 1
+    else:
+        even = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1 + 1e-9)) + 1)
+        notes.append(f"{file}: uneven time (by up to {off:.2g} s) interpolated to {1 / step:.4g} Hz")
+        taken = {name: _interpolated(even, time, values[rows], step) for name, values in signals.items()}
+        before = np.searchsorted(time, even, side="right") - 1
+    before = np.clip(before, 0, None)
+    numbers = np.asarray(rows[before] + 1.0, dtype=np.float64)
+    return Record(file, even, numbers, taken, None if marks is None else marks[rows][before])
+
+
+def _usual_step(time: Array) -> float:
+    """The step that most rows are apart: the mean of those near the median, which is only as fine as the stamps."""
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    return float(np.mean(steps[np.abs(steps - median) <= 0.5 * median]))
+
+
+def _places(time: Array, step: float) -> NDArray[np.int64]:
+    """Which sample of an even base each row is: the next one, unless rows are missing before it.
+
+    What is expected of a stamp follows the stamps slowly, as a phase-locked loop does, so that neither their jitter
+    nor a small error of the step takes a row for another.
+    """
+    places, expected, place = [0], float(time[0]), 0
+    for stamp in time[1:].tolist():
+        ahead = max(1, round((stamp - expected) / step))
+        place += ahead
+        expected += ahead * step
+        expected += FOLLOWING * (stamp - expected)
+        places.append(place)
+    return np.array(places)
+
+
+def _resolution(time: Array) -> float:
+    """What the stamps are rounded to: the largest power of ten that all are multiples of."""
+    for digits in range(7):
+        scaled = time * 10.0**digits
+        if np.max(np.abs(scaled - np.rint(scaled))) < 1e-6 * max(1.0, float(np.max(np.abs(scaled))) * 1e-6):
+            return float(10.0**-digits)
+    return 0.0
+
+
+def _spread(values: Array, at: NDArray[np.int64], count: int) -> Array:
+    whole = np.full(count, np.nan)
+    whole[at] = values
+    return whole
+
+
+def _interpolated(even: Array, time: Array, values: Array, step: float) -> Array:
+    """Linear between neighbouring rows that both have a value and are near each other, NaN elsewhere."""
+    result: Array = np.interp(even, time, values)
+    after = np.clip(np.searchsorted(time, even, side="left"), 1, len(time) - 1)
+    result[np.diff(time)[after - 1] > WIDEST_GAP * step] = np.nan
+    return result
