@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from avionics import topics
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
-from groundstation.command import options
+from groundstation.command import identify_table, options
 from groundstation.command.identify_out import add_outputs, check_outputs, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
@@ -18,6 +19,8 @@ from logs.attached import aircraft_of, airframe_of, flight_vehicle
 from logs.identification.data import Aircraft
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.elevator import MadeElevator
+from logs.identification.tables.map import EXAMPLE
+from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
 from logs.truth import known_truths
 
@@ -27,6 +30,8 @@ EXAMPLES = (
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
+    "wingbeat identify --map-example > map.toml           # then: what your columns are, and what to fit",
+    "wingbeat identify flight.csv --map map.toml          # docs/identify_csv.md has every key and two examples",
 )
 UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
 """what is said of a log without a vehicle's file"""
@@ -36,15 +41,31 @@ JSON_KEYS = {
     "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres,"
     " notes: what the log does not tell and was taken from elsewhere",
     "missing": "list of {name, reason}: what the log does not give",
+    "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
+    " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
+    " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
+    " held_out, samples, r_squared, rms, theil, white}, samples, notes}; modes: as above or null; notes",
 }
+
+
+KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS)))
+TABLE_USAGE = f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}] [--json]"
+TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Identify the servo torque and power models and the short-period mode from a log."
+    summary = (
+        "Identify the servo torque and power models and the short-period mode from a log; modes and aerodynamic"
+        " coefficients from tables of numbers that a map explains."
+    )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("file", type=Path, metavar="FILE", help="an MCAP log")
-    parser.add_argument("what", nargs="?", default="all", choices=SUBJECTS, help="all of it by default")
+    parser.usage = f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"
+    parser.add_argument("file", nargs="*", metavar="FILE", help="an MCAP log, or with --map one table or several")
+    parser.add_argument(
+        "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
+    )
+    parser.add_argument("--map-example", action="store_true", help="print a map to begin with")
     parser.add_argument(
         "--vehicle",
         metavar="V|PATH",
@@ -68,10 +89,22 @@ def run(arguments: Sequence[str]) -> int:
         BadInput: not an MCAP log, or one that gives nothing of what was asked for; a vehicle that is unknown, or
             given beside the log's own.
     """
-    chosen = build_parser().parse_args(arguments)
+    chosen = build_parser().parse_intermixed_args(arguments)
+    if chosen.map_example:
+        sys.stdout.write(EXAMPLE)
+        return 0
+    files, what = _split(chosen.file)
+    if chosen.map is None and len(files) > 1 and not files[-1].suffix:
+        raise BadInput(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
+    if chosen.map is not None:
+        return identify_table.run(files, what, chosen)
+    if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
+        raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
+    if what not in SUBJECTS:
+        raise BadInput(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
-    with open_log(chosen.file) as log:
-        found = identified(log, chosen.what, chosen.vehicle, chosen.elevator)
+    with open_log(files[0]) as log:
+        found = identified(log, what, chosen.vehicle, chosen.elevator)
         written = write_outputs(chosen, log, found)
     if chosen.json:
         print_document(document(found))
@@ -79,6 +112,19 @@ def run(arguments: Sequence[str]) -> int:
         open_console().print(identification_table(found))
         open_console().print(*written, sep="\n", highlight=False, soft_wrap=True)
     return 0
+
+
+def _split(words: Sequence[str]) -> tuple[list[Path], str]:
+    """The files, and what is to be identified, which may stand behind them.
+
+    Raises:
+        BadInput: there is no file.
+    """
+    what = words[-1] if words and words[-1] in KNOWN else "all"
+    files = [Path(word) for word in words if word not in KNOWN]
+    if not files:
+        raise BadInput("which log or table? (see wingbeat identify --help)")
+    return files, what
 
 
 def identified(

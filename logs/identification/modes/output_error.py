@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.data import Aircraft
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import coloured_spread, information

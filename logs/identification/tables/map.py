@@ -54,9 +54,6 @@ missing = [-9999]            # numbers that stand for "not measured"
 """
 """What a map looks like: `wingbeat identify --map-example` prints it."""
 
-LINEAR_MODELS = ("short period", "longitudinal", "lateral")
-MODELS = (*LINEAR_MODELS, "nonlinear longitudinal")
-
 
 class Parameter(NamedTuple):
     """A model's parameter: free, or held at a number."""
@@ -89,12 +86,15 @@ class ModesSection(NamedTuple):
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
-    model: Annotated[str, "short period", "longitudinal"] = "short period"
+    model: Annotated[str, "short period", "longitudinal", "none"] = "short period"
+    """"none" leaves the methods that need no model"""
+    kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] = ()
+    """which modes are in the records; by the outputs when not given"""
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
     """s; of the inputs"""
-    biases: bool = True
-    """one of every output in every manoeuvre"""
+    biases: tuple[str, ...] | None = None
+    """outputs with a bias in every manoeuvre; all when not given"""
 
 
 class Regression(NamedTuple):
@@ -104,6 +104,8 @@ class Regression(NamedTuple):
     regressors: tuple[str, ...]
     selection: Annotated[str, "all", "stepwise"] = "all"
     domain: Annotated[str, "time", "frequency"] = "time"
+    always: tuple[str, ...] = ()
+    """regressors that stepwise regression keeps in any case"""
     band: tuple[float, float] | None = None
     """Hz; of the frequency domain"""
 
@@ -116,7 +118,8 @@ class OutputError(NamedTuple):
     inputs: tuple[str, ...] = ()
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
-    biases: bool | tuple[str, ...] = True
+    biases: tuple[str, ...] | None = None
+    """as of [modes]; none of a model that is not linear when not given"""
 
 
 class AeroSection(NamedTuple):

@@ -1,0 +1,70 @@
+"""What was identified from a table: each fit's numbers with intervals and starts, and how its outputs follow."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from groundstation.views import tables, wording
+from groundstation.views.identification import identification_table
+from logs.identification.report import Identification
+from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.telling import heading, notes_of, number_rows
+
+
+def table_identification(found: TableIdentification) -> RenderableType:
+    """Every fit below the other, then the modes by every method, then what was found strange in the table."""
+    parts: list[RenderableType] = [Text(_data(found)), Text()]
+    for fit in found.fits:
+        parts += [*_fit(fit), Text()]
+    if found.modes is not None:
+        parts += [identification_table(Identification(None, None, found.modes, (), {})), Text()]
+    parts += [Text(note, style="dim") for note in found.notes]
+    return Group(*(parts if found.notes else parts[:-1]))
+
+
+def _data(found: TableIdentification) -> str:
+    held = f"; held out: {', '.join(found.held_out)}" if found.held_out else ""
+    return f"fitted: {', '.join(found.experiments)}{held}"
+
+
+def _fit(fit: TableFit) -> list[RenderableType]:
+    parts: list[RenderableType] = [Text(heading(fit), style="bold")]
+    if fit.fitted.estimates:
+        parts.append(_numbers(fit))
+    if fit.outputs:
+        parts.append(_outputs(fit))
+    return [*parts, *(Text(note, style="dim") for note in notes_of(fit))]
+
+
+def _numbers(fit: TableFit) -> RenderableType:
+    table = tables.plain_table(
+        ("parameter", ""), ("value", "right"), ("95 % interval", "right"), ("start", "right"), ("", "")
+    )
+    for row in number_rows(fit):
+        one = row.estimate
+        half = 0.5 * (one.high - one.low)
+        value, low, high = (wording.significant(x, half)[0] for x in (one.value, one.low, one.high))
+        start = "" if row.start is None else f"{row.start:.4g}"
+        table.add_row(
+            row.name, Text(value, style="bold"), f"{low} to {high}", start, "" if one.unit == "-" else one.unit
+        )
+    return table
+
+
+def _outputs(fit: TableFit) -> RenderableType:
+    table = tables.plain_table(
+        ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"), ("residuals", ""), ("", "")
+    )
+    for one in fit.outputs:
+        colour = {True: "white", False: "coloured", None: ""}[one.white]
+        where = f"{one.experiment}{', held out' if one.held_out else ''}"
+        rms = f"{one.rms:.3g}{'' if one.unit == '-' else ' ' + one.unit}"
+        table.add_row(one.output, _plain(one.r_squared), rms, _plain(one.theil), colour, where)
+    return table
+
+
+def _plain(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else ""

@@ -1,0 +1,225 @@
+"""The models that a map can ask for, made for its inputs, outputs and constants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.output_error.models.linear import LinearModel
+from logs.identification.output_error.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
+from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
+from logs.identification.output_error.problem import Model
+from logs.identification.results import Array
+from logs.identification.tables.constants import need
+from logs.identification.tables.delayed import DELAY, Delayed
+from logs.identification.tables.keys import check_known
+from logs.identification.tables.map import OutputError, Parameter
+
+FIRST_SAMPLES = 3
+OF_SPEED = ("a_x", "a_y", "a_z", "n_y", "n_z", "u")
+"""outputs that a linear model needs the airspeed for"""
+DROPPED = ("Z_q", "X_q", "Y_p", "Y_r")
+"""derivatives that are seldom told apart from others: zero unless a map names them"""
+AERODYNAMIC = ("C_D_0", "C_D_alpha", "C_L_0", "C_L_alpha", "C_m_0", "C_m_alpha", "C_m_q", "C_m_delta")
+"""coefficients that are free where a map names none"""
+
+
+class Made(NamedTuple):
+    """A model with what it says and what is free in it where a map names nothing."""
+
+    model: Model
+    equations: tuple[str, ...]
+    default: tuple[str, ...]
+    aliases: Mapping[str, str]
+    """-; the model's inputs by what the map calls them"""
+    held: Mapping[str, float] = {}
+    """SI; inputs that no signal gives, by the model's name"""
+
+
+class Chosen(NamedTuple):
+    """A model as a map wants it."""
+
+    model: Model
+    equations: tuple[str, ...]
+    parameters: Mapping[str, Parameter]
+    """what is free, and what is held, by name"""
+    linear: bool
+    """-; about a trim: inputs count from their first value, every output has a bias"""
+    aliases: Mapping[str, str]
+    held: Mapping[str, float]
+
+    def about(self, experiment: Experiment) -> Experiment:
+        """The manoeuvre with its inputs as the model takes them.
+
+        Raises:
+            BadInput: an input is not among the signals.
+        """
+        signals = dict(experiment.signals)
+        for name, own in self.aliases.items():
+            if name not in signals:
+                raise BadInput(f"input {name!r} is not in [signals]; there are: {', '.join(experiment.signals)}")
+            signals[own] = signals[name]
+        for name, value in self.held.items():
+            signals[name] = np.full(len(experiment.time), value)
+        return experiment._replace(signals=signals)
+
+    def from_trim(self, experiment: Experiment) -> Experiment:
+        """The manoeuvre with the inputs of a linear model counted from their first value."""
+        if not self.linear:
+            return experiment
+        signals = dict(experiment.signals)
+        for name in self.model.inputs:
+            signals[name] = signals[name] - float(np.mean(signals[name][:FIRST_SAMPLES]))
+        return experiment._replace(signals=signals)
+
+    def input_biases(self, outputs: tuple[str, ...]) -> tuple[str, ...]:
+        """Inputs whose trim must be free: an angle that a steady rate would run away with is among the outputs."""
+        free = self.linear and ("theta" in outputs or "phi" in outputs)
+        return tuple(self.model.inputs) if free else ()
+
+    def system(self, values: Mapping[str, float]) -> Array:
+        """Matrix A (n, n) of a linear model with parameters ``values``, without angles that only follow.
+
+        Raises:
+            BadInput: the model is not linear.
+        """
+        inner = self.model.inner if isinstance(self.model, Delayed) else self.model
+        if not isinstance(inner, LinearModel):
+            raise BadInput("a model that is not linear has no modes of its own")
+        whole = inner.matrices(np.array([values[name] for name in inner.parameters])).a
+        kept = [place for place in range(len(whole)) if np.any(whole[:, place]) or len(whole) == 1]
+        return np.asarray(whole[np.ix_(kept, kept)])
+
+
+def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Chosen:
+    """The model with what is free in it.
+
+    Raises:
+        BadInput: an output or parameter that it does not have, or a constant that it needs.
+    """
+    build, linear = MODELS[asked.model]
+    made = build(asked, _with_speed(constants, experiments), experiments)
+    model = made.model if asked.delay.fixed == 0.0 else Delayed(made.model)
+    for name in asked.outputs:
+        if name not in model.outputs:
+            raise BadInput(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
+    parameters = _parameters(asked, made)
+    if asked.delay.fixed != 0.0:
+        parameters[DELAY] = asked.delay
+    if all(one.fixed is not None for one in parameters.values()):
+        raise BadInput(f"{asked.model}: every parameter is fixed, there is nothing to find")
+    return Chosen(model, made.equations, parameters, linear, made.aliases, made.held)
+
+
+def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:
+    """The map's, by the model's names: with one input ``Z_delta_e`` is ``Z_delta``."""
+    if not asked.parameters:
+        return {name: Parameter() for name in made.default}
+    found = {}
+    for name, one in asked.parameters.items():
+        own = name
+        for given in made.aliases:
+            if name not in made.model.parameters and name.endswith(f"_{given}"):
+                own = f"{name.removesuffix(given)}delta"
+        check_known(own, made.model.parameters, f"parameters.{name}")
+        found[own] = one
+    return found
+
+
+def _with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
+    """The trim's airspeed is the mean of the measured one where it is not told."""
+    speeds = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
+    measured = np.concatenate([one[np.isfinite(one)] for one in speeds]) if speeds else np.zeros(0)
+    return ({"V": float(measured.mean())} if len(measured) else {}) | dict(constants)
+
+
+def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:
+    needs_speed = asked.model != "short period" or any(name in OF_SPEED for name in asked.outputs)
+    if needs_speed and "V" not in constants:
+        raise BadInput(f"{asked.model} with {', '.join(asked.outputs)} needs constants.V or signals.V")
+    return Steady(
+        constants.get("V", 1.0),
+        constants.get("theta", 0.0) if "V" in constants else 0.0,
+        constants.get("alpha", 0.0),
+        constants.get("imu_x", 0.0),
+        constants.get("imu_z", 0.0),
+    )
+
+
+def _linear(model: LinearModel, inputs: tuple[str, ...]) -> Made:
+    names = [name for name in model.parameters if not name.endswith("_0") and name not in DROPPED]
+    rows = [*(f"{name}'" for name in model.states)]
+    n = len(rows)
+    slopes = model.slopes.reshape(len(model.parameters), *model.constant.shape)
+    columns = [*model.states, *model.inputs, "1"]
+    equations = []
+    for row in range(n):
+        known = [f"{model.constant[row, c]:.6g} {of}" for c, of in enumerate(columns) if model.constant[row, c]]
+        named = [
+            f"{slopes[p, row, c]:.6g} {name} {of}".removeprefix("1 ")
+            for p, name in enumerate(model.parameters)
+            for c, of in enumerate(columns)
+            if slopes[p, row, c] and not name.endswith("_0")
+        ]
+        equations.append(f"{rows[row]} = " + " + ".join((*known, *named)))
+    return Made(model, tuple(equations), tuple(names), {name: name for name in inputs})
+
+
+def _short_period(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
+    pitch = "theta" in asked.outputs
+    return _linear(short_period(_steady(asked, constants), asked.inputs, pitch=pitch), asked.inputs)
+
+
+def _longitudinal(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
+    return _linear(longitudinal(_steady(asked, constants), asked.inputs), asked.inputs)
+
+
+def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
+    return _linear(lateral(_steady(asked, constants), asked.inputs), asked.inputs)
+
+
+def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
+    controls = tuple(name for name in asked.inputs if name != "thrust")
+    if len(controls) != 1:
+        raise BadInput(f"nonlinear longitudinal takes one control in inputs (and thrust), not {len(controls)}")
+    known = dict(constants)
+    need(known, "mass", "I_y", "S", "c", "V", what="nonlinear longitudinal")
+    aliases, held = {controls[0]: "delta_e"}, {}
+    if "thrust" in experiments[0].signals:
+        aliases["thrust"] = "thrust"
+    else:
+        held["thrust"] = known.get("thrust", 0.0)
+    density: float | str = known.get("rho", 0.0)
+    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
+        if signal in experiments[0].signals:
+            aliases[signal], density = own, own
+    if not density:
+        raise BadInput("nonlinear longitudinal needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    angle = known.get("thrust_angle", 0.0)
+    arm = known.get("thrust_z", 0.0) * np.cos(angle) + known.get("thrust_x", 0.0) * np.sin(angle)
+    airframe = Airframe(
+        known["mass"], known["I_y"], known["S"], known["c"], known["V"], density, angle, float(arm),
+        known.get("imu_x", 0.0), known.get("imu_z", 0.0),
+    )  # fmt: skip
+    return Made(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, held)
+
+
+NONLINEAR = (
+    "V' = -qbar S C_D/m + T cos(alpha + sigma)/m + g sin(alpha - theta)",
+    "alpha' = q - (qbar S C_L + T sin(alpha + sigma))/(m V) + g cos(alpha - theta)/V",
+    "theta' = q",
+    "q' = (qbar S c C_m + T l)/I_y",
+    "C = C_0 + C_V V/V0 + C_alpha alpha + C_q q c/(2 V0) + C_delta delta, for D, L and m",
+)
+Build = Callable[[OutputError, Mapping[str, float], tuple[Experiment, ...]], Made]
+MODELS: dict[str, tuple[Build, bool]] = {
+    "short period": (_short_period, True),
+    "longitudinal": (_longitudinal, True),
+    "lateral": (_lateral, True),
+    "nonlinear longitudinal": (_nonlinear, False),
+}
+"""By name: what makes it, and whether it is linear about a trim."""

@@ -1,0 +1,69 @@
+"""[modes] of a map: short period and phugoid by output error with a model, and by every method without one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from avionics.quantities import BadInput
+from logs.identification.modes.experiments import modes_of_experiments
+from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
+from logs.identification.output_error.problem import Fit
+from logs.identification.results import Array
+from logs.identification.tables.experiments import Cut
+from logs.identification.tables.map import ModesSection, OutputError
+from logs.identification.tables.models import Chosen
+from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.results import TableFit
+
+SIGNED = ("alpha", "q", "theta", "a_z", "q_dot", "V")
+
+
+def modes_fit(
+    asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
+) -> tuple[list[TableFit], ModesResult]:
+    """The fit of the model, and the modes by it and by all other methods that the records allow.
+
+    Raises:
+        BadInput: a signal that is not there, or no record is long enough.
+    """
+    for name in (*asked.inputs, *asked.outputs):
+        if name not in found.fitted[0].signals:
+            raise BadInput(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
+    if not asked.outputs:
+        raise BadInput("modes.outputs names no signal")
+    fits: list[TableFit] = []
+    known: tuple[Mode, ...] = ()
+    if asked.model != "none":
+        wanted = OutputError(asked.model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.biases)
+        table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
+        fits, known = [table], (_mode(table, fit, chosen),)
+    first = asked.inputs[0] if asked.inputs else None
+    kinds = asked.kinds or None
+    return fits, modes_of_experiments(found.fitted, first, asked.outputs, kinds, known)
+
+
+def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
+    """The modes that the fitted matrices have, errors by the delta method."""
+    method = "output error"
+    if fit.failure:
+        return nothing(method, fit.failure)
+    held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
+    base = {name: one.value for name, one in chosen.model.parameters.items()} | held
+
+    def system(values: Array) -> Array:
+        return chosen.system(base | dict(zip(fit.names, values.tolist(), strict=True)))
+
+    lost = [one for one in fit.unidentified if abs(_share(system, fit, one.name)) > 0]
+    if lost:
+        return nothing(method, f"{lost[0].name} is not identified: {lost[0].reason}")
+    return mode_of_system(method, system, fit.values, fit.covariance, fit.degrees, fit.estimates)
+
+
+def _share(system: object, fit: Fit, name: str) -> float:
+    """How much a parameter moves the system."""
+    if not callable(system):
+        return 0.0
+    place = fit.names.index(name)
+    moved = fit.values.copy()
+    moved[place] += max(abs(float(moved[place])), 1.0)
+    return float(abs(system(moved) - system(fit.values)).sum())

@@ -1,0 +1,158 @@
+"""[modes] and [[aero.output_error]] of a map: a model flown with the measured inputs, fitted to the outputs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.experiment import Experiment
+from logs.identification.output_error.fit import output_error
+from logs.identification.output_error.problem import Fit, Nuisances, Problem
+from logs.identification.output_error.problem import Parameter as Sought
+from logs.identification.preparing.resampling import filled, gaps
+from logs.identification.regression.terms import quotient
+from logs.identification.results import Array, Estimate, FitSeries, Fitted
+from logs.identification.tables.delayed import DELAY
+from logs.identification.tables.experiments import Cut
+from logs.identification.tables.goodness import output_fits
+from logs.identification.tables.map import OutputError
+from logs.identification.tables.models import Chosen, chosen_model
+from logs.identification.tables.prediction import predicted
+from logs.identification.tables.results import TableFit
+from logs.identification.tables.signals import LONGEST_FILL
+from logs.identification.tables.starts import begin
+
+LEAST_RUN = 16
+"""-; samples on end with every input"""
+LONGEST_DELAY = 1.0
+"""s"""
+
+
+class Driven(NamedTuple):
+    """Manoeuvres whose inputs have every sample."""
+
+    experiments: tuple[Experiment, ...]
+    notes: tuple[str, ...]
+
+
+def output_error_fit(
+    subject: str, asked: OutputError, found: Cut, constants: Mapping[str, float], fill: float | None
+) -> tuple[TableFit, Fit, Chosen]:
+    """One output-error fit over all manoeuvres, and its prediction of those that were held out.
+
+    Raises:
+        BadInput: a signal, constant or parameter that the model does not have or needs and is not there.
+    """
+    chosen = chosen_model(asked, constants, found.fitted)
+    fitted = driven(found.fitted, chosen, fill)
+    held = driven(found.held_out, chosen, fill) if found.held_out else Driven((), ())
+    names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
+    fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
+    starts = begin(chosen.model, chosen.parameters, fitted.experiments, constants, chosen.linear)
+    problem = _problem(asked, chosen, fitted.experiments, {**starts, **fixed}, names)
+    fit = output_error(problem)
+    series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
+    told = Fitted(
+        f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
+        fit.unidentified, _correlation(fit), series, (*fitted.notes, *held.notes),
+    )  # fmt: skip
+    samples = sum(len(one.time) for one in fitted.experiments)
+    own = {name: starts[name] for name in names}
+    table = TableFit(subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples)
+    return table, fit, chosen
+
+
+def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | None) -> Driven:
+    """The manoeuvres, short gaps of their inputs bridged, cut at longer ones.
+
+    Raises:
+        BadInput: an input is not among the signals, or no run with all of them is long enough.
+    """
+    pieces: list[Experiment] = []
+    notes: list[str] = []
+    for experiment in (chosen.about(one) for one in experiments):
+        pieces += _whole_runs(experiment, tuple(chosen.model.inputs), fill, notes)
+    if not pieces:
+        raise BadInput(f"no {LEAST_RUN} samples on end have every input ({', '.join(chosen.model.inputs)})")
+    return Driven(tuple(chosen.from_trim(one) for one in pieces), tuple(notes))
+
+
+def _whole_runs(
+    experiment: Experiment, inputs: tuple[str, ...], fill: float | None, notes: list[str]
+) -> list[Experiment]:
+    longest = LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9)
+    signals = dict(experiment.signals)
+    for name in inputs:
+        if name not in signals:
+            raise BadInput(f"input {name} is not in [signals]; there are {', '.join(signals)}")
+        whole = filled(signals[name], longest)
+        bridged = int(np.isfinite(whole).sum() - np.isfinite(signals[name]).sum())
+        if bridged:
+            notes.append(f"{experiment.name}: {counted(bridged, 'sample')} of {name} interpolated")
+        signals[name] = whole
+    known = (
+        np.all([np.isfinite(signals[name]) for name in inputs], axis=0)
+        if inputs
+        else np.ones(len(experiment.time), bool)
+    )
+    runs = [run for run in gaps(np.where(known, np.nan, 0.0)) if run.stop - run.start >= LEAST_RUN]
+    left = len(known) - sum(run.stop - run.start for run in runs)
+    if left:
+        notes.append(f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out")
+    parts = len(runs) > 1
+    return [
+        Experiment(
+            f"{experiment.name}, part {number + 1}" if parts else experiment.name, experiment.time[run],
+            {name: values[run] for name, values in signals.items()}, experiment.units,
+        )
+        for number, run in enumerate(runs)
+    ]  # fmt: skip
+
+
+def _problem(
+    asked: OutputError,
+    chosen: Chosen,
+    experiments: tuple[Experiment, ...],
+    values: Mapping[str, float],
+    free: tuple[str, ...],
+) -> Problem:
+    sought = {name: _sought(name, value, name in free) for name, value in values.items()}
+    biases = asked.biases if asked.biases is not None else (asked.outputs if chosen.linear else ())
+    return Problem(
+        chosen.model, experiments, sought, asked.outputs,
+        Nuisances(output_biases=biases, input_biases=chosen.input_biases(asked.outputs)),
+    )  # fmt: skip
+
+
+def _shortened(one: Estimate) -> Estimate:
+    """With its unit shortened: ``(rad/s)/(rad)`` is 1/s."""
+    parts = re.fullmatch(r"\((.*)\)/\((.*)\)", one.unit)
+    return one._replace(unit=quotient(parts[1], parts[2])) if parts else one
+
+
+def _sought(name: str, value: float, free: bool) -> Sought:
+    return Sought(value, free, -LONGEST_DELAY, LONGEST_DELAY) if name == DELAY else Sought(value, free)
+
+
+def _flown(problem: Problem, fit: Fit) -> list[FitSeries]:
+    return [
+        FitSeries(
+            one.name, output, problem.model.outputs[output], one.time, one.measured[:, place], one.model[:, place]
+        )
+        for one in fit.histories
+        for place, output in enumerate(fit.outputs)
+    ]
+
+
+def _correlation(fit: Fit) -> Array | None:
+    """Of the estimates, in their order."""
+    if not fit.estimates:
+        return None
+    places = [fit.names.index(one.name) for one in fit.estimates]
+    covariance = fit.covariance[np.ix_(places, places)]
+    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance / np.outer(errors, errors))

@@ -1,0 +1,116 @@
+"""[[aero.regressions]] of a map: coefficients of a measured or computed response on named regressors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
+from logs.identification.regression.design import INTERCEPT
+from logs.identification.regression.equation_error import Domain, Settings
+from logs.identification.regression.stepwise import Rules, stepwise_regression
+from logs.identification.regression.terms import evaluate, parse
+from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.tables.constants import UNITS
+from logs.identification.tables.derived import with_made
+from logs.identification.tables.experiments import Cut
+from logs.identification.tables.goodness import output_fits
+from logs.identification.tables.map import Regression
+from logs.identification.tables.results import TableFit
+
+
+def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]) -> TableFit:
+    """One regression over all manoeuvres, and its prediction of those that were held out.
+
+    Raises:
+        BadInput: a name that is neither signal nor constant and cannot be made of them.
+    """
+    names = tuple(product_of(name) for name in asked.regressors)
+    wanted = {symbol for name in (asked.response, *names) for symbol in parse(name).powers}
+    fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
+    held = tuple(with_made(one, wanted, constants) for one in found.held_out)
+    settings = Settings(constants=constants, units=UNITS, frequencies=_frequencies(asked, fitted))
+    chosen, steps = _chosen(asked, names, fitted, settings)
+    domain: Domain = "time" if asked.domain == "time" else "frequency"
+    result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
+    return _told(asked, result._replace(notes=(*steps, *result.notes)), fitted, held, settings)
+
+
+def _chosen(
+    asked: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The regressors to fit, and how they were chosen."""
+    if asked.selection == "all":
+        return names, ()
+    always = tuple(product_of(name) for name in asked.always)
+    found = stepwise_regression(
+        fitted, asked.response, names, Rules(always=always), settings._replace(frequencies=None)
+    )
+    if found.failure and not found.terms:
+        return names, (f"stepwise regression chose nothing ({found.failure}): all regressors are fitted",)
+    steps = tuple(f"stepwise: {one.term} {one.action}, {one.why}" for one in found.steps if one.term)
+    return found.terms, steps
+
+
+def product_of(name: str) -> str:
+    """A regressor as its product: ``q c/2V`` is ``q*c/2V``."""
+    return re.sub(r"(?<=[\w.)])\s+(?=[A-Za-z_(])", "*", name.strip())
+
+
+def _frequencies(asked: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
+    """Of the band, one over the longest record's length apart."""
+    if asked.band is None:
+        return None
+    if asked.domain != "frequency":
+        raise BadInput(f'aero.regressions of {asked.response}: band is for domain = "frequency"')
+    low, high = asked.band
+    length = max(len(one.time) * one.step for one in experiments)
+    found = np.arange(max(np.ceil(low * length), 1.0), np.floor(high * length) + 1.0) / length
+    if not 0 < low < high or not len(found):
+        raise BadInput(f"aero.regressions of {asked.response}: band = [{low:g}, {high:g}] Hz holds no frequency")
+    return found
+
+
+def _told(
+    asked: Regression,
+    result: CoefficientRegression,
+    fitted: tuple[Experiment, ...],
+    held: tuple[Experiment, ...],
+    settings: Settings,
+) -> TableFit:
+    series: list[FitSeries] = []
+    if not result.failure:
+        for one, residual in zip(fitted, result.residuals, strict=True):
+            measured = evaluate(parse(asked.response), one, settings.constants)
+            series.append(_series(one, result, measured, measured - residual, held_out=False))
+        for one in held:
+            measured = evaluate(parse(asked.response), one, settings.constants)
+            series.append(_series(one, result, measured, predict(result, one, settings), held_out=True))
+    equation = " + ".join(name if name == INTERCEPT else f"({name}) {name}" for name in result.names)
+    fitted_numbers = Fitted(
+        f"regression of {asked.response}, {asked.domain} domain", (f"{asked.response} = {equation}",),
+        result.estimates, result.unidentified, _correlation(result), tuple(series), result.notes,
+    )  # fmt: skip
+    return TableFit(
+        "aero", fitted_numbers, not result.failure, result.failure, {}, {}, output_fits(tuple(series)), result.samples
+    )
+
+
+def _series(
+    one: Experiment, result: CoefficientRegression, measured: Array, model: Array, held_out: bool
+) -> FitSeries:
+    return FitSeries(one.name, result.response, result.unit, one.time, measured, model, held_out)
+
+
+def _correlation(result: CoefficientRegression) -> Array | None:
+    """Of the estimates, in their order."""
+    if not result.estimates:
+        return None
+    places = [result.names.index(one.name) for one in result.estimates]
+    covariance = result.covariance[np.ix_(places, places)]
+    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance / np.outer(errors, errors))

@@ -1,0 +1,80 @@
+"""What a fit to a table comes to: numbers with intervals and starts, fit of each output, what was held out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+from logs.identification.modes.mode import ModesResult
+from logs.identification.results import Fitted
+
+NOTABLE = 0.9
+"""-; absolute correlation of two estimates that is told"""
+
+
+class OutputFit(NamedTuple):
+    """How one output of one manoeuvre follows the measurement."""
+
+    experiment: str
+    output: str
+    unit: str
+    held_out: bool
+    """-; predicted, not fitted"""
+    samples: int
+    r_squared: float
+    """-; NaN where the measured does not vary"""
+    rms: float
+    """as `unit`; root mean square of measured minus model"""
+    theil: float
+    """-; Theil's inequality coefficient, 0 for a perfect model, 1 for the worst"""
+    white: bool | None
+    """-; whether the residuals' autocorrelation is that of white noise; None where too few samples tell"""
+
+
+class TableFit(NamedTuple):
+    """One fit that a map asked for."""
+
+    subject: str
+    """-; modes or aero"""
+    fitted: Fitted
+    converged: bool
+    failure: str
+    """-; why there are no numbers, empty where there are"""
+    starts: Mapping[str, float]
+    """SI; where the search began, by parameter; empty where there was none"""
+    fixed: Mapping[str, float]
+    """SI; what was held, by parameter"""
+    outputs: tuple[OutputFit, ...]
+    samples: int
+    """-; fitted, over all manoeuvres"""
+
+    @property
+    def correlated(self) -> tuple[tuple[str, str, float], ...]:
+        """Pairs of estimates whose correlation exceeds `NOTABLE`, with it."""
+        correlation, names = self.fitted.correlation, [one.name for one in self.fitted.estimates]
+        if correlation is None:
+            return ()
+        pairs = [(a, b, float(correlation[a, b])) for a, b in combinations(range(len(names)), 2)]
+        return tuple((names[a], names[b], value) for a, b, value in pairs if abs(value) > NOTABLE)
+
+
+class TableIdentification(NamedTuple):
+    """Everything that was identified from one or several tables."""
+
+    files: tuple[str, ...]
+    experiments: tuple[str, ...]
+    """-; names of the manoeuvres that were fitted"""
+    held_out: tuple[str, ...]
+    """-; names of those that were only predicted"""
+    fits: tuple[TableFit, ...]
+    modes: ModesResult | None
+    """by every method; None where not asked for"""
+    notes: tuple[str, ...]
+    """-; what was dropped, filled or found strange, one sentence each"""
+
+
+def finite(value: float | None) -> float | None:
+    """A number as JSON can have it: None where it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None

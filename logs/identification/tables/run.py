@@ -1,0 +1,71 @@
+"""From tables and their map to everything that the map asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from avionics.quantities import BadInput
+from logs.identification.tables.constants import read_constants
+from logs.identification.tables.experiments import Cut, cut
+from logs.identification.tables.map import AeroSection, Map, load_map
+from logs.identification.tables.modes import modes_fit
+from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.regressions import regression_fit
+from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.subjects import SUBJECTS
+from logs.identification.tables.table import read_columns
+
+T = TypeVar("T")
+
+
+def identify_tables(files: Sequence[Path], mapping: Path, what: str = "all") -> TableIdentification:
+    """Identify ``what`` (`SUBJECTS`) from tables by their map.
+
+    Raises:
+        BadInput: a file or map that cannot be used, or a map that does not ask for ``what``.
+    """
+    chosen = load_map(mapping)
+    _asked(chosen, mapping, what)
+    tables = [read_columns(path, chosen.table) for path in files]
+    return _of_map(
+        mapping, lambda: _identified(chosen, cut(tables, chosen.signals, chosen.time, chosen.manoeuvres), what)
+    )
+
+
+def _asked(chosen: Map, mapping: Path, what: str) -> None:
+    if what not in SUBJECTS:
+        raise BadInput(f"a table gives {', '.join(SUBJECTS)}; {what!r} needs a log")
+    there = {"modes": chosen.modes is not None, "aero": chosen.aero is not None}
+    if not (any(there.values()) if what == "all" else there[what]):
+        wanted = "[modes] or [aero]" if what == "all" else f"[{what}]"
+        raise BadInput(f"map {mapping}: it has no section {wanted} that says what to fit")
+
+
+def _of_map(mapping: Path, work: Callable[[], T]) -> T:
+    try:
+        return work()
+    except BadInput as error:
+        raise BadInput(f"{error} (map {mapping})") from None
+
+
+def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
+    constants = read_constants(chosen.constants)
+    fits: list[TableFit] = []
+    modes, notes = None, list(found.notes)
+    if chosen.modes is not None and what in ("modes", "all"):
+        one, modes = modes_fit(chosen.modes, found, constants, chosen.time.fill)
+        fits += one
+    if chosen.aero is not None and what in ("aero", "all"):
+        fits += _aero(chosen.aero, found, constants, chosen.time.fill)
+    fitted, held = (tuple(one.name for one in part) for part in (found.fitted, found.held_out))
+    files = tuple(dict.fromkeys(name.rpartition(" of ")[2] for name in (*fitted, *held)))
+    return TableIdentification(files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(notes)))
+
+
+def _aero(section: AeroSection, found: Cut, constants: dict[str, float], fill: float | None) -> list[TableFit]:
+    if not section.regressions and not section.output_error:
+        raise BadInput("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
+    fits = [regression_fit(asked, found, constants) for asked in section.regressions]
+    return fits + [output_error_fit("aero", asked, found, constants, fill)[0] for asked in section.output_error]

@@ -1,0 +1,227 @@
+"""Where output error begins when nobody says: equation error with the model's own equations.
+
+The states as measured (or as kinematics make them of what is measured) and their slopes are put into the model's
+equations, the parameters that fit them best are the start (Klein & Morelli, Aircraft System Identification, 2006,
+ch. 5 and 6; Jategaonkar, Flight Vehicle System Identification, 2006, ch. 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.constants import STANDARD_GRAVITY
+from logs.identification.experiment import Experiment
+from logs.identification.output_error.models.compiled import CompiledModel
+from logs.identification.output_error.models.linear import LinearModel
+from logs.identification.output_error.problem import Model
+from logs.identification.results import Array
+from logs.identification.tables.delayed import DELAY, Delayed
+from logs.identification.tables.derived import slope
+from logs.identification.tables.map import Parameter
+
+MOST_ROWS = 1500
+"""-; of one manoeuvre: a start needs no more"""
+ROUNDS = 6
+LEAST_SWING = 8
+DIFFERENCE = 1e-4
+SMALLEST = 1e-6
+"""-; singular value, of the largest, under which a combination of parameters stays where it was"""
+
+
+class _Rows(NamedTuple):
+    """Samples of one manoeuvre at which all is known that the equations need."""
+
+    states: Array
+    """(N, n)"""
+    slopes: Array
+    """(N, n)"""
+    inputs: Array
+    """(N, k)"""
+    outputs: Array
+    """(N, m); NaN where not measured"""
+
+
+def said_by(model: Model, states: Array, inputs: Array, parameters: Array) -> Array:
+    """Rates and outputs (N, n + m) that a model's equations have at ``states`` (N, n) and ``inputs`` (N, k)."""
+    if isinstance(model, Delayed):
+        return said_by(model.inner, states, inputs, parameters[:-1])
+    if isinstance(model, LinearModel):
+        whole = model.constant + (parameters @ model.slopes).reshape(model.constant.shape)
+        return np.asarray(np.column_stack((states, inputs, np.ones(len(states)))) @ whole.T)
+    if not isinstance(model, CompiledModel):
+        raise TypeError("a model without equations")
+    n = states.shape[1]
+    said = np.empty((len(states), n + len(model.outputs)))
+    for row, (state, given) in enumerate(zip(states, inputs, strict=True)):
+        model.rates(state, given, parameters, model.constants, said[row, :n])
+        model.observe(state, given, parameters, model.constants, said[row, n:])
+    return said
+
+
+def equation_error_start(
+    model: Model,
+    experiments: tuple[Experiment, ...],
+    values: Array,
+    places: list[int],
+    constants: Mapping[str, float],
+    steady: bool,
+) -> Array | None:
+    """The model's parameters (P,), those at ``places`` such that its equations fit best, the others as in ``values``.
+
+    ``steady`` takes a constant out of every equation of every manoeuvre, as linear models about a trim need. None
+    where a state is neither measured nor to be made of what is.
+    """
+    rows = [_rows(model, one, constants) for one in experiments]
+    if any(one is None or not len(one.states) for one in rows):
+        return None
+    known = [one for one in rows if one is not None]
+    found = values.copy()
+    for _ in range(ROUNDS):
+        step = _step(model, known, found, places, steady)
+        if not np.all(np.isfinite(step)):
+            return None
+        found[places] += step
+        if np.all(np.abs(step) <= 1e-6 * np.maximum(np.abs(found[places]), 1e-6)):
+            break
+    return found
+
+
+def _step(model: Model, rows: list[_Rows], values: Array, places: list[int], steady: bool) -> Array:
+    """Change of the parameters at ``places`` by linear least squares about ``values``."""
+    here = _errors(model, rows, values, steady)
+    columns = []
+    for place in places:
+        width = DIFFERENCE * max(abs(float(values[place])), 0.1)
+        moved = values.copy()
+        moved[place] += width
+        columns.append((_errors(model, rows, moved, steady) - here) / width)
+    design = np.column_stack(columns)
+    size = np.linalg.norm(design, axis=0)
+    size[~(size > 0)] = np.inf
+    solved = np.linalg.lstsq(design / size, -here, rcond=SMALLEST)[0]
+    return np.asarray(solved / size)
+
+
+def _errors(model: Model, rows: list[_Rows], values: Array, steady: bool) -> Array:
+    """What the equations leave, each scaled by how much its measured side varies over all manoeuvres."""
+    pieces = [_left(model, one, values, steady) for one in rows]
+    sides = np.vstack([np.hstack((one.slopes, one.outputs)) for one in rows])
+    scale = np.array([float(np.nanstd(side)) if np.isfinite(side).any() else 0.0 for side in sides.T])
+    scale[~(scale > 0)] = np.inf
+    left = np.vstack(pieces) / scale
+    return np.asarray(np.where(np.isfinite(left), left, 0.0).ravel())
+
+
+def _left(model: Model, rows: _Rows, values: Array, steady: bool) -> Array:
+    """Slopes and outputs (N, n + m), measured minus the model's; NaN where not measured."""
+    left: Array = np.hstack((rows.slopes, rows.outputs)) - said_by(model, rows.states, rows.inputs, values)
+    if steady:
+        counts = np.maximum(np.isfinite(left).sum(axis=0), 1)
+        left = left - np.nansum(left, axis=0) / counts
+    return left
+
+
+def _rows(model: Model, experiment: Experiment, constants: Mapping[str, float]) -> _Rows | None:
+    states = [state_history(name, experiment, constants) for name in model.states]
+    if any(one is None for one in states):
+        return None
+    table = np.column_stack([one for one in states if one is not None])
+    slopes = np.column_stack([slope(one, experiment.step) for one in table.T])
+    inputs = np.column_stack([np.zeros((len(table), 0)), *(experiment.signals[name] for name in model.inputs)])
+    missing = np.full(len(table), np.nan)
+    outputs = np.column_stack([experiment.signals.get(name, missing) for name in model.outputs])
+    whole = np.all(np.isfinite(np.hstack((table, slopes, inputs))), axis=1)
+    chosen = np.flatnonzero(whole)
+    chosen = chosen[:: max(1, len(chosen) // MOST_ROWS)]
+    return _Rows(*(np.ascontiguousarray(one[chosen], dtype=np.float64) for one in (table, slopes, inputs, outputs)))
+
+
+def state_history(name: str, experiment: Experiment, constants: Mapping[str, float]) -> Array | None:
+    """A state (N,) as measured, or made of what is: pitch rate of pitch, angle of attack of the normal force."""
+    if name in experiment.signals and np.isfinite(experiment.signals[name]).any():
+        return np.asarray(experiment.signals[name], dtype=np.float64)
+    signals, step = experiment.signals, experiment.step
+    if name == "q" and "theta" in signals:
+        return slope(signals["theta"], step)
+    if name == "theta" and "q" in signals:
+        return _summed(signals["q"], step)
+    if name == "V" and "V" in constants:
+        return np.full(len(experiment.time), constants["V"])
+    if name == "alpha" and {"q", "a_z"} <= signals.keys() and ("V" in signals or "V" in constants):
+        speed = signals["V"] if "V" in signals else constants["V"]
+        pitch = signals["theta"] if "theta" in signals else np.zeros(len(experiment.time))
+        return _summed(signals["q"] + (signals["a_z"] + STANDARD_GRAVITY * np.cos(pitch)) / speed, step)
+    return None
+
+
+def _summed(rate: Array, step: float) -> Array:
+    """Integral (N,) without mean and trend; what was not measured is bridged."""
+    there = np.isfinite(rate)
+    if there.sum() < 2:
+        return np.full(len(rate), np.nan)
+    places = np.arange(len(rate), dtype=np.float64)
+    whole = np.interp(places, places[there], rate[there])
+    total = np.concatenate(([0.0], np.cumsum((whole[1:] + whole[:-1]) * step / 2)))
+    return np.asarray(total - np.polyval(np.polyfit(places, total, 1), places))
+
+
+def begin(
+    model: Model,
+    parameters: Mapping[str, Parameter],
+    experiments: tuple[Experiment, ...],
+    constants: Mapping[str, float],
+    steady: bool,
+) -> dict[str, float]:
+    """A start of every free parameter: the map's, or what the model's equations make of the measured states.
+
+    Where a state cannot be had of what is measured, the start is that of an aircraft that turns as quickly as the
+    outputs swing.
+    """
+    names = list(model.parameters)
+    values = np.array([model.parameters[name].value for name in names], dtype=np.float64)
+    for name, one in parameters.items():
+        told = one.fixed if one.fixed is not None else one.start
+        if told is not None:
+            values[names.index(name)] = told
+    wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None]
+    places = [names.index(name) for name in wanted if name != DELAY]
+    found = equation_error_start(model, experiments, values, places, constants, steady) if places else values
+    if found is None:
+        found = _guessed(model, experiments, values, names, wanted)
+    return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
+
+
+TYPICAL = {"Z_alpha": -0.5, "M_q": -0.5, "M_alpha": -1.0}
+"""of an aircraft whose short period has 1 rad/s: powers of its frequency scale them"""
+POWERS = {"Z_alpha": 1, "M_q": 1, "M_alpha": 2}
+
+
+def _guessed(
+    model: Model, experiments: tuple[Experiment, ...], values: Array, names: list[str], wanted: list[str]
+) -> Array:
+    rate, swing = _quickness(experiments, tuple(model.outputs))
+    found = values.copy()
+    for name in wanted:
+        if name in TYPICAL:
+            found[names.index(name)] = TYPICAL[name] * rate ** POWERS[name]
+        elif name.startswith("M_"):
+            given = [np.ptp(one.signals[name[2:]]) for one in experiments if name[2:] in one.signals]
+            reach = max((float(one) for one in given if np.isfinite(one)), default=0.0)
+            found[names.index(name)] = -rate * swing / reach if reach > 0 else 0.0
+    return found
+
+
+def _quickness(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> tuple[float, float]:
+    """Angular frequency (rad/s) of the strongest swing of the first output that is there, and its reach."""
+    for one in experiments:
+        for name in (n for n in ("q", "alpha", "theta", "a_z", *outputs) if n in one.signals):
+            values = one.signals[name][np.isfinite(one.signals[name])]
+            if len(values) < LEAST_SWING:
+                continue
+            power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values))))
+            strongest = 1 + int(np.argmax(power[1:]))
+            return 2 * np.pi * strongest / (len(values) * one.step), float(np.ptp(values))
+    return 1.0, 1.0

@@ -1,0 +1,3 @@
+"""What a map can ask for."""
+
+MODES, AERO, ALL = SUBJECTS = ("modes", "aero", "all")

@@ -1,0 +1,84 @@
+"""What was identified from tables, as rows for people and as a JSON document."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from logs.identification.report.numbers import Identification, document
+from logs.identification.results import Estimate
+from logs.identification.tables.results import OutputFit, TableFit, TableIdentification, finite
+
+
+class NumberRow(NamedTuple):
+    """One number of a fit."""
+
+    name: str
+    estimate: Estimate
+    start: float | None
+
+
+def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:
+    """Every estimate with where its search began."""
+    return tuple(NumberRow(one.name, one, fit.starts.get(one.name)) for one in fit.fitted.estimates)
+
+
+def notes_of(fit: TableFit) -> tuple[str, ...]:
+    """What must be said beside the numbers, a line each."""
+    lines = [fit.failure] if fit.failure else []
+    if fit.fixed:
+        lines.append("held: " + ", ".join(f"{name} = {value:.6g}" for name, value in fit.fixed.items()))
+    lines += [
+        f"{one.name} not identified: {one.reason}" for one in fit.fitted.unidentified if one.reason != fit.failure
+    ]
+    lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
+    coloured = [one for one in fit.outputs if one.white is False and not one.held_out]
+    if coloured:
+        names = ", ".join(dict.fromkeys(one.output for one in coloured))
+        lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
+    return (*lines, *fit.fitted.notes)
+
+
+def heading(fit: TableFit) -> str:
+    """A fit's method, and whether there is anything."""
+    state = "" if not fit.failure else ": no numbers"
+    return f"{fit.fitted.method}{state}"
+
+
+def table_document(found: TableIdentification) -> dict[str, Any]:
+    """The result as a JSON document; a number that is not finite is null."""
+    modes = None if found.modes is None else document(Identification(None, None, found.modes, (), {}))["modes"]
+    return {
+        "files": list(found.files),
+        "manoeuvres": {"fitted": list(found.experiments), "held_out": list(found.held_out)},
+        "fits": [_fit(fit) for fit in found.fits],
+        "modes": modes,
+        "notes": list(found.notes),
+    }
+
+
+def _fit(fit: TableFit) -> dict[str, Any]:
+    return {
+        "subject": fit.subject,
+        "method": fit.fitted.method,
+        "equations": list(fit.fitted.equations),
+        "converged": fit.converged,
+        "failure": fit.failure or None,
+        "estimates": [_estimate(row) for row in number_rows(fit)],
+        "unidentified": [one._asdict() for one in fit.fitted.unidentified],
+        "fixed": dict(fit.fixed),
+        "correlated": [{"first": a, "second": b, "correlation": value} for a, b, value in fit.correlated],
+        "outputs": [_output(one) for one in fit.outputs],
+        "samples": fit.samples,
+        "notes": list(fit.fitted.notes),
+    }
+
+
+def _estimate(row: NumberRow) -> dict[str, Any]:
+    numbers = {
+        key: value if isinstance(value, str) else finite(value) for key, value in row.estimate._asdict().items()
+    }
+    return numbers | {"start": finite(row.start)}
+
+
+def _output(one: OutputFit) -> dict[str, Any]:
+    return {key: finite(value) if isinstance(value, float) else value for key, value in one._asdict().items()}
