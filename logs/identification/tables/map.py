@@ -86,8 +86,8 @@ class ModesSection(NamedTuple):
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
-    model: Annotated[str, "short period", "longitudinal", "none"] = "short period"
-    """"none" leaves the methods that need no model"""
+    model: Annotated[str, "short period", "longitudinal", "none"] | None = None
+    """"none" leaves the methods that need no model; short period where it has all outputs when not given"""
     kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] = ()
     """which modes are in the records; by the outputs when not given"""
     parameters: dict[str, Parameter] = {}

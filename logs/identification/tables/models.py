@@ -107,6 +107,9 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     for name in asked.outputs:
         if name not in model.outputs:
             raise BadInput(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
+        unit = experiments[0].units.get(name, model.outputs[name])
+        if unit != model.outputs[name]:
+            raise BadInput(f"signals.{name} is in {unit}, the model's {name} in {model.outputs[name]}")
     parameters = _parameters(asked, made)
     if asked.delay.fixed != 0.0:
         parameters[DELAY] = asked.delay
@@ -179,7 +182,10 @@ def _longitudinal(asked: OutputError, constants: Mapping[str, float], _: tuple[E
 
 
 def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
-    return _linear(lateral(_steady(asked, constants), asked.inputs), asked.inputs)
+    inputs, states = asked.inputs, ("beta", "p", "r", "phi")
+    left_out = {*inputs, *(("phi",) if "beta" in inputs and "phi" not in asked.outputs else ())}
+    states = tuple(name for name in states if name not in left_out)
+    return _linear(lateral(_steady(asked, constants), inputs, states), inputs)
 
 
 def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:

@@ -15,7 +15,7 @@ from logs.identification.tables.models import Chosen
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.results import TableFit
 
-SIGNED = ("alpha", "q", "theta", "a_z", "q_dot", "V")
+SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 
 
 def modes_fit(
@@ -33,8 +33,9 @@ def modes_fit(
         raise BadInput("modes.outputs names no signal")
     fits: list[TableFit] = []
     known: tuple[Mode, ...] = ()
-    if asked.model != "none":
-        wanted = OutputError(asked.model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.biases)
+    model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
+    if model != "none":
+        wanted = OutputError(model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.biases)
         table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
         fits, known = [table], (_mode(table, fit, chosen),)
     first = asked.inputs[0] if asked.inputs else None
