@@ -2,27 +2,73 @@
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
 from logs.identification.output_error.accuracy import accuracy_of
-from logs.identification.output_error.flown import Flight
+from logs.identification.output_error.flown import Flight, Unknowns
+from logs.identification.output_error.normal import SMALLEST_SIZE
 from logs.identification.output_error.problem import Fit, History, Own, Problem
 from logs.identification.output_error.records import layout_of, records_of
 from logs.identification.output_error.search import Found, gauss_newton
+from logs.identification.output_error.simplex import nelder_mead
 from logs.identification.output_error.weights import about_mean, noise_of
 from logs.identification.results import estimate
 
 MOST_STEPS = 60
+Method = Literal["gauss-newton", "nelder-mead", "both"]
 
 
-def output_error(problem: Problem) -> Fit:
+class Search(NamedTuple):
+    """How the optimum is looked for."""
+
+    method: Method = "gauss-newton"
+    """-; "both": Gauss-Newton from where the simplex of Nelder and Mead ended"""
+    starts: int = 1
+    """-; the first from the problem's start values, the others at random about them; the likeliest end is taken"""
+    spread: float = 0.5
+    """-; of a parameter's start value, or of the width of its bounds where both are given: standard deviation of
+    random starts"""
+    steps: int = MOST_STEPS
+    """-; at most, of Gauss-Newton"""
+    seed: int = 0
+
+
+FROM_THE_START = Search()
+
+
+def output_error(problem: Problem, search: Search = FROM_THE_START) -> Fit:
     """The free parameters of ``problem`` by maximum likelihood.
 
     Raises:
         BadInput: the problem does not make sense: unknown names, gaps in inputs, nothing measured.
     """
     flight = flight_of(problem)
-    return fit_of(problem, flight, gauss_newton(problem, flight, flight.first(), MOST_STEPS))
+    starts = starts_of(flight, search)
+    ends = [_found(problem, flight, start, search) for start in starts]
+    usable = [found for found in ends if not found.reason]
+    return fit_of(problem, flight, min(usable or ends[:1], key=lambda found: found.cost))
+
+
+def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
+    """The problem's start, and others at random about it within the bounds."""
+    first, low, high = flight.first(), flight.layout.low, flight.layout.high
+    bounded = np.isfinite(low) & np.isfinite(high)
+    width = search.spread * np.maximum(np.abs(first.values), SMALLEST_SIZE)
+    width[bounded] = search.spread * (high - low)[bounded]
+    source = np.random.default_rng(search.seed)
+    around = (first.values + width * source.normal(size=len(width)) for _ in range(search.starts - 1))
+    return [first, *(first._replace(values=np.clip(values, low, high)) for values in around)]
+
+
+def _found(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
+    if search.method == "gauss-newton":
+        return gauss_newton(problem, flight, start, search.steps)
+    simplex = nelder_mead(problem, flight, start)
+    if search.method == "nelder-mead" or not np.isfinite(simplex.cost):
+        return simplex
+    return gauss_newton(problem, flight, simplex.unknowns, search.steps)
 
 
 def flight_of(problem: Problem) -> Flight:

@@ -1,8 +1,7 @@
-"""The model flown through every record: residuals, and by central differences what each free number does to them."""
+"""The model flown through every record: residuals, and by differences what each free number does to them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +10,8 @@ from logs.identification.output_error.problem import Model
 from logs.identification.output_error.records import Layout, Record
 from logs.identification.results import Array
 
-DIFFERENCE = 1e-5
-"""-; of a number's size: width of a central difference"""
+DIFFERENCE = 1e-6
+"""-; of a number's size: width of a difference. A one-sided one is then 1e-6 true, at half the simulations"""
 LEAST_SIZE = 1e-2
 """-; of a parameter or state that is near zero"""
 
@@ -81,34 +80,34 @@ class Flight(NamedTuple):
     def residuals(self, unknowns: Unknowns) -> list[Array]:
         """Measured minus model (N_i, m) of each record, 0 where not measured; not finite where it overflows."""
         pairs = zip(self.records, unknowns.own, strict=True)
-        return [self._residual(record, unknowns.values, own) for record, own in pairs]
+        return [self.residual(record, unknowns.values, own) for record, own in pairs]
 
-    def _residual(self, record: Record, values: Array, own: Array) -> Array:
+    def residual(self, record: Record, values: Array, own: Array) -> Array:
+        """Measured minus model (N, m) of one record, as `residuals`."""
         rest = record.measured - self.outputs(record, values, own)
         rest[record.used == 0] = 0.0
         return rest
 
-    def slopes(self, record: Record, values: Array, own: Array) -> Array:
-        """Sensitivities (N, m, p + l) of the outputs to the parameters and the record's own numbers, 0 where not
-        measured."""
-        columns = [self._slope(record, values, own, index) for index in range(len(values) + len(own))]
-        table: Array = np.stack(columns, axis=2) * record.used[:, :, None]
+    def slopes(self, record: Record, values: Array, own: Array, first: int = 0) -> Array:
+        """Sensitivities (N, m, p + l - first) of the outputs, 0 where not measured.
+
+        They are those to the parameters, then to the record's own numbers; the ``first`` of them are left out.
+        """
+        table = np.empty((*record.measured.shape, len(values) + len(own) - first))
+        here = self.outputs(record, values, own)
+        for index in range(table.shape[2]):
+            table[:, :, index] = self._slope(record, here, np.concatenate((values, own)), first + index)
+        table *= record.used[:, :, None]
         return table
 
-    def _slope(self, record: Record, values: Array, own: Array, index: int) -> Array:
-        bias = index - len(values) - len(self.layout.local) - len(self.layout.states)
-        if 0 <= bias < len(self.layout.biased_outputs):
-            column = np.zeros(record.measured.shape)
-            column[:, self.layout.biased_outputs[bias]] = 1.0
+    def _slope(self, record: Record, here: Array, both: Array, index: int) -> Array:
+        p, layout = len(self.layout.free), self.layout
+        bias = index - p - len(layout.local) - len(layout.states)
+        if 0 <= bias < len(layout.biased_outputs):
+            column = np.zeros(here.shape)
+            column[:, layout.biased_outputs[bias]] = 1.0
             return column
-        both = np.concatenate((values, own))
-        width = DIFFERENCE * max(abs(both[index]), LEAST_SIZE)
-        return _central(lambda v: self.outputs(record, v[: len(values)], v[len(values) :]), both, index, width)
-
-
-def _central(of: Callable[[Array], Array], at: Array, index: int, width: float) -> Array:
-    ahead, behind = at.copy(), at.copy()
-    ahead[index] += width
-    behind[index] -= width
-    slope: Array = (of(ahead) - of(behind)) / (ahead[index] - behind[index])
-    return slope
+        ahead = both.copy()
+        ahead[index] += DIFFERENCE * max(abs(both[index]), LEAST_SIZE)
+        slope: Array = (self.outputs(record, ahead[:p], ahead[p:]) - here) / (ahead[index] - both[index])
+        return slope

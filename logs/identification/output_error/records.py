@@ -38,6 +38,8 @@ class Record(NamedTuple):
     """(N, m); 1 where measured, else 0"""
     start: Array
     """(n,); initial states that the search begins with"""
+    groups: tuple[tuple[Indices, Indices], ...]
+    """rows with the same outputs measured, and which outputs those are"""
 
 
 class Layout(NamedTuple):
@@ -174,7 +176,15 @@ def _record(problem: Problem, experiment: Experiment, given: Mapping[str, float]
     used = np.isfinite(raw)
     measured = np.where(used, raw, 0.0)
     start = _start(problem.model, experiment, given)
-    return Record(experiment.name, experiment.time, experiment.step, inputs, measured, used.astype(float), start)
+    return Record(
+        experiment.name, experiment.time, experiment.step, inputs, measured, used.astype(float), start, _groups(used)
+    )
+
+
+def _groups(used: Flags) -> tuple[tuple[Indices, Indices], ...]:
+    codes = used @ (1 << np.arange(used.shape[1]))
+    patterns = [int(code) for code in np.unique(codes) if code]
+    return tuple((np.flatnonzero(codes == c), np.flatnonzero(used[np.argmax(codes == c)])) for c in patterns)
 
 
 def _even(experiment: Experiment) -> None:

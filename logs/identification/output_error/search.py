@@ -92,9 +92,9 @@ def gauss_newton(problem: Problem, flight: Flight, start: Unknowns, most: int) -
         if not finite(normal):
             reason = "the simulation overflows next to the values found"
             return Found("diverged", reason, now.unknowns, now.noise, None, held, now.cost, tuple(steps))
-        held = _held(flight, normal, now.unknowns)
+        held = at_bounds(flight, normal, now.unknowns)
         step = step_of(normal, held)
-        size = _size(step, normal, held)
+        size = size_of(step, normal, held)
         steps.append(Iteration(now.cost, size))
         state = (now.unknowns, now.noise, normal, held, now.cost, tuple(steps))
         if size < SMALL_STEP and step.decrement < SMALL_COST and abs(before - now.cost) < SMALL_COST:
@@ -119,18 +119,20 @@ def overflow(flight: Flight, residuals: list[Array]) -> str:
     return "the model diverges"
 
 
-def _size(step: Step, normal: Normal, held: Flags) -> float:
-    """Largest change in standard errors; zero where it is below the numbers' own resolution."""
+def size_of(step: Step, normal: Normal, held: Flags) -> float:
+    """Largest change of ``step`` in standard errors; zero where it is below the numbers' own resolution."""
     determined = np.isfinite(step.errors) & ~held
     shares = np.abs(step.values[determined]) / step.errors[determined]
     shares[np.abs(step.values[determined]) < SMALL_RELATIVE_STEP * normal.sizes[determined]] = 0.0
     return float(np.max(shares, initial=0.0))
 
 
-def _held(flight: Flight, normal: Normal, unknowns: Unknowns) -> Flags:
+def at_bounds(flight: Flight, normal: Normal, unknowns: Unknowns) -> Flags:
     """Parameters (p,) at a bound that the likelihood would have further out."""
-    gradient = reduced(normal).gradient
     low, high = flight.layout.low, flight.layout.high
+    if not np.any((unknowns.values <= low) | (unknowns.values >= high)):
+        return np.zeros(len(low), dtype=bool)
+    gradient = reduced(normal).gradient
     held: Flags = ((unknowns.values <= low) & (gradient <= 0)) | ((unknowns.values >= high) & (gradient >= 0))
     return held
 

@@ -24,34 +24,40 @@ class Whitener(NamedTuple):
     """One record's way to residuals of unit variance; samples that lack outputs are weighed by what they have."""
 
     groups: tuple[tuple[Indices, Array], ...]
-    """of samples with the same outputs: their rows, and the matrix (m, m) that whitens them"""
+    """of samples with the same outputs: their rows, and the matrix (m, m) that whitens them; one group for all
+    where the noise has no correlations"""
     log_determinant: float
     """-; half the logarithm of the determinants of the noise covariance, summed over samples"""
 
     def __call__(self, values: Array) -> Array:
-        """Residuals (N, m) or slopes (N, m, q) in standard deviations."""
-        if len(self.groups) == 1:
-            first: Array = np.tensordot(values, self.groups[0][1], axes=(1, 1))
-            return first if values.ndim == 2 else np.ascontiguousarray(np.moveaxis(first, 2, 1))
+        """Residuals (N, m) or slopes (N, m, q), zero where not measured, in standard deviations."""
+        if not self.groups:
+            return np.zeros_like(values)
+        rows, matrix = self.groups[0]
+        if not len(rows):
+            scale = np.diag(matrix)
+            alone: Array = values * (scale if values.ndim == 2 else scale[:, None])
+            return alone
         result = np.zeros_like(values)
         for rows, matrix in self.groups:
-            whitened = np.tensordot(values[rows], matrix, axes=(1, 1))
-            result[rows] = whitened if values.ndim == 2 else np.moveaxis(whitened, 2, 1)
+            result[rows] = values[rows] @ matrix.T if values.ndim == 2 else matrix @ values[rows]
         return result
+
+
+EVERY_ROW = np.zeros(0, dtype=np.intp)
 
 
 def whitener_of(record: Record, noise: Array) -> Whitener:
     """How ``noise`` (m, m) weighs the record's samples."""
-    patterns, which = np.unique(record.used > 0, axis=0, return_inverse=True)
-    groups: list[tuple[Indices, Array]] = []
-    half = 0.0
-    for index, pattern in enumerate(patterns):
-        rows = np.flatnonzero(which.ravel() == index)
-        matrix, there = np.zeros(noise.shape), np.flatnonzero(pattern)
-        if len(there):
-            lower = np.linalg.cholesky(noise[np.ix_(there, there)])
-            matrix[np.ix_(there, there)] = np.linalg.inv(lower)
-            half += len(rows) * float(np.sum(np.log(np.diag(lower))))
+    variances = np.diag(noise)
+    if np.count_nonzero(noise) <= len(noise):
+        half = float(record.used.sum(axis=0) @ np.log(variances)) / 2
+        return Whitener(((EVERY_ROW, np.diag(1 / np.sqrt(variances))),), half)
+    groups, half = [], 0.0
+    for rows, there in record.groups:
+        matrix, lower = np.zeros(noise.shape), np.linalg.cholesky(noise[np.ix_(there, there)])
+        matrix[np.ix_(there, there)] = np.linalg.inv(lower)
+        half += len(rows) * float(np.sum(np.log(np.diag(lower))))
         groups.append((rows, matrix))
     return Whitener(tuple(groups), half)
 
@@ -63,7 +69,7 @@ def noise_of(problem: Problem, records: tuple[Record, ...], residuals: list[Arra
     products = np.sum([r.T @ r for r in residuals], axis=0)
     pairs = np.sum([record.used.T @ record.used for record in records], axis=0)
     covariance = products / np.maximum(pairs, 1.0)
-    floor = FLOOR * _variation(records)
+    floor = FLOOR * variation(records)
     deviation = np.sqrt(np.maximum(np.diag(covariance), floor**2))
     if problem.weighting == "diagonal":
         return np.diag(deviation**2)
@@ -74,7 +80,7 @@ def noise_of(problem: Problem, records: tuple[Record, ...], residuals: list[Arra
     return safe
 
 
-def _variation(records: tuple[Record, ...]) -> Array:
+def variation(records: tuple[Record, ...]) -> Array:
     """Size (m,) of each output's motion over all records, one where it does not move."""
     counts = np.maximum(np.sum([r.used.sum(axis=0) for r in records], axis=0), 1.0)
     means = np.sum([r.measured.sum(axis=0) for r in records], axis=0) / counts

@@ -26,7 +26,11 @@ _FUNCTION = types.FunctionType(types.void(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _V
 Compiled = Callable[[Array, Array, Array, Array, Array], None]
 
 
-@njit(types.void(_FUNCTION, _VECTOR, _TABLE, _VECTOR, _VECTOR, _TABLE, types.float64, types.int64), cache=True)
+@njit(
+    types.void(_FUNCTION, _VECTOR, _TABLE, _VECTOR, _VECTOR, _TABLE, types.float64, types.int64),
+    cache=True,
+    error_model="numpy",
+)
 def _integrate(
     rates: Any, start: Array, inputs: Array, p: Array, c: Array, states: Array, step: float, parts: int
 ) -> None:
@@ -34,17 +38,18 @@ def _integrate(
     n, k = states.shape[1], inputs.shape[1]
     x, at, u = start.copy(), np.empty(n), np.empty(k)
     k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    h = step / parts
+    h, share = step / parts, 1.0 / parts
     alive = True
     for i in range(n):
         states[0, i] = x[i]
     for row in range(1, states.shape[0]):
         for part in range(parts if alive else 0):
+            at_start, halfway, at_end = part * share, (part + 0.5) * share, (part + 1) * share
             for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * part / parts
+                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * at_start
             rates(x, u, p, c, k1)
             for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * (part + 0.5) / parts
+                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * halfway
             for i in range(n):
                 at[i] = x[i] + h / 2 * k1[i]
             rates(at, u, p, c, k2)
@@ -52,7 +57,7 @@ def _integrate(
                 at[i] = x[i] + h / 2 * k2[i]
             rates(at, u, p, c, k3)
             for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * (part + 1) / parts
+                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * at_end
             for i in range(n):
                 at[i] = x[i] + h * k3[i]
             rates(at, u, p, c, k4)

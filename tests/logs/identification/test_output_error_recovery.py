@@ -1,0 +1,159 @@
+"""Output error finds the truth within its own intervals: every model, gaps, biases, several manoeuvres."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from output_error_cases import (
+    JET,
+    JET_TRUTH,
+    LATERAL,
+    LATERAL_TRUTH,
+    LONGITUDINAL,
+    LONGITUDINAL_TRUTH,
+    SHORT_PERIOD,
+    SHORT_PERIOD_TRUTH,
+    covered,
+    flown,
+    jet,
+    parameters,
+    pitching,
+    steps,
+)
+
+from logs.identification.output_error.fit import Search, output_error
+from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
+from logs.identification.output_error.problem import Nuisances, Parameter, Problem, window
+
+SHORT = ("alpha", "q", "theta", "a_z")
+
+
+def short_problem(seed: int, pole: float = 0.0) -> Problem:
+    return Problem(SHORT_PERIOD, (pitching(seed, pole),), parameters(SHORT_PERIOD_TRUTH), SHORT)
+
+
+def test_short_period() -> None:
+    held = sum(covered(output_error(short_problem(seed)), SHORT_PERIOD_TRUTH) for seed in range(5))
+    assert held >= 26  # of 30
+
+
+def test_longitudinal_with_speed() -> None:
+    time = 0.05 * np.arange(600)
+    inputs = (steps(time, 1.0, 0.5, 0.05) - 0.01 * ((time > 8) & (time < 14)))[:, None]
+    record = flown(LONGITUDINAL, LONGITUDINAL_TRUTH, inputs, 0.05, 0.03, 1)
+    outputs = ("u", "alpha", "q", "theta", "a_x", "a_z")
+    fit = output_error(Problem(LONGITUDINAL, (record,), parameters(LONGITUDINAL_TRUTH), outputs))
+    assert covered(fit, LONGITUDINAL_TRUTH) >= 7  # of 8
+
+
+def test_lateral() -> None:
+    time = 0.02 * np.arange(600)
+    inputs = np.column_stack((steps(time, 5.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
+    record = flown(LATERAL, LATERAL_TRUTH, inputs, 0.02, 0.03, 2)
+    outputs = ("beta", "p", "r", "phi", "a_y")
+    fit = output_error(Problem(LATERAL, (record,), parameters(LATERAL_TRUTH), outputs))
+    assert covered(fit, LATERAL_TRUTH) >= 9  # of 10
+
+
+def test_nonlinear_jet() -> None:
+    model = nonlinear_longitudinal(JET)
+    fit = output_error(Problem(model, (jet(1),), parameters(JET_TRUTH, 0.8), tuple(model.outputs)))
+    assert covered(fit, JET_TRUTH) >= 9  # of 11
+
+
+def test_several_manoeuvres_with_windows_biases_and_rates_of_their_own() -> None:
+    whole, quick = pitching(3), pitching(4, count=1500, step=0.005)
+    biased = whole._replace(signals=dict(whole.signals) | {"alpha": whole.signals["alpha"] + 0.1})
+    both = (window(biased, 0.5, 8.0), window(quick, 0.5, 7.0))
+    nuisances = Nuisances(output_biases=("alpha", "a_z"))
+    fit = output_error(Problem(SHORT_PERIOD, both, parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
+    assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
+    assert fit.own[0].output_biases["alpha"] == pytest.approx(0.1, abs=2e-3)
+    assert fit.own[1].output_biases["alpha"] == pytest.approx(0.0, abs=2e-3)
+    alone = output_error(Problem(SHORT_PERIOD, both[:1], parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
+    assert fit.estimates[3].standard_error < alone.estimates[3].standard_error
+
+
+def test_an_input_bias_and_a_local_moment_are_told() -> None:
+    record = pitching(5)
+    moved = record._replace(signals=dict(record.signals) | {"delta_e": record.signals["delta_e"] - 0.02})
+    nuisances = Nuisances(input_biases=("delta_e",))
+    fit = output_error(Problem(SHORT_PERIOD, (moved,), parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
+    assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
+    assert fit.own[0].input_biases["delta_e"] == pytest.approx(0.02, abs=1e-3)
+    local = parameters(SHORT_PERIOD_TRUTH) | {"M_0": Parameter(0.0, local=True), "Z_0": Parameter(0.0, local=True)}
+    fit = output_error(Problem(SHORT_PERIOD, (moved,), local, SHORT))
+    assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
+    assert fit.own[0].parameters["M_0"] == pytest.approx(-20.0 * 0.02, abs=0.02)
+
+
+@pytest.mark.parametrize("weighting", ["diagonal", "full"])
+def test_gaps_in_outputs_leave_time_in_place(weighting: str) -> None:
+    record, gaps = pitching(6), {}
+    for name, start, end in (("alpha", 100, 180), ("q", 60, 75), ("a_z", 0, 499)):
+        gaps[name] = record.signals[name].copy()
+        gaps[name][start:end] = np.nan
+    problem = short_problem(6)._replace(experiments=(record._replace(signals=dict(record.signals) | gaps),))
+    fit = output_error(problem._replace(weighting="full" if weighting == "full" else "diagonal"))
+    assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
+    assert np.isnan(fit.histories[0].measured[120, 0])
+    assert len(fit.histories[0].time) == 500
+
+
+def test_a_fixed_parameter_stays_and_helps() -> None:
+    free = output_error(short_problem(7))
+    fixed = parameters(SHORT_PERIOD_TRUTH) | {"Z_q": Parameter(SHORT_PERIOD_TRUTH["Z_q"], free=False)}
+    fit = output_error(short_problem(7)._replace(parameters=fixed))
+    assert fit.own[0].parameters["Z_q"] == SHORT_PERIOD_TRUTH["Z_q"]
+    assert "Z_q" not in fit.names
+    assert fit.estimates[0].standard_error <= free.estimates[0].standard_error * 1.05
+
+
+def test_correlated_noise_is_found() -> None:
+    record = pitching(8)
+    common = np.random.default_rng(0).normal(size=500)
+    shaken = {name: record.signals[name] + 0.02 * common for name in ("alpha", "q")}
+    problem = short_problem(8)._replace(experiments=(record._replace(signals=dict(record.signals) | shaken),))
+    full, diagonal = (output_error(problem._replace(weighting=w)) for w in ("full", "diagonal"))
+    assert full.noise[0, 1] == pytest.approx(4e-4, rel=0.2)
+    assert full.estimates[3].standard_error < diagonal.estimates[3].standard_error
+
+
+def test_nelder_mead_ends_where_gauss_newton_does() -> None:
+    names = ("Z_alpha", "M_alpha", "M_q", "M_delta")
+    some = {
+        name: Parameter(value * 0.7 if name in names else value, free=name in names)
+        for name, value in SHORT_PERIOD_TRUTH.items()
+    }
+    problem = short_problem(9)._replace(parameters=some)
+    newton, simplex = (output_error(problem, Search(method)) for method in ("gauss-newton", "nelder-mead"))
+    assert simplex.status == "converged", simplex.failure
+    for one, other in zip(newton.estimates, simplex.estimates, strict=True):
+        assert other.value == pytest.approx(one.value, abs=0.1 * one.standard_error)
+        assert other.standard_error == pytest.approx(one.standard_error, rel=0.02)
+
+
+def test_several_starts_find_what_one_poor_start_does_not() -> None:
+    poor = {name: Parameter(0.0, low=-60.0, high=20.0) for name in SHORT_PERIOD_TRUTH}
+    poor["M_alpha"] = Parameter(15.0, low=-60.0, high=20.0)
+    problem = short_problem(10)._replace(parameters=poor)
+    fit = output_error(problem, Search(starts=12, seed=1))
+    assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
+
+
+def study(seeds: range, pole: float) -> float:
+    held = sum(covered(output_error(short_problem(seed, pole)), SHORT_PERIOD_TRUTH) for seed in seeds)
+    return held / (len(seeds) * len(SHORT_PERIOD_TRUTH))
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_coverage(pole: float) -> None:
+    assert study(range(20), pole) >= 0.85
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("pole", [0.0, 0.7, 0.9])
+def test_coverage_of_many(pole: float) -> None:
+    share = study(range(100, 400), pole)
+    print(f"pole {pole}: {share:.1%} of the intervals hold the truth")  # noqa: T201
+    assert 0.90 <= share <= 0.98
