@@ -15,15 +15,15 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.colour import Colour, coloured_information
 from logs.identification.delta import propagate
 from logs.identification.input_design.prior import OUTPUTS, Prior
 from logs.identification.input_design.response import Response
 from logs.identification.input_design.waveform import Waveform
 from logs.identification.modes.longitudinal import LONGITUDINAL, UNITS, matrices
-from logs.identification.modes.short_period import short_period_of
+from logs.identification.modes.mode import short_period_of
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP
 from logs.identification.preparing.stroke import averaging_matrix
-from logs.identification.regression.colour import Colour, coloured_information
 from logs.identification.results import Array
 
 WORST_CONDITION = 1e12

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import next_fast_len
 
+from logs.identification.accuracy.colour import colour_of
 from logs.identification.kinematics.flight_records import Path, Problem, Slopes, Values, errors_by_name
 from logs.identification.kinematics.rigid_motion import INPUTS, input_slopes
 from logs.identification.preparing.noise_level import noise_level
-from logs.identification.accuracy.colour import colour_of
 from logs.identification.results import Array
 
 LAG_SHARE = 0.1

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.output_error.flown import Flight
 from logs.identification.output_error.normal import Normal, Spectrum, pseudo_inverse, reduced, spectrum_of
 from logs.identification.output_error.records import Indices
 from logs.identification.output_error.search import Found
 from logs.identification.output_error.weights import about_mean, whitener_of
-from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.results import Array, Unidentified, student_factor
 
 LAG_SHARE = 0.1

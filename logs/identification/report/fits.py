@@ -112,7 +112,7 @@ def _fit_plot(one: FitSeries) -> Plot:
 
 def _goodness(pieces: list[FitSeries]) -> Table:
     """R^2, root mean square residual and Theil's coefficient of each output over its manoeuvres."""
-    rows = []
+    rows: list[tuple[str | float | None, ...]] = []
     for output, unit in dict.fromkeys((one.output, one.unit) for one in pieces):
         own = [one for one in pieces if one.output == output]
         measured, model = (np.concatenate([getattr(one, key) for one in own]) for key in ("measured", "model"))
