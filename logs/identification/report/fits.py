@@ -7,6 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
+from logs.identification.accuracy.theil import theil
 from logs.identification.chapter import (
     DASHED,
     MEASURED,
@@ -116,8 +117,7 @@ def _goodness(pieces: list[FitSeries]) -> Table:
     for output, unit in dict.fromkeys((one.output, one.unit) for one in pieces):
         own = [one for one in pieces if one.output == output]
         measured, model = (np.concatenate([getattr(one, key) for one in own]) for key in ("measured", "model"))
-        shares = theil_shares(measured, model)
-        r_squared, *rest = (round(share, 4) for share in (_r_squared(own), *shares))
+        r_squared, *rest = (round(share, 4) for share in (_r_squared(own), *theil(measured, model)[:4]))
         rows.append((output, unit, r_squared, float(np.sqrt(np.nanmean((measured - model) ** 2))), *rest))
     columns = ("output", "unit", "R²", "RMS residual", "Theil U", "of it bias", "variance", "covariance")
     told = (
@@ -132,23 +132,6 @@ def _r_squared(pieces: list[FitSeries]) -> float:
     left = sum(float(np.nansum((one.measured - one.model) ** 2)) for one in pieces)
     spread = sum(float(np.nansum((one.measured - np.nanmean(one.measured)) ** 2)) for one in pieces)
     return 1.0 - left / spread if spread > 0.0 else float("nan")
-
-
-def theil_shares(measured: Array, model: Array) -> tuple[float, float, float, float]:
-    """Theil's inequality coefficient, and the shares of bias, variance and covariance in it (they sum to 1).
-
-    Jategaonkar, Flight Vehicle System Identification, 2006, ch. 11. NaN where there is nothing to compare.
-    """
-    there = np.isfinite(measured) & np.isfinite(model)
-    z, y = measured[there], model[there]
-    nothing = float("nan")
-    if len(z) < 2:
-        return nothing, nothing, nothing, nothing
-    squares, size = float(np.mean((z - y) ** 2)), float(np.sqrt(np.mean(z**2)) + np.sqrt(np.mean(y**2)))
-    if size == 0.0 or squares == 0.0:
-        return (0.0 if squares == 0.0 else nothing), nothing, nothing, nothing
-    bias, variance = float(z.mean() - y.mean()) ** 2, float(z.std() - y.std()) ** 2
-    return float(np.sqrt(squares)) / size, bias / squares, variance / squares, 1.0 - (bias + variance) / squares
 
 
 def residuals_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
