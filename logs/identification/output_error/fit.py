@@ -13,10 +13,11 @@ from logs.identification.output_error.problem import Fit, History, Own, Problem
 from logs.identification.output_error.records import layout_of, records_of
 from logs.identification.output_error.search import Found, gauss_newton
 from logs.identification.output_error.simplex import nelder_mead
-from logs.identification.output_error.weights import about_mean, noise_of
+from logs.identification.output_error.weights import about_mean, noise_of, whitener_of
 from logs.identification.results import estimate
 
 MOST_STEPS = 60
+SURE = 0.99
 Method = Literal["gauss-newton", "nelder-mead", "both"]
 
 
@@ -84,7 +85,7 @@ def flight_of(problem: Problem) -> Flight:
 def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
     """What a search found, with its errors; nothing but the reason where it may not be used."""
     names = _free_names(problem, flight)
-    reason = found.reason or _worse_than_still(problem, flight, found)
+    reason = found.reason or _explains_nothing(flight, found)
     if reason:
         return _failed(problem, found, names, reason)
     accuracy = accuracy_of(flight, found, names)
@@ -128,13 +129,22 @@ def _failed(problem: Problem, found: Found, names: tuple[str, ...], reason: str)
     )  # fmt: skip
 
 
-def _worse_than_still(problem: Problem, flight: Flight, found: Found) -> str:
-    """Why a fit that explains less than constants do is none: a search may converge far from any."""
+def _explains_nothing(flight: Flight, found: Found) -> str:
+    """Why a fit that explains no more than chance is none: a search may converge far from any, or without motion.
+
+    An F test of the whole model against constants.
+    """
+    from scipy.special import fdtri  # takes 0.3 s, which a flight need not wait for
+
+    whiteners = [whitener_of(record, found.weights) for record in flight.records]
     residuals = flight.residuals(found.unknowns)
-    left = np.sum([np.sum(piece**2, axis=0) for piece in residuals], axis=0)
-    still = np.sum([np.sum(about_mean(record) ** 2, axis=0) for record in flight.records], axis=0)
-    if np.all(left >= still):
-        return "the model that was found explains less than constants would"
+    left = sum(float(np.sum(w(r) ** 2)) for w, r in zip(whiteners, residuals, strict=True))
+    still = sum(float(np.sum(w(about_mean(r)) ** 2)) for w, r in zip(whiteners, flight.records, strict=True))
+    count = sum(float(record.used.sum()) for record in flight.records)
+    unknown = len(flight.layout.free) + flight.layout.own * len(flight.records)
+    rest = max(count - unknown, 1.0)
+    if still - left <= fdtri(unknown, rest, SURE) * unknown * left / rest:
+        return "the model that was found explains no more of the outputs than chance would"
     return ""
 
 

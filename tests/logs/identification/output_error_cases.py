@@ -40,7 +40,9 @@ def steps(time: Array, at: float, unit: float, size: float) -> Array:
     """A 3-2-1-1 input that begins at ``at``, its shortest step ``unit`` s long."""
     edges = at + unit * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     signs = size * np.array([1.0, -1.0, 1.0, -1.0])
-    return np.sum([s * ((time >= a) & (time < b)) for s, a, b in zip(signs, edges[:-1], edges[1:], strict=True)], axis=0)
+    return np.sum(
+        [s * ((time >= a) & (time < b)) for s, a, b in zip(signs, edges[:-1], edges[1:], strict=True)], axis=0
+    )
 
 
 def vector(model: Model, truth: dict[str, float]) -> Array:
@@ -64,7 +66,13 @@ def measured(name: str, time: Array, model: Model, outputs: Array, inputs: Array
 
 
 def flown(
-    model: LinearModel, truth: dict[str, float], inputs: Array, step: float, share: float, seed: int, pole: float = 0.0
+    model: LinearModel,
+    truth: dict[str, float],
+    inputs: Array,
+    step: float,
+    share: float,
+    seed: int,
+    pole: float = 0.0,
 ) -> Experiment:
     """A linear model's record with noise of a ``share`` of each output's motion."""
     clean = model.simulate(vector(model, truth), np.zeros(len(model.states)), inputs, step)
@@ -79,7 +87,7 @@ def pitching(seed: int, pole: float = 0.0, count: int = 500, step: float = 0.02,
 
 
 def jet(seed: int) -> Experiment:
-    """45 s of the jet of `JET` at 10 Hz: a 3-2-1-1 of the elevator, a push for the phugoid, and a change of thrust."""
+    """45 s of the jet of `JET` at 10 Hz: a 3-2-1-1, a push for the phugoid, and a change of thrust."""
     model, time = nonlinear_longitudinal(JET), 0.1 * np.arange(450)
     alpha, thrust, elevator = 0.1112, 11800.0, -0.0088
     elevators = elevator + steps(time, 2.0, 1.0, 0.02) - 0.01 * ((time > 14) & (time < 24))

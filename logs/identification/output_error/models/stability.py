@@ -71,9 +71,10 @@ def short_period(
     """The airspeed taken as constant; states ``vertical`` (alpha or w), q, and theta where ``pitch``.
 
     ``alpha' = Z_alpha alpha + (1 + Z_q) q + Z_delta delta + Z_0`` with Z in 1/s, or
-    ``w' = Z_w w + (V + Z_q) q + ...`` with Z in m/s^2; ``q' = M_alpha alpha + M_q q + M_delta delta + M_0``. Gravity's change with theta enters the
-    first where theta is a state. Outputs: alpha or w, q, theta, q_dot, a_z (specific force along the body's z, at the
-    accelerometer, gravity's steady part taken off) and n_z (``-a_z / g``, the load factor's change).
+    ``w' = Z_w w + (V + Z_q) q + ...`` with Z in m/s^2; ``q' = M_alpha alpha + M_q q + M_delta delta + M_0``.
+    Gravity's change with theta enters the first where theta is a state. Outputs: alpha or w, q, theta, q_dot, a_z
+    (specific force along the body's z at the accelerometer, gravity's steady part taken off) and n_z
+    (``-a_z / g``, the load factor's change).
 
     Raises:
         BadInput: ``vertical`` is neither alpha nor w, or an airspeed that is not positive.
@@ -104,7 +105,8 @@ def longitudinal(steady: Steady, inputs: tuple[str, ...] = ("delta_e",)) -> Line
 
     ``u' = X_u u + X_alpha alpha + X_q q + X_delta delta - g cos(pitch) theta - V sin(alpha) q``; along z the same
     with Z for ``V alpha'``, with ``V cos(alpha) q`` and ``-g sin(pitch) theta``;
-    ``q' = M_u u + M_alpha alpha + M_q q + M_delta delta``. u is the forward speed's deviation (m/s), alpha is w / V. Outputs: u, alpha, q, theta, q_dot, a_x, a_z, n_z as
+    ``q' = M_u u + M_alpha alpha + M_q q + M_delta delta``. u is the forward speed's
+    deviation (m/s), alpha is w / V. Outputs: u, alpha, q, theta, q_dot, a_x, a_z, n_z as
     in `short_period`.
 
     Raises:
