@@ -70,11 +70,25 @@ def _colour(residuals: list[Array], used: list[Array], lags: int, fitted: float)
     return _Residual(pole, colour_of([e[:, None] for e in whitened], masks, lags).covariances[:, 0, 0], raw.effective)
 
 
+def _window_degrees(problem: Problem) -> float:
+    """Degrees of freedom of a spectrum by Parzen's window of a tenth of the longest record."""
+    lengths = [len(record.time) for record in problem.records]
+    return PARZEN_DEGREES * sum(lengths) / (LAG_SHARE * max(lengths))
+
+
+def _taken(problem: Problem) -> float:
+    """How much larger the slow part of the residuals' spectrum was before the fit took its share of it.
+
+    At frequency zero a spectrum has half the degrees of freedom; each output gave its share of the unknowns.
+    """
+    slow = _window_degrees(problem) / 2
+    return slow / max(slow - _unknowns(problem) / len(problem.channels), 1.0)
+
+
 def degrees_of(problem: Problem, paths: list[Path]) -> float:
     """Degrees of freedom of the standard errors: of a spectrum by Parzen's window, or fewer where samples are few."""
     effective = sum(colour.effective for colour in _colours(problem, paths)) - _unknowns(problem)
-    lengths = [len(record.time) for record in problem.records]
-    return float(max(min(effective, PARZEN_DEGREES * sum(lengths) / (LAG_SHARE * max(lengths))), 1.0))
+    return float(max(min(effective, _window_degrees(problem)), 1.0))
 
 
 def covariance_of(
@@ -88,15 +102,13 @@ def covariance_of(
     """Covariance (P, P) of the parameters and first states, not below that of white residuals."""
     count, free, size = len(problem.parameters), len(problem.free), _unknowns(problem)
     information, core = np.zeros((size, size)), np.zeros((size, size))
-    colours = _colours(problem, paths)
-    effective = sum(colour.effective for colour in colours)
-    degrees = max(effective - size, 1.0)
+    colours, taken = _colours(problem, paths), _taken(problem)
     for index, slope in enumerate(slopes):
         at = np.concatenate((np.arange(count), count + index * free + np.arange(free)))
         weighted = slope.outputs / deviation[:, None] ** 2
         information[np.ix_(at, at)] += np.einsum("nmp,nmq->pq", weighted, slope.outputs)
         noise = _input_noise(problem, values, index, input_noise)
-        core[np.ix_(at, at)] += _coloured(weighted, colours) * effective / degrees + _driven(weighted, slope, noise)
+        core[np.ix_(at, at)] += _coloured(weighted, colours) * taken + _driven(weighted, slope, noise)
     scale = np.sqrt(np.diag(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     return _not_below(inverse @ core @ inverse, inverse)
