@@ -145,7 +145,7 @@ def test_bad_records_are_refused_in_a_line() -> None:
 
 def test_wrong_units_do_not_give_numbers() -> None:
     """GIVEN rates in degrees THEN no flight path fits, or one that is not believed."""
-    experiment = measured(Flight(longitudinal=True), LONGITUDINAL)
+    experiment = measured(Flight(longitudinal=True, duration=5.0), LONGITUDINAL)
     wrong = {**experiment.signals, "q": np.degrees(experiment.signals["q"])}
     found = reconstruct([experiment._replace(signals=wrong)], Setup(longitudinal=True, places=PLACES))
     assert found.failure
@@ -166,7 +166,7 @@ def coverage(seeds: range, flight: Flight, channels: tuple[str, ...]) -> dict[st
 
 @pytest.mark.parametrize("colour", [0.0, 0.9])
 def test_intervals_hold_the_truth(colour: float) -> None:
-    shares = coverage(range(8), Flight(longitudinal=True, colour=colour), LONGITUDINAL)
+    shares = coverage(range(6), Flight(longitudinal=True, colour=colour), LONGITUDINAL)
     assert np.mean(list(shares.values())) >= 0.8
 
 

@@ -48,7 +48,7 @@ def covered(seeds: range, noise: float) -> tuple[float, float]:
 
 
 def test_the_skew_is_found_within_its_error() -> None:
-    share, error = covered(range(12), 0.1)
+    share, error = covered(range(8), 0.1)
     assert share >= 0.8
     assert error < 0.1
 
