@@ -45,6 +45,20 @@ class Linear(NamedTuple):
     """-; (N,), 1.0 or 0.0"""
 
 
+class Noise(NamedTuple):
+    """What is known of the noise in a response."""
+
+    autocovariance: Array
+    """residual squared; (N,), at the lags of the longest record"""
+    model: Autoregression
+    lags: int
+    """-; of Parzen's window"""
+    pairs: float
+    """-; whitened samples"""
+    free: float
+    """-; samples less fitted parameters"""
+
+
 class Coloured(NamedTuple):
     """Covariance of an estimate and what it is worth."""
 
@@ -75,15 +89,28 @@ def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
     """The default: Parzen's window of a tenth of the longest record on residuals made white.
 
     The window has at least ``least_lags`` lags.
+
+    Raises:
+        numpy.linalg.LinAlgError: nothing is left to learn the residuals' colour from.
     """
+    return under(noise_of(records, least_lags), records)
+
+
+def noise_of(records: tuple[Linear, ...], least_lags: int = 1) -> Noise:
+    """What made the residuals of ``records``; raises as `prewhitened`."""
     basis, residuals, used = ([record[k] for record in records] for k in (1, 2, 3))
     model = autoregression_of(basis, residuals, used)
-    lags = max(int(max(len(mask) for mask in used) / 10), least_lags, 1)
-    window, pairs = _white_autocovariance(records, model, lags)
     longest = max(len(mask) for mask in used)
-    covariance = _quadratic(records, _coloured_again(_nowhere_negative(window), model, longest))
-    doubt = 2 / _free(records) + _doubt_of_model(records, model) + _doubt_of_window(records, model, lags, pairs)
-    return Coloured(covariance, np.maximum(2 / doubt, 1.0))
+    lags = max(int(longest / 10), least_lags, 1)
+    window, pairs = _white_autocovariance(records, model, lags)
+    autocovariances = _coloured_again(_nowhere_negative(window), model, longest)
+    return Noise(autocovariances, model, lags, pairs, _free(records))
+
+
+def under(noise: Noise, records: tuple[Linear, ...]) -> Coloured:
+    """Covariance of the estimate by the weights of ``records`` under ``noise``, theirs or a fuller model's."""
+    doubt = 2 / noise.free + _doubt_of_model(records, noise.model) + _doubt_of_window(records, noise)
+    return Coloured(_quadratic(records, noise.autocovariance), np.maximum(2 / doubt, 1.0))
 
 
 def _squares(records: tuple[Linear, ...]) -> float:
@@ -179,13 +206,16 @@ def _doubt_of_model(records: tuple[Linear, ...], model: Autoregression) -> Array
     return np.asarray(np.einsum("ka,kl,la->a", slopes, model.uncertainty, slopes))
 
 
-def _doubt_of_window(records: tuple[Linear, ...], model: Autoregression, lags: int, count: float) -> Array:
-    """The same from the scatter of the autocovariances inside the lag window."""
-    width = records[0].weights.shape[1]
-    own = np.zeros((lags, width))
+def _doubt_of_window(records: tuple[Linear, ...], noise: Noise) -> Array:
+    """The same from the scatter of the autocovariances inside the lag window.
+
+    The first have none: the autoregression was chosen so that they vanish (Box & Pierce, JASA 65, 1970).
+    """
+    order = len(noise.model.reflections)
+    own = np.zeros((noise.lags, records[0].weights.shape[1]))
     for record in records:
-        back = lfilter([1.0], model.filter, record.weights[::-1], axis=0)[::-1]
-        there = min(lags, len(back))
+        back = lfilter([1.0], noise.model.filter, record.weights[::-1], axis=0)[::-1]
+        there = min(noise.lags, len(back))
         own[:there] += correlate(back)[:there]
-    shares = 2 * parzen(lags)[1:, None] * own[1:] / np.maximum(own[0], 1e-300)
-    return np.asarray(np.sum(shares**2, axis=0) / max(count, 1.0))
+    shares = 2 * parzen(noise.lags)[:, None] * own / np.maximum(own[0], 1e-300)
+    return np.asarray(np.sum(shares[order + 1 :] ** 2, axis=0) / max(noise.pairs, 1.0))

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.accuracy.coloured import Noise, noise_of, under, white
 from logs.identification.regression.design import Design
 from logs.identification.regression.equation_error import Settings, equations
-from logs.identification.regression.least_squares import Piece, regress_records
+from logs.identification.regression.least_squares import ROUNDING, Piece, linear_of
 from logs.identification.regression.statistics import (
     System,
     for_colour,
@@ -37,6 +38,8 @@ class Candidates(NamedTuple):
     """the candidates alone, what the nuisances say of them taken out"""
     lengths: Array
     """(p,); what each candidate was divided by, as the candidate"""
+    noise: Noise | None
+    """of the most complete model, None where its residuals are nothing but rounding"""
 
 
 def candidates_of(design: Design, settings: Settings) -> Candidates:
@@ -47,8 +50,8 @@ def candidates_of(design: Design, settings: Settings) -> Candidates:
     scale = np.where(size > 0, size, 1.0)
     unit = [piece.regressors / scale for piece in asked.pieces]
     pieces = tuple(p._replace(regressors=u, instruments=u) for p, u in zip(asked.pieces, unit, strict=True))
-    found = Candidates(design.names, pieces, nuisances, system_of(pieces, nuisances), scale[nuisances:])
-    return found._replace(system=_coloured(found, _most_complete(found)))
+    found = Candidates(design.names, pieces, nuisances, system_of(pieces, nuisances), scale[nuisances:], None)
+    return _coloured(found, _most_complete(found))
 
 
 def pieces_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[Piece, ...]:
@@ -78,14 +81,18 @@ def _most_complete(candidates: Candidates) -> tuple[int, ...]:
     return chosen
 
 
-def _coloured(candidates: Candidates, chosen: tuple[int, ...]) -> System:
-    """The system with its samples over the median factor by which colour raises the variances of ``chosen``."""
-    system, pieces = candidates.system, pieces_of(candidates, chosen)
-    try:
-        coloured, plain = regress_records(pieces), regress_records(pieces, colour="white")
-    except np.linalg.LinAlgError:
-        return system
-    count, noise = len(system.response), statistics_of(system, chosen).variance
-    raised, white = (np.diag(fit.covariance)[candidates.nuisances :] for fit in (coloured, plain))
-    factor = float(np.median(raised / white)) if len(white) and np.all(white > 0) else 1.0
-    return for_colour(system, count / float(np.clip(factor, 1.0, count / 3)), noise)
+def _coloured(candidates: Candidates, chosen: tuple[int, ...]) -> Candidates:
+    """The candidates with the noise that the terms ``chosen`` leave.
+
+    Samples are counted over the median factor by which its colour raises the variances of those terms.
+    """
+    system = candidates.system
+    _, records = linear_of(pieces_of(candidates, chosen))
+    left = statistics_of(system, chosen)
+    if not chosen or not left.r_squared < 1 - ROUNDING:
+        return candidates
+    noise = noise_of(records)
+    raised, plain = (np.diag(c.covariance)[candidates.nuisances :] for c in (under(noise, records), white(records)))
+    count = len(system.response)
+    factor = float(np.clip(np.median(raised / plain), 1.0, count / 3))
+    return candidates._replace(system=for_colour(system, count / factor, left.variance), noise=noise)

@@ -102,10 +102,10 @@ def _bridge(record: Record, step: float, longest: int) -> Record:
     whole = slice(int(there[0]), int(there[-1]) + 1)
     gaps = np.diff(there) - 1
     if gaps.max(initial=0) > longest:
-        start = there[int(np.argmax(gaps))]
+        start = there[int(np.argmax(gaps))] + 1
         raise BadInput(
-            f"{record.name}: {int(gaps.max())} samples in a row from {start * step:.3g} s on lack a signal;"
-            f" the frequency domain bridges {longest} at most: cut the record there or use the time domain"
+            f"{record.name}: {int(gaps.max())} samples in a row from {start * step:.3g} s after its start lack"
+            f" a signal; the frequency domain bridges {longest} at most: cut the record there or use the time domain"
         )
     places = np.arange(whole.start, whole.stop)
     columns = [np.interp(places, there, column[there]) for column in record.regressors.T]

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logs.identification.accuracy.coloured import Coloured, Linear, all_lags, prewhitened, white
+from logs.identification.accuracy.coloured import Coloured, Linear, Noise, all_lags, prewhitened, under, white
 from logs.identification.results import Array
 
 WORST_CONDITION = 1e10
@@ -65,8 +65,22 @@ def regress(
     return regress_records((piece,), least_lags)
 
 
-def regress_records(pieces: tuple[Piece, ...], least_lags: int = 1, colour: Colouring = "parzen") -> Fit:
-    """`regress` over several records, whose residuals know nothing of each other."""
+def regress_records(
+    pieces: tuple[Piece, ...], least_lags: int = 1, colour: Colouring = "parzen", noise: Noise | None = None
+) -> Fit:
+    """`regress` over several records, whose residuals know nothing of each other.
+
+    ``noise``, where given, is that of a fuller model: what this model lacks is then not taken for noise.
+    """
+    values, records = linear_of(pieces)
+    squares = sum(float(piece.response**2 @ piece.used) for piece in pieces)
+    coloured = _coloured(records, least_lags, colour, squares) if noise is None else under(noise, records)
+    residuals, degrees = np.concatenate([record.residuals for record in records]), coloured.degrees
+    return Fit(values, coloured.covariance, residuals, float(degrees.min(initial=np.inf)), degrees)
+
+
+def linear_of(pieces: tuple[Piece, ...]) -> tuple[Array, tuple[Linear, ...]]:
+    """Values (p,) and how they come about, record by record; raises as `regress`."""
     designs = [piece.instruments * piece.used[:, None] for piece in pieces]
     whole = np.vstack(designs)
     if len(whole) < whole.shape[1] or np.linalg.cond(whole) > WORST_CONDITION:
@@ -77,10 +91,7 @@ def regress_records(pieces: tuple[Piece, ...], least_lags: int = 1, colour: Colo
     residuals = [(p.response - p.regressors @ values) * p.used for p in pieces]
     basis, at = np.linalg.qr(whole)[0], np.cumsum([0] + [len(p.used) for p in pieces])
     rows = zip(designs, residuals, pieces, pairwise(at), strict=True)
-    records = tuple(Linear(d @ inverse.T, basis[a:b], r, p.used) for d, r, p, (a, b) in rows)
-    coloured = _coloured(records, least_lags, colour, sum(float(p.response**2 @ p.used) for p in pieces))
-    degrees = coloured.degrees
-    return Fit(values, coloured.covariance, np.concatenate(residuals), float(degrees.min(initial=np.inf)), degrees)
+    return values, tuple(Linear(d @ inverse.T, basis[a:b], r, p.used) for d, r, p, (a, b) in rows)
 
 
 def _coloured(records: tuple[Linear, ...], least_lags: int, colour: Colouring, squares: float) -> Coloured:

@@ -4,9 +4,10 @@ The candidate of the highest partial correlation with what the model leaves ente
 superfluous leaves; until the stop rule says no. Every step is recorded with why and with all statistics.
 
 The rules:
-* ``F``: a term's partial F, the square of its coefficient over its standard error, the error by the recipe for
-  coloured residuals and the probability by the term's own degrees of freedom. What enters must be less probable by
-  chance than `Rules.significance` shared among the candidates; what stays, than `Rules.significance`.
+* ``F``: a term's partial F, the square of its coefficient over its standard error, with the colour of the noise that
+  the most complete model leaves (what an early model lacks is no noise) and the term's own degrees of freedom. What
+  enters must be less probable by chance than `Rules.significance` shared among the candidates; what stays, than
+  `Rules.significance`.
 * ``PSE``: the predicted square error falls. Its charge for a term is a multiple of what chance gives: few terms.
 * ``PRESS``: the mean square error of runs of samples predicted from the others falls.
 """
@@ -203,7 +204,7 @@ def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
     if len(pool.candidates.system.response) <= pool.candidates.nuisances + len(chosen) + 2:
         return None
     try:
-        fit = regress_records(pieces_of(pool.candidates, chosen))
+        fit = regress_records(pieces_of(pool.candidates, chosen), noise=pool.candidates.noise)
     except np.linalg.LinAlgError:
         return None
     return [_test(fit, pool.candidates.nuisances + index) for index in range(len(chosen))]

@@ -1,0 +1,149 @@
+"""Colour, whiteness, correlation, goodness and Theil's inequality against what is known of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from logs.identification.accuracy.autoregression import autocovariance, autoregression_of, predictors, runs
+from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened, white
+from logs.identification.accuracy.correlation import correlation_of
+from logs.identification.accuracy.goodness import goodness, goodness_of_outputs
+from logs.identification.accuracy.theil import theil, theil_of_outputs
+from logs.identification.accuracy.whiteness import whiteness_of
+
+
+def test_autocovariance_is_that_of_the_filter() -> None:
+    reflections = np.array([-0.8, 0.5, 0.2])
+    impulse = lfilter([1.0], predictors(reflections)[-1], np.eye(1, 4000)[0])
+    expected = [impulse[: 4000 - lag] @ impulse[lag:] for lag in range(30)]
+    np.testing.assert_allclose(autocovariance(reflections, 30), expected, rtol=1e-8)
+    np.testing.assert_allclose(autocovariance(np.zeros(0), 3), [1.0, 0.0, 0.0])
+
+
+def test_runs_restart_after_a_gap() -> None:
+    np.testing.assert_array_equal(runs(np.array([1.0, 1, 1, 0, 1, 1, 1, 1]), 2), [0, 1, 2, -1, 0, 1, 2, 2])
+    np.testing.assert_array_equal(runs(np.array([0.0, 1, 0]), 2), [-1, 0, -1])
+
+
+def test_the_autoregression_is_found_where_fitted_residuals_hide_it() -> None:
+    """Slow noise in 100 samples, means and trends taken out: Yule-Walker finds 0.78, the likelihood 0.9."""
+    poles, plain = [], []
+    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, 100), 4))[0]
+    for seed in range(20):
+        noise = lfilter([1.0], [1.0, -0.9], np.random.default_rng(seed).normal(size=600))[-100:]
+        rest = noise - basis @ (basis.T @ noise)
+        model = autoregression_of([basis], [rest], [np.ones(100)])
+        poles.append(-model.reflections[0] if len(model.reflections) else 0.0)
+        plain.append(rest[:-1] @ rest[1:] / (rest @ rest))
+    assert np.mean(plain) < 0.8
+    assert np.median(poles) == pytest.approx(0.9, abs=0.05)
+
+
+def linear(design: np.ndarray, noise: np.ndarray) -> Linear:
+    basis = np.linalg.qr(design)[0]
+    return Linear(
+        design @ np.linalg.inv(design.T @ design), basis, noise - basis @ (basis.T @ noise), np.ones(len(noise))
+    )
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.8, -0.6])
+def test_covariance_is_that_of_known_noise(pole: float) -> None:
+    """On a long record W^T Gamma W with the true Gamma comes out."""
+    rng = np.random.default_rng(1)
+    design = np.column_stack((np.ones(3000), lfilter([1.0], [1.0, -0.9], rng.normal(size=3000))))
+    noise = lfilter([1.0], [1.0, -pole], rng.normal(size=3200))[-3000:]
+    record = linear(design, noise)
+    gamma = toeplitz(pole ** np.arange(3000) / (1 - pole**2)) if pole else np.eye(3000)
+    expected = np.sqrt(np.diag(record.weights.T @ gamma @ record.weights))
+    found = prewhitened((record,))
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), expected, rtol=0.25)
+    textbook = np.sqrt(np.diag(white((record,)).covariance))
+    assert pole <= 0 or np.all(textbook < 0.8 * expected)
+
+
+def test_records_know_nothing_of_each_other() -> None:
+    """The same flight twice halves the variance, in whatever order the samples stand."""
+    rng = np.random.default_rng(2)
+    design = np.column_stack((np.ones(200), rng.normal(size=200)))
+    record = linear(design, lfilter([1.0], [1.0, -0.7], rng.normal(size=200)))
+    twice = record._replace(weights=record.weights / 2, basis=record.basis / np.sqrt(2))
+    one, two = prewhitened((record,)), prewhitened((twice, twice))
+    np.testing.assert_allclose(two.covariance, one.covariance / 2, rtol=0.1)
+    assert np.all(two.degrees > one.degrees)
+
+
+def test_the_published_formula_is_its_double_sum() -> None:
+    rng = np.random.default_rng(3)
+    record = linear(np.column_stack((np.ones(40), rng.normal(size=40))), rng.normal(size=40))
+    lags = [record.residuals[: 40 - lag] @ record.residuals[lag:] / 40 for lag in range(40)]
+    expected = record.weights.T @ toeplitz(lags) @ record.weights
+    np.testing.assert_allclose(all_lags((record,)).covariance, expected, atol=1e-12)
+
+
+def test_slow_noise_leaves_an_intercept_few_degrees_of_freedom() -> None:
+    rng = np.random.default_rng(4)
+    design = np.column_stack((np.ones(200), np.cos(2.5 * np.arange(200))))
+    degrees = prewhitened((linear(design, lfilter([1.0], [1.0, -0.95], rng.normal(size=200))),)).degrees
+    assert degrees[0] < 12 < degrees[1]
+
+
+def test_correlated_pairs_are_named() -> None:
+    covariance = np.array([[4.0, 1.96, 0.0], [1.96, 1.0, -0.2], [0.0, -0.2, 9.0]])
+    found = correlation_of(("M_w", "M_q", "bias"), covariance)
+    assert [(pair.one, pair.other) for pair in found.strong] == [("M_w", "M_q")]
+    assert found.strong[0].correlation == pytest.approx(0.98)
+    np.testing.assert_allclose(np.diag(found.matrix), 1.0)
+    assert np.isnan(correlation_of(("a", "b"), np.diag([1.0, 0.0])).matrix[1, 1])
+
+
+def test_white_noise_passes_and_coloured_does_not() -> None:
+    passed = sum(whiteness_of(np.random.default_rng(seed).normal(size=400)).white for seed in range(100))
+    assert 80 <= passed <= 98
+    slow = whiteness_of(lfilter([1.0], [1.0, -0.6], np.random.default_rng(1).normal(size=4000)))
+    assert not slow.white
+    assert slow.runs < slow.expected_runs
+    assert slow.autocorrelation[1] == pytest.approx(0.6, abs=0.06)
+    assert slow.share_outside > 0.05
+
+
+def test_probabilities_of_white_noise_are_even() -> None:
+    found = [whiteness_of(np.random.default_rng(seed).normal(size=300)) for seed in range(200)]
+    for which in ("ljung_box_probability", "runs_probability"):
+        assert np.mean([getattr(one, which) < 0.5 for one in found]) == pytest.approx(0.5, abs=0.13)
+    assert np.mean([one.share_outside for one in found]) == pytest.approx(0.05, abs=0.015)
+
+
+def test_missing_residuals_are_left_out_and_too_few_are_said() -> None:
+    values = np.random.default_rng(5).normal(size=300)
+    values[50:90] = np.nan
+    assert whiteness_of(values).samples == 260
+    assert "10 residuals" in whiteness_of(values[:10]).failure
+    assert "all the same" in whiteness_of(np.ones(50)).failure
+
+
+def test_theil_parts_sum_to_one_and_say_what_is_wrong() -> None:
+    rng = np.random.default_rng(6)
+    z = np.sin(np.arange(300) / 10)
+    for predicted, part in ((z + 0.3, "bias"), (1.5 * z, "variance"), (z + 0.2 * rng.normal(size=300), "covariance")):
+        found = theil(z, predicted)
+        assert found.bias + found.variance + found.covariance == pytest.approx(1.0)
+        assert getattr(found, part) > 0.9
+        assert 0 < found.coefficient < 0.3
+    assert theil(z, z).coefficient == 0.0
+    assert theil(z, -z).coefficient == pytest.approx(1.0)
+    assert theil(z, np.full(300, np.nan)).failure == "0 samples have both"
+    assert set(theil_of_outputs({"q": z, "theta": z}, {"q": z})) == {"q"}
+
+
+def test_goodness() -> None:
+    z = np.array([0.0, 1.0, 2.0, 3.0, np.nan])
+    found = goodness(z, np.array([0.1, 0.9, 2.1, 2.9, 5.0]), 2)
+    assert found.r_squared == pytest.approx(1 - 0.04 / 5)
+    assert found.adjusted == pytest.approx(1 - 0.02 / (5 / 3))
+    assert found.nrmse == pytest.approx(0.1 / 3)
+    assert found.samples == 4
+    assert np.isnan(goodness(np.ones(5), np.zeros(5)).r_squared)
+    assert goodness_of_outputs({"q": z}, {"q": z})["q"].r_squared == 1.0
