@@ -26,7 +26,7 @@ PATIENCE = 2
 """-; orders in a row that may be no better before the search ends"""
 SAMPLES_PER_ORDER = 10
 """-; samples that each coefficient asks for"""
-PRIOR = 1.0
+PRIOR = 0.75
 """-; weight of log(1 - kappa^2) in twice the log likelihood: no short record is taken for a random walk"""
 LARGEST = 1 - 1e-7
 """-; size of a reflection"""

@@ -96,6 +96,9 @@ def solve(design: Design, domain: Domain, settings: Settings, lengths: tuple[int
     """The regression of a ``design`` whose experiments have ``lengths`` samples."""
     if not design.samples:
         return _failed(design, domain, f"no sample has {design.response} and all regressors")
+    values = np.concatenate([record.response[record.used > 0] for record in design.records])
+    if np.ptp(values) <= 0:
+        return _failed(design, domain, f"{design.response} is {values[0]:g} throughout")
     asked = equations(design, domain, settings)
     if design.samples <= len(asked.names) + 2:
         return _failed(design, domain, f"{design.samples} samples for {len(asked.names)} parameters")
@@ -107,7 +110,9 @@ def solve(design: Design, domain: Domain, settings: Settings, lengths: tuple[int
     try:
         fit = _fit(solved, settings)
     except np.linalg.LinAlgError:
-        return _failed(design, domain, "the trends and means of the manoeuvres leave nothing of the regressors")
+        return _failed(
+            design, domain, "the samples leave nothing of the regressors or of the residuals to learn from"
+        )
     return _result(design, domain, solved, fit, told, lengths)
 
 

@@ -60,7 +60,8 @@ def collinearity(regressors: Array, names: tuple[str, ...]) -> Collinearity:
     A column that is zero throughout has index and inflation infinite and depends on itself alone.
     """
     norms = np.linalg.norm(regressors, axis=0)
-    scaled = regressors / np.where(norms > 0, norms, 1.0)
+    missing = np.zeros((max(len(names) - len(regressors), 0), len(names)))
+    scaled = np.vstack((regressors / np.where(norms > 0, norms, 1.0), missing))
     _, singular, transposed = np.linalg.svd(scaled, full_matrices=False)
     with np.errstate(divide="ignore"):
         shares = (transposed.T / np.maximum(singular, np.finfo(float).tiny ** 0.25)) ** 2

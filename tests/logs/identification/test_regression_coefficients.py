@@ -126,6 +126,10 @@ def test_too_few_samples_are_a_failure_not_a_number(domain: str) -> None:
     assert "6 samples for" in result.failure
     empty = coefficient_regression((with_signals(flight, C=np.full(300, np.nan)),), "C", NAMES)
     assert empty.failure == "no sample has C and all regressors"
+    stuck = coefficient_regression((with_signals(flight, C=np.full(300, 0.2)),), "C", NAMES, domain)
+    assert stuck.failure == "C is 0.2 throughout"
+    one = coefficient_regression((flight,), "C", NAMES, "frequency", Settings(frequencies=np.array([0.5])))
+    assert {name.name for name in one.unidentified} == set(NAMES)
 
 
 @pytest.mark.parametrize(
