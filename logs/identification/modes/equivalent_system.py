@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.modes.errors import LEAST_CLUSTERS, Spread, determined, information, scatter_between
+from logs.identification.modes.errors import Spread, determined, information, with_scatter
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
@@ -182,7 +182,4 @@ def _spread(fit: SeparableFit) -> Spread:
     count = sum(r.size for r in fit.residuals)
     degrees = float(count - fit.linear - len(fit.values))
     covariance = inverse * count / max(degrees, 1.0)
-    if len(fit.residuals) < LEAST_CLUSTERS:
-        return Spread(covariance, degrees)
-    scores = [np.einsum("nip,ni->p", j, r) for j, r in zip(fit.sensitivities, fit.residuals, strict=True)]
-    return Spread(covariance + scatter_between(inverse, scores), min(degrees, float(len(scores) - 1)))
+    return with_scatter(Spread(covariance, degrees), inverse, fit.residuals, fit.sensitivities)

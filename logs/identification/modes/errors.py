@@ -41,10 +41,19 @@ def coloured_spread(residuals: list[Array], sensitivities: list[Array], lags: in
     degrees = max(colour.effective - parameters - nuisances, 1.0)
     core = coloured_information(sensitivities, colour) * (colour.effective / degrees)
     covariance = inverse @ core @ inverse
-    if len(residuals) < LEAST_CLUSTERS:
-        return Spread(covariance, degrees)
+    return with_scatter(Spread(covariance, degrees), inverse, residuals, sensitivities)
+
+
+def with_scatter(within: Spread, inverse: Array, residuals: list[Array], sensitivities: list[Array]) -> Spread:
+    """The larger of the errors ``within`` records and between them, where there are enough records to tell."""
+    count = len(residuals)
+    if count < LEAST_CLUSTERS:
+        return within
     scores = [np.einsum("nip,ni->p", s, r) for s, r in zip(sensitivities, residuals, strict=True)]
-    return Spread(covariance + scatter_between(inverse, scores), float(len(scores) - 1))
+    between = scatter_between(inverse, scores)
+    ratio = np.sqrt(np.maximum(np.diag(between) / np.maximum(np.diag(within.covariance), 1e-300), 1.0))
+    degrees = within.degrees if np.all(ratio <= 1) else min(within.degrees, count - 1.0)
+    return Spread(within.covariance * np.outer(ratio, ratio), degrees)
 
 
 def scatter_between(inverse: Array, scores: list[Array]) -> Array:

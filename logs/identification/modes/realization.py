@@ -11,7 +11,6 @@ first-order bias out too), of free ones by a bootstrap over blocks of the residu
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -29,19 +28,20 @@ LONGEST_RECORD = 160
 SAMPLES_A_CYCLE = 8
 """-; of the highest frequency in the input"""
 POWER_KEPT = 0.99
-FIRST_LAGS = 6
-"""-; of the least squares that the first instruments are made with"""
+MEMORY = 1.2
+"""s; of the input, with which the first instruments are made"""
+RIDGE = 1e-3
 STATES = 4
 """-; of the observer: short period and phugoid"""
-INSTRUMENT_PASSES = 4
 LEAST_ROWS = 4
-UNSTABLE = 100.0
-"""-; times the measured outputs"""
-RESPONSE = 1.6
+DEPENDENT = 1e-9
+RESPONSE = 1.0
 """s; length of the pulse response that is realized"""
 LARGEST_ORDER = 8
 NOISE_SHARE = 0.03
 """-; of the largest singular value: what is below belongs to the noise"""
+LARGEST_DAMPING = 0.4
+"""-; above it noise in the slow roots moved the frequency by 2 % and the damping by 0.02"""
 BLOCKS = 12
 RESAMPLES = 40
 BLOCK_SHARE = 10
@@ -51,6 +51,15 @@ HIGHEST_TURN = 0.6
 """-; of the sampling's Nyquist frequency: above it a pair is noise"""
 
 
+class Lags(NamedTuple):
+    """Of what the observer is made."""
+
+    past: int
+    """-; outputs"""
+    every: int
+    """-; samples from one to the next; the input is taken at every sample between, as so many inputs"""
+
+
 class Regression(NamedTuple):
     """Normal equations of the observer, piece by piece."""
 
@@ -58,32 +67,26 @@ class Regression(NamedTuple):
     """(K, p, p)"""
     products: Array
     """(K, p, m)"""
-    lags: int
-
-    @property
-    def values(self) -> Array:
-        """The observer's parameters (p, m)."""
-        return _solved(self.squares.sum(axis=0), self.products.sum(axis=0))
 
 
 def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
     """Modes ``kinds`` by ERA, of driven records or, where no input was measured, of free ones."""
     driven = [r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0]
     try:
-        pairs, covariance, degrees = (
-            _of_driven(_thinned(driven, records.blur), len(kinds)) if driven else _of_free(records.pieces, len(kinds))
-        )
+        if driven:
+            pairs, covariance, degrees = _of_driven(driven, _spacing(driven, records.blur), len(kinds))
+        else:
+            pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
     roots = [root for pair in pairs.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
     return paired_mode(METHOD, kinds, pairs, covariance, degrees, roots)
 
 
-def _thinned(records: Sequence[Record], blur: float) -> list[Record]:
-    """Means of n samples each, n so that a stroke average and the input's band keep a few."""
-    step = records[0].step
+def _spacing(records: Sequence[Record], blur: float) -> int:
+    """Samples between the observer's lags: a stroke average and the input's band keep a few."""
     seconds = max(blur / SAMPLES_A_STROKE, 1 / (SAMPLES_A_CYCLE * max(_band(record) for record in records)))
-    return [_every(record, max(int(seconds / step), 1)) for record in records]
+    return max(int(seconds / records[0].step), 1)
 
 
 def _band(record: Record) -> float:
@@ -93,58 +96,52 @@ def _band(record: Record) -> float:
     return float(max(np.searchsorted(power, POWER_KEPT * power[-1]), 1) / (len(given) * record.step))
 
 
-def _every(record: Record, every: int) -> Record:
-    count = len(record.outputs) // every
-    outputs = record.outputs[: count * every].reshape(count, every, -1).mean(axis=1)
-    given = None if record.input is None else record.input[: count * every].reshape(count, every).mean(axis=1)
-    return record._replace(step=record.step * every, input=given, outputs=outputs)
-
-
-def _of_driven(records: list[Record], count: int) -> tuple[Array, Array, float]:
+def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Array, float]:
     """Frequencies and dampings (2 k,), their covariance and its degrees of freedom.
 
     Raises:
         ValueError: no number may be had, with the reason.
     """
     step, outputs = records[0].step, records[0].outputs.shape[1]
-    fit = _observer(records, FIRST_LAGS)
-    for _ in range(INSTRUMENT_PASSES):
-        fit = _observer(records, max(math.ceil(STATES / outputs), 2), _simulated(records, fit))
+    lags = max(math.ceil(STATES / outputs), 2)
+    fit = _observer(records, Lags(lags, every), _filtered(records, max(int(MEMORY / step), lags * every)))
     total = fit.squares.sum(axis=0), fit.products.sum(axis=0)
 
-    def pairs(squares: Array, products: Array, order: int | None) -> tuple[Array, int]:
-        length = max(int(RESPONSE / step), 4 * STATES)
-        return realized_pairs(
-            system_markov(_solved(squares, products), fit.lags, outputs, length), step, count, order
-        )
+    def pairs(squares: Array, products: Array, order: int | None, near: Array | None = None) -> tuple[Array, int]:
+        length = max(int(RESPONSE / step / every), 4 * STATES)
+        response = system_markov(_solved(squares, products), Lags(lags, every), outputs, length)
+        return realized_pairs(response, step * every, count, order, near)
 
-    whole, order = pairs(*total, None)
+    whole, order = pairs(*total, STATES)
     left_out = []
     for squares, products in zip(fit.squares, fit.products, strict=True):
-        left_out.append(pairs(total[0] - squares, total[1] - products, order)[0])
+        left_out.append(pairs(total[0] - squares, total[1] - products, order, whole)[0])
+    if np.any(whole[1::2] > LARGEST_DAMPING):
+        raise ValueError("it falls to half within a quarter of a cycle: decay and drift are not told apart")
     around, number = np.array(left_out), len(left_out)
     about = around - around.mean(axis=0)
     return whole, about.T @ about * (number - 1) / number, number - 1.0
 
 
 def _solved(squares: Array, products: Array) -> Array:
+    """Without what the data hardly tell: neighbouring samples of a smooth input are nearly alike."""
     scale = np.maximum(np.sqrt(np.abs(np.diag(squares))), 1e-300)
-    values: Array = np.linalg.lstsq(squares / np.outer(scale, scale), products / scale[:, None], rcond=1e-13)[0]
+    values: Array = np.linalg.lstsq(squares / np.outer(scale, scale), products / scale[:, None], rcond=DEPENDENT)[0]
     return values / scale[:, None]
 
 
-def _observer(records: list[Record], lags: int, instruments: list[Record] | None = None) -> Regression:
+def _observer(records: list[Record], lags: Lags, instruments: list[Record]) -> Regression:
     """``y[k] = sum A_i y[k - i] + sum B_i u[k - i]`` and an offset of each record, by instrumental variables.
 
     The past outputs carry noise that stroke averages and filters make correlated with the present one's; what the
-    model of the pass before makes of the input (``instruments``) does not. Without instruments: least squares.
+    past input tells of them (``instruments``) does not.
 
     Raises:
         ValueError: the records are too short.
     """
     squares, products, rows = [], [], 0
-    for record, clean in zip(records, instruments or records, strict=True):
-        if len(record.outputs) - lags < LEAST_ROWS:
+    for record, clean in zip(records, instruments, strict=True):
+        if len(record.outputs) - (lags.past + 1) * lags.every < LEAST_ROWS:
             continue
         design, response = (part - part.mean(axis=0) for part in _lagged(record, lags))
         leading = _lagged(clean, lags)[0]
@@ -155,49 +152,54 @@ def _observer(records: list[Record], lags: int, instruments: list[Record] | None
         rows += len(design)
     if not squares or rows < 2 * squares[0].shape[0]:
         raise ValueError("the records are too short for Markov parameters")
-    return Regression(np.array(squares), np.array(products), lags)
+    return Regression(np.array(squares), np.array(products))
 
 
-def _simulated(records: list[Record], fit: Regression) -> list[Record]:
-    """The records with outputs as the observer's model makes them of the input alone."""
-    outputs = records[0].outputs.shape[1]
-    autonomous = fit.values[: fit.lags * outputs].reshape(fit.lags, outputs, outputs)
-    driven = fit.values[fit.lags * outputs :]
-    flown = []
-    for record in records:
-        given = np.concatenate((np.zeros(fit.lags), np.zeros(0) if record.input is None else record.input))
-        made = np.zeros((len(given), outputs))
-        for k in range(fit.lags, len(given)):
-            past = np.einsum("io,iop->p", made[k - fit.lags : k][::-1], autonomous)
-            made[k] = past + given[k - fit.lags : k + 1][::-1] @ driven
-        if not np.all(np.isfinite(made)) or np.max(np.abs(made)) > UNSTABLE * np.max(np.abs(record.outputs)):
-            raise ValueError("the observer's model is unstable: the noise hides the response")
-        flown.append(record._replace(outputs=made[fit.lags :]))
-    return flown
+def _filtered(records: list[Record], memory: int) -> list[Record]:
+    """The records with outputs as the last ``memory`` samples of the input alone tell them, by least squares."""
+    given = [np.zeros(len(r.outputs)) if r.input is None else r.input for r in records]
+    designs = [np.column_stack([_later(u, i) for i in range(memory)]) for u in given]
+    about = [(d - d.mean(axis=0), r.outputs - r.outputs.mean(axis=0)) for d, r in zip(designs, records, strict=True)]
+    squares = np.sum([d.T @ d for d, _ in about], axis=0)
+    ridge = RIDGE * float(np.trace(squares)) / memory * np.eye(memory)
+    values = np.linalg.solve(squares + ridge, np.sum([d.T @ y for d, y in about], axis=0))
+    return [r._replace(outputs=d @ values) for r, (d, _) in zip(records, about, strict=True)]
 
 
-def _lagged(record: Record, lags: int) -> tuple[Array, Array]:
-    count = len(record.outputs)
-    given = np.zeros(count) if record.input is None else record.input
-    past = [record.outputs[lags - i : count - i] for i in range(1, lags + 1)]
-    inputs = [given[lags - i : count - i, None] for i in range(lags + 1)]
-    return np.hstack((*past, *inputs)), record.outputs[lags:]
+def _later(values: Array, by: int) -> Array:
+    return np.concatenate((np.zeros(by), values[: len(values) - by]))
 
 
-def system_markov(values: Array, lags: int, outputs: int, count: int) -> Array:
-    """Markov parameters (m, 1, ``count``) of the system from the observer's ``values`` (p, m)."""
-    autonomous = values[: lags * outputs].reshape(lags, outputs, outputs)
-    driven = values[lags * outputs :]
-    response = np.zeros((count, outputs))
+def _lagged(record: Record, lags: Lags) -> tuple[Array, Array]:
+    """Past outputs and inputs (K, p), and present outputs (K, m)."""
+    given = np.zeros(len(record.outputs)) if record.input is None else record.input
+    first, count = (lags.past + 1) * lags.every, len(given)
+    past = [record.outputs[first - i : count - i] for i in lags.every * np.arange(1, lags.past + 1)]
+    inputs = [given[first - i : count - i, None] for i in range((lags.past + 1) * lags.every)]
+    return np.hstack((*past, *inputs)), record.outputs[first:]
+
+
+def system_markov(values: Array, lags: Lags, outputs: int, count: int) -> Array:
+    """Markov parameters (m, ``lags.every``, ``count``) of the system from the observer's ``values`` (p, m).
+
+    Every sample of the input between two lags is an input of its own, so that none is taken for held.
+    """
+    autonomous = values[: lags.past * outputs].reshape(lags.past, outputs, outputs)
+    driven = values[lags.past * outputs :].reshape(lags.past + 1, lags.every, outputs)
+    response = np.zeros((count, lags.every, outputs))
     for k in range(count):
-        response[k] = driven[k] if k <= lags else 0.0
-        for i in range(1, min(k, lags) + 1):
+        response[k] = driven[k] if k <= lags.past else 0.0
+        for i in range(1, min(k, lags.past) + 1):
             response[k] += response[k - i] @ autonomous[i - 1]
-    return response.T[:, None, :]
+    return response.transpose(2, 1, 0)
 
 
-def realized_pairs(response: Array, step: float, count: int, order: int | None) -> tuple[Array, int]:
-    """Frequency (rad/s) and damping of the ``count`` strongest pairs of a ``response`` (m, r, N), and the order.
+def realized_pairs(
+    response: Array, step: float, count: int, order: int | None, near: Array | None = None
+) -> tuple[Array, int]:
+    """Frequency (rad/s) and damping of ``count`` pairs of a pulse ``response`` (m, r, N), and the order.
+
+    An order of None is chosen by the singular values. The pairs are the strongest, or those closest to ``near``.
 
     Raises:
         ValueError: the realization has fewer oscillating pairs.
@@ -205,12 +207,17 @@ def realized_pairs(response: Array, step: float, count: int, order: int | None) 
     from control import eigensys_realization  # a second of imports, which only this method needs
 
     half = (response.shape[2] - 1) // 2
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if order is None:
-            order = order_of(eigensys_realization(response, 2, m=half, n=half, dt=step)[1], 2 * count)
-        system, _ = eigensys_realization(response, order, m=half, n=half, dt=step)
-    return _strongest(system, step, count), order
+    if order is None:
+        order = order_of(eigensys_realization(response, 2, m=half, n=half, dt=step)[1], 2 * count)
+    system, _ = eigensys_realization(response, order, m=half, n=half, dt=step)
+    found = _pairs(system, step)
+    if len(found) < count:
+        raise ValueError("the realization has no oscillating pair: damped too heavily or hidden in noise")
+    if near is None:
+        return np.concatenate(sorted((pair for _, pair in found[:count]), key=lambda pair: -pair[0])), order
+    wanted = near.reshape(-1, 2)
+    chosen = [min((pair for _, pair in found), key=lambda pair: float(np.sum((pair - w) ** 2))) for w in wanted]
+    return np.concatenate(chosen), order
 
 
 def order_of(singular: Array, least: int) -> int:
@@ -219,8 +226,8 @@ def order_of(singular: Array, least: int) -> int:
     return min(max(above + above % 2, least), LARGEST_ORDER, len(singular))
 
 
-def _strongest(system: object, step: float, count: int) -> Array:
-    """Pairs (2 k,), the faster first: those whose part in the outputs is largest."""
+def _pairs(system: object, step: float) -> list[tuple[float, Array]]:
+    """Oscillating pairs (2,) of frequency and damping with their part in the outputs, the largest first."""
     a, b, c = (np.asarray(getattr(system, name)) for name in "ABC")
     roots, vectors = np.linalg.eig(a)
     shares = np.linalg.norm(c @ vectors, axis=0) * np.linalg.norm(np.linalg.pinv(vectors) @ b, axis=1)
@@ -228,12 +235,9 @@ def _strongest(system: object, step: float, count: int) -> Array:
     for root, share in zip(roots, shares, strict=True):
         if root.imag > 1e-6 and np.angle(root) < HIGHEST_TURN * np.pi:
             exponent = np.log(root) / step
-            lasting = 1 / math.sqrt(max(1 - min(abs(root), 0.999) ** 2, 1e-6))
-            found.append((share * lasting, abs(exponent), -exponent.real / abs(exponent)))
-    if len(found) < count:
-        raise ValueError("the realization has no oscillating pair: damped too heavily or hidden in noise")
-    chosen = sorted(sorted(found, reverse=True)[:count], key=lambda entry: -entry[1])
-    return np.array([number for entry in chosen for number in entry[1:]])
+            pair = np.array([abs(exponent), -exponent.real / abs(exponent)])
+            found.append((float(share) * float(pair[0]), pair))
+    return sorted(found, key=lambda entry: -entry[0])
 
 
 def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float]:
@@ -253,7 +257,7 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
     around = []
     for _ in range(RESAMPLES):
         try:
-            around.append(realized_pairs(model + _shuffled(rest, rng), step, count, order)[0])
+            around.append(realized_pairs(model + _shuffled(rest, rng), step, count, order, whole)[0])
         except ValueError:
             continue  # a sample in which the pair has vanished tells that it is near the noise
     if len(around) < 0.9 * RESAMPLES:
