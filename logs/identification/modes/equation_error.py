@@ -14,7 +14,7 @@ import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
-from logs.identification.modes.errors import LEAST_CLUSTERS, scatter_between
+from logs.identification.modes.errors import Spread, with_scatter
 from logs.identification.modes.longitudinal import REGRESSORS
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
@@ -147,10 +147,8 @@ def equation_error(
     scores = [_score(clean[a:b], residuals[a:b]) for a, b in pairwise(bounds)]
     variance = residuals.T @ residuals / degrees
     covariance = np.asarray(np.kron(variance, inverse @ (clean.T @ clean) @ inverse.T), dtype=np.float64)
-    if len(scores) >= LEAST_CLUSTERS:
-        covariance += scatter_between(np.kron(np.eye(len(variance)), inverse), scores)
-        degrees = float(len(scores) - 1)
-    return DerivativeFit(names, values.T.ravel(), covariance, degrees, scatter)
+    spread = with_scatter(Spread(covariance, degrees), np.kron(np.eye(len(variance)), inverse), scores)
+    return DerivativeFit(names, values.T.ravel(), spread.covariance, spread.degrees, scatter)
 
 
 def _score(clean: Array, residuals: Array) -> Array:

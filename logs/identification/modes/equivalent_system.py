@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.modes.errors import Spread, determined, information, with_scatter
+from logs.identification.modes.errors import Spread, determined, information, scores_of, with_scatter
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
@@ -41,6 +41,8 @@ SLOW_SHARE, SLOW_DAMPING = 0.12, 0.2
 """-; the slow pair that stands for the phugoid where it is not asked for, as a share of the short period. Without
 one the frequency came out 1.3 % too high and the damping 0.02 too low; with one of half or twice the true
 frequency a third of that. A system that has no slow pair cancels it in the numerator"""
+OTHER_SHARE = 1.4
+"""-; of the slow pair's frequency: by what a fit with that is moved counts as an error"""
 NOISE_PASSES = 1
 LEAST_DEGREES = 4.0
 LEAST_FREQUENCIES = 3
@@ -70,11 +72,11 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     transforms = [t for t in transforms if len(t.s) > LEAST_FREQUENCIES]
     if not transforms:
         return nothing(METHOD, "the records hold too few frequencies below the end of the input's band", kinds)
-    fit = fit_transforms(transforms, records, len(kinds))
+    fit, shift = fit_transforms(transforms, records, len(kinds))
     why = fit.failure or _doubt(fit)
     if why:
         return nothing(METHOD, why, kinds)
-    spread = _spread(fit)
+    spread = _spread(fit, shift)
     if spread.degrees < LEAST_DEGREES:
         return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
     roots = [root for pair in fit.values[:-1].reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
@@ -99,19 +101,23 @@ def transform(record: Record, blur: float) -> Transform:
     return Transform(s, seen[:, 0], seen[:, 1:], length)
 
 
-def fit_transforms(transforms: list[Transform], records: Records, count: int) -> SeparableFit:
-    """``count`` pairs of frequency and damping, the faster first, and the delay; residuals are whitened."""
+def fit_transforms(transforms: list[Transform], records: Records, count: int) -> tuple[SeparableFit, Array]:
+    """``count`` pairs of frequency and damping and the delay, residuals white; and what another slow pair shifts."""
     weights = [np.ones(t.outputs.shape) for t in transforms]
     build = builder(transforms, records, weights)
     values = _start(build, transforms, count)
     for _ in range(NOISE_PASSES):
         fit = solve(build, values)
         if fit.failure:
-            return fit
+            return fit, np.zeros(len(values))
         values = fit.values
         weights = _reweighted(fit, transforms, weights)
         build = builder(transforms, records, weights)
-    return solve(build, values)
+    fit = solve(build, values)
+    if count > 1 or fit.failure:
+        return fit, np.zeros(len(values))
+    other = solve(builder(transforms, records, weights, OTHER_SHARE * SLOW_SHARE), fit.values)
+    return fit, other.values - fit.values
 
 
 def _start(build: Build, transforms: list[Transform], count: int) -> Array:
@@ -125,21 +131,24 @@ def _start(build: Build, transforms: list[Transform], count: int) -> Array:
     return min(starts, key=lambda start: squares(build, start))
 
 
-def builder(transforms: list[Transform], records: Records, weights: list[Array]) -> Build:
+def builder(
+    transforms: list[Transform], records: Records, weights: list[Array], slow_share: float = SLOW_SHARE
+) -> Build:
     """What makes the linear problem of given frequencies, dampings and, last, the delay (2 k + 1,)."""
 
     def build(values: Array) -> list[Piece]:
-        return [_piece(t, records, w, values) for t, w in zip(transforms, weights, strict=True)]
+        pairs = values[:-1].reshape(-1, 2)
+        if len(pairs) == 1:
+            pairs = np.vstack((pairs, [slow_share * pairs[0, 0], SLOW_DAMPING]))
+        return [_piece(t, records, w, (pairs, values[-1])) for t, w in zip(transforms, weights, strict=True)]
 
     return build
 
 
-def _piece(given: Transform, records: Records, weights: Array, values: Array) -> Piece:
-    s, pairs = given.s, values[:-1].reshape(-1, 2)
-    if len(pairs) == 1:
-        pairs = np.vstack((pairs, [SLOW_SHARE * pairs[0, 0], SLOW_DAMPING]))
+def _piece(given: Transform, records: Records, weights: Array, parameters: tuple[Array, float]) -> Piece:
+    s, (pairs, delay) = given.s, parameters
     denominator = np.prod([s**2 + 2 * z * w * s + w**2 for w, z in pairs], axis=0)
-    driven = given.input * np.exp(-s * values[-1]) / denominator
+    driven = given.input * np.exp(-s * delay) / denominator
     own, shared = [], []
     for output, (name, unit) in enumerate(zip(records.names, records.units, strict=True)):
         below = s if name in ANGLES else np.ones_like(s)
@@ -176,10 +185,11 @@ def _doubt(fit: SeparableFit) -> str:
     return ""
 
 
-def _spread(fit: SeparableFit) -> Spread:
-    """Cramer-Rao bounds; with several records what scatters between them is added."""
+def _spread(fit: SeparableFit, shift: Array) -> Spread:
+    """Cramer-Rao bounds or the scatter between records, and the ``shift`` (p,) by what the slow pair may be."""
     inverse = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
     count = sum(r.size for r in fit.residuals)
     degrees = float(count - fit.linear - len(fit.values))
     covariance = inverse * count / max(degrees, 1.0)
-    return with_scatter(Spread(covariance, degrees), inverse, fit.residuals, fit.sensitivities)
+    spread = with_scatter(Spread(covariance, degrees), inverse, scores_of(fit.residuals, fit.sensitivities))
+    return spread._replace(covariance=spread.covariance + np.outer(shift, shift))

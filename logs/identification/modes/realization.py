@@ -247,8 +247,8 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
         ValueError: no number may be had, with the reason.
     """
     length = min(len(record.outputs) for record in records)
-    every = max(length // LONGEST_RECORD, 1)
-    response = np.stack([_level(r.outputs[:length:every]).T for r in records], axis=1)
+    every = math.ceil(length / LONGEST_RECORD)
+    response = np.stack([_level(_means(r.outputs[:length], every)).T for r in records], axis=1)
     step = records[0].step * every
     whole, order = realized_pairs(response, step, count, None)
     model = _refitted(response, whole, step)
@@ -264,6 +264,13 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
         raise ValueError("the pair vanishes in resampled data: it is hidden in noise")
     free = response[0].size / BLOCK_SHARE * response.shape[0]
     return whole, np.cov(np.array(around).T), max(free, 2.0)
+
+
+def _means(outputs: Array, every: int) -> Array:
+    """Means over ``every`` samples, which leave an exponential's exponent as it is: (N / every, m)."""
+    count = len(outputs) // every
+    means: Array = outputs[: count * every].reshape(count, every, -1).mean(axis=1)
+    return means
 
 
 def _level(outputs: Array) -> Array:

@@ -1,0 +1,108 @@
+"""Malladi's finding: a period of 1 s and half the amplitude in 2 s, found in records at the rate of his modem.
+
+Malladi et al. 2007, section IV.B: hands off for 10 s, 30 to 35 messages a second; omega_n = 6.29 rad/s, zeta = 0.055.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.modes.experiments import modes_of_experiments
+from logs.identification.modes.mode import ModesResult
+
+FREQUENCY, DAMPING = 6.29, 0.055
+RATE = 30.0
+QUANTUM = np.radians(1.0)
+FREE = ("eigensystem realization", "free response", "spectrum")
+
+
+def glide(seed: int, noise: float = 0.01) -> Experiment:
+    """Pitch and angle of attack ringing for 10 s, noisy and rounded to a degree, under a drift."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 10, 1 / RATE)
+    phase = rng.uniform(0, 2 * np.pi)
+    swing = np.exp(-DAMPING * FREQUENCY * time)
+    turn = FREQUENCY * np.sqrt(1 - DAMPING**2) * time + phase
+    pitch = 0.15 * swing * np.cos(turn) + 0.1 + 0.01 * time + noise * rng.normal(size=len(time))
+    attack = 0.12 * swing * np.cos(turn - 0.3) + 0.1 + noise * rng.normal(size=len(time))
+    signals = {"theta": np.round(pitch / QUANTUM) * QUANTUM, "alpha": np.round(attack / QUANTUM) * QUANTUM}
+    return Experiment(f"glide {seed}", time, signals, {"theta": "rad", "alpha": "rad"})
+
+
+def modes(seed: int) -> ModesResult:
+    return modes_of_experiments((glide(seed),), None, ("theta", "alpha"))
+
+
+def coverage(seeds: range) -> dict[str, np.ndarray]:
+    """Of each method: how often frequency and damping lie within their intervals."""
+    hits = defaultdict(list)
+    for seed in seeds:
+        for mode in modes(seed).modes:
+            if mode.frequency is not None and mode.damping is not None:
+                hits[mode.method].append((mode.frequency.contains(FREQUENCY), mode.damping.contains(DAMPING)))
+    assert all(len(found) == len(seeds) for found in hits.values())
+    return {method: np.mean(found, axis=0) for method, found in hits.items()}
+
+
+def test_every_method_that_applies_has_the_finding_in_its_interval() -> None:
+    share = coverage(range(4))
+    assert tuple(share) == FREE
+    assert all(np.all(found >= 0.5) for found in share.values())
+
+
+@pytest.mark.validate
+def test_coverage_of_the_finding() -> None:
+    for method, found in coverage(range(300)).items():
+        print(f"{method}: frequency {found[0]:.3f}, damping {found[1]:.3f}")  # noqa: T201
+        assert np.all(found >= 0.90), method
+
+
+def test_period_and_time_to_half_are_those_of_the_paper() -> None:
+    (pair,) = (mode.short_period for mode in modes(3).modes if mode.method == "free response")
+    assert pair is not None and pair.period is not None and pair.time_to_half is not None
+    assert pair.period.value == pytest.approx(1.0, abs=0.02)
+    assert pair.time_to_half.value == pytest.approx(2.0, abs=0.2)
+
+
+def test_what_needs_an_input_says_so() -> None:
+    missing = modes(0).modes[0]
+    assert missing.frequency is None
+    assert [entry.reason for entry in missing.unidentified] == ["no input was measured"]
+
+
+def test_a_gap_is_bridged_or_cut_and_told() -> None:
+    record = glide(1)
+    pitch = record.signals["theta"].copy()
+    pitch[50:52] = np.nan
+    pitch[270:] = np.nan
+    result = modes_of_experiments((record._replace(signals={**record.signals, "theta": pitch}),), None, ("theta",))
+    assert result.notes == ("glide 1: 2 missing samples bridged, 30 at the ends or in long gaps left out",)
+    (mode,) = (mode for mode in result.modes if mode.method == "free response")
+    assert mode.frequency is not None and mode.frequency.value == pytest.approx(FREQUENCY, rel=0.01)
+
+
+def test_a_signal_that_is_not_there_is_refused_in_one_line() -> None:
+    with pytest.raises(BadInput, match="no signal 'q'; there are theta, alpha"):
+        modes_of_experiments((glide(0),), None, ("q",))
+    nothing = np.full(300, np.nan)
+    empty = glide(0)._replace(signals={"theta": nothing})
+    with pytest.raises(BadInput, match="no record of theta has 16 samples"):
+        modes_of_experiments((empty,), None, ("theta",))
+
+
+def test_a_ringing_airspeed_is_the_phugoid() -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(0, 60, 0.2)
+    speed = 7.5 + 0.8 * np.exp(-0.1 * 0.9 * time) * np.cos(0.9 * time) + 0.05 * rng.normal(size=len(time))
+    record = Experiment("glide", time, {"airspeed": speed}, {"airspeed": "m/s"})
+    (mode,) = (m for m in modes_of_experiments((record,), None, ("airspeed",)).modes if m.method == "free response")
+    assert mode.short_period is None and mode.phugoid is not None
+    assert mode.phugoid.frequency.value == pytest.approx(0.9 * np.sqrt(1 + 0.01), rel=0.01)
+    assert mode.phugoid.time_to_half is not None
+    assert mode.phugoid.time_to_half.name == "phugoid_time_to_half"
+    assert mode.phugoid.time_to_half.value == pytest.approx(np.log(2) / 0.09, rel=0.1)
