@@ -15,7 +15,7 @@ from groundstation.command.identify_out import add_outputs, check_outputs, write
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
-from logs.attached import aircraft_of, airframe_of, flight_vehicle
+from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
 from logs.identification.data import Aircraft
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.elevator import MadeElevator
@@ -23,10 +23,13 @@ from logs.identification.tables.map import EXAMPLE
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
 from logs.truth import known_truths
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import load_vehicle as load_bodies
 
 EXAMPLES = (
     "wingbeat identify recordings/flight.mcap",
     "wingbeat identify recordings/flight.mcap modes --json",
+    "wingbeat identify recordings/flight.mcap aero",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
@@ -40,6 +43,8 @@ JSON_KEYS = {
     " of power: the same regression on this flight's noise-free drive, which varies with the flight",
     "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres,"
     " notes: what the log does not tell and was taken from elsewhere",
+    "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
+    " records, notes",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
@@ -56,7 +61,7 @@ TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
-        "Identify the servo torque and power models and the short-period mode from a log; modes and aerodynamic"
+        "Identify the servo torque and power models and the short-period mode or the wings' coefficients from a log; modes and aerodynamic"
         " coefficients from tables of numbers that a map explains."
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
@@ -143,7 +148,8 @@ def identified(
             elevator cannot be made so.
     """
     made = _made(log, elevator) if elevator else None
-    found = identify(made or log, what, _aircraft(log, vehicle))
+    bodies = _bodies(log, vehicle) if what == "aero" else None
+    found = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies)
     if found.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
@@ -157,6 +163,11 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
     if flight_vehicle(log) is not None:
         raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
     return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]))
+
+
+def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
+    """Masses, hinges and tail of the vehicle: the log's, or those of the file given."""
+    return simulated_vehicle(log) if vehicle is None else load_bodies(options.vehicle_files(vehicle)[0])
 
 
 def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:

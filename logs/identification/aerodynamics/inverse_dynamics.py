@@ -30,8 +30,10 @@ from sim_bridge.vehicles import SimulatedVehicle
 
 LOW_PASS = 15.0
 """Hz; keeps the second harmonic of a bird's stroke, which the wing's speed squared has"""
-RINGING = 0.6
+RINGING = 1.5
 """-; periods of the low-pass that are cut off at each end, where the filter knows one side only"""
+SAMPLED = 3.0
+"""-; samples kept per period of the low-pass"""
 LEAST_PRESSURE = 1.0
 """Pa; below it (1.3 m/s) coefficients mean nothing"""
 COEFFICIENTS = ("C_L", "C_T", "C_m")
@@ -146,21 +148,28 @@ def states(vehicle: SimulatedVehicle, moved: MovedVehicle) -> dict[str, Array]:
 
 
 def products(signals: Mapping[str, Array]) -> dict[str, Array]:
-    """Squares and products of the states, by names such as ``theta_11^2`` and ``v_x*v_z``."""
+    """Squares and products of the states, by names such as ``theta_11^2`` and ``u*v_z``.
+
+    In them the forward speed counts from the record's mean, as ``u``: it is nearly constant, and its product with a
+    state would be that state once more.
+    """
+    signals = {**signals, "u": signals["v_x"] - float(np.mean(signals["v_x"]))}
     return {name: signals[a] * signals[b] for name, (a, b) in _pairs().items()}
 
 
 def product_units() -> dict[str, str]:
     """SI unit of every one of `products`."""
     squares = {"m/s": "m^2/s^2", "rad/s": "rad^2/s^2", "rad": "rad^2"}
+    units = {**STATES, "u": STATES["v_x"]}
     return {
-        name: squares[STATES[a]] if STATES[a] == STATES[b] else f"{STATES[a]} {STATES[b]}"
+        name: squares[units[a]] if units[a] == units[b] else f"{units[a]} {units[b]}"
         for name, (a, b) in _pairs().items()
     }
 
 
 def _pairs() -> dict[str, tuple[str, str]]:
-    return {f"{a}^2" if a == b else f"{a}*{b}": (a, b) for a, b in combinations_with_replacement(STATES, 2)}
+    names = ("u", *(name for name in STATES if name != "v_x"))
+    return {f"{a}^2" if a == b else f"{a}*{b}": (a, b) for a, b in combinations_with_replacement(names, 2)}
 
 
 def _low_passed(motion: WingMotion, signals: dict[str, Array], cutoff: float) -> tuple[Array, dict[str, Array]]:
@@ -169,5 +178,8 @@ def _low_passed(motion: WingMotion, signals: dict[str, Array], cutoff: float) ->
     if len(motion.time) < 30 + 2 * ends or not 0.0 < cutoff < 0.45 / step:
         least = f"{30 + 2 * ends} samples and a rate above {cutoff / 0.45:g} Hz"
         raise BadInput(f"{motion.name}: a low-pass at {cutoff:g} Hz needs {least}")
-    table = smoothed(np.column_stack(list(signals.values())), step, cutoff)[ends : len(motion.time) - ends]
-    return motion.time[ends : len(motion.time) - ends], dict(zip(signals, table.T, strict=True))
+    # Residuals without anything in most of their band would have no white part to tell their errors by.
+    every = max(int(1.0 / (SAMPLED * cutoff * step)), 1)
+    kept = slice(ends, len(motion.time) - ends, every)
+    table = smoothed(np.column_stack(list(signals.values())), step, cutoff)[kept]
+    return motion.time[kept], dict(zip(signals, table.T, strict=True))

@@ -20,6 +20,10 @@ from logs.importing.rigid_body import FLAT, LEAST_MARKERS, fitted
 
 OUTLIER = 6.0
 """-; robust standard deviations from the others at which a marker is left out"""
+LEAP = 9.0
+"""-; times the usual size of a marker's noise in its second difference, at which a sample is left out"""
+LEAST_LEAP = 0.002
+"""m; less may be how the marker moves"""
 NEIGHBOURS = 7
 """frames; whose median tells where a marker's second difference should be"""
 LEAST_FRAMES = 20
@@ -89,7 +93,7 @@ def jumps(positions: Array) -> NDArray[np.bool_]:
     off = np.linalg.norm(np.where(np.isfinite(bend), bend - median_filter(known, (1, NEIGHBOURS, 1)), 0.0), axis=2)
     whole = np.isfinite(bend).all(axis=2)
     scale = np.array([np.median(row[good]) if good.any() else np.inf for row, good in zip(off, whole, strict=True)])
-    far = off > OUTLIER * np.maximum(scale, 1e-9)[:, None] * 1.5
+    far = off > np.maximum(LEAP * scale, LEAST_LEAP)[:, None]
     # A wrong sample bends the track at its neighbours too, half as much.
     peak = off >= np.maximum(np.roll(off, 1, axis=1), np.roll(off, -1, axis=1))
     return np.asarray(far & peak & whole)

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
+from logs.identification.aerodynamics.flight import identify_aero
+from logs.identification.aerodynamics.structure import AeroResult
 from logs.identification.data import Aircraft
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import power_truth, power_with_gauge_errors
@@ -16,8 +18,9 @@ from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, true_drive_data
+from sim_bridge.vehicles import SimulatedVehicle
 
-SUBJECTS = ("servo", "power", "modes", "all")
+SUBJECTS = ("servo", "power", "modes", "aero", "all")
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
 """Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
 
@@ -35,6 +38,8 @@ class Identification(NamedTuple):
     """what the log does not give, and why"""
     truths: Mapping[str, float]
     """true values by an estimate's name, where they are known (`power.` before those of Eq. 12)"""
+    aero: AeroResult | None = None
+    """coefficients of the wings, Grauer Eq. 17 to 19"""
 
 
 class Row(NamedTuple):
@@ -62,11 +67,13 @@ def identify(
     what: str = "all",
     aircraft: Aircraft | None = None,
     truths: Mapping[str, float] | None = None,
+    bodies: SimulatedVehicle | None = None,
 ) -> Identification:
     """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log.
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
-    Those of the power model are taken from the log itself where it is of a simulated flight.
+    Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
+    (aero, which all is without) need the ``bodies`` of the vehicle.
 
     Raises:
         BadInput: unknown subject, or the log gives nothing of what was asked for.
@@ -82,6 +89,8 @@ def identify(
         known |= _power_truths(source, power)
     if what in ("modes", "all"):
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
+    if what == "aero":
+        return Identification(None, None, None, (), known, identify_aero(source, bodies, aircraft.imu))
     if torque is None and power is None and modes is None:
         raise BadInput("; ".join(entry.reason for entry in missing))
     return Identification(torque, power, modes, tuple(missing), known)
@@ -128,6 +137,11 @@ def rows(result: Identification) -> tuple[Row, ...]:
             table += _refusals(subject, model.unidentified)
     if any(name.startswith("power.") for name in result.truths):
         table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
+    for aero in result.aero.models if result.aero else ():
+        table += _estimate_rows(aero.name, aero.estimates, result.truths, "")
+        table += _refusals(aero.name, aero.unidentified)
+    if result.aero:
+        table += [Row("wing coefficients", "taken", "", None, None, note) for note in result.aero.notes]
     for mode in result.modes.modes if result.modes else ():
         for pair in (mode.of_kind(kind) for kind in KINDS):
             table += _estimate_rows(mode.method, () if pair is None else pair.estimates, result.truths, "")
@@ -164,12 +178,35 @@ def text(result: Identification) -> str:
 
 
 def document(result: Identification) -> dict[str, Any]:
-    """The report as a JSON document: `torque`, `power`, `modes`, `missing`; a number that is not finite is null."""
+    """The report as a JSON document: `torque`, `power`, `modes`, `aero`, `missing`; null for what is not finite."""
     return {
         "torque": None if result.torque is None else _model(result.torque, result.truths, ""),
         "power": None if result.power is None else _model(result.power, result.truths, "power."),
         "modes": None if result.modes is None else _modes(result.modes, result.truths),
+        "aero": None if result.aero is None else _aero(result.aero, result.truths),
         "missing": [entry._asdict() for entry in result.missing],
+    }
+
+
+def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "models": [
+            {
+                "name": model.name,
+                "terms": list(model.terms),
+                "estimates": [_estimate(found, truths) for found in model.estimates],
+                "unidentified": [entry._asdict() for entry in model.unidentified],
+                "steps": [
+                    {"action": s.action, "term": s.term, "why": s.why, "r_squared": _number(s.statistics.r_squared)}
+                    for s in model.steps
+                ],
+                "r_squared": _number(model.r_squared),
+                "samples": model.samples,
+            }
+            for model in result.models
+        ],
+        "records": list(result.records),
+        "notes": list(result.notes),
     }
 
 

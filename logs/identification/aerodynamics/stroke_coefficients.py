@@ -1,0 +1,167 @@
+"""Stroke-averaged coefficients of up- and down-stroke from measured forces (Malladi et al. 2007, Eq. 18 to 25).
+
+`sim_bridge.aerodynamics.stroke_averages` has the equations; here is their inverse with intervals. Eq. 19 is one
+vector equation for four coefficients. Written for each half of the stroke, and for every stroke, it is two linear
+systems of as many pairs of equations as there are strokes; what varies between strokes is the error.
+Eq. 20 to 23 and 25 then relate the coefficients of many strokes, or of many settings of a stand, to attitude.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput
+from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
+from sim_bridge.aerodynamics.stroke_averages import (
+    WORST_CONDITION,
+    Attitude,
+    StrokeRecord,
+    lift_regressors,
+    mean_coefficients,
+    moment_regressors,
+)
+
+LEAST_STROKES = 3
+HALVES = ("up", "down")
+LIFT_UNITS = {"alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad", "stiffness": "per unit of E"}
+MOMENT_UNITS = {"0": "-", "alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad"}
+
+
+class MeanCoefficients(NamedTuple):
+    """C_L and C_D of both halves over all strokes, and of every stroke."""
+
+    estimates: tuple[Estimate, ...]
+    """C_L_up, C_D_up, C_L_down, C_D_down"""
+    unidentified: tuple[Unidentified, ...]
+    by_stroke: Array
+    """(strokes, 4) C_L up, C_L down, C_D up, C_D down of each alone; NaN where it does not tell them"""
+
+
+class Derivatives(NamedTuple):
+    """Parameters of one of Eq. 20 to 23 or 25."""
+
+    estimates: tuple[Estimate, ...]
+    unidentified: tuple[Unidentified, ...]
+
+
+def stroke_coefficients(records: tuple[StrokeRecord, ...], forces: tuple[Array, ...]) -> MeanCoefficients:
+    """Coefficients of Eq. 19 from M strokes.
+
+    Args:
+        records: of each stroke.
+        forces: (N, k) N of each stroke; the wing's aerodynamic force at the record's instants, in its directions.
+
+    Raises:
+        BadInput: fewer than three strokes, or forces whose shape is not that of their record.
+    """
+    if len(records) < LEAST_STROKES or len(records) != len(forces):
+        raise BadInput(f"{len(records)} strokes and {len(forces)} forces: {LEAST_STROKES} strokes or more are needed")
+    for record, force in zip(records, forces, strict=True):
+        if force.shape != record.lift_pressure.shape:
+            raise BadInput("a stroke's force has another shape than its dynamic pressure")
+    found: list[Estimate] = []
+    refused: list[Unidentified] = []
+    for name in HALVES:
+        outcome = _half(records, forces, name)
+        if isinstance(outcome, str):
+            refused += [Unidentified(f"{c}_{name}", outcome) for c in ("C_L", "C_D")]
+        else:
+            found += outcome
+    alone = [_alone(record, force) for record, force in zip(records, forces, strict=True)]
+    return MeanCoefficients(tuple(found), tuple(refused), np.array(alone))
+
+
+def lift_derivatives(name: str, lift: Array, attitude: Attitude, stiffness: Array | None = None) -> Derivatives:
+    """Eq. 20 or 21: C_L (M,) of one half of M strokes on angle of attack, its rate, elevator and spar's stiffness.
+
+    ``name`` is what the half is called, "up" or "down". Where the stiffness E did not vary its term is a constant.
+    """
+    regressors = lift_regressors(attitude, np.ones(len(lift)) if stiffness is None else stiffness)
+    units = LIFT_UNITS if stiffness is not None else {**LIFT_UNITS, "stiffness": "-"}
+    return _regressed({f"C_L_{name}_{term}": unit for term, unit in units.items()}, regressors, lift)
+
+
+def drag_polar(name: str, lift: Array, drag: Array) -> Derivatives:
+    """Eq. 22 or 23: C_D (M,) of one half of M strokes on the square of its C_L (M,)."""
+    columns = np.column_stack([np.ones(len(lift)), np.square(lift)])
+    return _regressed({f"C_D_{name}_min": "-", f"K_{name}": "-"}, columns, drag)
+
+
+def moment_derivatives(moment: Array, attitude: Attitude) -> Derivatives:
+    """Eq. 25: C_m (M,) of M strokes, made by Eq. 24, on angle of attack, its rate and elevator."""
+    return _regressed(
+        {f"C_m_{term}": unit for term, unit in MOMENT_UNITS.items()}, moment_regressors(attitude), moment
+    )
+
+
+def _half(records: tuple[StrokeRecord, ...], forces: tuple[Array, ...], name: str) -> tuple[Estimate, ...] | str:
+    """Least squares over the strokes' impulses; errors by their scatter from stroke to stroke."""
+    matrices, impulses = [], []
+    for record, force in zip(records, forces, strict=True):
+        half = record.down if name == "down" else ~record.down
+        if not half.any():
+            return f"a stroke has no {name}-stroke"
+        step = record.period / len(record.down)
+        lift, drag = (pressure[half].sum(axis=0) * step for pressure in (record.lift_pressure, record.drag_pressure))
+        matrices.append(np.column_stack([lift, -drag]))
+        impulses.append(force[half].sum(axis=0) * step)
+    whole, seen = np.vstack(matrices), np.concatenate(impulses)
+    if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(seen))):
+        return "a force or a speed is not a number"
+    if not np.linalg.cond(whole) < WORST_CONDITION:
+        return "lift and drag cannot be told apart: the wing does not move through the air"
+    values = np.linalg.lstsq(whole, seen, rcond=None)[0]
+    inverse = np.linalg.inv(whole.T @ whole)
+    scores = np.array([m.T @ (f - m @ values) for m, f in zip(matrices, impulses, strict=True)])
+    count = len(records)
+    covariance = inverse @ (scores.T @ scores) @ inverse * count / (count - 1.0)
+    return estimates({f"C_L_{name}": "-", f"C_D_{name}": "-"}, values, covariance, count - 1.0)
+
+
+def _alone(record: StrokeRecord, force: NDArray[np.float64]) -> Array:
+    try:
+        return np.array(mean_coefficients(force, record))
+    except BadInput:
+        return np.full(4, np.nan)
+
+
+def _regressed(units: dict[str, str], columns: Array, response: Array) -> Derivatives:
+    """Least squares over strokes; what does not vary, or varies as another does, is refused."""
+    good = np.isfinite(columns).all(axis=1) & np.isfinite(response)
+    columns, response, names = columns[good], response[good], list(units)
+    kept, refused = _independent(columns, names)
+    degrees = len(response) - len(kept)
+    if degrees < 1 or not kept:
+        return Derivatives((), tuple(Unidentified(name, f"{len(response)} strokes are too few") for name in names))
+    taken = columns[:, kept]
+    values = np.linalg.lstsq(taken, response, rcond=None)[0]
+    left = response - taken @ values
+    covariance = np.linalg.inv(taken.T @ taken) * float(left @ left) / degrees
+    errors = np.sqrt(np.diag(covariance))
+    found = tuple(
+        estimate(names[column], units[names[column]], float(value), float(error), float(degrees))
+        for column, value, error in zip(kept, values, errors, strict=True)
+    )
+    return Derivatives(found, refused)
+
+
+def _independent(columns: Array, names: list[str]) -> tuple[list[int], tuple[Unidentified, ...]]:
+    """Columns each of which is not made of those before it, and what is said of the others."""
+    kept: list[int] = []
+    refused: list[Unidentified] = []
+    for index, name in enumerate(names):
+        size = float(np.linalg.norm(columns[:, index]))
+        rest = columns[:, index]
+        if kept:
+            rest = rest - columns[:, kept] @ np.linalg.lstsq(columns[:, kept], rest, rcond=None)[0]
+        if size == 0.0:
+            refused.append(Unidentified(name, "its regressor is zero in all strokes"))
+        elif float(np.linalg.norm(rest)) < size / WORST_CONDITION:
+            others = ", ".join(names[i] for i in kept)
+            refused.append(Unidentified(name, f"its regressor varies as those of {others} do"))
+        else:
+            kept.append(index)
+    return kept, tuple(refused)

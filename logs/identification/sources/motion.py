@@ -1,0 +1,224 @@
+"""From a log's topics to a vehicle's motion as inverse dynamics takes it: as measured, or as it truly was.
+
+As measured, the base's acceleration is the specific force of the IMU and needs no differentiation; its speed is that
+acceleration integrated, its slow part from position and climb rate. The wings' angles are the encoders', the tail's
+the commands behind its servo. How the membrane twists nothing measures: it counts as at rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+
+from avionics import topics
+from avionics.quantities import BadInput
+from avionics.sensing import inertial
+from logs.identification.aerodynamics.inverse_dynamics import WingMotion
+from logs.identification.aerodynamics.wing_air import MovedVehicle
+from logs.identification.kinematics.markers import rotations
+from logs.identification.kinematics.speeds import smoothed
+from logs.identification.results import Array
+from logs.identification.sources.flight import ColumnSource, _Table, _time_base
+from sim_bridge import topics as truth
+from sim_bridge.environment.gravity import GRAVITY
+from sim_bridge.mechanism import build_mechanism
+from sim_bridge.plant_kernel import COORDINATES
+from sim_bridge.vehicles import SimulatedVehicle
+
+CUTOFF = 50.0
+"""Hz; Grauer IV.C"""
+SLOW = 0.5
+"""Hz; below it the speed is that over ground, above it the integrated acceleration"""
+LEAST_SECONDS = 1.5
+SEA_LEVEL = 1.225
+"""kg/m^3; where the log tells no density"""
+QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
+
+
+class _Base(NamedTuple):
+    """Of the base, (N, ...) each."""
+
+    quaternion: Array
+    velocity: Array
+    """m/s; over ground, body axes"""
+    omega: Array
+    """rad/s"""
+    velocity_rate: Array
+    """m/s^2; of ``velocity``, component by component"""
+    omega_rate: Array
+
+
+def measured_motion(
+    source: ColumnSource, vehicle: SimulatedVehicle, calibration: inertial.Gains = inertial.NEUTRAL
+) -> tuple[WingMotion, ...]:
+    """The motion of every stretch of flapping flight in a log, by what the vehicle measured.
+
+    Where excitation is told, only stretches with excitation.
+
+    Raises:
+        BadInput: a topic is missing, or no stretch is long enough.
+    """
+    imu = _Table(source, topics.IMU, "accel_x", "accel_y", "accel_z")
+    wing = _Table(source, topics.WING, "angle_left", "angle_right", "flapping")
+    tail = _Table(source, topics.ACTUATORS, "elevator", "rudder")
+    time = _time_base(imu.time)
+    step = float(time[1] - time[0])
+    base = _measured_base(source, vehicle, imu, time, calibration)
+    angles = {index: wing.linear(field, time) for index, field in _flaps(vehicle)}
+    layout = build_mechanism(vehicle).layout
+    for index, field in ((layout.elevator, "elevator"), (layout.rudder, "rudder")):
+        if index >= 0:
+            angles[index] = _lagged(tail.held(field, time), step, vehicle.tail_servo.time_constant)
+    winds, density, notes = _air(source, time)
+    notes += ("tail: its commands behind the servo's lag",)
+    if vehicle.wing.twists:
+        notes += ("twist of the wings: not measured, counted as at rest",)
+    use = (wing.held("flapping", time) > 0) & _excited(source, time)
+    return _stretches(vehicle, time, base, angles, winds, density, use, notes)
+
+
+def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMotion, ...]:
+    """The motion of every stretch of a simulated flight, as it truly was.
+
+    Raises:
+        BadInput: the log has no topics of the truth, or no stretch is long enough.
+    """
+    fields = ("v_north", "v_east", "v_down", *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate", "wind_north",
+              "wind_east", "wind_down", "on_ground")  # fmt: skip
+    state = _Table(source, truth.STATE, *fields)
+    wing = _Table(source, truth.WING, "angle_left", "angle_right", "twist_left", "twist_right", "elevator", "rudder")
+    time = _time_base(state.time)
+    columns = {field: state.linear(field, time) for field in fields}
+    quaternion = _attitude(state, time)
+    v_ned = np.column_stack([columns[f"v_{axis}"] for axis in ("north", "east", "down")])
+    v = np.einsum("nji,nj->ni", rotations(quaternion), v_ned)
+    omega = np.column_stack([columns[f"{axis}_rate"] for axis in ("roll", "pitch", "yaw")])
+    layout = build_mechanism(vehicle).layout
+    named = dict(_flaps(vehicle)) | {layout.elevator: "elevator", layout.rudder: "rudder"}
+    named |= {layout.twist[0]: "twist_left", layout.twist[1]: "twist_right"}
+    angles = {index: wing.linear(field, time) for index, field in named.items() if index >= 0}
+    winds = np.column_stack([columns[f"wind_{axis}"] for axis in ("north", "east", "down")])
+    base = _Base(quaternion, v, omega, _slope(time, v), _slope(time, omega))
+    density, use = _air(source, time)[1], (columns["on_ground"] < 0.5) & _excited(source, time)
+    return _stretches(vehicle, time, base, angles, winds, density, use, ())
+
+
+def _measured_base(
+    source: ColumnSource, vehicle: SimulatedVehicle, imu: _Table, time: Array, calibration: inertial.Gains
+) -> _Base:
+    attitude = _Table(source, topics.ATTITUDE, *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate")
+    quaternion = _attitude(attitude, time)
+    step = float(time[1] - time[0])
+    turning = np.column_stack([attitude.linear(f"{axis}_rate", time) for axis in ("roll", "pitch", "yaw")])
+    omega = smoothed(turning, step, _cutoff(step))
+    omega_rate = _slope(time, omega)
+    felt = np.column_stack([imu.linear(f"accel_{axis}", time) for axis in "xyz"])
+    felt = (felt - np.asarray(calibration.accel_offset)) * np.asarray(calibration.accel_scale)
+    arm = np.asarray(vehicle.fuselage.imu_position, float)
+    felt = smoothed(felt, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
+    to_ned = rotations(quaternion)
+    acceleration = np.einsum("nij,nj->ni", to_ned, felt) + np.array((0.0, 0.0, GRAVITY))
+    ground = _Table(source, topics.POSITION, "v_north", "v_east")
+    climb = _Table(source, topics.ALTITUDE, "climb_rate")
+    over_ground = [ground.linear(field, time) for field in ("v_north", "v_east")]
+    slow = np.column_stack([*over_ground, -climb.linear("climb_rate", time)])
+    quick = cumulative_trapezoid(acceleration, dx=step, axis=0, initial=0.0)
+    v = np.einsum("nji,nj->ni", to_ned, quick + smoothed(slow - quick, step, SLOW))
+    weight = np.einsum("nji,j->ni", to_ned, np.array([0.0, 0.0, GRAVITY]))
+    return _Base(quaternion, v, omega, felt + weight - np.cross(omega, v), omega_rate)
+
+
+def _stretches(
+    vehicle: SimulatedVehicle,
+    time: Array,
+    base: _Base,
+    angles: dict[int, Array],
+    winds: Array,
+    density: float,
+    use: NDArray[np.bool_],
+    notes: tuple[str, ...],
+) -> tuple[WingMotion, ...]:
+    step, count = float(time[1] - time[0]), len(build_mechanism(vehicle).layout.coordinates)
+    still = np.zeros((len(time), count))
+    for index, values in angles.items():
+        still[:, index - COORDINATES] = values
+    coordinates = smoothed(still, step, _cutoff(step))
+    spline = CubicSpline(time, coordinates)
+    speeds = np.column_stack([base.velocity, base.omega, spline(time, 1)])
+    rates = np.column_stack([base.velocity_rate, base.omega_rate, spline(time, 2)])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
+    spans = [slice(a, b) for a, b in edges.reshape(-1, 2) if (b - a) * step >= LEAST_SECONDS]
+    if not spans:
+        raise BadInput(f"the log has no {LEAST_SECONDS:g} s of flapping flight without a break")
+    return tuple(
+        WingMotion(
+            f"{time[s.start]:.1f} s to {time[s.stop - 1]:.1f} s",
+            time[s],
+            MovedVehicle(base.quaternion[s], speeds[s], coordinates[s], rates[s], winds[s]),
+            density,
+            notes,
+        )
+        for s in spans
+    )
+
+
+def _flaps(vehicle: SimulatedVehicle) -> tuple[tuple[int, str], ...]:
+    left, right = build_mechanism(vehicle).layout.flap
+    return (left, "angle_left"), (right, "angle_right")
+
+
+def _excited(source: ColumnSource, time: Array) -> NDArray[np.bool_]:
+    """Where a manoeuvre runs; everywhere, in a log that tells of none."""
+    try:
+        active = _Table(source, topics.EXCITATION, "active")
+    except BadInput:
+        return np.ones(len(time), bool)
+    running = active.held("active", time) > 0
+    return np.asarray(running) if running.any() else np.ones(len(time), bool)
+
+
+def _air(source: ColumnSource, time: Array) -> tuple[Array, float, tuple[str, ...]]:
+    """Wind (N, 3) m/s NED, its mean over the log, and the density in kg/m^3."""
+    notes: tuple[str, ...] = ()
+    wind = np.zeros(3)
+    try:
+        told = _Table(source, topics.POSITION, "wind_north", "wind_east")
+        wind[:2] = np.mean(told["wind_north"]), np.mean(told["wind_east"])
+    except BadInput:
+        notes += ("wind: none, as none is told",)
+    try:
+        density = float(np.median(_Table(source, topics.AIR_DATA, "density")["density"]))
+    except BadInput:
+        density, notes = SEA_LEVEL, (*notes, "density: at sea level")
+    return np.tile(wind, (len(time), 1)), density, notes
+
+
+def _attitude(table: _Table, time: Array) -> Array:
+    """Unit quaternions (N, 4) at ``time``, between samples of one sign."""
+    told = np.column_stack([table[field] for field in QUATERNION])
+    signs = np.cumprod(np.concatenate([[1.0], np.where((told[1:] * told[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)]))
+    at = np.column_stack([np.interp(time, table.time, column) for column in (told * signs[:, None]).T])
+    return np.asarray(at / np.linalg.norm(at, axis=1, keepdims=True))
+
+
+def _slope(time: Array, values: Array) -> Array:
+    step = float(time[1] - time[0])
+    return np.asarray(CubicSpline(time, smoothed(values, step, _cutoff(step)))(time, 1))
+
+
+def _cutoff(step: float) -> float:
+    return min(CUTOFF, 0.4 / step)
+
+
+def _lagged(command: Array, step: float, time_constant: float) -> Array:
+    """First-order lag of a command."""
+    out, share = np.empty(len(command)), 1.0 - float(np.exp(-step / max(time_constant, 1e-6)))
+    value = float(command[0])
+    for i, wanted in enumerate(command.tolist()):
+        value += share * (wanted - value)
+        out[i] = value
+    return out

@@ -1,0 +1,95 @@
+"""The structure of Grauer Eq. 17 to 19 and each coefficient from a flight of the regression aerodynamics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.aerodynamics.inverse_dynamics import (
+    LOW_PASS,
+    WingCoefficients,
+    WingMotion,
+    coefficients,
+    moved_by_speeds,
+)
+from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
+from logs.identification.kinematics.coordinates import fit_coordinates
+from logs.identification.kinematics.speeds import generalized_speeds
+from logs.identification.regression.coefficients import coefficient_regression
+from tests.logs.identification import flown_slow_hawk as hawk
+
+NOISE = 0.0013
+"""m; of the markers, Grauer IV.A"""
+TRUTH = {
+    named(name, term): value
+    for name, terms in hawk.TRUTH.items()
+    for term, value in ({"intercept": hawk.ZEROS[name]} | terms).items()
+}
+
+
+def tracked(flown: hawk.Flown, noise: float, seed: int, low_pass: float | None = LOW_PASS) -> WingCoefficients:
+    """Coefficients by marker tracking, as in the paper."""
+    found = fit_coordinates(hawk.mechanism(), hawk.marked(), hawk.seen(flown, noise, seed))
+    speeds = generalized_speeds(flown.time, found, 50.0 if low_pass else 30.0)
+    moved = moved_by_speeds(hawk.vehicle(), speeds, (0.0, 0.0, 0.0))
+    return coefficients(hawk.vehicle(), WingMotion("flight", flown.time, moved, 1.225), low_pass)
+
+
+def structure(result: AeroResult) -> dict[str, set[str]]:
+    return {model.name: set(model.terms) for model in result.models}
+
+
+EXPECTED = {name: set(terms) for name, terms in hawk.TRUTH.items()}
+
+
+def test_structure_and_coefficients_of_a_tracked_flight_are_found() -> None:
+    result = identify_coefficients((tracked(hawk.fly(4.0, 2), NOISE, 3),))
+    assert structure(result) == EXPECTED
+    found = [one for model in result.models for one in model.estimates]
+    assert min(model.r_squared for model in result.models) > 0.98
+    assert {one.name for one in found} == set(TRUTH)
+    assert sum(one.contains(TRUTH[one.name]) for one in found) >= len(TRUTH) - 2
+    assert max(abs(one.value - TRUTH[one.name]) / one.standard_error for one in found) < 3.5
+
+
+def test_three_strokes_tell_the_same_much_worse() -> None:
+    errors = []
+    for flown in (hawk.fly(4.0, 2), hawk.fly(4.0, 2).cut(0, 254)):
+        found = tracked(flown, NOISE, 4, low_pass=None)
+        fit = coefficient_regression((found.experiment,), "C_L", tuple(hawk.TRUTH["C_L"]))
+        errors.append(np.sqrt(np.diag(fit.covariance)))
+    assert (errors[1] / errors[0]).min() > 2.0
+    assert (errors[1] / errors[0])[:2].min() > np.sqrt(2000 / 254)
+
+
+def test_noise_alone_has_no_model() -> None:
+    found = tracked(hawk.fly(4.0, 2).cut(0, 600), NOISE, 5)
+    random = np.random.default_rng(0)
+    signals = dict(found.experiment.signals) | {"C_L": random.normal(size=len(found.experiment.time))}
+    result = identify_coefficients((found._replace(experiment=found.experiment._replace(signals=signals)),))
+    assert not result.models[0].estimates
+    assert "% of its variance" in result.models[0].unidentified[0].reason
+
+
+def test_without_a_record_there_is_nothing_to_identify() -> None:
+    with pytest.raises(BadInput, match="no record"):
+        identify_coefficients(())
+
+
+@pytest.mark.validate
+def test_structure_and_intervals_over_many_flights() -> None:
+    right, covered, count = dict.fromkeys(EXPECTED, 0), dict.fromkeys(TRUTH, 0), dict.fromkeys(TRUTH, 0)
+    seeds = range(24)
+    for seed in seeds:
+        result = identify_coefficients((tracked(hawk.fly(4.0, seed), NOISE, 100 + seed),))
+        for name, terms in structure(result).items():
+            right[name] += terms == EXPECTED[name]
+        for found in (one for model in result.models for one in model.estimates):
+            if found.name in TRUTH:
+                count[found.name] += 1
+                covered[found.name] += found.contains(TRUTH[found.name])
+    print(f"\nstructure right in {right} of {len(seeds)}")  # noqa: T201
+    print("coverage", {name: f"{covered[name]}/{count[name]}" for name in TRUTH})  # noqa: T201
+    assert min(right.values()) >= 0.9 * len(seeds)
+    assert sum(covered.values()) >= 0.85 * sum(count.values())

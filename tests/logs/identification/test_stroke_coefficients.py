@@ -1,0 +1,127 @@
+"""Malladi Eq. 18 to 25 backwards: stroke-averaged coefficients and their derivatives with intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput
+from logs.identification.aerodynamics.stroke_coefficients import (
+    drag_polar,
+    lift_derivatives,
+    moment_derivatives,
+    stroke_coefficients,
+)
+from logs.identification.results import Estimate
+from sim_bridge.aerodynamics.stroke_averages import (
+    Attitude,
+    LiftDerivatives,
+    MomentDerivatives,
+    StrokeCoefficients,
+    StrokeRecord,
+    lift_coefficient,
+    moment_coefficient,
+    stroke_record,
+)
+
+Floats = NDArray[np.float64]
+TRUTH = StrokeCoefficients(lift_up=0.35, lift_down=0.95, drag_up=0.12, drag_down=0.21)
+NAMED = {"C_L_up": 0.35, "C_L_down": 0.95, "C_D_up": 0.12, "C_D_down": 0.21}
+
+
+def stroke(speed: float, samples: int = 120) -> StrokeRecord:
+    """A wing of five sections that flaps at 6 Hz by 0.5 rad, up first."""
+    phase = 2 * np.pi * np.arange(samples) / samples
+    rate = 0.5 * 2 * np.pi * 6.0 * np.cos(phase)
+    span, area = np.linspace(0.05, 0.45, 5), np.full(5, 0.0157)
+    velocity = np.stack([np.full((samples, 5), speed), rate[:, None] * span], axis=2)
+    return stroke_record(1 / 6.0, velocity, area, 1.225, rate < 0.0)
+
+
+def measured(record: StrokeRecord, random: np.random.Generator, noise: float) -> Floats:
+    """Force (N, 2) whose mean over each half is that of Eq. 19, varying within it, with noise of each stroke."""
+    down = record.down[:, None]
+    lift = np.where(down, TRUTH.lift_down, TRUTH.lift_up) * (1 + noise * random.normal())
+    drag = np.where(down, TRUTH.drag_down, TRUTH.drag_up) * (1 + noise * random.normal())
+    force = lift * record.lift_pressure - drag * record.drag_pressure
+    return force + noise * random.normal(size=force.shape)
+
+
+def flown(seed: int, strokes: int = 12) -> tuple[tuple[StrokeRecord, ...], tuple[Floats, ...]]:
+    random = np.random.default_rng(seed)
+    records = tuple(stroke(7.0 + 0.5 * random.normal()) for _ in range(strokes))
+    return records, tuple(measured(record, random, 0.05) for record in records)
+
+
+def values(found: tuple[Estimate, ...]) -> dict[str, float]:
+    return {one.name: one.value for one in found}
+
+
+def test_exact_forces_give_the_exact_coefficients() -> None:
+    records = tuple(stroke(speed) for speed in (6.0, 7.0, 8.0))
+    forces = tuple(measured(record, np.random.default_rng(0), 0.0) for record in records)
+    found = stroke_coefficients(records, forces)
+    assert values(found.estimates) == pytest.approx(NAMED)
+    assert found.by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
+
+
+def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
+    inside = [
+        [one.contains(NAMED[one.name]) for one in stroke_coefficients(*flown(seed)).estimates] for seed in range(150)
+    ]
+    assert np.shape(inside) == (150, 4)
+    assert 0.89 < np.mean(inside) < 0.985
+
+
+def test_a_wing_at_rest_and_strokes_without_a_half_tell_nothing() -> None:
+    record = stroke(7.0)
+    still = record._replace(lift_pressure=np.zeros((120, 2)), drag_pressure=np.zeros((120, 2)))
+    found = stroke_coefficients((still,) * 3, (np.ones((120, 2)),) * 3)
+    assert not found.estimates
+    assert "cannot be told apart" in found.unidentified[0].reason
+    gliding = record._replace(down=np.ones(120, bool))
+    half = stroke_coefficients((gliding,) * 3, (np.ones((120, 2)),) * 3)
+    assert {one.name for one in half.unidentified} == {"C_L_up", "C_D_up"}
+    holed = np.ones((120, 2))
+    holed[5] = np.nan
+    assert "not a number" in stroke_coefficients((record,) * 3, (holed,) * 3).unidentified[0].reason
+
+
+def test_too_few_strokes_are_refused() -> None:
+    records, forces = flown(1, 2)
+    with pytest.raises(BadInput, match="3 strokes"):
+        stroke_coefficients(records, forces)
+    records, forces = flown(1, 3)
+    with pytest.raises(BadInput, match="another shape"):
+        stroke_coefficients(records, tuple(force[:50] for force in forces))
+
+
+def attitudes(seed: int, count: int = 30) -> Attitude:
+    random = np.random.default_rng(seed)
+    return Attitude(*(scale * random.normal(size=count) for scale in (0.08, 0.5, 0.1)))
+
+
+def test_derivatives_of_lift_drag_and_moment_lie_in_their_intervals() -> None:
+    random = np.random.default_rng(3)
+    attitude, stiffness = attitudes(2), random.uniform(0.5, 2.0, 30)
+    lift = lift_coefficient(LiftDerivatives(2.4, 0.08, 0.3, 0.4), attitude, stiffness) + 0.01 * random.normal(size=30)
+    found = {one.name: one for one in lift_derivatives("up", lift, attitude, stiffness).estimates}
+    for name, truth in {"alpha": 2.4, "alpha_rate": 0.08, "elevator": 0.3, "stiffness": 0.4}.items():
+        assert abs(found[f"C_L_up_{name}"].value - truth) < 3 * found[f"C_L_up_{name}"].standard_error
+    polar = {one.name: one for one in drag_polar("up", lift, 0.05 + 0.2 * lift**2).estimates}
+    assert polar["C_D_up_min"].value == pytest.approx(0.05)
+    assert polar["K_up"].value == pytest.approx(0.2)
+    moment = moment_coefficient(MomentDerivatives(0.02, -0.6, -0.05, 0.9), attitude)
+    exact = values(moment_derivatives(moment, attitude).estimates)
+    assert list(exact.values()) == pytest.approx([0.02, -0.6, -0.05, 0.9])
+
+
+def test_what_did_not_vary_is_not_told() -> None:
+    attitude = attitudes(4)._replace(elevator=np.zeros(30))
+    outcome = moment_derivatives(0.02 - 0.6 * attitude.alpha, attitude)
+    assert [one.name for one in outcome.unidentified] == ["C_m_elevator"]
+    tied = attitude._replace(alpha_rate=2.0 * attitude.alpha)
+    assert "varies as" in moment_derivatives(np.ones(30), tied).unidentified[0].reason
+    few = Attitude(*(column[:3] for column in attitudes(5)))
+    assert "too few" in moment_derivatives(np.ones(3), few).unidentified[0].reason
