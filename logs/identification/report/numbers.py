@@ -140,6 +140,9 @@ def rows(result: Identification) -> tuple[Row, ...]:
     for aero in result.aero.models if result.aero else ():
         table += _estimate_rows(aero.name, aero.estimates, result.truths, "")
         table += _refusals(aero.name, aero.unidentified)
+        if aero.estimates:
+            told = f"{100 * aero.r_squared:.1f} % of its variance by these terms, {aero.samples} samples"
+            table.append(Row(aero.name, "told", "", None, None, told))
     if result.aero:
         table += [Row("wing coefficients", "taken", "", None, None, note) for note in result.aero.notes]
     for mode in result.modes.modes if result.modes else ():

@@ -77,6 +77,7 @@ def test_the_report_has_them_row_by_row_and_as_a_document() -> None:
     found = identify(Recorded(0.005), "aero", bodies=hawk.vehicle())
     names = {row.name for row in rows(found) if row.estimate}
     assert set(TRUTH) <= names
+    assert sum("of its variance" in row.note for row in rows(found)) == 3
     told = document(found)["aero"]
     assert [model["name"] for model in told["models"]] == ["C_L", "C_T", "C_m"]
     assert told["models"][0]["steps"][0]["action"] == "start"
