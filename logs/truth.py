@@ -7,6 +7,7 @@ import numpy as np
 from avionics import topics
 from avionics.quantities import BadInput
 from logs.attached import simulated_vehicle
+from logs.identification.drive.frequency import FrequencyModel, frequency_truth
 from logs.reader import Log
 from sim_bridge import topics as truth
 from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model
@@ -37,6 +38,21 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
     except BadInput:
         return truths  # no steady flight at that speed: there is no mode to compare with
     return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
+
+
+def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
+    """What ``model`` would be of the true frequencies of a simulated vehicle whose motor turns as its throttle says.
+
+    Empty for any other, and for a flight that was not simulated.
+
+    Raises:
+        BadInput: a part of the file is damaged, or the vehicle file cannot be used.
+    """
+    vehicle = simulated_vehicle(log)
+    if vehicle is None or vehicle.drive.kind != "crank":
+        return {}
+    frequencies = np.array(vehicle.drive.frequencies, dtype=float)
+    return frequency_truth(model, np.linspace(0.0, 1.0, len(frequencies)), frequencies)
 
 
 def _flown(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from logs.identification.sources.elevator import MadeElevator
 from logs.identification.tables.map import EXAMPLE
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
-from logs.truth import known_truths
+from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_bodies
 
@@ -41,6 +41,9 @@ UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicl
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
     " of power: the same regression on this flight's noise-free drive, which varies with the flight",
+    "load": "estimates of the wings' torque constant and inertia; unidentified",
+    "frequency": "estimates of flapping against throttle; unidentified, centre_throttle, centre_voltage V, residual"
+    " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",
     "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres,"
     " notes: what the log does not tell and was taken from elsewhere",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
@@ -154,7 +157,10 @@ def identified(
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
         found = found._replace(modes=found.modes._replace(notes=(*found.modes.notes, *notes)))
-    return found._replace(truths={**found.truths, **known_truths(log, modes=found.modes is not None)})
+    known = known_truths(log, modes=found.modes is not None)
+    if found.frequency is not None:
+        known |= throttle_truths(log, found.frequency)
+    return found._replace(truths={**found.truths, **known})
 
 
 def _aircraft(log: Log, vehicle: str | None) -> Aircraft:

@@ -10,14 +10,16 @@ from avionics.quantities import BadInput
 from logs.identification.aerodynamics.flight import identify_aero
 from logs.identification.aerodynamics.structure import AeroResult
 from logs.identification.data import Aircraft
+from logs.identification.drive.frequency import FrequencyModel, identify_frequency
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel, ServoResult
 from logs.identification.drive.torque import identify_torque
+from logs.identification.drive.torque_speed import identify_load
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
-from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, true_drive_data
+from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, throttle_data, true_drive_data
 from sim_bridge.vehicles import SimulatedVehicle
 
 SUBJECTS = ("servo", "power", "modes", "aero", "all")
@@ -32,6 +34,10 @@ class Identification(NamedTuple):
     """Gerdes Eq. 11"""
     power: ServoModel | None
     """Gerdes Eq. 12"""
+    load: ServoModel | None
+    """the wings' load on the drives, Gerdes Table 5"""
+    frequency: FrequencyModel | None
+    """flapping frequency against throttle"""
     modes: ModesResult | None
     """short period"""
     missing: tuple[Unidentified, ...]
@@ -82,18 +88,20 @@ def identify(
         raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     known, aircraft = dict(truths or {}), aircraft or Aircraft()
     missing: list[Unidentified] = []
-    torque = power = modes = None
+    torque = power = load = frequency = modes = None
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
+    if what in ("servo", "all"):
+        load, frequency = _load_and_frequency(source, missing)
     if power is not None:
         known |= _power_truths(source, power)
     if what in ("modes", "all"):
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if what == "aero":
-        return Identification(None, None, None, (), known, identify_aero(source, bodies, aircraft.imu))
-    if torque is None and power is None and modes is None:
+        return Identification(None, None, None, None, None, (), known, identify_aero(source, bodies, aircraft.imu))
+    if all(found is None for found in (torque, power, load, frequency, modes)):
         raise BadInput("; ".join(entry.reason for entry in missing))
-    return Identification(torque, power, modes, tuple(missing), known)
+    return Identification(torque, power, load, frequency, modes, tuple(missing), known)
 
 
 def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:
@@ -120,6 +128,19 @@ def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Un
     return ServoResult(torque, power)
 
 
+def _load_and_frequency(
+    source: ColumnSource, missing: list[Unidentified]
+) -> tuple[ServoModel | None, FrequencyModel | None]:
+    """What the wings ask of the drives, and how fast they beat by the throttle, where the log has what they need."""
+    load = frequency = None
+    drive, throttle = (_attempt(lambda read=read: read(source), "", []) for read in (drive_data, throttle_data))
+    if drive is not None and len(drive.wing_time):
+        load = _attempt(lambda: identify_load(drive), "wing load", missing)
+    if throttle is not None:
+        frequency = _attempt(lambda: identify_frequency(throttle), "flapping frequency", missing)
+    return load, frequency
+
+
 def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
     try:
         truth = servo_truth(source, power)
@@ -135,6 +156,10 @@ def rows(result: Identification) -> tuple[Row, ...]:
         if model is not None:
             table += _estimate_rows(subject, model.estimates, result.truths, prefix)
             table += _refusals(subject, model.unidentified)
+    for subject, more in (("wing load", result.load), ("flapping frequency", result.frequency)):
+        if more is not None:
+            table += _estimate_rows(subject, more.estimates, result.truths, "")
+            table += _refusals(subject, more.unidentified)
     if any(name.startswith("power.") for name in result.truths):
         table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
     for aero in result.aero.models if result.aero else ():
@@ -181,10 +206,12 @@ def text(result: Identification) -> str:
 
 
 def document(result: Identification) -> dict[str, Any]:
-    """The report as a JSON document: `torque`, `power`, `modes`, `aero`, `missing`; null for what is not finite."""
+    """The report as a JSON document, with the keys of `Identification`; a number that is not finite is null."""
     return {
         "torque": None if result.torque is None else _model(result.torque, result.truths, ""),
         "power": None if result.power is None else _model(result.power, result.truths, "power."),
+        "load": None if result.load is None else _model(result.load, result.truths, ""),
+        "frequency": None if result.frequency is None else _frequency(result.frequency, result.truths),
         "modes": None if result.modes is None else _modes(result.modes, result.truths),
         "aero": None if result.aero is None else _aero(result.aero, result.truths),
         "missing": [entry._asdict() for entry in result.missing],
@@ -230,6 +257,17 @@ def _model(model: ServoModel, truths: Mapping[str, float], prefix: str) -> dict[
         "centre_voltage": model.centre_voltage,
         "residual": _number(model.residual),
         "samples": model.samples,
+    }
+
+
+def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "estimates": [_estimate(found, truths) for found in model.estimates],
+        "unidentified": [entry._asdict() for entry in model.unidentified],
+        "centre_throttle": model.centre_throttle,
+        "centre_voltage": model.centre_voltage,
+        "residual": _number(model.residual),
+        "segments": [{key: _number(value) for key, value in segment._asdict().items()} for segment in model.segments],
     }
 
 

@@ -14,6 +14,7 @@ from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
+from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.flapping import strokes_in
 from logs.identification.sources.inputs import find_inputs
@@ -221,6 +222,22 @@ def drive_data(source: ColumnSource) -> DriveData:
         power.time, power["current"], power["voltage"], BURST_LENGTH / BURST_RATE,
         torque.time, torque["left"], torque["right"], *_motion(source),
     )  # fmt: skip
+
+
+def throttle_data(source: ColumnSource) -> ThrottleData:
+    """Throttle, strokes and voltage in a log; the voltage may be missing.
+
+    Raises:
+        BadInput: the throttle or the wings' motion is missing.
+    """
+    commanded = _Table(source, topics.ACTUATORS, "throttle")
+    wing, strokes = _strokes(source)
+    try:
+        power = _Table(source, topics.POWER, "voltage")
+    except BadInput:
+        nothing = np.zeros(0)
+        return ThrottleData(commanded.time, commanded["throttle"], wing.time, strokes, nothing, nothing)
+    return ThrottleData(commanded.time, commanded["throttle"], wing.time, strokes, power.time, power["voltage"])
 
 
 def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:

@@ -1,0 +1,244 @@
+"""Flapping frequency against throttle: ``f = f_0 + s (T - T_c) + c (T - T_c)^2 + v (V - V_c)``, and the dead zone.
+
+Only stretches count in which the throttle stands still: after a change the motor takes its time. In each the strokes
+are counted over whole strokes. Curvature and voltage are taken up where the partial F of the term says so (Klein &
+Morelli, Aircraft System Identification, 2006, ch. 5.4).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from avionics.quantities import BadInput
+from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.strokes import stroke_cuts
+
+BAND = 0.02
+"""-; within which a throttle stands still"""
+SETTLE = 0.6
+"""s; after a change of throttle, left out"""
+LEAST_STROKES = 3
+LEAST_SEGMENTS = 4
+CHANCE = 0.05
+"""-; at which a term of the fit is taken up though there is none"""
+LEAST_RANGE = 0.05
+"""-; of throttle over all stretches"""
+TERMS = {"flapping_frequency": "Hz", "throttle_slope": "Hz", "throttle_curvature": "Hz", "voltage_slope": "Hz/V"}
+DEAD = "dead_zone"
+
+
+class ThrottleData(NamedTuple):
+    """Throttle, strokes and voltage of one record, on time bases of their own (s)."""
+
+    throttle_time: Array
+    throttle: Array
+    """-; (N,), 0 to 1"""
+    wing_time: Array
+    strokes: Array
+    """-; (K,), since the first sample, never decreasing"""
+    voltage_time: Array
+    """s; (L,), empty where the voltage was not measured"""
+    voltage: Array
+    """V; (L,)"""
+
+
+class Segment(NamedTuple):
+    """A stretch of constant throttle."""
+
+    begin: float
+    """s; settled"""
+    end: float
+    """s"""
+    throttle: float
+    """-"""
+    frequency: float
+    """Hz; 0 where the wings stood still"""
+    strokes: int
+    """-; counted"""
+    voltage: float
+    """V; NaN where it was not measured"""
+
+
+class FrequencyModel(NamedTuple):
+    """Frequency against throttle."""
+
+    estimates: tuple[Estimate, ...]
+    unidentified: tuple[Unidentified, ...]
+    centre_throttle: float
+    """-; T_c"""
+    centre_voltage: float
+    """V; V_c, 0 where the voltage is not in the model"""
+    residual: float
+    """Hz; standard deviation between stretches"""
+    segments: tuple[Segment, ...]
+
+
+def steady_segments(data: ThrottleData) -> tuple[Segment, ...]:
+    """Every stretch in which the throttle stands still for long enough to count strokes, or to see none."""
+    good = np.isfinite(data.throttle)
+    time, throttle = data.throttle_time[good], data.throttle[good]
+    cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
+    found = []
+    for first, last in _still(throttle, time):
+        begin, end = float(time[first]) + SETTLE, float(time[last])
+        if end - begin < SETTLE:
+            continue
+        segment = _counted(data, cuts, begin, end, float(np.mean(throttle[first : last + 1])))
+        if segment is not None:
+            found.append(segment)
+    return tuple(found)
+
+
+def _still(throttle: Array, time: Array) -> list[tuple[int, int]]:
+    """First and last sample of stretches within `BAND`, each as long as it goes, none over a gap."""
+    spans, first, step = [], 0, float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    low = high = throttle[0] if len(throttle) else 0.0
+    for k, value in enumerate(throttle.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > BAND or (k and time[k] - time[k - 1] > 10 * step):
+            spans.append((first, k - 1))
+            first, low, high = k, value, value
+    return [*spans, (first, len(throttle) - 1)] if len(throttle) else []
+
+
+def _counted(data: ThrottleData, cuts: Array, begin: float, end: float, throttle: float) -> Segment | None:
+    """The stretch with its strokes; None where they were not watched all along, or are too few to tell."""
+    if begin < data.wing_time[0] or end > data.wing_time[-1]:
+        return None
+    inside, seen = cuts[(cuts >= begin) & (cuts <= end)], (data.voltage_time >= begin) & (data.voltage_time <= end)
+    voltage = float(np.nanmean(data.voltage[seen])) if np.any(np.isfinite(data.voltage[seen])) else np.nan
+    turned = float(np.ptp(np.interp((begin, end), data.wing_time, data.strokes)))
+    if turned < 0.1:
+        return Segment(begin, end, throttle, 0.0, 0, voltage)
+    if len(inside) <= LEAST_STROKES:
+        return None
+    count = len(inside) - 1
+    return Segment(begin, end, throttle, count / float(inside[-1] - inside[0]), count, voltage)
+
+
+def identify_frequency(data: ThrottleData) -> FrequencyModel:
+    """Frequency at the mean throttle, its slope, and what else the record tells.
+
+    Raises:
+        BadInput: no throttle, wings that were not watched, too few stretches.
+    """
+    if not len(data.throttle_time) or not len(data.wing_time):
+        raise BadInput("flapping frequency against throttle needs both the throttle and the wings' motion")
+    if float(np.nanmax(data.throttle) - np.nanmin(data.throttle)) < BAND:
+        raise BadInput("the throttle does not move: it does not set how fast these wings beat, or was never changed")
+    segments = steady_segments(data)
+    flapping = [s for s in segments if s.frequency > 0]
+    if len(flapping) < LEAST_SEGMENTS:
+        raise BadInput(
+            f"the throttle stands still in {len(flapping)} stretches with flapping wings;"
+            f" frequency against throttle needs {LEAST_SEGMENTS}"
+        )
+    return fit_segments(segments)
+
+
+def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = None) -> FrequencyModel:
+    """The model of ``segments``; ``terms`` fixes what is fitted, else the partial F decides.
+
+    Raises:
+        BadInput: the terms cannot be told apart.
+    """
+    flapping = [s for s in segments if s.frequency > 0]
+    throttle, frequency, voltage, weight = (
+        np.array([getattr(s, name) for s in flapping], dtype=float)
+        for name in ("throttle", "frequency", "voltage", "strokes")
+    )
+    centre, about = float(np.average(throttle, weights=weight)), float(np.average(voltage, weights=weight))
+    x = throttle - centre
+    columns = dict(zip(TERMS, (np.ones_like(x), x, x * x, voltage - about), strict=True))
+    dead, lost = _dead_zone(segments), []
+    kept, reasons = (terms, {}) if terms else _chosen(columns, frequency, weight, float(np.ptp(throttle)))
+    values, covariance, spread = _weighted(np.column_stack([columns[t] for t in kept]), frequency, weight)
+    degrees = float(len(frequency) - len(kept))
+    found = [
+        estimate(t, TERMS[t], float(v), float(e), degrees)
+        for t, v, e in zip(kept, values, np.sqrt(np.diag(covariance)), strict=True)
+    ]
+    lost = [Unidentified(name, reason) for name, reason in reasons.items()]
+    if isinstance(dead, Estimate):
+        found.append(dead)
+    else:
+        lost.append(dead)
+    known = about if "voltage_slope" in kept else 0.0
+    return FrequencyModel(tuple(found), tuple(lost), centre, known, spread, segments)
+
+
+def frequency_truth(model: FrequencyModel, throttles: Array, frequencies: Array) -> dict[str, float]:
+    """The same fit on the true frequencies (Hz; (k,)) at ``throttles`` (k,), linear between: name to value."""
+    terms = tuple(found.name for found in model.estimates if found.name in TERMS)
+    true = tuple(
+        s._replace(frequency=float(np.interp(s.throttle, throttles, frequencies))) if s.frequency else s
+        for s in model.segments
+    )
+    return {found.name: found.value for found in fit_segments(true, terms).estimates if found.name in TERMS}
+
+
+def _chosen(
+    columns: dict[str, Array], frequency: Array, weight: Array, reach: float
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Terms that the partial F takes up, and why the others are not."""
+    kept: tuple[str, ...] = ("flapping_frequency",)
+    if reach < LEAST_RANGE:
+        why = f"the throttle varies by {reach:.2g} only"
+        return kept, dict.fromkeys(("throttle_slope", "throttle_curvature"), why)
+    kept, reasons = (*kept, "throttle_slope"), {}
+    for term in ("throttle_curvature", "voltage_slope"):
+        why = _needless(columns, frequency, weight, kept, term)
+        if why:
+            reasons[term] = why
+        else:
+            kept = (*kept, term)
+    return kept, reasons
+
+
+def _needless(columns: dict[str, Array], frequency: Array, weight: Array, kept: tuple[str, ...], term: str) -> str:
+    """Why ``term`` is not taken up; empty where it is."""
+    if not np.all(np.isfinite(columns[term])):
+        return "the voltage was not measured"
+    degrees = len(frequency) - len(kept) - 1
+    if degrees < 1:
+        return f"{len(frequency)} stretches are too few to tell it"
+    designs = [np.column_stack([columns[t] for t in some]) for some in (kept, (*kept, term))]
+    if np.linalg.cond(designs[1] / np.linalg.norm(designs[1], axis=0)) > 1e4:
+        return "it cannot be told from the other terms"
+    before, after = (_squares(design, frequency, weight) for design in designs)
+    ratio = (before - after) / max(after / degrees, 1e-300)
+    needed = float(f_distribution.ppf(1 - CHANCE, 1, degrees))
+    return "" if ratio > needed else f"its partial F of {ratio:.2g} is below {needed:.2g}"
+
+
+def _squares(design: Array, frequency: Array, weight: Array) -> float:
+    root = np.sqrt(weight)
+    left = (frequency - design @ np.linalg.lstsq(design * root[:, None], frequency * root, rcond=None)[0]) * root
+    return float(left @ left)
+
+
+def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Array, float]:
+    """Values, covariance by the scatter between stretches, and that scatter (Hz)."""
+    shares = weight / weight.mean()
+    information = design.T @ (design * shares[:, None])
+    if np.linalg.cond(information) > 1e12:
+        raise BadInput("the stretches of throttle do not tell these terms apart")
+    inverse = np.linalg.inv(information)
+    values = inverse @ (design.T @ (shares * frequency))
+    left = frequency - design @ values
+    variance = float(shares @ left**2) / max(len(frequency) - design.shape[1], 1)
+    return values, inverse * variance, float(np.sqrt(variance))
+
+
+def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Unidentified:
+    """Between the greatest throttle at which the wings stood and the least at which they flapped."""
+    flapping = [s.throttle for s in segments if s.frequency > 0]
+    still = [s.throttle for s in segments if s.frequency == 0 and (not flapping or s.throttle < min(flapping))]
+    if not still or not flapping:
+        return Unidentified(DEAD, "no throttle was held at which the wings stood still")
+    low, high = max(still), min(flapping)
+    # Nothing is known of where between the two it lies: a uniform distribution.
+    return Estimate(DEAD, "-", (low + high) / 2, (high - low) / np.sqrt(12.0), low, high)

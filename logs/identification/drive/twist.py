@@ -1,0 +1,213 @@
+"""Twist of a wing that is let go or stepped: damping from the overshoot, and both constants from the whole course.
+
+Gerdes Eq. 17 turns the overshoot of a step into the damping ratio, ``zeta = L / sqrt(pi^2 + L^2)`` with
+``L = -ln(PO / 100)``; several peaks give L as the slope of their logarithms (log decrement). Eq. 16, with the rate
+in its second term that the print calls theta_0, gives natural frequency and damping from a record. L is what noise
+disturbs evenly, so intervals are made in it and carried over. Table 6's wing A: its overshoot of 0.20 % is 0.892, not
+the printed 0.96, and is within the noise of any gauge: without an error of the peaks no interval is given.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from avionics.quantities import BadInput
+from logs.identification.drive.servo import ServoModel
+from logs.identification.experiment import Experiment
+from logs.identification.regression.colour import colour_of, coloured_information
+from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+
+DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
+LEAST_SAMPLES = 16
+GUESSES = (0.05, 0.2, 0.5, 0.8)
+"""-; damping ratios from which the fit begins"""
+CLEAR = 2.0
+"""-; standard errors by which an overshoot must stand above zero"""
+
+
+def ratio_of(decrement: float) -> float:
+    """Damping ratio of the logarithm L of successive half cycles' ratio (Gerdes Eq. 17)."""
+    return decrement / math.hypot(math.pi, decrement)
+
+
+def damping_from_overshoot(
+    peak: float, steady: float, peak_error: float, steady_error: float
+) -> Estimate | Unidentified:
+    """Damping ratio from the greatest value and the settled one of a step (Gerdes Eq. 17, Table 6).
+
+    Args:
+        peak: of the twist (rad) or the rate (rad/s) that overshoots.
+        steady: what it settles at, in the same unit.
+        peak_error: standard error of ``peak``.
+        steady_error: standard error of ``steady``.
+
+    Raises:
+        BadInput: a number that is not finite, a steady value of zero, or a negative error.
+    """
+    if not all(math.isfinite(x) for x in (peak, steady, peak_error, steady_error)) or steady == 0.0:
+        raise BadInput("the overshoot needs a finite peak and a finite steady value that is not 0")
+    if min(peak_error, steady_error) < 0.0 or peak_error + steady_error == 0.0:
+        raise BadInput("the overshoot's interval needs the standard error of peak or steady value, above 0")
+    overshoot = peak / steady - 1.0
+    error = math.hypot(peak_error, (overshoot + 1.0) * steady_error) / abs(steady)
+    if overshoot <= CLEAR * error:
+        return Unidentified(
+            DAMPING, f"the overshoot of {100 * overshoot:.2g} % is within its error of {100 * error:.2g} %"
+        )
+    if overshoot >= 1.0:
+        return Unidentified(DAMPING, f"an overshoot of {100 * overshoot:.3g} % is that of no damped step")
+    return _ratio(-math.log(overshoot), error / overshoot, math.inf)
+
+
+def damping_from_peaks(peaks: Array, steady: float, error: float) -> Estimate | Unidentified:
+    """Damping ratio from successive extremes of a decaying swing, high and low in turn (log decrement).
+
+    Args:
+        peaks: rad or rad/s; (n,), n of 2 or more, in their order.
+        steady: what it settles at, in the same unit.
+        error: standard error of each, in the same unit.
+
+    Raises:
+        BadInput: fewer than two extremes, a number that is not finite, or no error.
+    """
+    swings = np.asarray(peaks, dtype=float) - steady
+    if len(swings) < 2 or not np.all(np.isfinite(swings)) or not error > 0.0:
+        raise BadInput("the decay needs two extremes or more, finite, and their standard error above 0")
+    if np.any(swings[1:] * swings[:-1] >= 0):
+        raise BadInput("the extremes must lie above and below the steady value in turn")
+    sizes = np.abs(swings)
+    clear = int(np.argmin(sizes > CLEAR * error)) if np.any(sizes <= CLEAR * error) else len(sizes)
+    if clear < 2:
+        return Unidentified(
+            DAMPING, "the second extreme is within its error: the swing does not stand out of the noise"
+        )
+    design = np.column_stack((np.ones(clear), -np.arange(clear))) * (sizes[:clear] / error)[:, None]
+    information = np.linalg.inv(design.T @ design)
+    decrement = float((information @ design.T @ (np.log(sizes[:clear]) * sizes[:clear] / error))[1])
+    spread = math.sqrt(information[1, 1])
+    if decrement <= CLEAR * spread:
+        return Unidentified(DAMPING, "the swing does not decay by more than its error")
+    return _ratio(decrement, spread, math.inf)
+
+
+def _ratio(decrement: float, error: float, degrees: float) -> Estimate:
+    """The damping ratio with its interval, even in the decrement."""
+    half = student_factor(degrees) * error
+    slope = math.pi**2 / (math.pi**2 + decrement**2) ** 1.5
+    low, high = ratio_of(max(decrement - half, 0.0)), ratio_of(decrement + half)
+    return Estimate(DAMPING, "-", ratio_of(decrement), slope * error, low, high)
+
+
+def identify_twist(test: Experiment, signal: str = "twist") -> ServoModel:
+    """Natural frequency and damping ratio by least squares of Gerdes Eq. 16 to a release or step.
+
+    The record is used from its greatest excursion on: let go there, the wing swings freely about where it comes
+    to rest. Angle and rate at that moment and the rest are found with the constants. What was not measured (NaN) is
+    left out.
+
+    Raises:
+        BadInput: no such signal, too few samples.
+    """
+    if signal not in test.signals:
+        raise BadInput(f"the test {test.name} has no signal {signal!r}; it has {', '.join(test.signals)}")
+    time, swing = _from_release(test.time, np.asarray(test.signals[signal], dtype=float))
+    measured = np.isfinite(swing)
+    if measured.sum() < LEAST_SAMPLES:
+        raise BadInput(
+            f"the test {test.name} has {int(measured.sum())} samples after its release, fewer than {LEAST_SAMPLES}"
+        )
+    if float(np.ptp(swing[measured])) == 0.0:
+        return _nothing("the twist does not move", 0.0, int(measured.sum()))
+    return _fitted(time, swing, measured)
+
+
+def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
+    """The record from the greatest excursion from where it ends."""
+    finite = np.flatnonzero(np.isfinite(values))
+    if not len(finite):
+        return time[:0], values[:0]
+    rest = float(np.median(values[finite[-max(len(finite) // 5, 1) :]]))
+    first = finite[int(np.argmax(np.abs(values[finite] - rest)))]
+    return time[first:] - time[first], values[first:]
+
+
+def _columns(time: Array, natural: float, damping: float) -> Array:
+    """Columns (N, 3): cosine and sine of Eq. 16, and the rest."""
+    damped = natural * math.sqrt(max(1.0 - damping**2, 1e-9))
+    decay = np.exp(-damping * natural * time)
+    return np.column_stack((decay * np.cos(damped * time), decay * np.sin(damped * time), np.ones_like(time)))
+
+
+def _residuals(constants: Array, time: Array, values: Array) -> Array:
+    """What Eq. 16 leaves, with the best angle, rate and rest."""
+    columns = _columns(time, math.exp(constants[0]), float(constants[1]))
+    left: Array = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    return left
+
+
+def _fitted(time: Array, swing: Array, measured: Array) -> ServoModel:
+    at, values = time[measured], swing[measured]
+    best = min((_search(at, values, guess) for guess in GUESSES), key=lambda found: found[1])[0]
+    residuals, count = _residuals(best, at, values), len(values)
+    spread = float(np.std(residuals))
+    if not 0.0 < best[1] < 0.995:
+        return _nothing("the twist does not swing: its damping ratio is 1 or more, or below 0", spread, count)
+    jacobian = np.column_stack([_slope(best, at, values, index) for index in (0, 1)])
+    covariance, degrees = _covariance(jacobian, residuals, time, measured)
+    errors = np.sqrt(np.diag(covariance))
+    if not np.all(np.isfinite(errors)) or errors[0] > 0.5 or best[1] - CLEAR * errors[1] <= 0.0:
+        return _nothing("the swing does not stand out of the noise", spread, count)
+    natural = math.exp(best[0])
+    half = student_factor(degrees) * errors[0]
+    frequency = Estimate(
+        NATURAL, "rad/s", natural, natural * errors[0], natural * math.exp(-half), natural * math.exp(half)
+    )
+    damping = float(best[1])
+    decrement = math.pi * damping / math.sqrt(1.0 - damping**2)
+    ratio = _ratio(decrement, math.pi / (1.0 - damping**2) ** 1.5 * float(errors[1]), degrees)
+    damped = natural * math.sqrt(1.0 - damping**2)
+    gradient = np.array([damped, -natural * damping / math.sqrt(1.0 - damping**2)])
+    ringing = estimate(
+        "twist_damped_frequency", "rad/s", damped, math.sqrt(float(gradient @ covariance @ gradient)), degrees
+    )
+    return ServoModel((frequency, ratio, ringing), (), 0.0, 0.0, spread, count)
+
+
+def _search(time: Array, values: Array, damping: float) -> tuple[Array, float]:
+    """Log of the natural frequency and damping ratio from a guess, and the squares that they leave."""
+    span = float(time[-1])
+    turns = np.geomspace(0.3, len(time) / 4.0, 80)
+    starts = [math.log(2 * math.pi * turn / span) for turn in turns]
+    nearest = min(starts, key=lambda one: float(np.sum(_residuals(np.array([one, damping]), time, values) ** 2)))
+    bounds = ([starts[0] - 1.0, 1e-4], [starts[-1] + 1.0, 0.999])
+    found = least_squares(_residuals, (nearest, damping), bounds=bounds, x_scale=(0.1, 0.1), args=(time, values))
+    return found.x, float(found.cost)
+
+
+def _slope(constants: Array, time: Array, values: Array, index: int) -> Array:
+    width = np.zeros(2)
+    width[index] = 1e-5
+    change = _residuals(constants + width, time, values) - _residuals(constants - width, time, values)
+    slope: Array = change / 2e-5
+    return slope
+
+
+def _covariance(jacobian: Array, residuals: Array, time: Array, measured: Array) -> tuple[Array, float]:
+    """Covariance (2, 2) with coloured residuals, and its degrees of freedom."""
+    full, left = np.zeros((len(time), 2)), np.zeros(len(time))
+    full[measured], left[measured] = jacobian, residuals
+    colour = colour_of([left[:, None]], [measured.astype(float)], max(len(time) // 10, 1))
+    degrees = max(colour.effective - 5.0, 1.0)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    white = inverse * float(residuals @ residuals) / max(len(residuals) - 5.0, 1.0)
+    covariance = inverse @ coloured_information([full[:, None, :]], colour) @ inverse * (colour.effective / degrees)
+    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    widened = covariance * np.outer(ratio, ratio) if np.all(np.diag(covariance) > 0) else white
+    return np.asarray(widened, dtype=np.float64), degrees
+
+
+def _nothing(why: str, spread: float, count: int) -> ServoModel:
+    return ServoModel((), tuple(Unidentified(name, why) for name in (NATURAL, DAMPING)), 0.0, 0.0, spread, count)

@@ -1,0 +1,88 @@
+"""The servo's torque-speed line and the wing's load, against known constants."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.data import DriveData
+from logs.identification.drive.servo import ServoModel
+from logs.identification.drive.torque_speed import identify_load, identify_torque_speed
+from logs.identification.results import Array, Estimate
+from sim_bridge.actuators.drives import torque_bound
+
+STALL, SPEED, NOMINAL = 2.25, 20.5, 8.0
+
+
+def bench(seed: int = 0, noise: float = 0.02, sag: float = 0.5) -> tuple[Array, Array, Array]:
+    """A servo of the world at its bound, braked from no load to a stall, both ways round."""
+    rng = np.random.default_rng(seed)
+    rate = rng.uniform(0.0, 16.0, 200) * np.sign(rng.normal(size=200))
+    voltage = NOMINAL + sag * rng.normal(size=200)
+    ratio = voltage / NOMINAL
+    torque = np.array(
+        [np.sign(w) * torque_bound(w, np.sign(w), STALL * r, SPEED * r) for w, r in zip(rate, ratio, strict=True)]
+    )
+    return torque + noise * rng.normal(size=200), rate, voltage
+
+
+def by_name(model: ServoModel) -> dict[str, Estimate]:
+    return {found.name: found for found in model.estimates}
+
+
+def test_stall_torque_and_no_load_speed_of_the_world_s_servo() -> None:
+    hits = {"stall_torque": 0, "no_load_speed": 0, "torque_speed_slope": 0}
+    truth = {"stall_torque": STALL, "no_load_speed": SPEED, "torque_speed_slope": STALL / SPEED}
+    for seed in range(20):
+        for name, found in by_name(identify_torque_speed(*bench(seed), NOMINAL)).items():
+            hits[name] += found.contains(truth[name])
+            assert found.value == pytest.approx(truth[name], rel=0.02)
+    assert min(hits.values()) >= 17
+
+
+def test_one_voltage_gives_the_line_at_that_voltage() -> None:
+    torque, rate, _ = bench(sag=0.0)
+    found = by_name(identify_torque_speed(torque, rate, np.full_like(rate, NOMINAL)))
+    assert found["stall_torque"].value == pytest.approx(STALL, rel=0.02)
+
+
+def test_a_servo_that_is_not_at_its_bound_is_refused() -> None:
+    _, rate, voltage = bench()
+    rng = np.random.default_rng(1)
+    model = identify_torque_speed(0.5 * np.sign(rate) + 0.1 * rng.normal(size=len(rate)), rate, voltage)
+    assert model.estimates == ()
+    assert "not at its bound" in model.unidentified[0].reason
+    still = identify_torque_speed(np.full(40, 2.0), np.full(40, 5.0), np.full(40, 8.0))
+    assert "rate does not vary" in still.unidentified[0].reason
+    with pytest.raises(BadInput, match="samples together"):
+        identify_torque_speed(np.full(40, np.nan), rate[:40], voltage[:40])
+    with pytest.raises(BadInput, match="same number"):
+        identify_torque_speed(rate[:40], rate, voltage)
+
+
+def flapping(seed: int = 0, amplitude: float = 0.4) -> DriveData:
+    """Wings with a load of 0.2 N m s/rad and an inertia of 0.004 kg m^2 at a frequency that wanders about 4 Hz."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 20.0, 0.005)
+    turn = 2 * np.pi * np.cumsum(4.0 + 0.5 * np.sin(2 * np.pi * time / 5)) * 0.005
+    rate = amplitude * 25.0 * (np.cos(turn) + 0.2 * np.cos(3 * turn))
+    torque = 0.2 * rate + 0.004 * np.gradient(rate, time) + 0.05
+    gauges = torque[::2] + 0.01 * rng.normal(size=(2, len(time[::2])))
+    nothing = np.zeros(0)
+    return DriveData(
+        nothing, nothing, nothing, 0.01, time[::2], gauges[0], gauges[1], time, rate, rate, turn / (2 * np.pi)
+    )
+
+
+def test_the_wing_s_torque_constant_and_inertia() -> None:
+    found = by_name(identify_load(flapping()))
+    assert found["wing_torque_constant"].value == pytest.approx(0.2, rel=0.01)
+    assert found["wing_inertia"].value == pytest.approx(0.004, rel=0.02)
+
+
+def test_wings_at_rest_have_no_load_that_could_be_told() -> None:
+    assert "do not move" in identify_load(flapping(amplitude=0.0)).unidentified[0].reason
+    nothing = np.zeros(0)
+    with pytest.raises(BadInput, match="no motion of the wings"):
+        identify_load(flapping()._replace(wing_time=nothing))
