@@ -54,9 +54,9 @@ def scatter_over_prediction(flights: int, doublets: int) -> dict[str, float]:
 
 
 def test_flights_scatter_as_predicted() -> None:
-    ratios = scatter_over_prediction(12, 3)
+    ratios = scatter_over_prediction(10, 2)
     assert set(ratios) == set(predicted(PRIOR, DOUBLET))
-    assert float(np.sqrt(np.mean(np.square(list(ratios.values()))))) == pytest.approx(1.0, abs=0.3)
+    assert float(np.sqrt(np.mean(np.square(list(ratios.values()))))) == pytest.approx(1.0, abs=0.35)
 
 
 @pytest.mark.validate
@@ -189,7 +189,9 @@ def test_a_prior_of_a_model_file_is_that_model() -> None:
 
 @pytest.mark.parametrize("shape", list(Shape))
 def test_what_is_printed_flies_the_planned_input(shape: Shape) -> None:
-    flown = plan(PRIOR, Asked(shape, LIMITS, repeats=3)).excitation
+    flown = plan(
+        PRIOR, Asked(shape, LIMITS, width=0.3 if shape <= Shape.MULTISTEP_3211 else 10.0, repeats=3)
+    ).excitation
     (item,) = tomllib.loads(mission_item(flown))["item"]
     read = read_excitation("item", item)
     words = command_line(flown).split()[3:]
