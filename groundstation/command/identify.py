@@ -118,7 +118,8 @@ def run(arguments: Sequence[str]) -> int:
         print_document(document(found))
     else:
         open_console().print(identification_table(found))
-        open_console().print(*written, sep="\n", highlight=False, soft_wrap=True)
+        for line in written:
+            open_console().print(line, highlight=False, soft_wrap=True)
     return 0
 
 

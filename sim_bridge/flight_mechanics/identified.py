@@ -53,6 +53,8 @@ class IdentifiedWorld(NamedTuple):
     """of each value: published, identified or chosen, and why"""
     notes: tuple[str, ...]
     """what was taken from the base, one sentence each"""
+    frequency: float
+    """Hz; of flapping in the flight test, where searches for a trim begin"""
 
 
 def identified_world(
@@ -82,7 +84,7 @@ def identified_world(
     lateral, drive = model.lateral or _given(own).lateral, model.drive or _given(own).drive
     assert lateral is not None and drive is not None
     values = _with_drive(_with_lateral(values, lateral), drive, base)
-    return IdentifiedWorld(values, _sources(model, found, base), _notes(model, base))
+    return IdentifiedWorld(values, _sources(model, found, base), _notes(model, base), model.frequency)
 
 
 def _inertia(matrix: Floats) -> tuple[float, float, float, float]:
@@ -251,6 +253,8 @@ def world_text(world: IdentifiedWorld, name: str, title: str, base: str) -> str:
         "",
         "[cruise]",
         f'airspeed = {{ value = {_round(math.hypot(world.values.forward, world.values.down))!r}, unit = "m/s",'
+        f" source = {json.dumps(world.sources['forward'])} }}",
+        f'frequency = {{ value = {_round(world.frequency)!r}, unit = "Hz",'
         f" source = {json.dumps(world.sources['forward'])} }}",
         "",
         "[derivatives]",

@@ -17,6 +17,7 @@ from logs.identification.chapter import (
     STEPS,
     Band,
     Bar,
+    Cell,
     Chapter,
     Intervals,
     Matrix,
@@ -24,6 +25,7 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
+from logs.identification.report.words import meaning
 from logs.identification.results import Array, FitSeries, Fitted
 
 MOST_FITS = 24
@@ -113,13 +115,15 @@ def _fit_plot(one: FitSeries) -> Plot:
 
 def _goodness(pieces: list[FitSeries]) -> Table:
     """R^2, root mean square residual and Theil's coefficient of each output over its manoeuvres."""
-    rows: list[tuple[str | float | None, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     for output, unit in dict.fromkeys((one.output, one.unit) for one in pieces):
         own = [one for one in pieces if one.output == output]
         measured, model = (np.concatenate([getattr(one, key) for one in own]) for key in ("measured", "model"))
         r_squared, *rest = (round(share, 4) for share in (_r_squared(own), *theil(measured, model)[:4]))
-        rows.append((output, unit, r_squared, float(np.sqrt(np.nanmean((measured - model) ** 2))), *rest))
-    columns = ("output", "unit", "R²", "RMS residual", "Theil U", "of it bias", "variance", "covariance")
+        rows.append(
+            (output, unit, meaning(output), r_squared, float(np.sqrt(np.nanmean((measured - model) ** 2))), *rest)
+        )
+    columns = ("output", "unit", "", "R²", "RMS residual", "Theil U", "of it bias", "variance", "covariance")
     told = (
         "R² about each manoeuvre's mean. Theil's inequality coefficient U: 0 is a perfect match, 1 the worst, below"
         " 0.25 to 0.3 is taken for good; its shares should be near 0 for bias and variance, near 1 for covariance."

@@ -11,7 +11,17 @@ AXES = {"X": "forward force per mass", "Z": "downward force per mass", "M": "nos
         "Y": "force to the right per mass", "L": "roll acceleration", "N": "yaw acceleration"}  # fmt: skip
 FOLLOWED = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate", "delta": "tail angle",
             "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack"}  # fmt: skip
+SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta|alpha|theta|tau0?|rudder"
+SYMBOL, DRAWN = rf"\b[A-Za-z]_(?:{SUBSCRIPT})\b(?!\.\w)", rf"\b([A-Za-z])_({SUBSCRIPT})\b"
+"""symbols in a sentence: a letter with a short subscript, not a file's name"""
 MEANINGS = {
+    "q": "pitch rate",
+    "a_x": "specific force at the IMU, forward",
+    "a_z": "specific force at the IMU, down (−9.81 m/s² at rest)",
+    "theta": "pitch",
+    "f_x": "specific force at the centre of mass, forward",
+    "f_z": "specific force at the centre of mass, down",
+    "dq/dt": "pitch acceleration",
     "tail_time_constant": "first-order lag from the elevator command to the tail angle",
     "tail_delay": "pure delay of the tail beyond its lag",
     "short_period_frequency": "undamped natural frequency of the short period",
@@ -50,7 +60,7 @@ def number(value: float, step: float | None = None) -> str:
         text = f"{value:.{min(places, 9)}f}" if places > 0 else f"{round(value, places):.0f}"
         if len(text.lstrip("-").replace(".", "").lstrip("0")) > 7:
             text = f"{value:.4g}"
-    return text.replace("-", "−")
+    return "0" if not float(text) else text.replace("-", "−")
 
 
 def symbol(name: str) -> str:
@@ -71,12 +81,12 @@ def _below(rest: str) -> str:
 
 def rich(text: str) -> str:
     """A sentence as HTML, the symbols in it set as such."""
-    return re.sub(r"\b[A-Za-z]_[A-Za-z0-9δα]+\b", lambda match: symbol(match[0]), html.escape(text))
+    return re.sub(SYMBOL, lambda match: symbol(match[0]), html.escape(text))
 
 
 def drawn_words(text: str) -> str:
     """A name as SVG text, its subscripts below the line."""
-    parts = re.split(r"\b([A-Za-z])_([A-Za-z0-9]+)\b", text)
+    parts = re.split(DRAWN, text)
     plain = [html.escape(part) for part in parts[::3]]
     lowered = [
         f'{head}<tspan dy="3" font-size="9">{html.escape(_below(rest))}</tspan><tspan dy="-3">\u200b</tspan>'

@@ -1,0 +1,246 @@
+"""The page of an identification: what it says, that it holds everything itself, and that nothing is overwritten."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from linear_ornithopter import AIRCRAFT, Flight, fly
+from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
+
+from avionics.quantities import BadInput
+from logs.identification.chapter import (
+    DASHED,
+    MEASURED,
+    POINTS,
+    STEMS,
+    STEPS,
+    Band,
+    Bar,
+    Chapter,
+    Intervals,
+    Matrix,
+    Plot,
+    Series,
+    Table,
+)
+from logs.identification.drive.servo import identify_power, identify_torque
+from logs.identification.modes.short_period import identify_modes
+from logs.identification.report import Identification
+from logs.identification.report.fits import autocorrelation, theil_shares
+from logs.identification.report.html import page
+from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
+from logs.identification.report.svg import axis, round_step, written
+from logs.identification.report.words import number, rich, symbol
+from logs.identification.results import Estimate, estimate
+
+SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
+TRUTHS = {"K_tau": K_TAU, "K_tau0": K_TAU0, "short_period_frequency": 11.0, "short_period_damping": 0.6}
+
+
+class Outline(HTMLParser):
+    """Headings, visible words and tags that are not closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.headings: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "link"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] in ("h1", "h2", "h3", "h4"):
+            self.headings.append(data)
+        if "style" not in self.open:
+            self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def found() -> Identification:
+    modes = identify_modes(fly(Flight(seed=2)), AIRCRAFT)
+    drive = measure(simulate(Drives(duration=20.0)), Drives(duration=20.0))
+    return Identification(identify_torque(drive), identify_power(drive), modes, (), TRUTHS)
+
+
+@pytest.fixture(scope="module")
+def report(found: Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    drive = measure(simulate(Drives(duration=20.0)), Drives(duration=20.0))
+    path = tmp_path_factory.mktemp("report") / "bird.html"
+    assert write_report(path, SUBJECT, found, drive) == path.stat().st_size < 2_000_000
+    return path
+
+
+# --- the whole page ---------------------------------------------------------------------------------------------
+
+
+def test_every_chapter_is_there_and_every_tag_is_closed(report: Path) -> None:
+    outline = Outline(report.read_text(encoding="utf-8"))
+    assert outline.open == []
+    for title in (
+        "Findings", "Data used", "Modes", "Drive servos", "Model", "Parameters", "Correlation of the estimates",
+        "Fits", "Residuals", "Validation on held-out manoeuvres", "Torque", "Power", "Short period", "output error",
+    ):  # fmt: skip
+        assert title in outline.headings
+    words = " ".join(outline.words)
+    for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 manoeuvres were held out", "agree", "Theil"):
+        assert said in words
+
+
+def test_the_numbers_of_the_page_are_those_that_were_found(report: Path, found: Identification) -> None:
+    words = " ".join(Outline(report.read_text(encoding="utf-8")).words)
+    assert found.torque is not None and found.modes is not None
+    frequency = found.modes.modes[0].frequency
+    assert frequency is not None
+    for one in (*found.torque.estimates, frequency, *found.modes.modes[0].derivatives):
+        assert number(one.value, one.standard_error) in words
+        assert f"{number(one.low, one.standard_error)} to {number(one.high, one.standard_error)}" in words
+
+
+def test_held_out_manoeuvres_are_predicted_by_a_model_that_never_saw_them(found: Identification) -> None:
+    told = chapters(SUBJECT, found)
+    validation = next(one for one in told if one.title.startswith("Validation"))
+    table = validation.parts[0].tables[0]
+    r_squared = {row[0]: row[3] for row in table.rows}
+    assert set(r_squared) == {"q", "a_x", "a_z"}
+    assert isinstance(r_squared["q"], float) and 0.9 < r_squared["q"] < 1.0
+    drawn = [part.title for part in validation.parts[0].parts]
+    assert len(drawn) == 2 and all(title.startswith("manoeuvre") for title in drawn)
+
+
+def test_a_page_needs_no_network_and_no_script(report: Path) -> None:
+    text = report.read_text(encoding="utf-8")
+    assert not re.search(r"(?:src|href)=[\"'](?!#|data:)", text)
+    assert "<script" not in text and "@import" not in text and "url(" not in text
+
+
+def test_what_was_not_found_is_said_with_its_reason(found: Identification) -> None:
+    modes = found.modes
+    assert modes is not None
+    alone = modes._replace(problem=None, fits=())
+    words = page("t", (), chapters(SUBJECT, Identification(None, None, alone, (), {})))
+    assert "Validation" not in words and "Drive servos" not in words
+    for mode in modes.modes:
+        for one in mode.unidentified:
+            assert one.reason.replace("'", "&#x27;") in words
+
+
+def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, found: Identification) -> None:
+    path = tmp_path / "kept.html"
+    path.write_text("mine", encoding="utf-8")
+    for attempt in (lambda: refuse_existing(path), lambda: write_report(path, SUBJECT, found)):
+        with pytest.raises(BadInput, match=r"kept.html exists: it is not overwritten$"):
+            attempt()
+    assert path.read_text(encoding="utf-8") == "mine"
+    with pytest.raises(BadInput, match=r"there is no folder"):
+        refuse_existing(tmp_path / "nowhere" / "a.html")
+
+
+# --- its parts --------------------------------------------------------------------------------------------------
+
+
+def line(y: list[float], style: str = "line") -> Series:
+    return Series("<b>", np.arange(len(y), dtype=np.float64), np.array(y), MEASURED, style)
+
+
+def test_every_kind_of_picture_is_drawn_with_finite_numbers() -> None:
+    nan = float("nan")
+    series = (line([1.0, nan, 3.0]), *(line([0.0, 2.0, 1.0], style) for style in (DASHED, POINTS, STEMS, STEPS)))
+    ends = np.array([0.0, 2.0])
+    plot = Plot("a < b", "x", "s", "y", "m/s^2", series, (Band("band", ends, ends - 1, ends + 1),))
+    shown = Intervals(
+        "", (Bar("X_u", estimate("X_u", "1/s", -1.0, 0.1), -3.0), Bar("K", Estimate("K", "-", 1, 1, 0, 2)))
+    )
+    text = page("t", (), (Chapter("c", ("a & b",), plots=(plot, shown, Matrix("", ("a", "b"), np.eye(2)))),))
+    assert Outline(text).open == []
+    assert "a &amp; b" in text and "&lt;b&gt;" in text and "m/s²" in text
+    for path in re.findall(r' (?:d|points|x|cx|width)="([^"]*)"', text):
+        assert "nan" not in path and "inf" not in path
+
+
+def test_a_plot_without_a_finite_number_says_so() -> None:
+    text = page("t", (), (Chapter("c", plots=(Plot("", "x", "s", "y", "-", (line([float("nan")] * 3),)),)),))
+    assert "Nothing finite to draw." in text and "<svg" not in text
+
+
+def test_a_truth_outside_its_interval_stands_out() -> None:
+    inside, outside = (Intervals("", (Bar("K", Estimate("K", "-", 1, 1, 0, 2), truth),)) for truth in (1.5, 2.5))
+    texts = [page("t", (), (Chapter("c", plots=(one,)),)) for one in (inside, outside)]
+    assert ['class="number out"' in text for text in texts] == [False, True]
+
+
+def test_a_long_line_is_thinned_to_what_the_eye_sees() -> None:
+    rng = np.random.default_rng(1)
+    y = rng.normal(size=200_000)
+    y[123_456] = 40.0
+    text = page("t", (), (Chapter("c", plots=(Plot("", "x", "s", "y", "-", (line(list(y)),)),)),))
+    assert len(text) < 200_000
+    path = re.search(r'class="measured line" d="([^"]*)"', text)
+    assert path is not None
+    heights = [float(pair.split()[1]) for pair in re.findall(r"[ML]([\d.]+ [\d.]+)", path[1])]
+    # The one spike is the highest point of the plot, far above all others.
+    assert min(heights) < sorted(heights)[1] - 50
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0)])
+def test_an_axis_has_round_numbers_inside_it_that_differ_as_text(low: float, high: float) -> None:
+    one = axis(low, high, 50.0, 350.0, 5)
+    assert 2 <= len(one.ticks) <= 11
+    assert all(one.low - 1e-9 * abs(one.low) <= tick <= one.high + 1e-9 * abs(one.high) for tick in one.ticks)
+    texts = [written(tick, one.ticks[1] - one.ticks[0]) for tick in one.ticks]
+    assert len(set(texts)) == len(texts)
+
+
+def test_steps_are_one_two_or_five() -> None:
+    assert [round_step(value) for value in (0.011, 0.2, 2.1, 501.0)] == pytest.approx([0.02, 0.2, 5.0, 1000.0])
+
+
+def test_numbers_have_the_digits_that_their_error_leaves() -> None:
+    assert number(-11.6543, 0.32) == "−11.65"
+    assert number(1234.56, 30.0) == "1235"
+    assert number(-0.00001, 0.2) == "0"
+    assert number(float("nan")) == "–"
+
+
+def test_symbols_have_subscripts_and_file_names_have_none() -> None:
+    assert symbol("X_delta") == "<i>X</i><sub>δ</sub>"
+    assert symbol("K_tau0") == "<i>K</i><sub>τ0</sub>"
+    assert symbol("short_period_damping") == "short period damping"
+    assert rich("M_w of b_1.mcap, a_flight.mcap") == "<i>M</i><sub>w</sub> of b_1.mcap, a_flight.mcap"
+
+
+def test_theils_coefficient_tells_bias_from_noise() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.sin(np.linspace(0, 20, 2000))
+    assert theil_shares(truth, truth)[0] == 0.0
+    assert theil_shares(truth, -truth)[0] == pytest.approx(1.0)
+    _, bias, _, _ = theil_shares(truth, truth + 0.5)
+    assert bias == pytest.approx(1.0)
+    u, bias, variance, covariance = theil_shares(truth + 0.1 * rng.normal(size=2000), truth)
+    assert u < 0.1 and bias < 0.02 and covariance > 0.9
+    assert bias + variance + covariance == pytest.approx(1.0)
+
+
+def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
+    rng = np.random.default_rng(5)
+    white = [rng.normal(size=400) for _ in range(5)]
+    values, half = autocorrelation(white, 40)
+    assert values[0] == pytest.approx(1.0)
+    assert np.mean(np.abs(values[1:]) < half) > 0.85
+    coloured = [np.convolve(one, np.ones(10), "valid") for one in white]
+    values, half = autocorrelation(coloured, 40)
+    assert values[5] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_tables_numbers_are_on_the_right() -> None:
+    text = page("t", (), (Chapter("c", tables=(Table(("name", "x"), (("a", 1.5), ("b", None)), "told"),)),))
+    assert '<th class="number">x</th>' in text and "<th>name</th>" in text and "<caption>told</caption>" in text
