@@ -1,0 +1,48 @@
+"""``wingbeat identify --report`` and ``--model``: refused before the long work, one clear line."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from avionics.quantities import BadInput
+from groundstation.command import identify
+from groundstation.command.identify_out import sha256
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "told"),
+    [
+        ("--report", "kept.html", r"kept.html exists: it is not overwritten$"),
+        ("--model", "kept.toml", r"kept.toml exists: it is not overwritten$"),
+        ("--model", "kept.html", r"^--model .*kept.html: the name of a model ends in .toml$"),
+        ("--model", "bird.toml", r"bird exists: it is not overwritten$"),
+        ("--report", "nowhere/a.html", r"there is no folder"),
+    ],
+)
+def test_a_file_that_exists_is_refused_before_the_log_is_opened(
+    tmp_path: Path, option: str, name: str, told: str
+) -> None:
+    for kept in ("kept.html", "kept.toml"):
+        (tmp_path / kept).write_text("mine", encoding="utf-8")
+    (tmp_path / "bird").mkdir()
+    with pytest.raises(BadInput, match=told) as refused:
+        identify.run([str(tmp_path / "no_such_log.mcap"), option, str(tmp_path / name)])
+    assert "\n" not in str(refused.value)
+    assert (tmp_path / "kept.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_the_hash_is_that_of_the_whole_file(tmp_path: Path) -> None:
+    data = bytes(range(256)) * 9000
+    path = tmp_path / "a.mcap"
+    path.write_bytes(data)
+    assert sha256(path) == hashlib.sha256(data).hexdigest()
+
+
+def test_help_has_both_options_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        identify.run(["--help"])
+    text = capsys.readouterr().out
+    assert "--report OUT.html" in text and "--model OUT.toml" in text and "wingbeat fly --vehicle OUT" in text
