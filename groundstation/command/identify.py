@@ -52,7 +52,8 @@ JSON_KEYS = {
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
     " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
-    " held_out, samples, r_squared, rms, theil, white}, samples, notes}; modes: as above or null; notes",
+    " held_out, samples, r_squared, rms, theil, white}, samples, notes}; modes: as above or null; missing: list of"
+    " {name, reason}; notes",
 }
 
 
@@ -64,8 +65,8 @@ TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
-        "Identify the servo torque and power models and the short-period mode or the wings' coefficients from a log; modes and aerodynamic"
-        " coefficients from tables of numbers that a map explains."
+        "Identify the servo torque and power models, the short-period mode or the wings' coefficients from a log;"
+        " modes and aerodynamic coefficients from tables of numbers that a map explains."
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
     parser.usage = f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"

@@ -21,8 +21,8 @@ def table_identification(found: TableIdentification) -> RenderableType:
         parts += [*_fit(fit), Text()]
     if found.modes is not None:
         parts += [identification_table(Identification(None, None, found.modes, (), {})), Text()]
-    parts += [Text(note, style="dim") for note in found.notes]
-    return Group(*(parts if found.notes else parts[:-1]))
+    last = [f"{one.name}: {one.reason}" for one in found.missing] + list(found.notes)
+    return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 
 def _data(found: TableIdentification) -> str:

@@ -183,9 +183,8 @@ def _longitudinal(asked: OutputError, constants: Mapping[str, float], _: tuple[E
 
 def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
     inputs = asked.inputs
-    states: tuple[str, ...] = ("beta", "p", "r", "phi")
     left_out = {*inputs, *(("phi",) if "beta" in inputs and "phi" not in asked.outputs else ())}
-    states = tuple(name for name in states if name not in left_out)
+    states = tuple(name for name in ("beta", "p", "r", "phi") if name not in left_out)
     return _linear(lateral(_steady(asked, constants), inputs, states), inputs)
 
 

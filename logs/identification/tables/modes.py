@@ -39,8 +39,12 @@ def modes_fit(
         table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
         fits, known = [table], (_mode(table, fit, chosen),)
     first = asked.inputs[0] if asked.inputs else None
-    kinds = asked.kinds or None
-    return fits, modes_of_experiments(found.fitted, first, asked.outputs, kinds, known)
+    try:
+        return fits, modes_of_experiments(found.fitted, first, asked.outputs, asked.kinds or None, known)
+    except BadInput as error:
+        if not known:
+            raise
+        return fits, ModesResult(known, None, f"no comparison: {error}", None, len(found.fitted), None)
 
 
 def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:

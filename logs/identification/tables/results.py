@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from logs.identification.modes.mode import ModesResult
-from logs.identification.results import Fitted
+from logs.identification.results import Fitted, Unidentified
 
 NOTABLE = 0.9
 """-; absolute correlation of two estimates that is told"""
@@ -73,6 +73,8 @@ class TableIdentification(NamedTuple):
     """by every method; None where not asked for"""
     notes: tuple[str, ...]
     """-; what was dropped, filled or found strange, one sentence each"""
+    missing: tuple[Unidentified, ...] = ()
+    """what was asked for and is not to be had, and why"""
 
 
 def finite(value: float | None) -> float | None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from avionics.quantities import BadInput
+from logs.identification.modes.mode import ModesResult
+from logs.identification.results import Unidentified
 from logs.identification.tables.constants import read_constants
 from logs.identification.tables.experiments import Cut, cut
-from logs.identification.tables.map import AeroSection, Map, load_map
+from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.regressions import regression_fit
@@ -51,21 +54,54 @@ def _of_map(mapping: Path, work: Callable[[], T]) -> T:
 
 
 def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
+    """Each fit for itself: what the one lacks the others may not need.
+
+    Raises:
+        BadInput: none of them can be had.
+    """
     constants = read_constants(chosen.constants)
+    missing: list[Unidentified] = []
     fits: list[TableFit] = []
-    modes, notes = None, list(found.notes)
+    modes: ModesResult | None = None
     if chosen.modes is not None and what in ("modes", "all"):
-        one, modes = modes_fit(chosen.modes, found, constants, chosen.time.fill)
-        fits += one
+        asked = chosen.modes
+        told = _attempt("modes", lambda: modes_fit(asked, found, constants, chosen.time.fill), missing)
+        fits, modes = told or ([], None)
     if chosen.aero is not None and what in ("aero", "all"):
-        fits += _aero(chosen.aero, found, constants, chosen.time.fill)
+        for name, work in _aero(chosen.aero, found, constants, chosen.time.fill):
+            one = _attempt(name, work, missing)
+            fits += [] if one is None else [one]
+    if not fits and modes is None:
+        raise BadInput("; ".join(dict.fromkeys(one.reason for one in missing)))
     fitted, held = (tuple(one.name for one in part) for part in (found.fitted, found.held_out))
     files = tuple(dict.fromkeys(name.rpartition(" of ")[2] for name in (*fitted, *held)))
-    return TableIdentification(files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(notes)))
+    return TableIdentification(
+        files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing)
+    )
 
 
-def _aero(section: AeroSection, found: Cut, constants: dict[str, float], fill: float | None) -> list[TableFit]:
+def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T | None:
+    try:
+        return work()
+    except BadInput as error:
+        missing.append(Unidentified(name, str(error)))
+        return None
+
+
+def _aero(
+    section: AeroSection, found: Cut, constants: dict[str, float], fill: float | None
+) -> list[tuple[str, Callable[[], TableFit]]]:
+    """What is asked for, by name, and the work."""
     if not section.regressions and not section.output_error:
         raise BadInput("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
-    fits = [regression_fit(asked, found, constants) for asked in section.regressions]
-    return fits + [output_error_fit("aero", asked, found, constants, fill)[0] for asked in section.output_error]
+    work: list[tuple[str, Callable[[], TableFit]]] = [
+        (f"regression of {one.response}", partial(regression_fit, one, found, constants))
+        for one in section.regressions
+    ]
+    for model in section.output_error:
+        work.append((f"output error, {model.model}", partial(_model_fit, model, found, constants, fill)))
+    return work
+
+
+def _model_fit(asked: OutputError, found: Cut, constants: dict[str, float], fill: float | None) -> TableFit:
+    return output_error_fit("aero", asked, found, constants, fill)[0]

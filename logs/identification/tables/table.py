@@ -30,7 +30,8 @@ class Layout(NamedTuple):
     """whether a line of names stands above the numbers; columns are numbered from 1 in any case"""
     skip: int | None = None
     """lines before the one with the names, or before the first row where there are none"""
-    encoding: str = "utf-8"
+    encoding: str | None = None
+    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 where not told"""
     missing: tuple[float, ...] = ()
     """numbers that stand for "not measured" in any column, such as -9999"""
 
@@ -87,7 +88,7 @@ def read_columns(path: Path, layout: Layout) -> Columns:
 
 
 def _columns(file: str, data: bytes, layout: Layout) -> Columns:
-    lines = [_uncommented(line) for line in decoded(data, layout.encoding).splitlines()]
+    lines = [_uncommented(line) for line in _text(data, layout.encoding).splitlines()]
     if layout.skip is not None:
         if layout.skip < 0:
             raise BadInput("table.skip must be 0 or more")
@@ -100,6 +101,17 @@ def _columns(file: str, data: bytes, layout: Layout) -> Columns:
     body = "\n".join(lines[first:]).encode()
     table = parse_table(body, {"delimiter": form.delimiter, "decimal": form.decimal, "names": False})
     return _named(file, table, names, layout)
+
+
+def _text(data: bytes, encoding: str | None) -> str:
+    if encoding is not None:
+        return decoded(data, encoding)
+    for guess in ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "cp1252"):
+        try:
+            return decoded(data, guess)
+        except BadInput:
+            continue
+    raise BadInput('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
 
 
 def _uncommented(line: str) -> str:

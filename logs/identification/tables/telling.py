@@ -8,6 +8,9 @@ from logs.identification.report.numbers import Identification, document
 from logs.identification.results import Estimate
 from logs.identification.tables.results import OutputFit, TableFit, TableIdentification, finite
 
+LITTLE = 0.5
+"""-; R^2 under which a model is said to explain little"""
+
 
 class NumberRow(NamedTuple):
     """One number of a fit."""
@@ -31,6 +34,10 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
         f"{one.name} not identified: {one.reason}" for one in fit.fitted.unidentified if one.reason != fit.failure
     ]
     lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
+    poor = [one for one in fit.outputs if one.r_squared < LITTLE]
+    lines += [
+        f"the model explains {100 * max(one.r_squared, 0):.0f} % of {one.output} in {one.experiment}" for one in poor
+    ]
     coloured = [one for one in fit.outputs if one.white is False and not one.held_out]
     if coloured:
         names = ", ".join(dict.fromkeys(one.output for one in coloured))
@@ -52,6 +59,7 @@ def table_document(found: TableIdentification) -> dict[str, Any]:
         "manoeuvres": {"fitted": list(found.experiments), "held_out": list(found.held_out)},
         "fits": [_fit(fit) for fit in found.fits],
         "modes": modes,
+        "missing": [one._asdict() for one in found.missing],
         "notes": list(found.notes),
     }
 

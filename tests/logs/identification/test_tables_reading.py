@@ -44,13 +44,15 @@ TABLES = {
     "comment's sign before the names, and units": "# t, a\n# s, deg\n0,100\n0.5,-2.5\n",
     "a preamble, Windows' line ends, a delimiter at the end": "Flight 12\r\nt,a\r\n0,100,\r\n0.5,-2.5,\r\n",
     "quoted": '"t","a"\n"0","100"\n"0.5","-2.5"\n',
+    "another encoding": "t,a\n\u00b0,\u00b0/s\n0,100\n0.5,-2.5\n",
     "byte order mark": "\ufefft,a\n0,100\n0.5,-2.5\n",
 }
 
 
 @pytest.mark.parametrize("name", TABLES)
 def test_the_same_numbers_however_written(tmp_path: Path, name: str) -> None:
-    columns = read(tmp_path, TABLES[name])
+    text = TABLES[name]
+    columns = read(tmp_path, text.encode("cp1252") if name == "another encoding" else text)
     assert columns.column(1, "key").tolist() == [0.0, 0.5]
     assert columns.column(2, "key").tolist() == [100.0, -2.5]
     if "no names" not in name:
@@ -74,7 +76,7 @@ def test_cells_that_are_no_numbers_and_short_rows_are_told(tmp_path: Path) -> No
     [
         ("", "empty"),
         ("only words\nand more\n", "no row of numbers"),
-        (b"t,a\n\xff\xfe1,2\n", "no text in UTF-8"),
+        (b"t,a\n\x81\xfe1,2\n", "no text in UTF-8"),
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, told: str) -> None:
