@@ -10,7 +10,7 @@ import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
-from logs.identification.output_error.fit import output_error
+from logs.identification.output_error.fit import Search, output_error
 from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import filled, gaps
@@ -26,6 +26,8 @@ from logs.identification.tables.results import TableFit
 from logs.identification.tables.signals import LONGEST_FILL
 from logs.identification.tables.starts import begin
 
+BESIDE = Search(starts=4)
+"""where Gauss-Newton does not arrive: from starts beside the first as well"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
 LONGEST_DELAY = 1.0
@@ -52,9 +54,12 @@ def output_error_fit(
     held = driven(found.held_out, chosen, fill) if found.held_out else Driven((), ())
     names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
     fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    starts = begin(chosen.model, chosen.parameters, fitted.experiments, constants, chosen.linear)
-    problem = _problem(asked, chosen, fitted.experiments, {**starts, **fixed}, names)
-    fit = output_error(problem)
+    found_starts = _starts(chosen, fitted.experiments, constants)
+    for starts, search in [(one, Search()) for one in found_starts] + [(found_starts[-1], BESIDE)]:
+        problem = _problem(asked, chosen, fitted.experiments, {**starts, **fixed}, names)
+        fit = output_error(problem, search)
+        if fit.status not in ("not converged", "diverged"):
+            break
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
@@ -126,6 +131,15 @@ def _problem(
         chosen.model, experiments, sought, asked.outputs,
         Nuisances(output_biases=biases, input_biases=chosen.input_biases(asked.outputs)),
     )  # fmt: skip
+
+
+def _starts(
+    chosen: Chosen, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """The starts that the map gives, and where it gives any, those without them."""
+    unaided = {name: one._replace(start=None) for name, one in chosen.parameters.items()}
+    tried = [chosen.parameters] if unaided == chosen.parameters else [chosen.parameters, unaided]
+    return [begin(chosen.model, one, experiments, constants, chosen.linear) for one in tried]
 
 
 def _shortened(one: Estimate) -> Estimate:
