@@ -20,7 +20,7 @@ def table_identification(found: TableIdentification) -> RenderableType:
     for fit in found.fits:
         parts += [*_fit(fit), Text()]
     if found.modes is not None:
-        parts += [identification_table(Identification(None, None, found.modes, (), {})), Text()]
+        parts += [identification_table(Identification(modes=found.modes)), Text()]
     last = [f"{one.name}: {one.reason}" for one in found.missing] + list(found.notes)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 

@@ -30,19 +30,19 @@ POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary 
 class Identification(NamedTuple):
     """What was identified from one log; None for what was not asked for or not to be had."""
 
-    torque: ServoModel | None
+    torque: ServoModel | None = None
     """Gerdes Eq. 11"""
-    power: ServoModel | None
+    power: ServoModel | None = None
     """Gerdes Eq. 12"""
-    load: ServoModel | None
+    load: ServoModel | None = None
     """the wings' load on the drives, Gerdes Table 5"""
-    frequency: FrequencyModel | None
+    frequency: FrequencyModel | None = None
     """flapping frequency against throttle"""
-    modes: ModesResult | None
+    modes: ModesResult | None = None
     """short period"""
-    missing: tuple[Unidentified, ...]
+    missing: tuple[Unidentified, ...] = ()
     """what the log does not give, and why"""
-    truths: Mapping[str, float]
+    truths: Mapping[str, float] = {}
     """true values by an estimate's name, where they are known (`power.` before those of Eq. 12)"""
     aero: AeroResult | None = None
     """coefficients of the wings, Grauer Eq. 17 to 19"""
@@ -98,7 +98,7 @@ def identify(
     if what in ("modes", "all"):
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if what == "aero":
-        return Identification(None, None, None, None, None, (), known, identify_aero(source, bodies, aircraft.imu))
+        return Identification(truths=known, aero=identify_aero(source, bodies, aircraft.imu))
     if all(found is None for found in (torque, power, load, frequency, modes)):
         raise BadInput("; ".join(entry.reason for entry in missing))
     return Identification(torque, power, load, frequency, modes, tuple(missing), known)

@@ -53,7 +53,7 @@ def heading(fit: TableFit) -> str:
 
 def table_document(found: TableIdentification) -> dict[str, Any]:
     """The result as a JSON document; a number that is not finite is null."""
-    modes = None if found.modes is None else document(Identification(None, None, found.modes, (), {}))["modes"]
+    modes = None if found.modes is None else document(Identification(modes=found.modes))["modes"]
     return {
         "files": list(found.files),
         "manoeuvres": {"fitted": list(found.experiments), "held_out": list(found.held_out)},

@@ -69,7 +69,7 @@ class Outline(HTMLParser):
 def found() -> Identification:
     modes = identify_modes(fly(Flight(seed=2)), AIRCRAFT)
     drive = measure(simulate(Drives(duration=20.0)), Drives(duration=20.0))
-    return Identification(identify_torque(drive), identify_power(drive), modes, (), TRUTHS)
+    return Identification(identify_torque(drive), identify_power(drive), modes=modes, truths=TRUTHS)
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_what_was_not_found_is_said_with_its_reason(found: Identification) -> No
     modes = found.modes
     assert modes is not None
     alone = modes._replace(problem=None, fits=())
-    words = page("t", (), chapters(SUBJECT, Identification(None, None, alone, (), {})))
+    words = page("t", (), chapters(SUBJECT, Identification(modes=alone)))
     assert "Validation" not in words and "Drive servos" not in words
     for mode in modes.modes:
         for one in mode.unidentified:
