@@ -15,9 +15,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.drive.servo import ServoModel
 from logs.identification.experiment import Experiment
-from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"

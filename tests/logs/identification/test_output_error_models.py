@@ -5,13 +5,29 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
-from output_error_cases import JET, JET_TRUTH, LATERAL, LATERAL_TRUTH, LONGITUDINAL, LONGITUDINAL_TRUTH, steps, vector
+from output_error_cases import (
+    JET,
+    JET_TRUTH,
+    LATERAL,
+    LATERAL_TRUTH,
+    LONGITUDINAL,
+    LONGITUDINAL_TRUTH,
+    covered,
+    measured,
+    noise,
+    steps,
+    vector,
+)
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
+from avionics.quantities import BadInput
+from logs.identification.output_error.fit import output_error
+from logs.identification.output_error.models.actuated import actuated
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
 from logs.identification.output_error.models.stability import Steady, lateral, short_period
+from logs.identification.output_error.problem import Parameter, Problem
 
 TIME = 0.02 * np.arange(400)
 
@@ -114,3 +130,23 @@ def test_density_as_number_signal_or_dynamic_pressure_are_one() -> None:
         first.append(model.simulate(vector(model, JET_TRUTH), start, inputs, 0.1)[0])
     np.testing.assert_allclose(first[1], first[0])
     np.testing.assert_allclose(first[2], first[0])
+
+
+def test_a_lag_and_a_delay_of_the_elevator_are_those_of_scipy_and_are_found() -> None:
+    inner = short_period(Steady(20.0))
+    model = actuated(inner, ("delta_e",))
+    truth = {"Z_alpha": -2.0, "M_alpha": -15.0, "M_q": -3.0, "M_delta": -20.0}
+    late = {"delay_delta_e": 0.06, "lag_delta_e": 0.05}
+    inputs = steps(TIME, 0.5, 0.4, 0.05)[:, None]
+    flown = model.simulate(vector(model, truth | late), np.zeros(2), inputs, 0.02)
+    _, behind, _ = lsim(([1.0], [0.05, 1.0]), np.concatenate((np.zeros(3), inputs[:-3, 0])), TIME)
+    expected = inner.simulate(vector(inner, truth), np.zeros(2), np.asarray(behind)[:, None], 0.02)
+    np.testing.assert_allclose(flown, expected, atol=1e-9)
+    noisy = flown + noise(1, flown.shape, 0.02 * flown.std(axis=0))
+    record = measured("late", TIME, model, noisy, inputs)
+    free = {name: Parameter(0.8 * value) for name, value in truth.items()}
+    free |= {name: Parameter(0.04, low=0.0, high=0.3) for name in late}
+    fit = output_error(Problem(model, (record,), free, ("alpha", "q", "a_z")))
+    assert covered(fit, truth | late) >= 5  # of 6
+    with pytest.raises(BadInput, match="no input flap"):
+        actuated(inner, ("flap",))

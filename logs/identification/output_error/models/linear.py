@@ -20,6 +20,8 @@ ONE = "1"
 """the regressor of constants"""
 OVERFLOW = 1e12
 SERIES = 13
+LARGEST_RATE = 1e12
+"""-; per sample: what moves faster is no flight"""
 
 
 class Term(NamedTuple):
@@ -79,11 +81,10 @@ class LinearModel(NamedTuple):
         block = np.zeros((size, size))
         block[:n, : n + k + 1] = whole[:n] * step
         block[n : n + k + 1, n + k + 1 :] = np.eye(k + 1)
-        halvings = max(0, int(np.ceil(np.log2(np.max(np.abs(block)) * size + 1e-30))) + 1)
-        table = np.empty((len(inputs), len(self.outputs)))
-        if halvings > 60:
-            table.fill(np.nan)
+        table, largest = np.full((len(inputs), len(self.outputs)), np.nan), float(np.max(np.abs(block)))
+        if not largest < LARGEST_RATE:
             return table
+        halvings = max(0, int(np.ceil(np.log2(largest * size + 1e-30))) + 1)
         _exponential(block / 2.0**halvings, halvings, total := np.eye(size))
         _fly(total, whole, np.ascontiguousarray(start), np.ascontiguousarray(inputs), table)
         return table
