@@ -23,8 +23,10 @@ GRID = 24
 DAMPINGS = (0.05, 0.3, 0.8)
 SLOWER = (0.08, 0.2, 0.4)
 """-; of the short period's frequency: where the phugoid is looked for"""
-LEAST_TURN = 0.5
-"""-; of a period that the ring-down must span"""
+LEAST_EXPLAINED = 0.8
+"""-; of the power about the drift"""
+LEAST_TURN = 2.0
+"""-; periods that the ring-down must span: gusts ring the aircraft as well, and fit as lightly damped ones in less"""
 LARGEST_DAMPING = 0.4
 """-; a quarter of a cycle to half amplitude. Above, the drift took the phugoid for damping: at 0.6 3 % too little"""
 
@@ -126,6 +128,8 @@ def _doubt(fit: SeparableFit, rings: tuple[Record, ...]) -> str:
     """Why the fitted numbers may not be used; empty where they may."""
     if not determined(fit.sensitivities):
         return "the ring-down does not determine frequency and damping"
+    if explained(fit, rings) < LEAST_EXPLAINED:
+        return "what follows the input is mostly not its free motion: turbulence, or noise"
     longest = max(len(ring.outputs) * ring.step for ring in rings)
     for frequency, damping in fit.values.reshape(-1, 2):
         if not frequency > 0:
@@ -133,8 +137,19 @@ def _doubt(fit: SeparableFit, rings: tuple[Record, ...]) -> str:
         if damping > LARGEST_DAMPING:
             return "it falls to half within a quarter of a cycle: decay and drift are not told apart"
         if frequency * longest < LEAST_TURN * 2 * math.pi:
-            return "the ring-down is shorter than half a period of what it may hold"
+            return "the ring-down is shorter than two periods of what it may hold"
     return ""
+
+
+def explained(fit: SeparableFit, rings: tuple[Record, ...]) -> float:
+    """Share of the power about the slow drift that the waves explain, of the output where it is largest."""
+    total = np.zeros(rings[0].outputs.shape[1])
+    for ring in rings:
+        drift = np.vander(np.linspace(-1, 1, len(ring.outputs)), DRIFT_ORDER + 1)
+        rest = ring.outputs - drift @ np.linalg.lstsq(drift, ring.outputs, rcond=None)[0]
+        total += np.sum(rest**2, axis=0)
+    left = np.sum(np.vstack(fit.residuals) ** 2, axis=0) * fit.deviation**2
+    return float(np.max(1 - left / np.maximum(total, 1e-300)))
 
 
 def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds: tuple[str, ...]) -> Mode:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.signal import lfilter
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
@@ -38,6 +39,8 @@ class Flight(NamedTuple):
     modulation: float = 0.0
     aircraft: Aircraft = AIRCRAFT
     truth: dict[str, float] = TRUTH
+    gust: float = 0.0
+    """m/s; standard deviation along and across"""
 
 
 def model_of(flight: Flight) -> Matrices:
@@ -78,9 +81,10 @@ def fly(flight: Flight) -> FlightData:
     strokes = wing_strokes(rng, count, 0.01 * flight.shaking)
     trim = 0.05
     command = trim + excitation
-    states, tail = _motion(flight, command - trim, strokes)
+    states, tail, gust = _motion(flight, command - trim, strokes)
     model = model_of(flight)
-    outputs = states @ model.c.T + np.outer(tail, model.d)
+    through_air = states - np.pad(gust, ((0, 0), (0, 2)))
+    outputs = through_air @ model.c.T + np.outer(tail, model.d)
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
     noise = flight.noise * rng.normal(size=(4, count))
     return FlightData(
@@ -89,7 +93,7 @@ def fly(flight: Flight) -> FlightData:
         outputs[:, 1] + 0.15 * noise[1] + STANDARD_GRAVITY * np.sin(REFERENCE.pitch),
         outputs[:, 2] + 0.15 * noise[2] - STANDARD_GRAVITY * np.cos(REFERENCE.pitch) + 0.05,
         outputs[:, 3] + REFERENCE.pitch,
-        REFERENCE.airspeed + states[:, 0] + 0.1 * noise[3],
+        REFERENCE.airspeed + through_air[:, 0] + 0.1 * noise[3],
         np.full(count, REFERENCE.airspeed * np.sin(REFERENCE.pitch - np.arctan2(REFERENCE.w, REFERENCE.u))),
         command,
         strokes,
@@ -111,7 +115,7 @@ def _shaking(phase: Array) -> Array:
 
 
 @njit(cache=True)
-def _integrate(a, b, command, strokes, start, constant, modulation):  # type: ignore[no-untyped-def]
+def _integrate(a, b, command, strokes, start, constant, modulation, gust):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
     fine = 10
     dt = STEP / fine
@@ -124,19 +128,30 @@ def _integrate(a, b, command, strokes, start, constant, modulation):  # type: ig
         now = a.copy()
         now[1:3, 1] *= swing
         now[2, 2] *= swing
+        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1])
         for _ in range(fine):
-            middle = x + dt / 2 * (now @ x + b * tail)
+            middle = x + dt / 2 * (now @ x + b * tail + blown)
             between = command[k] + (tail - command[k]) * half
-            x = x + dt * (now @ middle + b * between)
+            x = x + dt * (now @ middle + b * between + blown)
             tail = command[k] + (tail - command[k]) * whole
     return states, tails
 
 
-def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array]:
-    """States (N, 4) and tail angle (N,)."""
+def gusts(flight: Flight, count: int) -> Array:
+    """Gusts (N, 2) along x and z in m/s: first-order colour with the length scales of MIL-F-8785C at 15 m."""
+    white = np.random.default_rng(flight.seed + 20_000).normal(size=(count, 2))
+    poles = np.exp(-STEP * REFERENCE.airspeed / np.array([90.0, 15.0]))
+    return flight.gust * np.column_stack(
+        [lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], column) for pole, column in zip(poles, white.T, strict=True)]
+    )
+
+
+def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array, Array]:
+    """States (N, 4), tail angle (N,) and gusts (N, 2); u and w are over ground."""
     rng = np.random.default_rng(flight.seed + 10_000)
     start = np.array([*rng.normal(0, 0.05, 3) * [1, 1, 0.2], 0.0])
     model = model_of(flight)
     constant = flight.aircraft.tail_time_constant
-    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation)
-    return states, tails
+    gust = gusts(flight, len(command))
+    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust)
+    return states, tails, gust

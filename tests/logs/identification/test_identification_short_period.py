@@ -198,3 +198,20 @@ def test_error_propagation_is_linear_in_a_linear_function() -> None:
     value, error = propagate(lambda v: np.array([2 * v[0] - v[1]]), np.array([1.0, 5.0]), covariance)
     assert value[0] == -3
     assert error[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
+
+
+def test_in_gusts_methods_without_a_physical_model_refuse_and_say_why() -> None:
+    """GIVEN gusts that ring the aircraft as its inputs do THEN no transfer function and no ring-down is believed."""
+    found = {mode.method: mode for mode in identify(Flight(seed=2, gust=0.5)).modes}
+    for method in ("equivalent system", "free response", "spectrum"):
+        assert found[method].frequency is None
+        assert found[method].unidentified[0].reason
+
+
+def test_a_lightly_damped_mode_is_found_by_every_method_that_its_records_allow() -> None:
+    flight = Flight(seed=1, truth=TRUTH | {"M_q": -0.5, "Z_w": -1.0}, settle=2.5)
+    result = identify(flight)
+    given = {mode.method: mode.frequency for mode in result.modes if mode.frequency is not None}
+    assert {"output error", "equation error, frequency domain", "equivalent system", "free response"} <= set(given)
+    assert all(found.value == pytest.approx(true_mode(flight)[0], rel=0.01) for found in given.values())
+    assert result.agree
