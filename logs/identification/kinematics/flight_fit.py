@@ -19,7 +19,7 @@ from logs.identification.kinematics.flight_records import (
 from logs.identification.kinematics.rigid_motion import STATES
 from logs.identification.results import Array, Unidentified
 
-ITERATIONS = 30
+ITERATIONS = 50
 CONVERGED = 0.02
 """-; largest step, in standard errors"""
 DEPENDENT = 1e-9
