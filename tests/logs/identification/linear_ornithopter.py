@@ -14,7 +14,7 @@ from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matri
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
 
-REFERENCE = Reference(7.5, 1.6, 0.25, 7.67)
+REFERENCE = Reference(7.5, 1.6, 0.25, 7.67, elevator=0.05)
 AIRCRAFT = Aircraft(imu_x=0.05, imu_z=0.0, tail_time_constant=0.04)
 TRUTH = dict(
     zip(
