@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-
 from logs.identification.regression.colour import colour_of, coloured_information, parzen
 
 LAGS = 31
