@@ -22,7 +22,7 @@ SETTLE = 0.6
 """s; after a change of throttle, left out"""
 LEAST_STROKES = 3
 LEAST_SEGMENTS = 4
-CHANCE = 0.05
+CHANCE = 0.02
 """-; at which a term of the fit is taken up though there is none"""
 LEAST_RANGE = 0.05
 """-; of throttle over all stretches"""
@@ -230,7 +230,12 @@ def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Ar
     values = inverse @ (design.T @ (shares * frequency))
     left = frequency - design @ values
     variance = float(shares @ left**2) / max(len(frequency) - design.shape[1], 1)
-    return values, inverse * variance, float(np.sqrt(variance))
+    leverage = shares * np.einsum("ni,ij,nj->n", design, inverse, design)
+    scores = design * (shares * left / np.maximum(1.0 - leverage, 1e-6))[:, None]
+    # A fast beat wanders by more hertz than a slow one (HC3 of MacKinnon & White, J. Econometrics 29, 1985).
+    uneven, even = inverse @ (scores.T @ scores) @ inverse, inverse * variance
+    ratio = np.sqrt(np.maximum(np.diag(uneven) / np.maximum(np.diag(even), 1e-300), 1.0))
+    return values, even * np.outer(ratio, ratio), float(np.sqrt(variance))
 
 
 def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Unidentified:
