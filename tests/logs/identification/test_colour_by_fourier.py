@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from logs.identification.regression.colour import colour_of, coloured_information, parzen
+
+from logs.identification.accuracy.colour import colour_of, coloured_information, parzen
 
 LAGS = 31
 

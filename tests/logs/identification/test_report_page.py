@@ -27,7 +27,8 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
-from logs.identification.drive.servo import identify_power, identify_torque
+from logs.identification.drive.power import identify_power
+from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import Identification
 from logs.identification.report.fits import autocorrelation, theil_shares
