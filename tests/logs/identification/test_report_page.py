@@ -31,7 +31,7 @@ from logs.identification.drive.power import identify_power
 from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import Identification
-from logs.identification.report.fits import autocorrelation, theil_shares
+from logs.identification.report.fits import autocorrelation
 from logs.identification.report.html import page
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import axis, round_step, written
@@ -217,18 +217,6 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("K_tau0") == "<i>K</i><sub>τ0</sub>"
     assert symbol("short_period_damping") == "short period damping"
     assert rich("M_w of b_1.mcap, a_flight.mcap") == "<i>M</i><sub>w</sub> of b_1.mcap, a_flight.mcap"
-
-
-def test_theils_coefficient_tells_bias_from_noise() -> None:
-    rng = np.random.default_rng(0)
-    truth = np.sin(np.linspace(0, 20, 2000))
-    assert theil_shares(truth, truth)[0] == 0.0
-    assert theil_shares(truth, -truth)[0] == pytest.approx(1.0)
-    _, bias, _, _ = theil_shares(truth, truth + 0.5)
-    assert bias == pytest.approx(1.0)
-    u, bias, variance, covariance = theil_shares(truth + 0.1 * rng.normal(size=2000), truth)
-    assert u < 0.1 and bias < 0.02 and covariance > 0.9
-    assert bias + variance + covariance == pytest.approx(1.0)
 
 
 def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
