@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
 from logs.identification.accuracy.autoregression import Autoregression, autocovariance, autoregression_of, runs
@@ -124,9 +125,14 @@ def _free(records: tuple[Linear, ...]) -> float:
 
 def correlate(columns: Array) -> Array:
     """Sum of each column of ``columns`` (N, k) times itself, at lags 0 to N - 1: (N, k)."""
-    size = 2 * len(columns)
+    size = _room_for(2 * len(columns))
     power = np.abs(np.fft.rfft(columns, size, axis=0)) ** 2
     return np.asarray(np.fft.irfft(power, size, axis=0)[: len(columns)])
+
+
+def _room_for(samples: int) -> int:
+    """An even number of samples, as many or some more, whose Fourier transform is fast."""
+    return 2 * int(next_fast_len((samples + 1) // 2, real=True))
 
 
 def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
@@ -134,12 +140,13 @@ def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
     width = records[0].weights.shape[1]
     total = np.zeros((width, width))
     for record in records:
-        count = len(record.used)
-        there = autocovariance[:count]
-        density = np.fft.rfft(np.concatenate((there, [0.0], there[:0:-1]))).real
-        spectrum = np.fft.rfft(record.weights, 2 * count, axis=0)
+        there = autocovariance[: len(record.used)]
+        size = _room_for(2 * len(there))
+        between = np.zeros(size + 1 - 2 * len(there))
+        density = np.fft.rfft(np.concatenate((there, between, there[:0:-1]))).real
+        spectrum = np.fft.rfft(record.weights, size, axis=0)
         density[1:-1] *= 2
-        total += (spectrum.conj().T @ (spectrum * density[:, None])).real / (2 * count)
+        total += (spectrum.conj().T @ (spectrum * density[:, None])).real / size
     return total
 
 
@@ -173,7 +180,7 @@ def _white_autocovariance(records: tuple[Linear, ...], model: Autoregression, la
 
 def _nowhere_negative(window: Array) -> Array:
     """The autocovariance ``window`` (L,) with its spectral density raised to `LEAST_SHARE`: (FINE L / 2,)."""
-    size = FINE * len(window)
+    size = _room_for(FINE * len(window))
     density = 2 * np.fft.rfft(window, size).real - window[0]
     return np.asarray(np.fft.irfft(np.maximum(density, LEAST_SHARE * window[0]), size)[: size // 2])
 
@@ -184,7 +191,7 @@ def _coloured_again(window: Array, model: Autoregression, count: int) -> Array:
     lags = len(window)
     long = autocovariance(model.reflections, count + lags)
     mirrored = np.concatenate((long[:0:-1], long))
-    size = len(both_sides) + len(mirrored)
+    size = _room_for(len(both_sides) + len(mirrored))
     product = np.fft.irfft(np.fft.rfft(both_sides, size) * np.fft.rfft(mirrored, size), size)
     centre = len(long) - 1 + lags - 1
     return np.asarray(product[centre : centre + count])

@@ -20,6 +20,7 @@ from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, throttle_data, true_drive_data
+from logs.identification.sources.remembered import Remembered
 from sim_bridge.vehicles import SimulatedVehicle
 
 SUBJECTS = ("servo", "power", "modes", "aero", "all")
@@ -86,6 +87,7 @@ def identify(
     """
     if what not in SUBJECTS:
         raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
+    source = Remembered(source)
     known, aircraft = dict(truths or {}), aircraft or Aircraft()
     missing: list[Unidentified] = []
     torque = power = load = frequency = modes = None
