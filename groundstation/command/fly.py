@@ -412,6 +412,6 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
     if isinstance(found, str):
         console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)
     else:
-        from groundstation.views.identification import identification_table
+        from groundstation.views.identification import identification_summary
 
-        console.print(identification_table(found))
+        console.print(identification_summary(found, plan.log))

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
 from rich.console import Group, RenderableType
 from rich.text import Text
 
@@ -9,13 +13,29 @@ from groundstation.views import tables, wording
 from logs.identification.report import Identification, Row, rows
 from logs.identification.results import Estimate
 
+TIMES = re.compile(r"_(period|(time|cycles)_to_\w+)$")
+"""names of what follows from a mode's frequency and damping"""
+
+
+def identification_summary(found: Identification, log: Path) -> RenderableType:
+    """`identification_table` without what follows from other numbers and without reasons, and how to see them."""
+    listed = rows(found)
+    refused = sum(row.note.startswith("not identified") for row in listed)
+    notes = [row for row in listed if row.estimate is None and not row.note.startswith("not identified")]
+    told = [row for row in listed if row.estimate is not None and not TIMES.search(row.name)]
+    left = f"{refused} more could not be identified; why" if refused else "periods and times to half"
+    return Group(_table([*told, *notes]), Text(f"{left}: wingbeat identify {log}", style="dim"))
+
 
 def identification_table(found: Identification) -> RenderableType:
     """One row a number; below it, what the data does not give and why."""
+    return _table(rows(found))
+
+
+def _table(listed: Sequence[Row]) -> RenderableType:
     table = tables.plain_table(
         ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"), ("true", "right"), ("", "")
     )
-    listed = rows(found)
     subject = ""
     for row in listed:
         if row.estimate is not None:
