@@ -58,7 +58,10 @@ JSON_KEYS = {
 
 
 KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS)))
-TABLE_USAGE = f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}] [--json]"
+TABLE_USAGE = (
+    f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
+    " [--report OUT.html] [--model OUT.toml] [--json]"
+)
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 

@@ -118,7 +118,12 @@ def _density(log: Log) -> float | None:
 def _base(vehicle: str | None, log: Log) -> model_file.Base | None:
     """The vehicle by the log's own files, else by ``--vehicle``; None where neither tells its bodies."""
     if vehicle is not None:
-        world, avionics = options.vehicle_files(vehicle)
-        return model_file.Base(load_world(world), load_flight_vehicle(avionics))
+        return base_of(vehicle)
     world_of_log = simulated_vehicle(log)
     return None if world_of_log is None else model_file.Base(world_of_log, flight_vehicle(log))
+
+
+def base_of(vehicle: str) -> model_file.Base:
+    """The vehicle by its name or file."""
+    world, avionics = options.vehicle_files(vehicle)
+    return model_file.Base(load_world(world), load_flight_vehicle(avionics))

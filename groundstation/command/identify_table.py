@@ -7,25 +7,68 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from avionics.quantities import BadInput
+from groundstation.command.identify_out import base_of, check_outputs, sha256
 from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
 from groundstation.views.table_identification import table_identification
 from groundstation.views.terminal import open_console
+from logs.identification.model_file import write_linear
+from logs.identification.report.tables import Source, write_tables_report
+from logs.identification.tables.map import load_map
+from logs.identification.tables.model import check_model, table_model
+from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.run import identify_tables
 from logs.identification.tables.telling import table_document
 
 
 def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
-    """Identify ``what`` from tables, and print it.
+    """Identify ``what`` from tables, print it, and write what was asked for.
 
     Raises:
-        BadInput: a table or map that cannot be used, or an option of logs.
+        BadInput: a table or map that cannot be used, an option of logs, or a file that exists or cannot be written.
     """
-    for option in ("vehicle", "elevator"):
-        if getattr(chosen, option) is not None:
-            raise BadInput(f"--{option} is for logs: the map tells it of a table")
+    _check(what, chosen)
     found = identify_tables(files, chosen.map, what)
+    written = _written(files, what, chosen, found)
     if chosen.json:
         print_document(table_document(found))
     else:
         open_console().print(table_identification(found))
+        for line in written:
+            open_console().print(line, highlight=False, soft_wrap=True)
     return 0
+
+
+def _check(what: str, chosen: argparse.Namespace) -> None:
+    """Refuse before the long work what cannot be done."""
+    if chosen.elevator is not None:
+        raise BadInput("--elevator is for logs: the map tells it of a table")
+    if chosen.vehicle is not None and chosen.model is None:
+        raise BadInput("--vehicle is for logs, and of a table for the bodies of --model: the map tells the rest")
+    check_outputs(chosen)
+    if chosen.model is not None:
+        try:
+            check_model(load_map(chosen.map), what)
+        except BadInput as error:
+            raise BadInput(f"{error} (map {chosen.map})") from None
+
+
+def _written(files: Sequence[Path], what: str, chosen: argparse.Namespace, found: TableIdentification) -> list[str]:
+    """Write the page and the model; lines that say what was written."""
+    lines: list[str] = []
+    if chosen.report is None and chosen.model is None:
+        return lines
+    sources = tuple(Source(path.name, sha256(path)) for path in (*files, chosen.map))
+    if chosen.report is not None:
+        with ProgressBar("writing the report"):
+            write_tables_report(chosen.report, sources, found)
+        lines.append(f"written {chosen.report}")
+    if chosen.model is not None:
+        digests = " ".join(one.sha256 for one in sources[: len(files)])
+        told = table_model(load_map(chosen.map), found, what, digests)
+        base = None if chosen.vehicle is None else base_of(chosen.vehicle)
+        with ProgressBar("linearising what was not identified") as bar:
+            written = write_linear(chosen.model, told.model, base, bar.show)
+        paths = " and ".join(str(path) for path in written.paths)
+        lines += [f"written {paths}", *told.notes, *written.notes]
+    return lines

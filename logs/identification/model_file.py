@@ -81,7 +81,7 @@ def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel
     pairs = (mode.short_period, mode.phugoid)
     kept = (*mode.derivatives, *(e for pair in pairs if pair is not None for e in pair.estimates))
     angle = math.atan2(about.w, about.u)
-    found = Identified(log.name, log.sha256, mode.method, about.elevator, angle, log.density, _values(kept))
+    found = Identified(log.name, log.sha256, mode.method, about.elevator, angle, log.density, identified_values(kept))
     origin = f"{log.name}, {mode.method}, {modes.manoeuvres} manoeuvres"
     return LinearModel(
         vehicle, origin, about.airspeed, about.pitch, 1.0 / period, system.a, system.b, None, None, found
@@ -96,7 +96,8 @@ def _whole_mode(modes: ModesResult) -> Mode:
     raise BadInput(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
 
 
-def _values(found: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
+def identified_values(found: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
+    """Estimates as a model file has them."""
     return tuple(IdentifiedValue(e.name, e.unit, e.value, e.standard_error, e.low, e.high) for e in found)
 
 
@@ -114,8 +115,19 @@ def write_model(
     Raises:
         BadInput: a file exists, or no method has a whole model.
     """
+    places(out)
+    return write_linear(out, linear_model(modes, log), base, told)
+
+
+def write_linear(
+    out: Path, model: LinearModel, base: Base | None, told: Callable[[int, int], None] = lambda done, of: None
+) -> Written:
+    """Write a ``model`` of whatever it was identified from; as `write_model`.
+
+    Raises:
+        BadInput: a file exists.
+    """
     path, folder = places(out)
-    model = linear_model(modes, log)
     world, notes = _world(model, base, told)
     paths = [path]
     if world is not None and base is not None:
@@ -139,7 +151,7 @@ def _world(
 ) -> tuple[IdentifiedWorld | None, tuple[str, ...]]:
     """The world that flies the model, None with the reason where it cannot be had."""
     if base is None:
-        return None, ("no world to fly in: the log does not tell the bodies of its vehicle (--vehicle does)",)
+        return None, ("no world to fly in: nothing tells the bodies of the vehicle (--vehicle does)",)
     try:
         world = identified_world(model, base.world, told)
     except BadInput as error:

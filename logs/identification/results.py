@@ -75,6 +75,8 @@ class Fitted(NamedTuple):
     series: tuple[FitSeries, ...] = ()
     notes: tuple[str, ...] = ()
     """-; what was dropped, taken from elsewhere or decided, one sentence each"""
+    validation: str = ""
+    """-; how the held-out manoeuvres were predicted, or why none were, one sentence; empty where nothing is to say"""
 
 
 def student_factor(degrees: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from browser import Browser, find_browser, opened
 
+from groundstation.command import identify
 from logs.identification.chapter import MEASURED, POINTS, Chapter, Plot, Series, Table
 from logs.identification.report.fits import (
     correlation_chapter,
@@ -22,6 +23,7 @@ from logs.identification.results import FitSeries, Fitted, estimate
 
 PROGRAM = find_browser()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH, and WINGBEAT_CHROMIUM names none")
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 NAMES = ("X_u", "Z_delta", "M_q", "tail_time_constant", "short_period_frequency")
 
 
@@ -60,6 +62,15 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module", params=["short_period", "transport"])
+def table_page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a worked example of docs/identify_csv.md."""
+    path = tmp_path_factory.mktemp("tables") / "page.html"
+    table = EXAMPLES / f"{request.param}.csv"
+    assert identify.run([str(table), "--map", str(table.with_suffix(".toml")), "--report", str(path)]) == 0
+    return path
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     assert PROGRAM is not None
@@ -92,6 +103,20 @@ def test_nothing_is_clipped_or_overlaps_at_any_width(browser: Browser, report: P
     assert browser.events("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded") == []
     asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
     assert asked == [report.resolve().as_uri()]
+    assert browser.value("document.documentElement.scrollWidth") <= width
+    assert browser.value("document.querySelectorAll('svg').length") > 20
+    assert browser.value(OUTSIDE) == []
+    assert browser.value(OVERLAPPING) == []
+
+
+@pytest.mark.parametrize("width", [1300, 400])
+def test_nothing_is_clipped_on_the_page_of_a_table(browser: Browser, table_page: Path, width: int) -> None:
+    browser.seen.clear()
+    browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+    browser.open(table_page)
+    assert browser.events("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded") == []
+    asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
+    assert asked == [table_page.resolve().as_uri()]
     assert browser.value("document.documentElement.scrollWidth") <= width
     assert browser.value("document.querySelectorAll('svg').length") > 20
     assert browser.value(OUTSIDE) == []

@@ -44,7 +44,7 @@ def _output_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
     ready, again = _with_lag(problem, fit)
     series = _series(ready, again, ready.manoeuvres, False)
     predicted, note = _held_out(ready, again)
-    return _told(method, fit)._replace(series=series + predicted, notes=(note,))
+    return _told(method, fit)._replace(series=series + predicted, validation=note)
 
 
 def _with_lag(problem: Problem, fit: DerivativeFit) -> tuple[Problem, DerivativeFit]:

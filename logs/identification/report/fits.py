@@ -25,7 +25,7 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
-from logs.identification.report.words import meaning
+from logs.identification.report.words import meaning, number, sentence
 from logs.identification.results import Array, FitSeries, Fitted
 
 MOST_FITS = 24
@@ -51,7 +51,7 @@ def _pieces(fit: Fitted, held_out: bool) -> list[FitSeries]:
 def _parameters(fit: Fitted, truths: Truths) -> Chapter:
     bars = tuple(Bar(e.name, e, truths.get(e.name)) for e in fit.estimates)
     refused = tuple(f"Not identified: {one.name.replace('_', ' ')}: {one.reason}." for one in fit.unidentified)
-    return Chapter(fit.method, refused, plots=(Intervals("", bars),) if bars else ())
+    return Chapter(fit.method, (*refused, *map(sentence, fit.notes)), plots=(Intervals("", bars),) if bars else ())
 
 
 def correlation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
@@ -68,7 +68,7 @@ def _correlation(fit: Fitted) -> Chapter:
     assert fit.correlation is not None
     names = tuple(e.name for e in fit.estimates)
     close = [
-        f"{names[j]} and {names[i]} ({fit.correlation[i, j]:.2f})"
+        f"{names[j]} and {names[i]} ({number(float(fit.correlation[i, j]), 0.1)})"
         for i in range(len(names))
         for j in range(i)
         if abs(fit.correlation[i, j]) > CORRELATED
@@ -121,7 +121,14 @@ def _goodness(pieces: list[FitSeries]) -> Table:
         measured, model = (np.concatenate([getattr(one, key) for one in own]) for key in ("measured", "model"))
         r_squared, *rest = (round(share, 4) for share in (_r_squared(own), *theil(measured, model)[:4]))
         rows.append(
-            (output, unit, meaning(output), r_squared, float(np.sqrt(np.nanmean((measured - model) ** 2))), *rest)
+            (
+                output,
+                "" if unit == "-" else unit,
+                meaning(output),
+                r_squared,
+                float(np.sqrt(np.nanmean((measured - model) ** 2))),
+                *rest,
+            )
         )
     columns = ("output", "unit", "", "R²", "RMS residual", "Theil U", "of it bias", "variance", "covariance")
     told = (
@@ -210,10 +217,10 @@ def validation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
     """Manoeuvres that the model was not fitted to, as it predicts them; None where nothing was said of it."""
     parts = []
     for fit in fits:
-        pieces = _pieces(fit, held_out=True)
+        pieces, said = _pieces(fit, held_out=True), (fit.validation,) if fit.validation else ()
         if pieces:
             drawn, notes = _drawn(pieces)
-            parts.append(Chapter(fit.method, (*fit.notes, *notes), (_goodness(pieces),), parts=drawn))
-        elif fit.notes:
-            parts.append(Chapter(fit.method, fit.notes))
+            parts.append(Chapter(fit.method, (*said, *notes), (_goodness(pieces),), parts=drawn))
+        elif said:
+            parts.append(Chapter(fit.method, said))
     return Chapter("Validation on held-out manoeuvres", parts=tuple(parts)) if parts else None

@@ -37,7 +37,7 @@ def page(title: str, facts: Iterable[str], chapters: tuple[Chapter, ...]) -> str
 
 def _chapter(chapter: Chapter, level: int) -> str:
     """One chapter and, a heading lower, its parts."""
-    heading = f"<h{level}>{html.escape(chapter.title)}</h{level}>"
+    heading = f"<h{level}>{rich(chapter.title)}</h{level}>"
     notes = "".join(f"<p>{rich(note)}</p>" for note in chapter.notes)
     tables = "".join(_table(table) for table in chapter.tables)
     pictures = [_picture(plot, len(chapter.plots) == 1) for plot in chapter.plots]

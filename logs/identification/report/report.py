@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from logs.identification.report.fits import (
 )
 from logs.identification.report.html import page
 from logs.identification.report.numbers import POWER_TRUTH, Identification
+from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
 from logs.placing import claim, draft, settle
 
@@ -67,9 +69,18 @@ def write_report(
     Raises:
         BadInput: the file exists or cannot be written.
     """
-    refuse_existing(path)
     facts = (subject.file, *(f"{word} {value}" for word, value in subject.facts[:3]))
-    text = page(subject.title, facts, chapters(subject, found, drive, more)).encode()
+    return write_page(path, subject.title, facts, chapters(subject, found, drive, more))
+
+
+def write_page(path: Path, title: str, facts: tuple[str, ...], told: tuple[Chapter, ...]) -> int:
+    """Write the chapters ``told`` below a ``title`` and a line of ``facts`` to ``path``; the page's size in bytes.
+
+    Raises:
+        BadInput: the file exists or cannot be written.
+    """
+    refuse_existing(path)
+    text = page(title, facts, told).encode()
     with draft(path) as (file, name):
         file.write(text)
         settle(file)
@@ -85,7 +96,7 @@ def chapters(
     told = [
         _findings(found),
         _data(subject, found),
-        _modes(found.modes, found) if found.modes is not None else None,
+        modes_chapter(found.modes, found.truths) if found.modes is not None else None,
         drives_chapter(found.torque, found.power, drive, found.truths),
         *_of_fits(fits, found),
         *more,
@@ -97,7 +108,7 @@ def _of_fits(fits: tuple[Fitted, ...], found: Identification) -> tuple[Chapter |
     if not fits:
         return ()
     return (
-        _model(fits, found.modes),
+        model_chapter(fits, found.modes),
         parameters_chapter(fits, found.truths),
         correlation_chapter(fits),
         fits_chapter(fits),
@@ -131,7 +142,7 @@ def _data(subject: Subject, found: Identification) -> Chapter:
     notes: tuple[str, ...] = ()
     parts: tuple[Chapter, ...] = ()
     if found.modes is not None:
-        notes = tuple(f"{note[:1].upper()}{note[1:]}." for note in found.modes.notes)
+        notes = tuple(map(sentence, found.modes.notes))
         if found.modes.problem is not None:
             tables.append(_manoeuvres(found.modes.problem))
             parts = (_inputs(found.modes.problem),)
@@ -172,14 +183,14 @@ def _degrees(angle: Array) -> Array:
     return np.asarray(np.degrees(angle), dtype=np.float64)
 
 
-def _modes(result: ModesResult, found: Identification) -> Chapter:
+def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
     """Every number by every method below each other, and whether the methods agree."""
     parts = []
     for kind in KINDS:
         pairs = [(mode.method, pair) for mode in result.modes if (pair := mode.of_kind(kind)) is not None]
         names = dict.fromkeys(e.name for _, pair in pairs for e in pair.estimates)
         bars = tuple(
-            Bar(method, e, found.truths.get(name))
+            Bar(method, e, truths.get(name))
             for name in names
             for method, pair in pairs
             for e in pair.estimates
@@ -191,10 +202,10 @@ def _modes(result: ModesResult, found: Identification) -> Chapter:
         (mode.method, one.name.replace("_", " "), one.reason) for mode in result.modes for one in mode.unidentified
     )
     tables = (Table(("method", "not identified", "why"), rows),) if rows else ()
-    return Chapter("Modes", (f"{result.statement[:1].upper()}{result.statement[1:]}.",), tables, parts=tuple(parts))
+    return Chapter("Modes", (sentence(result.statement),), tables, parts=tuple(parts))
 
 
-def _model(fits: tuple[Fitted, ...], result: ModesResult | None) -> Chapter:
+def model_chapter(fits: tuple[Fitted, ...], result: ModesResult | None) -> Chapter:
     """Equations and the flight that they are about."""
     methods = {fit.equations: [other.method for other in fits if other.equations == fit.equations] for fit in fits}
     parts = tuple(Chapter(" and ".join(names), equations) for equations, names in methods.items())

@@ -6,14 +6,16 @@ import html
 import math
 import re
 
-GREEK = {"alpha": "α", "beta": "β", "delta": "δ", "theta": "θ", "tau": "τ", "omega": "ω", "zeta": "ζ", "rho": "ρ"}
+GREEK = {"alpha": "α", "beta": "β", "delta": "δ", "theta": "θ", "tau": "τ", "omega": "ω", "zeta": "ζ", "rho": "ρ",
+         "phi": "φ", "psi": "ψ", "sigma": "σ"}  # fmt: skip
 AXES = {"X": "forward force per mass", "Z": "downward force per mass", "M": "nose-up pitch acceleration",
         "Y": "force to the right per mass", "L": "roll acceleration", "N": "yaw acceleration"}  # fmt: skip
 FOLLOWED = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate", "delta": "tail angle",
             "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack"}  # fmt: skip
 SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta|alpha|theta|tau0?|rudder"
-SYMBOL, DRAWN = rf"\b[A-Za-z]_(?:{SUBSCRIPT})\b(?!\.\w)", rf"\b([A-Za-z])_({SUBSCRIPT})\b"
-"""symbols in a sentence: a letter with a short subscript, not a file's name"""
+LETTERS = "|".join(GREEK)
+SYMBOL = rf"\b(?:(?:[A-Za-z]|{LETTERS})_(?:[DLm]_)?(?:{SUBSCRIPT}|alpha2|dot)|{LETTERS})\b(?!\.\w)"
+"""symbols in a sentence: a letter, Greek or not, with a short subscript, or a Greek letter; not a file's name"""
 MEANINGS = {
     "q": "pitch rate",
     "a_x": "specific force at the IMU, forward",
@@ -54,7 +56,7 @@ def number(value: float, step: float | None = None) -> str:
     if not math.isfinite(value):
         return "–"
     if step is None or not math.isfinite(step) or step <= 0.0:
-        text = f"{value:.4g}"
+        text = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
     else:
         places = 1 - math.floor(math.log10(step))
         text = f"{value:.{min(places, 9)}f}" if places > 0 else f"{round(value, places):.0f}"
@@ -63,20 +65,32 @@ def number(value: float, step: float | None = None) -> str:
     return "0" if not float(text) else text.replace("-", "−")
 
 
+def sentence(clause: str) -> str:
+    """A clause with a capital and a full stop; a symbol at its head stays as it is."""
+    head = clause.split(" ", 1)[0]
+    begun = clause if "_" in head or len(head) < 2 else f"{clause[:1].upper()}{clause[1:]}"
+    return begun if begun.endswith(".") else f"{begun}."
+
+
 def symbol(name: str) -> str:
     """A name as HTML: ``X_delta`` with its subscript, ``short_period_frequency`` as words."""
     head, _, rest = name.partition("_")
-    if rest and len(head) <= 2 and re.fullmatch(r"[A-Za-z0-9δα]+", rest):
+    if rest == "dot":
+        return f"<i>{html.escape(GREEK.get(head, head))}\u0307</i>"
+    if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(r"(?:[DLm]_)?[A-Za-z0-9δα]+", rest):
         return f"<i>{html.escape(GREEK.get(head, head))}</i><sub>{html.escape(_below(rest))}</sub>"
+    if "*" in name:
+        return " ".join(symbol(part) for part in name.split("*"))
     if re.fullmatch(r"[A-Za-z]\w?", name) or name in GREEK:
         return f"<i>{html.escape(GREEK.get(name, name))}</i>"
     return html.escape(name.replace("_", " "))
 
 
 def _below(rest: str) -> str:
-    """A subscript with its Greek letter, ``tau0`` too."""
-    letters = rest.rstrip("0123456789")
-    return GREEK.get(letters, letters) + rest[len(letters) :]
+    """A subscript with its Greek letter, ``tau0`` and ``D_alpha`` too."""
+    axis, _, last = rest.rpartition("_")
+    letters = last.rstrip("0123456789")
+    return axis + GREEK.get(letters, letters) + last[len(letters) :]
 
 
 def rich(text: str) -> str:
@@ -86,13 +100,15 @@ def rich(text: str) -> str:
 
 def drawn_words(text: str) -> str:
     """A name as SVG text, its subscripts below the line."""
-    parts = re.split(DRAWN, text)
-    plain = [html.escape(part) for part in parts[::3]]
-    lowered = [
-        f'{head}<tspan dy="3" font-size="9">{html.escape(_below(rest))}</tspan><tspan dy="-3">\u200b</tspan>'
-        for head, rest in zip(parts[1::3], parts[2::3], strict=True)
-    ]
-    return plain[0] + "".join(low + after for low, after in zip(lowered, plain[1:], strict=True))
+    return re.sub(SYMBOL, lambda match: _drawn_symbol(match[0]), html.escape(text))
+
+
+def _drawn_symbol(name: str) -> str:
+    head, _, rest = name.partition("_")
+    if rest == "dot":
+        return f"{GREEK.get(head, head)}\u0307"
+    low = f'<tspan dy="3" font-size="9">{_below(rest)}</tspan><tspan dy="-3">\u200b</tspan>' if rest else ""
+    return GREEK.get(head, head) + low
 
 
 def meaning(name: str) -> str:

@@ -102,7 +102,7 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
         BadInput: an output or parameter that it does not have, or a constant that it needs.
     """
     build, linear = MODELS[asked.model]
-    made = build(asked, _with_speed(constants, experiments), experiments)
+    made = build(asked, with_speed(constants, experiments), experiments)
     model = made.model if asked.delay.fixed == 0.0 else Delayed(made.model)
     for name in asked.outputs:
         if name not in model.outputs:
@@ -133,7 +133,7 @@ def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:
     return found
 
 
-def _with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
+def with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
     """The trim's airspeed is the mean of the measured one where it is not told."""
     speeds = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
     measured = np.concatenate([one[np.isfinite(one)] for one in speeds]) if speeds else np.zeros(0)
@@ -161,7 +161,11 @@ def _linear(model: LinearModel, inputs: tuple[str, ...]) -> Made:
     columns = [*model.states, *model.inputs, "1"]
     equations = []
     for row in range(n):
-        known = [f"{model.constant[row, c]:.6g} {of}" for c, of in enumerate(columns) if model.constant[row, c]]
+        known = [
+            f"{model.constant[row, c]:.6g} {of}".removeprefix("1 ")
+            for c, of in enumerate(columns)
+            if model.constant[row, c]
+        ]
         named = [
             f"{slopes[p, row, c]:.6g} {name} {of}".removeprefix("1 ")
             for p, name in enumerate(model.parameters)

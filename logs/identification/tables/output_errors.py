@@ -67,7 +67,9 @@ def output_error_fit(
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
-    table = TableFit(subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples)
+    table = TableFit(
+        subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model
+    )
     return table, fit, chosen
 
 

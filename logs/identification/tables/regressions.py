@@ -12,7 +12,7 @@ from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
 from logs.identification.regression.design import INTERCEPT
 from logs.identification.regression.equation_error import Domain, Settings
-from logs.identification.regression.stepwise import Rules, stepwise_regression
+from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array, FitSeries, Fitted
 from logs.identification.tables.constants import UNITS
@@ -21,6 +21,8 @@ from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
 from logs.identification.tables.results import TableFit
+
+NAMED = "Each number in brackets is called by what it multiplies."
 
 
 def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]) -> TableFit:
@@ -34,26 +36,26 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
     held = tuple(with_made(one, wanted, constants) for one in found.held_out)
     settings = Settings(constants=constants, units=UNITS, frequencies=_frequencies(asked, fitted))
-    chosen, steps = _chosen(asked, names, fitted, settings)
+    chosen, steps, said = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    return _told(asked, result._replace(notes=(*steps, *result.notes)), fitted, held, settings)
+    table = _told(asked, result._replace(notes=(*said, *result.notes)), fitted, held, settings)
+    return table._replace(steps=steps)
 
 
 def _chosen(
     asked: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The regressors to fit, and how they were chosen."""
+) -> tuple[tuple[str, ...], tuple[Step, ...], tuple[str, ...]]:
+    """The regressors to fit, the steps by which they were chosen, and what is to be said of that."""
     if asked.selection == "all":
-        return names, ()
+        return names, (), ()
     always = tuple(product_of(name) for name in asked.always)
     found = stepwise_regression(
         fitted, asked.response, names, Rules(always=always), settings._replace(frequencies=None)
     )
     if found.failure and not found.terms:
-        return names, (f"stepwise regression chose nothing ({found.failure}): all regressors are fitted",)
-    steps = tuple(f"stepwise: {one.term} {one.action}, {one.why}" for one in found.steps if one.term)
-    return found.terms, steps
+        return names, (), (f"stepwise regression chose nothing ({found.failure}): all regressors are fitted",)
+    return found.terms, found.steps, ()
 
 
 def product_of(name: str) -> str:
@@ -90,9 +92,9 @@ def _told(
         for one in held:
             measured = evaluate(parse(asked.response), one, settings.constants)
             series.append(_series(one, result, measured, predict(result, one, settings), held_out=True))
-    equation = " + ".join(name if name == INTERCEPT else f"({name}) {name}" for name in result.names)
+    equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in result.names)
     fitted_numbers = Fitted(
-        f"regression of {asked.response}, {asked.domain} domain", (f"{asked.response} = {equation}",),
+        f"regression of {asked.response}, {asked.domain} domain", (f"{asked.response} = {equation}", NAMED),
         result.estimates, result.unidentified, _correlation(result), tuple(series), result.notes,
     )  # fmt: skip
     return TableFit(

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from itertools import combinations
 from typing import NamedTuple
 
+from logs.identification.experiment import Experiment
 from logs.identification.modes.mode import ModesResult
+from logs.identification.regression.stepwise import Step
 from logs.identification.results import Fitted, Unidentified
 
 NOTABLE = 0.9
@@ -49,6 +51,10 @@ class TableFit(NamedTuple):
     outputs: tuple[OutputFit, ...]
     samples: int
     """-; fitted, over all manoeuvres"""
+    model: str = ""
+    """-; what the map calls the model; empty of a regression"""
+    steps: tuple[Step, ...] = ()
+    """of a stepwise regression"""
 
     @property
     def correlated(self) -> tuple[tuple[str, str, float], ...]:
@@ -75,6 +81,12 @@ class TableIdentification(NamedTuple):
     """-; what was dropped, filled or found strange, one sentence each"""
     missing: tuple[Unidentified, ...] = ()
     """what was asked for and is not to be had, and why"""
+    records: tuple[Experiment, ...] = ()
+    """the manoeuvres, fitted ones first"""
+    inputs: tuple[str, ...] = ()
+    """-; signals that the map calls inputs"""
+    constants: Mapping[str, float] = {}
+    """SI; what the map tells of the vehicle"""
 
 
 def finite(value: float | None) -> float | None:

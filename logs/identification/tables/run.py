@@ -76,8 +76,14 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     fitted, held = (tuple(one.name for one in part) for part in (found.fitted, found.held_out))
     files = tuple(dict.fromkeys(name.rpartition(" of ")[2] for name in (*fitted, *held)))
     return TableIdentification(
-        files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing)
-    )
+        files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
+        (*found.fitted, *found.held_out), _inputs(chosen), constants,
+    )  # fmt: skip
+
+
+def _inputs(chosen: Map) -> tuple[str, ...]:
+    sections = (*((chosen.modes,) if chosen.modes else ()), *(chosen.aero.output_error if chosen.aero else ()))
+    return tuple(dict.fromkeys(name for section in sections for name in section.inputs))
 
 
 def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T | None:

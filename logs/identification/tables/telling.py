@@ -42,6 +42,7 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
     if coloured:
         names = ", ".join(dict.fromkeys(one.output for one in coloured))
         lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
+    lines += [f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term]
     return (*lines, *fit.fitted.notes)
 
 

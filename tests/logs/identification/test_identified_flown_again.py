@@ -178,7 +178,7 @@ def test_without_bodies_the_model_is_written_alone_and_it_is_said(tmp_path: Path
     written = write_model(tmp_path / "alone.toml", first, LOG, None)
     assert written.paths == (tmp_path / "alone.toml",)
     assert written.notes == (
-        "no world to fly in: the log does not tell the bodies of its vehicle (--vehicle does)",
+        "no world to fly in: nothing tells the bodies of the vehicle (--vehicle does)",
         "not identified, so not in the model: lateral and drive",
     )
     assert load_model(written.paths[0]).vehicle == ""

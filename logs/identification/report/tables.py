@@ -1,0 +1,199 @@
+"""The report of what was identified from tables: its chapters are those of a log's, and the steps of regressions."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import counted
+from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
+from logs.identification.modes.mode import KINDS
+from logs.identification.report.fits import (
+    correlation_chapter,
+    fits_chapter,
+    parameters_chapter,
+    residuals_chapter,
+    validation_chapter,
+)
+from logs.identification.report.report import model_chapter, modes_chapter, write_page
+from logs.identification.report.words import sentence, unit
+from logs.identification.results import Estimate
+from logs.identification.tables.constants import UNITS
+from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.telling import heading
+
+FITS = "Measured and modelled outputs of every manoeuvre, in the table's time."
+RESIDUALS = (
+    "Measured minus model, all manoeuvres one after another. Were they white, 95 % of the autocorrelation would lie"
+    " in the band; the intervals of the parameters take the colour into account."
+)
+HELD = (
+    "Held-out manoeuvres are predicted by the model of the others; initial state and biases, where the model has"
+    " them, are their own."
+)
+NONE_HELD = "No manoeuvre was held out: manoeuvres.validate of the map names those that are only predicted."
+
+
+class Source(NamedTuple):
+    """One file that was read."""
+
+    name: str
+    sha256: str
+    """-; of its bytes, in hexadecimal digits"""
+
+
+def write_tables_report(path: Path, sources: tuple[Source, ...], found: TableIdentification) -> int:
+    """Write the page of what was identified from ``sources``, the map among them; its size in bytes.
+
+    Raises:
+        BadInput: the file exists or cannot be written.
+    """
+    names = tuple(one.name for one in sources)
+    return write_page(path, f"{names[0]}: identification", names, table_chapters(sources, found))
+
+
+def table_chapters(sources: tuple[Source, ...], found: TableIdentification) -> tuple[Chapter, ...]:
+    """The report: findings first, then what they rest on."""
+    fits = tuple(one.fitted._replace(validation=HELD if found.held_out else "") for one in found.fits)
+    numbered = tuple(one for one in fits if one.estimates)
+    told = (
+        _findings(found),
+        _data(sources, found),
+        modes_chapter(found.modes, {}) if found.modes is not None else None,
+        model_chapter(fits, None)._replace(tables=_constants(found)) if fits else None,
+        _parameters(found),
+        _steps(found),
+        correlation_chapter(numbered),
+        _noted(fits_chapter(fits), FITS),
+        _noted(residuals_chapter(fits), RESIDUALS),
+        validation_chapter(numbered) or Chapter("Validation on held-out manoeuvres", (NONE_HELD,)),
+    )
+    return tuple(chapter for chapter in told if chapter is not None)
+
+
+def _noted(chapter: Chapter | None, note: str) -> Chapter | None:
+    return None if chapter is None else chapter._replace(notes=(note,))
+
+
+def _findings(found: TableIdentification) -> Chapter:
+    """What a reader wants to know first: the modes by the first method that has them, else the fits' numbers."""
+    notes = [sentence(f"{heading(fit)}: {fit.failure or _extent(fit)}") for fit in found.fits]
+    bars: tuple[Bar, ...] = ()
+    if found.modes is not None:
+        pairs = [(mode.method, pair) for mode in found.modes.modes for k in KINDS if (pair := mode.of_kind(k))]
+        first = pairs[0][0] if pairs else ""
+        bars = tuple(Bar(e.name, e) for method, pair in pairs if method == first for e in pair.estimates)
+        notes.append(f"Modes by {first}; {found.modes.statement}." if pairs else sentence(found.modes.statement))
+    parts: tuple[Chapter, ...] = ()
+    if not bars:
+        parts = tuple(_numbers(fit.fitted.method, fit.fitted.estimates) for fit in found.fits if fit.fitted.estimates)
+    notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
+    return Chapter("Findings", tuple(notes), plots=(Intervals("", bars),) if bars else (), parts=parts)
+
+
+def _numbers(title: str, found: tuple[Estimate, ...]) -> Chapter:
+    return Chapter(title, plots=(Intervals("", tuple(Bar(e.name, e) for e in found)),))
+
+
+def _extent(fit: TableFit) -> str:
+    numbers = counted(len(fit.fitted.estimates), "number")
+    return f"{numbers} from {counted(fit.samples, 'sample')}{'' if fit.converged else ', not converged'}"
+
+
+def _data(sources: tuple[Source, ...], found: TableIdentification) -> Chapter:
+    """The files, the manoeuvres, and what was dropped, filled or found strange."""
+    files = Table(("file", "SHA-256"), tuple((one.name, one.sha256) for one in sources))
+    notes = tuple(map(sentence, (*found.notes, *_absent(found))))
+    if not notes:
+        notes = ("Every sample was measured; nothing was dropped, filled or found strange in the tables.",)
+    return Chapter("Data used", notes, (files, _manoeuvres(found), _signals(found)), parts=_inputs(found))
+
+
+def _absent(found: TableIdentification) -> list[str]:
+    """Samples that a signal lacks, manoeuvre by manoeuvre."""
+    return [
+        f"{one.name}: {int(lost)} of {counted(len(values), 'sample')} of {name} not measured"
+        for one in found.records
+        for name, values in one.signals.items()
+        if (lost := np.count_nonzero(~np.isfinite(values)))
+    ]
+
+
+def _manoeuvres(found: TableIdentification) -> Table:
+    rows = tuple(
+        (
+            one.name, "held out" if one.name in found.held_out else "fitted", float(one.time[0]),
+            float(one.time[-1] - one.time[0]), float(len(one.time)), 1.0 / one.step,
+        )
+        for one in found.records
+    )  # fmt: skip
+    told = f"{counted(len(found.experiments), 'manoeuvre')} fitted, {len(found.held_out)} held out."
+    return Table(("manoeuvre", "use", "start (s)", "length (s)", "samples", "rate (Hz)"), rows, told)
+
+
+def _signals(found: TableIdentification) -> Table:
+    """Range of every signal over all manoeuvres, and how much of it was measured."""
+    rows = []
+    for name in found.records[0].signals if found.records else ():
+        values = np.concatenate([one.signals[name] for one in found.records])
+        there = values[np.isfinite(values)]
+        least, most = (float(there.min()), float(there.max())) if len(there) else (math.nan, math.nan)
+        told = found.records[0].units.get(name, "")
+        rows.append((name, unit(told), least, most, 100.0 * len(there) / len(values)))
+    return Table(
+        ("signal", "unit", "least", "most", "measured (%)"), tuple(rows), "Signals over all manoeuvres, in SI."
+    )
+
+
+def _inputs(found: TableIdentification) -> tuple[Chapter, ...]:
+    plots = tuple(
+        Plot(
+            f"{name}, all manoeuvres", "time from the start", "s", name, found.records[0].units.get(name, ""),
+            tuple(Series("", one.time - one.time[0], one.signals[name], MEASURED) for one in found.records),
+        )
+        for name in found.inputs
+        if found.records and name in found.records[0].signals
+    )  # fmt: skip
+    return (Chapter("Inputs", plots=plots),) if plots else ()
+
+
+def _constants(found: TableIdentification) -> tuple[Table, ...]:
+    rows = tuple((name, value, unit(UNITS.get(name, ""))) for name, value in found.constants.items() if name != "g")
+    return (Table(("constant", "value", "unit"), rows, "What the map tells, in SI."),) if rows else ()
+
+
+def _parameters(found: TableIdentification) -> Chapter | None:
+    """The numbers with their intervals, and below each method where its search began and what was held."""
+    if not found.fits:
+        return None
+    whole = parameters_chapter(tuple(one.fitted for one in found.fits), {})
+    parts = tuple(part._replace(tables=_search(fit)) for part, fit in zip(whole.parts, found.fits, strict=True))
+    return whole._replace(parts=parts)
+
+
+def _search(fit: TableFit) -> tuple[Table, ...]:
+    values = {one.name: one.value for one in fit.fitted.estimates}
+    rows = [(name, start, values[name], "found") for name, start in fit.starts.items() if name in values]
+    rows += [(name, value, value, "held by the map") for name, value in fit.fixed.items()]
+    return (Table(("parameter", "start", "end", ""), tuple(rows), "Where the search began."),) if rows else ()
+
+
+def _steps(found: TableIdentification) -> Chapter | None:
+    """Every step of every stepwise regression."""
+    parts = tuple(Chapter(fit.fitted.method, tables=(_step_table(fit),)) for fit in found.fits if fit.steps)
+    note = "A term enters while its F test, its error by the recipe for coloured residuals, holds it for no chance."
+    return Chapter("Steps of the regressions", (note,), parts=parts) if parts else None
+
+
+def _step_table(fit: TableFit) -> Table:
+    rows = tuple(
+        (
+            f"{number}", one.action, one.term, one.coloured_f, one.statistics.r_squared, one.statistics.press,
+            one.statistics.pse, one.why,
+        )
+        for number, one in enumerate(fit.steps)
+    )  # fmt: skip
+    return Table(("step", "", "term", "F", "R²", "PRESS", "PSE", "why"), rows)
