@@ -201,8 +201,10 @@ def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: 
     aliases, held = {controls[0]: "delta_e"}, {}
     if "thrust" in experiments[0].signals:
         aliases["thrust"] = "thrust"
+    elif "thrust" in known:
+        held["thrust"] = known["thrust"]
     else:
-        held["thrust"] = known.get("thrust", 0.0)
+        raise BadInput("nonlinear longitudinal needs signals.thrust or constants.thrust (0 for a glide)")
     density: float | str = known.get("rho", 0.0)
     for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
         if signal in experiments[0].signals:

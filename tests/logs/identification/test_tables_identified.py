@@ -320,3 +320,16 @@ def test_a_command_line_that_cannot_be(
     write(tmp_path / "run.csv", flight())
     with pytest.raises(BadInput, match=told):
         identify.run(words)
+
+
+def test_a_nonlinear_model_needs_its_thrust_told_and_takes_a_constant(tmp_path: Path) -> None:
+    table, whole = EXAMPLES / "transport.csv", (EXAMPLES / "transport.toml").read_text()
+    signal = 'thrust = { column = 10, unit = "N" }\n'
+    assert signal in whole
+    untold = whole.replace(signal, "")[: whole.replace(signal, "").index("[[aero.regressions]]")]
+    (tmp_path / "map.toml").write_text(untold)
+    with pytest.raises(BadInput, match=r"needs signals\.thrust or constants\.thrust \(0 for a glide\) \(map"):
+        identify_tables([table], tmp_path / "map.toml", "aero")
+    (tmp_path / "map.toml").write_text(untold.replace("[constants]", "[constants]\nthrust = 9850"))
+    found = numbers(identify_tables([table], tmp_path / "map.toml", "aero").fits[0])
+    assert found["C_m_alpha"].contains(MADE["TRANSPORT"]["C_m_alpha"])
