@@ -44,21 +44,15 @@ def _slopes(x: Array, inputs: Array, gravity: float, out: Array) -> None:
 def _step(x: Array, inputs: Array, dt: float, gravity: float, work: Array, out: Array) -> None:
     """One step of Runge-Kutta from ``x`` (9,), ``inputs`` (3, 6) at its begin, middle and end; ``work`` is (2, 9)."""
     slope, trial = work[0], work[1]
-    _slopes(x, inputs[0], gravity, slope)
     for i in range(9):
-        out[i] = x[i] + dt / 6 * slope[i]
-        trial[i] = x[i] + dt / 2 * slope[i]
-    _slopes(trial, inputs[1], gravity, slope)
-    for i in range(9):
-        out[i] += dt / 3 * slope[i]
-        trial[i] = x[i] + dt / 2 * slope[i]
-    _slopes(trial, inputs[1], gravity, slope)
-    for i in range(9):
-        out[i] += dt / 3 * slope[i]
-        trial[i] = x[i] + dt * slope[i]
-    _slopes(trial, inputs[2], gravity, slope)
-    for i in range(9):
-        out[i] += dt / 6 * slope[i]
+        out[i] = trial[i] = x[i]
+    for stage in range(4):
+        _slopes(trial, inputs[(stage + 1) // 2], gravity, slope)
+        share = dt / 6 if stage == 0 or stage == 3 else dt / 3
+        ahead = dt if stage == 2 else dt / 2
+        for i in range(9):
+            out[i] += share * slope[i]
+            trial[i] = x[i] + ahead * slope[i]
 
 
 @njit(cache=True)
@@ -71,28 +65,24 @@ def _fly(inputs: Array, dt: float, gravity: float, states: Array) -> None:
 @njit(cache=True)
 def _linearise(states: Array, inputs: Array, dt: float, gravity: float, carry: Array, gain: Array) -> None:
     """Jacobians of every step by state (N - 1, 9, 9) and by inputs that shift all along it (N - 1, 9, 6)."""
-    work, ahead, behind, x, near = np.zeros((2, 9)), np.zeros(9), np.zeros(9), np.zeros(9), np.zeros((3, 6))
+    work, ends, x, near = np.zeros((2, 9)), np.zeros((2, 9)), np.zeros(9), np.zeros((3, 6))
     for k in range(states.shape[0] - 1):
-        x[:] = states[k]
-        near[:] = inputs[2 * k : 2 * k + 3]
         for j in range(12):
             width = 1e-4 if j < 3 else 1e-5
             for side in range(2):
                 shift = width if side == 0 else -width
-                if j < 6:
-                    x[j] = states[k, j] + shift
-                else:
-                    for n in range(3):
-                        near[n, j - 6] = inputs[2 * k + n, j - 6] + shift
-                _step(x, near, dt, gravity, work, ahead if side == 0 else behind)
+                for i in range(9):
+                    x[i] = states[k, i] + (shift if i == j and j < DYNAMIC else 0.0)
+                for n in range(3):
+                    for i in range(6):
+                        near[n, i] = inputs[2 * k + n, i] + (shift if i == j - DYNAMIC else 0.0)
+                _step(x, near, dt, gravity, work, ends[side])
             for i in range(9):
-                slope = (ahead[i] - behind[i]) / (2 * width)
-                if j < 6:
+                slope = (ends[0, i] - ends[1, i]) / (2 * width)
+                if j < DYNAMIC:
                     carry[k, i, j] = slope
                 else:
-                    gain[k, i, j - 6] = slope
-            x[:] = states[k]
-            near[:] = inputs[2 * k : 2 * k + 3]
+                    gain[k, i, j - DYNAMIC] = slope
         for i in range(6, 9):
             carry[k, i, i] = 1.0
 
@@ -114,8 +104,7 @@ def _carry_on(carry: Array, gain: Array, pushes: Array, slopes: Array) -> None:
 @njit(cache=True)
 def _carry_back(carry: Array, gain: Array, weights: Array, pulls: Array) -> None:
     """Adjoint of `_carry_on`: slopes (N, 6, p) by each input of sums of the states weighted with (N, 9, p)."""
-    behind, now = np.zeros(weights.shape[1:]), np.zeros(weights.shape[1:])
-    behind[:] = weights[-1]
+    behind, now = weights[-1].copy(), weights[-1].copy()
     for k in range(weights.shape[0] - 2, -1, -1):
         for j in range(weights.shape[2]):
             for n in range(6):
@@ -129,7 +118,7 @@ def _carry_back(carry: Array, gain: Array, weights: Array, pulls: Array) -> None
                 for i in range(9):
                     total += carry[k, i, n] * behind[i, j]
                 now[n, j] = total
-        behind[:] = now
+        behind, now = now, behind
 
 
 def _with_middles(inputs: Array) -> Array:
