@@ -32,6 +32,7 @@ LARGEST = 1 - 1e-7
 """-; size of a reflection"""
 LEAST_CURVATURE = 1e-2
 STEP = 1e-3
+DIFFERENCE = 1.5e-8
 NEVER = 1e10
 
 
@@ -124,36 +125,43 @@ def products(columns: list[Array], used: list[Array], order: int) -> Products:
 
 
 def _whitened(of: Products, reflections: Array) -> tuple[Array, Array]:
-    """Products (m, m) of the whitened columns, and the variances that whitening made equal."""
-    variances = prediction_variances(reflections)
-    filters = np.zeros((len(variances), len(variances)))
-    for row, coefficients in zip(filters, predictors(reflections), strict=True):
-        row[: len(coefficients)] = coefficients
-    pairs = filters[:, :, None] * (filters / variances[:, None])[:, None, :]
-    return np.tensordot(pairs, of.sums, axes=3), variances
+    """Products (B, m, m) of the columns whitened by ``reflections`` (B, k), and the variances (B, k + 1) that
+    whitening made equal."""
+    count, order = reflections.shape
+    growth = np.column_stack((1 - reflections**2, np.ones(count)))
+    variances = 1 / np.cumprod(growth[:, ::-1], axis=1)[:, ::-1]
+    filters = np.zeros((count, order + 1, order + 1))
+    filters[:, 0, 0] = 1.0
+    for k in range(order):
+        filters[:, k + 1] = filters[:, k]
+        filters[:, k + 1, : k + 2] += reflections[:, k, None] * filters[:, k, k + 1 :: -1]
+    pairs = filters[:, :, :, None] * (filters / variances[:, :, None])[:, :, None, :]
+    width = of.sums.shape[3]
+    flat = pairs.reshape(count, -1) @ of.sums.reshape(-1, width**2)
+    return flat.reshape(count, width, width), variances
 
 
-def _squares(of: Products, reflections: Array) -> tuple[float, float, Array]:
-    """Squares of the whitened last column free of the others, log determinant of those, and the variances."""
-    total, variances = _whitened(of, reflections)
+def _diagonals(squares: Array) -> Array:
+    """Diagonals (B, m) of the Cholesky factors of ``squares`` (B, m, m), NaN where there is none."""
     try:
-        diagonal = np.diag(np.linalg.cholesky(total))
+        return np.asarray(np.diagonal(np.linalg.cholesky(squares), axis1=1, axis2=2))
     except np.linalg.LinAlgError:
-        return np.nan, np.nan, variances
-    return float(diagonal[-1] ** 2), 2 * float(np.sum(np.log(diagonal[:-1]))), variances
+        alone = len(squares) == 1
+        return np.full((1, squares.shape[1]), np.nan) if alone else np.vstack([_diagonals(s[None]) for s in squares])
 
 
-def _criterion(of: Products, transformed: Array) -> float:
-    """Minus twice the restricted log likelihood at artanh(reflections), the white variance at its optimum."""
+def _criteria(of: Products, transformed: Array) -> Array:
+    """Minus twice the restricted log likelihood (B,) at artanh(reflections) (B, k) and the best white variance."""
     reflections = np.tanh(transformed)
-    if not np.all(np.abs(reflections) < LARGEST):
-        return NEVER
-    squares, determinant, variances = _squares(of, reflections)
-    if not squares > 0:
-        return NEVER
+    possible = np.all(np.abs(reflections) < LARGEST, axis=1)
+    total, variances = _whitened(of, np.where(possible[:, None], reflections, 0.0))
+    diagonals = _diagonals(total)
+    possible &= diagonals[:, -1] > 0
+    diagonals, reflections = (np.where(possible[:, None], a, b) for a, b in ((diagonals, 1.0), (reflections, 0.0)))
     free = of.counts.sum() - (of.sums.shape[3] - 1)
-    prior = PRIOR * np.sum(np.log(1 - reflections**2))
-    return float(of.counts @ np.log(variances) + determinant + free * np.log(squares) - prior)
+    weighted = 2 * np.log(diagonals).sum(axis=1) + 2 * (free - 1) * np.log(diagonals[:, -1])
+    prior = PRIOR * np.sum(np.log(1 - reflections**2), axis=1)
+    return np.where(possible, np.log(variances) @ of.counts + weighted - prior, NEVER)
 
 
 def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Array]) -> Autoregression:
@@ -172,7 +180,7 @@ def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Arr
         of = everything.of_order(order)
         if order:
             start = _minimum(of, np.append(start, 0.0))
-        score = _criterion(of, start) + 2 * (order + 1) * free / max(free - order - 2, 1.0)
+        score = _criteria(of, start[None])[0] + 2 * (order + 1) * free / max(free - order - 2, 1.0)
         if score < best:
             best, chosen, since = score, (of, start), 0
         elif (since := since + 1) >= PATIENCE:
@@ -191,13 +199,20 @@ def _highest_order(used: list[Array], width: int) -> int:
 
 
 def _minimum(of: Products, start: Array) -> Array:
-    found = minimize(lambda at: _criterion(of, at), start, method="BFGS", options={"gtol": 1e-2, "maxiter": 50})
+    shifts = np.vstack((np.zeros(len(start)), np.eye(len(start)) * DIFFERENCE))
+
+    def with_slope(at: Array) -> tuple[float, Array]:
+        here, *ahead = _criteria(of, at + shifts)
+        return float(here), (np.array(ahead) - here) / DIFFERENCE
+
+    found = minimize(with_slope, start, jac=True, method="BFGS", options={"gtol": 1e-2, "maxiter": 50})
     return np.asarray(found.x)
 
 
 def _model(of: Products, at: Array, free: float) -> Autoregression:
     def variance(transformed: Array) -> float:
-        return _squares(of, np.tanh(transformed))[0] / free
+        total, _ = _whitened(of, np.tanh(transformed)[None])
+        return float(_diagonals(total)[0, -1] ** 2 / free)
 
     if not variance(at) > 0:
         raise np.linalg.LinAlgError("the residuals tell nothing of their colour")
@@ -209,10 +224,11 @@ def _uncertainty(of: Products, at: Array) -> Array:
     size = len(at)
     if not size:
         return np.zeros((0, 0))
-    curvature, steps = np.zeros((size, size)), np.eye(size) * STEP
-    for i in range(size):
-        for j in range(i, size):
-            corners = ((a * b, _criterion(of, at + a * steps[i] + b * steps[j])) for a in (1, -1) for b in (1, -1))
-            curvature[i, j] = curvature[j, i] = sum(sign * value for sign, value in corners) / (8 * STEP**2)
+    steps, rows, columns = np.eye(size) * STEP, *np.triu_indices(size)
+    corners = [(a * b, a * steps[rows] + b * steps[columns]) for a in (1, -1) for b in (1, -1)]
+    values = _criteria(of, np.vstack([at + shift for _, shift in corners])).reshape(4, -1)
+    curvature = np.zeros((size, size))
+    curvature[rows, columns] = np.array([sign for sign, _ in corners]) @ values / (8 * STEP**2)
+    curvature[columns, rows] = curvature[rows, columns]
     values, vectors = np.linalg.eigh(curvature)
     return np.asarray((vectors / np.maximum(values, LEAST_CURVATURE)) @ vectors.T)
