@@ -52,7 +52,7 @@ def identify_modes(
     manoeuvres = find_manoeuvres(data, aircraft)
     reference = reference_of(data, manoeuvres)
     problem = Problem(manoeuvres, reference, aircraft, names, outputs)
-    first, second = _both_fits(problem) if aircraft.tail_time_constant is not None else _with_unknown_tail(problem)
+    first, second = fit_derivatives(problem)
     modes = (
         mode_of("output error", second, reference, aircraft),
         mode_of("equation error, frequency domain", first, reference, aircraft),
@@ -62,6 +62,11 @@ def identify_modes(
     period = float(np.mean([m.period for m in manoeuvres]))
     notes = (*data.notes, *dropped_manoeuvres(data, manoeuvres))
     return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, notes, problem, (second, first))
+
+
+def fit_derivatives(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
+    """Derivatives by equation error and by output error, with the tail's time constant where it is not known."""
+    return _both_fits(problem) if problem.aircraft.tail_time_constant is not None else _with_unknown_tail(problem)
 
 
 def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

@@ -11,7 +11,10 @@ from scipy.signal import lfilter
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.modes.mode import Mode
+from logs.identification.modes.output_error import Problem
+from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, mode_of
+from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
 from logs.identification.results import Array
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67, elevator=0.05)
@@ -155,3 +158,16 @@ def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Arra
     gust = gusts(flight, len(command))
     states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust)
     return states, tails, gust
+
+
+def by_output_error(
+    data: FlightData,
+    aircraft: Aircraft = AIRCRAFT,
+    names: tuple[str, ...] = LONGITUDINAL,
+    outputs: tuple[int, ...] = FITTED_OUTPUTS,
+) -> Mode:
+    """The first of `identify_modes` without the others."""
+    manoeuvres = find_manoeuvres(data, aircraft)
+    reference = reference_of(data, manoeuvres)
+    _, fit = fit_derivatives(Problem(manoeuvres, reference, aircraft, names, outputs))
+    return mode_of("output error", fit, reference, aircraft)

@@ -23,8 +23,8 @@ def slope_covered(seed: int, pole: float) -> bool:
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_coverage(pole: float) -> None:
-    covered = sum(slope_covered(seed, pole) for seed in range(100))
-    assert covered >= 85
+    covered = sum(slope_covered(seed, pole) for seed in range(50))
+    assert covered >= 43
 
 
 @pytest.mark.validate

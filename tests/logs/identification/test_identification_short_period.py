@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly, model_of
+from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_output_error, fly, model_of
 
 from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
@@ -71,14 +71,14 @@ def test_coverage_of_output_error(modulation: float, width: float) -> None:
 def test_derivatives_lie_within_their_intervals() -> None:
     hits = total = 0
     for seed in range(10):
-        for estimate in identify(Flight(seed=seed, modulation=0.2)).modes[0].derivatives:
+        for estimate in by_output_error(fly(Flight(seed=seed, modulation=0.2))).derivatives:
             hits += estimate.contains(TRUTH[estimate.name])
             total += 1
     assert hits >= 0.85 * total
 
 
 def test_without_noise_or_shaking_output_error_is_exact() -> None:
-    mode = identify(Flight(noise=0.0, shaking=0.0)).modes[0]
+    mode = by_output_error(fly(Flight(noise=0.0, shaking=0.0)))
     frequency, damping = true_mode(Flight())
     assert mode.frequency is not None and mode.damping is not None
     assert mode.frequency.value == pytest.approx(frequency, rel=2e-3)
@@ -89,7 +89,7 @@ def test_the_short_period_approximation_alone_is_biased_which_is_why_speed_is_in
     data = fly(Flight())
     truth = true_mode(Flight())[0]
     full, short = (
-        identify_modes(data, AIRCRAFT, names, outputs).modes[0].frequency
+        by_output_error(data, AIRCRAFT, names, outputs).frequency
         for names, outputs in ((LONGITUDINAL, (0, 1, 2)), (SHORT_PERIOD, (0, 2)))
     )
     assert full is not None and short is not None
@@ -97,7 +97,7 @@ def test_the_short_period_approximation_alone_is_biased_which_is_why_speed_is_in
 
 
 def test_an_unknown_tail_lag_is_found_with_the_mode() -> None:
-    mode = identify(Flight(seed=1), Aircraft(imu_x=0.05)).modes[0]
+    mode = by_output_error(fly(Flight(seed=1)), Aircraft(imu_x=0.05))
     lag = mode.derivatives[-1]
     assert lag.name == "tail_time_constant"
     assert lag.value == pytest.approx(0.04, abs=0.004)
@@ -106,7 +106,7 @@ def test_an_unknown_tail_lag_is_found_with_the_mode() -> None:
 
 
 def test_a_tail_lag_that_is_ignored_shows_as_a_wrong_mode() -> None:
-    mode = identify(Flight(seed=1), AIRCRAFT._replace(tail_time_constant=0.0)).modes[0]
+    mode = by_output_error(fly(Flight(seed=1)), AIRCRAFT._replace(tail_time_constant=0.0))
     assert mode.frequency is None or abs(mode.frequency.value / true_mode(Flight())[0] - 1) > 0.1
 
 
@@ -114,7 +114,7 @@ def test_an_overdamped_mode_has_two_time_constants() -> None:
     heavy = TRUTH | {"M_w": -2.0, "M_q": -14.0}
     flight = Flight(truth=heavy)
     assert true_mode(flight)[1] > 1.05
-    mode = identify(flight).modes[0]
+    mode = by_output_error(fly(flight))
     assert mode.damping is not None and mode.damping.value > 1
     expected = np.sort(-1 / np.sort(np.linalg.eigvals(model_of(flight).a).real)[:2])
     for constant, truth in zip(mode.time_constants, expected, strict=True):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, fly
+from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_output_error, fly
 
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import read_excitation
@@ -25,7 +25,6 @@ from logs.identification.input_design.response import respond
 from logs.identification.input_design.waveform import waveform
 from logs.identification.input_design.wording import command_line, mission_item
 from logs.identification.modes.longitudinal import LONGITUDINAL
-from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model
 
@@ -45,7 +44,7 @@ def scatter_over_prediction(flights: int, doublets: int) -> dict[str, float]:
     """Scatter of output error over many flights with white noise, as a share of what was predicted."""
     values: dict[str, list[float]] = {}
     for seed in range(flights):
-        mode = identify_modes(fly(Flight(seed=seed, doublets=doublets, shaking=0.0)), AIRCRAFT).modes[0]
+        mode = by_output_error(fly(Flight(seed=seed, doublets=doublets, shaking=0.0)))
         assert mode.frequency is not None and mode.damping is not None
         for found in (mode.frequency, mode.damping, *mode.derivatives):
             values.setdefault(found.name, []).append(found.value)
