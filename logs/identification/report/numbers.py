@@ -19,8 +19,9 @@ from logs.identification.drive.torque_speed import identify_load
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Estimate, Unidentified
-from logs.identification.sources.flight import ColumnSource, drive_data, flight_data, throttle_data, true_drive_data
+from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.remembered import Remembered
+from logs.identification.sources.topic_table import ColumnSource
 from sim_bridge.vehicles import SimulatedVehicle
 
 SUBJECTS = ("servo", "power", "modes", "aero", "all")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -12,82 +11,33 @@ from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from avionics.topics import Topic
 from logs.identification.data import DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.flapping import strokes_in
 from logs.identification.sources.inputs import find_inputs
+from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
 
 BURST_RATE = 6000.0
 """Hz; of the ADC's samples inside a burst"""
-LEAST_SAMPLES = 20
 SMOOTHED = 5
 """-; samples of the local cubic whose slope is the wing rate"""
 
 
-class ColumnSource(Protocol):
-    """A log, or anything else that gives a topic's fields as arrays."""
-
-    def columns(self, topic: Topic) -> Mapping[str, Any]:
-        """Arrays by field name; a topic that was not recorded is refused or empty."""
-
-
-class _Table:
-    """One topic's columns with its time in seconds, cleared of samples that are not finite."""
-
-    def __init__(self, source: ColumnSource, topic: Topic, *fields: str) -> None:
-        try:
-            columns = source.columns(topic)
-            arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
-        except (KeyError, BadInput) as error:
-            if isinstance(error, BadInput) and topic.name in getattr(source, "topics", ()):
-                raise  # it is there, and damaged: nothing can stand for it
-            raise BadInput(f"the log has no topic {topic.name}, which this needs") from None
-        if len(arrays[0]) < LEAST_SAMPLES:
-            raise BadInput(f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}")
-        good = np.all(np.isfinite(arrays), axis=0)
-        good[1:] &= np.diff(np.maximum.accumulate(arrays[0])) > 0
-        if good.sum() < LEAST_SAMPLES:
-            raise BadInput(f"topic {topic.name} has too few finite samples in order of time")
-        self.time: Array = arrays[0][good] * 1e-6
-        self._fields = {field: array[good] for field, array in zip(fields, arrays[1:], strict=True)}
-
-    def __getitem__(self, field: str) -> Array:
-        return self._fields[field]
-
-    def linear(self, field: str, time: Array) -> Array:
-        """The field at ``time``, linear between samples."""
-        values: Array = np.interp(time, self.time, self._fields[field])
-        return values
-
-    def held(self, field: str, time: Array) -> Array:
-        """The field at ``time``, held since its last sample; the first sample's value before it."""
-        index = np.clip(np.searchsorted(self.time, time + 1e-7, side="right") - 1, 0, None)
-        return self._fields[field][index]
-
-
-def _strokes(source: ColumnSource) -> tuple[_Table, Array]:
+def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
     """The wing's angles, and strokes at their times by its phase, or by the left angle where no phase is told."""
     try:
-        wing = _Table(source, topics.WING, "phase", "angle_left", "angle_right")
+        wing = TopicTable(source, topics.WING, "phase", "angle_left", "angle_right")
         return wing, strokes_of(wing["phase"])
     except BadInput as missing:
         try:
-            wing = _Table(source, topics.WING, "angle_left", "angle_right")
-            time = _time_base(wing.time)
+            wing = TopicTable(source, topics.WING, "angle_left", "angle_right")
+            time = time_base(wing.time)
             return wing, np.interp(wing.time, time, strokes_in(time, wing.linear("angle_left", time)))
         except BadInput:
             raise missing from None
-
-
-def _time_base(time: Array) -> Array:
-    """Equally spaced over the record, at the record's median step; gaps are filled by interpolation."""
-    step = float(np.median(np.diff(time)))
-    base: Array = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
-    return base
 
 
 class _Taken(NamedTuple):
@@ -118,11 +68,11 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     """
     told, commanded = _told(source), _elevator(source)
     imu = _inertial(source, told is not None)
-    attitude = _Table(source, topics.ATTITUDE, "pitch", "bias_y")
-    time = _time_base(imu.time)
+    attitude = TopicTable(source, topics.ATTITUDE, "pitch", "bias_y")
+    time = time_base(imu.time)
     accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
     elevator = commanded.held("elevator", time)
-    climb = _Table(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
+    climb = TopicTable(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
     airspeed, strokes = _airspeed(source, time, climb), _flown_strokes(source, time, accel_z)
     excited = _found(time, elevator, strokes.values) if told is None else _flown(told, time)
     return FlightData(
@@ -143,10 +93,10 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     )
 
 
-def _told(source: ColumnSource) -> _Table | None:
+def _told(source: ColumnSource) -> TopicTable | None:
     """The topic of the excitation; None where the log has none."""
     try:
-        told = _Table(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
+        told = TopicTable(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
     except BadInput:
         return None
     if not np.any(told["active"]):
@@ -154,14 +104,14 @@ def _told(source: ColumnSource) -> _Table | None:
     return told
 
 
-def _inertial(source: ColumnSource, excited: bool) -> _Table:
+def _inertial(source: ColumnSource, excited: bool) -> TopicTable:
     try:
-        return _Table(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
+        return TopicTable(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
     except BadInput as missing:
         raise missing if excited else BadInput(f"no excitation is told, nor can one be found: {missing}") from None
 
 
-def _flown(told: _Table, time: Array) -> _Excited:
+def _flown(told: TopicTable, time: Array) -> _Excited:
     active, manoeuvre, added, aborted = (told.held(f, time) for f in ("active", "manoeuvre", "elevator", "aborted"))
     return _Excited(active, manoeuvre, added, aborted)
 
@@ -175,9 +125,9 @@ def _found(time: Array, elevator: Array, strokes: Array) -> _Excited:
     return _Excited(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
 
 
-def _elevator(source: ColumnSource) -> _Table:
+def _elevator(source: ColumnSource) -> TopicTable:
     try:
-        return _Table(source, topics.ACTUATORS, "elevator")
+        return TopicTable(source, topics.ACTUATORS, "elevator")
     except BadInput as missing:
         hint = "--elevator makes it of a pulse width or a stick"
         raise BadInput(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
@@ -185,10 +135,10 @@ def _elevator(source: ColumnSource) -> _Table:
 
 def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:
     try:
-        return _Taken(_Table(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
+        return _Taken(TopicTable(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
     except BadInput as missing:
         try:
-            ground = _Table(source, topics.POSITION, "v_north", "v_east")
+            ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
         except BadInput:
             raise missing from None
     north, east = (ground.linear(field, time) for field in ("v_north", "v_east"))
@@ -216,8 +166,8 @@ def drive_data(source: ColumnSource) -> DriveData:
     Raises:
         BadInput: a topic is missing.
     """
-    torque = _Table(source, topics.DRIVE_TORQUE, "left", "right")
-    power = _Table(source, topics.POWER, "current", "voltage")
+    torque = TopicTable(source, topics.DRIVE_TORQUE, "left", "right")
+    power = TopicTable(source, topics.POWER, "current", "voltage")
     return DriveData(
         power.time, power["current"], power["voltage"], BURST_LENGTH / BURST_RATE,
         torque.time, torque["left"], torque["right"], *_motion(source),
@@ -230,10 +180,10 @@ def throttle_data(source: ColumnSource) -> ThrottleData:
     Raises:
         BadInput: the throttle or the wings' motion is missing.
     """
-    commanded = _Table(source, topics.ACTUATORS, "throttle")
+    commanded = TopicTable(source, topics.ACTUATORS, "throttle")
     wing, strokes = _strokes(source)
     try:
-        power = _Table(source, topics.POWER, "voltage")
+        power = TopicTable(source, topics.POWER, "voltage")
     except BadInput:
         nothing = np.zeros(0)
         return ThrottleData(commanded.time, commanded["throttle"], wing.time, strokes, nothing, nothing)
@@ -249,7 +199,7 @@ def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:
     return wing.time, _rate(wing, "angle_left"), _rate(wing, "angle_right"), strokes
 
 
-def _rate(wing: _Table, angle: str) -> Array:
+def _rate(wing: TopicTable, angle: str) -> Array:
     """Wing rate in rad/s without the lag of the rate that was flown with.
 
     Three milliseconds against a torque that is mostly inertial would make a fifth of the power disappear.
@@ -266,7 +216,7 @@ def true_drive_data(source: ColumnSource) -> DriveData:
         BadInput: the log has no topic of the world's truth.
     """
     fields = ("current", "voltage", "torque_left", "torque_right", "rate_left", "rate_right")
-    true = _Table(source, truth.WING, *fields)
+    true = TopicTable(source, truth.WING, *fields)
     wing, strokes = _strokes(source)
     return DriveData(
         true.time, true["current"], true["voltage"], 0.0,

@@ -22,7 +22,7 @@ from logs.identification.aerodynamics.wing_air import MovedVehicle
 from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.speeds import smoothed
 from logs.identification.results import Array
-from logs.identification.sources.flight import ColumnSource, _Table, _time_base
+from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
 from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import build_mechanism
@@ -62,10 +62,10 @@ def measured_motion(
     Raises:
         BadInput: a topic is missing, or no stretch is long enough.
     """
-    imu = _Table(source, topics.IMU, "accel_x", "accel_y", "accel_z")
-    wing = _Table(source, topics.WING, "angle_left", "angle_right", "flapping")
-    tail = _Table(source, topics.ACTUATORS, "elevator", "rudder")
-    time = _time_base(imu.time)
+    imu = TopicTable(source, topics.IMU, "accel_x", "accel_y", "accel_z")
+    wing = TopicTable(source, topics.WING, "angle_left", "angle_right", "flapping")
+    tail = TopicTable(source, topics.ACTUATORS, "elevator", "rudder")
+    time = time_base(imu.time)
     step = float(time[1] - time[0])
     base = _measured_base(source, vehicle, imu, time, calibration)
     angles = {index: wing.linear(field, time) for index, field in _flaps(vehicle)}
@@ -89,9 +89,11 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
     """
     fields = ("v_north", "v_east", "v_down", *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate", "wind_north",
               "wind_east", "wind_down", "on_ground")  # fmt: skip
-    state = _Table(source, truth.STATE, *fields)
-    wing = _Table(source, truth.WING, "angle_left", "angle_right", "twist_left", "twist_right", "elevator", "rudder")
-    time = _time_base(state.time)
+    state = TopicTable(source, truth.STATE, *fields)
+    wing = TopicTable(
+        source, truth.WING, "angle_left", "angle_right", "twist_left", "twist_right", "elevator", "rudder"
+    )
+    time = time_base(state.time)
     columns = {field: state.linear(field, time) for field in fields}
     quaternion = _attitude(state, time)
     v_ned = np.column_stack([columns[f"v_{axis}"] for axis in ("north", "east", "down")])
@@ -108,9 +110,9 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
 
 
 def _measured_base(
-    source: ColumnSource, vehicle: SimulatedVehicle, imu: _Table, time: Array, calibration: inertial.Gains
+    source: ColumnSource, vehicle: SimulatedVehicle, imu: TopicTable, time: Array, calibration: inertial.Gains
 ) -> _Base:
-    attitude = _Table(source, topics.ATTITUDE, *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate")
+    attitude = TopicTable(source, topics.ATTITUDE, *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate")
     quaternion = _attitude(attitude, time)
     step = float(time[1] - time[0])
     turning = np.column_stack([attitude.linear(f"{axis}_rate", time) for axis in ("roll", "pitch", "yaw")])
@@ -122,8 +124,8 @@ def _measured_base(
     felt = smoothed(felt, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
     to_ned = rotations(quaternion)
     acceleration = np.einsum("nij,nj->ni", to_ned, felt) + np.array((0.0, 0.0, GRAVITY))
-    ground = _Table(source, topics.POSITION, "v_north", "v_east")
-    climb = _Table(source, topics.ALTITUDE, "climb_rate")
+    ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
+    climb = TopicTable(source, topics.ALTITUDE, "climb_rate")
     over_ground = [ground.linear(field, time) for field in ("v_north", "v_east")]
     slow = np.column_stack([*over_ground, -climb.linear("climb_rate", time)])
     quick = cumulative_trapezoid(acceleration, dx=step, axis=0, initial=0.0)
@@ -174,7 +176,7 @@ def _flaps(vehicle: SimulatedVehicle) -> tuple[tuple[int, str], ...]:
 def _excited(source: ColumnSource, time: Array) -> NDArray[np.bool_]:
     """Where a manoeuvre runs; everywhere, in a log that tells of none."""
     try:
-        active = _Table(source, topics.EXCITATION, "active")
+        active = TopicTable(source, topics.EXCITATION, "active")
     except BadInput:
         return np.ones(len(time), bool)
     running = active.held("active", time) > 0
@@ -186,18 +188,18 @@ def _air(source: ColumnSource, time: Array) -> tuple[Array, float, tuple[str, ..
     notes: tuple[str, ...] = ()
     wind = np.zeros(3)
     try:
-        told = _Table(source, topics.POSITION, "wind_north", "wind_east")
+        told = TopicTable(source, topics.POSITION, "wind_north", "wind_east")
         wind[:2] = np.mean(told["wind_north"]), np.mean(told["wind_east"])
     except BadInput:
         notes += ("wind: none, as none is told",)
     try:
-        density = float(np.median(_Table(source, topics.AIR_DATA, "density")["density"]))
+        density = float(np.median(TopicTable(source, topics.AIR_DATA, "density")["density"]))
     except BadInput:
         density, notes = SEA_LEVEL, (*notes, "density: at sea level")
     return np.tile(wind, (len(time), 1)), density, notes
 
 
-def _attitude(table: _Table, time: Array) -> Array:
+def _attitude(table: TopicTable, time: Array) -> Array:
     """Unit quaternions (N, 4) at ``time``, between samples of one sign."""
     told = np.column_stack([table[field] for field in QUATERNION])
     signs = np.cumprod(np.concatenate([[1.0], np.where((told[1:] * told[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)]))

@@ -6,7 +6,7 @@ from collections.abc import Container, Mapping
 from typing import Any
 
 from avionics.topics import Topic
-from logs.identification.sources.flight import ColumnSource
+from logs.identification.sources.topic_table import ColumnSource
 
 
 class Remembered:

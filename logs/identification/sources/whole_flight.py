@@ -14,7 +14,7 @@ from avionics.topics import Topic
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import Channel, interpolated
 from logs.identification.results import Array
-from logs.identification.sources.flight import ColumnSource
+from logs.identification.sources.topic_table import ColumnSource
 from logs.strokes import strokes_of
 
 LONGEST_GAP = 0.1
