@@ -39,6 +39,11 @@ def correlation_of(names: tuple[str, ...], covariance: Array) -> Correlation:
     safe = np.where(known, errors, 1.0)
     matrix = np.clip(covariance / np.outer(safe, safe), -1.0, 1.0)
     matrix[~known, :] = matrix[:, ~known] = np.nan
+    return Correlation(names, matrix, strong_pairs(names, matrix))
+
+
+def strong_pairs(names: tuple[str, ...], matrix: Array) -> tuple[Pair, ...]:
+    """The pairs of ``names`` (p,) whose correlation in ``matrix`` (p, p) is above `STRONG`, the strongest first."""
     rows, columns = np.nonzero(np.triu(np.abs(np.nan_to_num(matrix)) > STRONG, 1))
     pairs = [Pair(names[i], names[j], float(matrix[i, j])) for i, j in zip(rows, columns, strict=True)]
-    return Correlation(names, matrix, tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation))))
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))

@@ -7,6 +7,7 @@ counts changes of sign: too few of them say that the model drifts from the data,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,27 +60,37 @@ def whiteness_of(residuals: Array, fitted: int = 0, lags: int | None = None) -> 
     count = int(there.sum())
     if count < LEAST_SAMPLES:
         return _nothing(count, f"{count} residuals; {LEAST_SAMPLES} are the least")
-    values = np.where(there, residuals - residuals[there].mean(), 0.0)
-    spread = float(values @ values) / count
-    if spread <= 0:
+    if np.ptp(residuals[there]) <= 0:
         return _nothing(count, "the residuals are all the same")
     number = min(lags if lags is not None else max(len(residuals) // 10, 5), len(residuals) // 2)
-    correlation, pairs = _autocorrelation(values, there.astype(np.float64), number + 1, spread)
+    correlation, pairs = autocorrelation((residuals,), number)
     band = BAND / np.sqrt(count)
     outside = np.abs(correlation[1:]) > BAND / np.sqrt(np.maximum(pairs[1:], 1.0))
     q = float(count * (count + 2) * np.sum(correlation[1:] ** 2 * pairs[1:] / count / np.maximum(pairs[1:], 1.0)))
     probability = float(chdtrc(max(number - fitted, 1), q))
-    runs, expected, by_chance = _runs(values[there])
+    runs, expected, by_chance = _runs(residuals[there])
     return Whiteness(
         correlation, band, float(outside.mean()), q, probability, runs, expected, by_chance, count
     )  # fmt: skip
 
 
-def _autocorrelation(values: Array, there: Array, lags: int, spread: float) -> tuple[Array, Array]:
-    """Autocorrelation (lags,) and pairs of samples (lags,) that each is from."""
-    sums = np.array([values[: len(values) - lag] @ values[lag:] for lag in range(lags)])
-    pairs = np.array([there[: len(there) - lag] @ there[lag:] for lag in range(lags)])
-    return sums / np.maximum(pairs, 1.0) / spread, pairs
+def autocorrelation(records: Sequence[Array], lags: int) -> tuple[Array, Array]:
+    """Autocorrelation (lags + 1,) over ``records`` (N_i,) about their common mean, and the pairs that each is from.
+
+    NaN where there is no residual; at 95 % of the lags white noise stays within `BAND` over the root of the pairs.
+    """
+    there = [np.isfinite(one) for one in records]
+    known = np.concatenate([one[own] for one, own in zip(records, there, strict=True)])
+    mean = float(known.mean())
+    centred = [np.where(own, one - mean, 0.0) for one, own in zip(records, there, strict=True)]
+    sums, pairs = _lagged(centred, lags), _lagged([own.astype(np.float64) for own in there], lags)
+    spread = sums[0] / pairs[0]
+    return sums / np.maximum(pairs, 1.0) / (spread if spread > 0 else 1.0), pairs
+
+
+def _lagged(records: list[Array], lags: int) -> Array:
+    """Sums of products (lags + 1,) of samples so far apart in one record."""
+    return np.array([sum(float(one[: max(len(one) - k, 0)] @ one[k:]) for one in records) for k in range(lags + 1)])
 
 
 def _runs(values: Array) -> tuple[int, float, float]:

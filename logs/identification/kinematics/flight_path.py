@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.accuracy.whiteness import whiteness_of
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_errors import covariance_of, degrees_of
 from logs.identification.kinematics.flight_fit import Fit, fitted, independent, vague_among
@@ -55,7 +56,7 @@ class Setup(NamedTuple):
 USUAL = Setup()
 
 
-class Whiteness(NamedTuple):
+class Remainder(NamedTuple):
     """What the residuals of one output have left."""
 
     name: str
@@ -75,7 +76,7 @@ class Track(NamedTuple):
     (specific forces at the IMU's place)"""
     residuals: Mapping[str, Array]
     """by output, in its unit; (N,), NaN where it was not measured"""
-    whiteness: tuple[Whiteness, ...]
+    whiteness: tuple[Remainder, ...]
 
 
 class Reconstruction(NamedTuple):
@@ -177,13 +178,9 @@ def _track(problem: Problem, fit: Fit, index: int) -> Track:
     return Track(Experiment(record.name, record.time, signals, units), residuals, whiteness)
 
 
-def _whiteness(name: str, residuals: Array) -> Whiteness:
+def _whiteness(name: str, residuals: Array) -> Remainder:
     """Autocorrelation over the samples that were measured."""
     known = residuals[np.isfinite(residuals)]
-    centred = known - np.mean(known)
-    power = float(centred @ centred)
-    lags = range(1, min(WHITE_LAGS, len(known) // 4) + 1)
-    bound = 1.96 / np.sqrt(len(known))
-    outside = [abs(centred[lag:] @ centred[:-lag]) > bound * power for lag in lags]
-    share = float(np.mean(outside)) if outside else 0.0
-    return Whiteness(name, UNITS[name], float(np.std(known)), share, share <= WHITE_SHARE)
+    tested = whiteness_of(known, lags=min(WHITE_LAGS, max(len(known) // 4, 1)))
+    share = 0.0 if tested.failure else tested.share_outside
+    return Remainder(name, UNITS[name], float(np.std(known)), share, share <= WHITE_SHARE)

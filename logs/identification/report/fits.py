@@ -7,7 +7,9 @@ from itertools import groupby
 
 import numpy as np
 
+from logs.identification.accuracy.correlation import STRONG, strong_pairs
 from logs.identification.accuracy.theil import theil
+from logs.identification.accuracy.whiteness import BAND, autocorrelation
 from logs.identification.chapter import (
     DASHED,
     MEASURED,
@@ -32,8 +34,6 @@ MOST_FITS = 24
 """-; manoeuvres that are drawn: more would only make the page long; all are in the tables"""
 LONGEST_LAG = 0.5
 """-; of the shortest record, in the autocorrelation"""
-CORRELATED = 0.9
-"""-; from which on two estimates are said to be hard to tell apart"""
 Truths = Mapping[str, float]
 
 
@@ -58,7 +58,7 @@ def correlation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
     """How far the errors of the estimates go together; None where no method tells it."""
     parts = tuple(_correlation(fit) for fit in fits if fit.correlation is not None and len(fit.estimates) > 1)
     note = (
-        f"Near 1 or −1 only a combination of the two is well known; pairs beyond ±{CORRELATED:g} are listed. Their"
+        f"Near 1 or −1 only a combination of the two is well known; pairs beyond ±{STRONG:g} are listed. Their"
         " intervals hold all the same: they contain it."
     )
     return Chapter("Correlation of the estimates", (note,), parts=parts) if parts else None
@@ -67,12 +67,8 @@ def correlation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
 def _correlation(fit: Fitted) -> Chapter:
     assert fit.correlation is not None
     names = tuple(e.name for e in fit.estimates)
-    close = [
-        f"{names[j]} and {names[i]} ({number(float(fit.correlation[i, j]), 0.1)})"
-        for i in range(len(names))
-        for j in range(i)
-        if abs(fit.correlation[i, j]) > CORRELATED
-    ]
+    pairs = strong_pairs(names, fit.correlation)
+    close = [f"{one} and {other} ({number(value, 0.1)})" for one, other, value in pairs]
     return Chapter(
         fit.method,
         (f"Hard to tell apart: {', '.join(close)}.",) if close else ("No pair is beyond that.",),
@@ -180,22 +176,12 @@ def _residual_plots(output: str, unit: str, pieces: list[FitSeries]) -> list[Plo
     ]
 
 
-def autocorrelation(residuals: list[Array], lags: int) -> tuple[Array, float]:
-    """Autocorrelation (lags + 1,) over records (N_i,) about their common mean; and half its 95 % band."""
-    mean = float(np.nanmean(np.concatenate(residuals)))
-    centred = [np.where(np.isfinite(one), one - mean, 0.0) for one in residuals]
-    total = sum(float(one @ one) for one in centred)
-    count = sum(int(np.isfinite(one).sum()) for one in residuals)
-    sums = np.array([sum(float(one[: len(one) - k] @ one[k:]) for one in centred) for k in range(lags + 1)])
-    return sums / total if total > 0.0 else sums, 1.96 / float(np.sqrt(max(count, 1)))
-
-
 def _autocorrelation_plot(output: str, residuals: list[Array], step: float) -> Plot:
     lags = max(int(LONGEST_LAG * min(len(one) for one in residuals)), 1)
-    values, half = autocorrelation(residuals, lags)
+    values, pairs = autocorrelation(residuals, lags)
+    half = BAND / np.sqrt(np.maximum(pairs, 1.0))
     at = np.asarray(step * np.arange(lags + 1), dtype=np.float64)
-    ends = np.array([0.0, at[-1]])
-    band = Band("95 % band of white noise", ends, np.full(2, -half), np.full(2, half))
+    band = Band("95 % band of white noise", at, -half, half)
     series = (Series("", at, values, OTHER, STEMS),)
     return Plot(f"{output}: autocorrelation", "lag", "s", "autocorrelation", "-", series, (band,))
 

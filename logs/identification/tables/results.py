@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import combinations
 from typing import NamedTuple
 
+from logs.identification.accuracy.correlation import Pair, strong_pairs
 from logs.identification.experiment import Experiment
 from logs.identification.modes.mode import ModesResult
 from logs.identification.regression.stepwise import Step
 from logs.identification.results import Fitted, Unidentified
-
-NOTABLE = 0.9
-"""-; absolute correlation of two estimates that is told"""
 
 
 class OutputFit(NamedTuple):
@@ -57,13 +54,11 @@ class TableFit(NamedTuple):
     """of a stepwise regression"""
 
     @property
-    def correlated(self) -> tuple[tuple[str, str, float], ...]:
-        """Pairs of estimates whose correlation exceeds `NOTABLE`, with it."""
-        correlation, names = self.fitted.correlation, [one.name for one in self.fitted.estimates]
-        if correlation is None:
+    def correlated(self) -> tuple[Pair, ...]:
+        """Pairs of estimates that the data tells only together."""
+        if self.fitted.correlation is None:
             return ()
-        pairs = [(a, b, float(correlation[a, b])) for a, b in combinations(range(len(names)), 2)]
-        return tuple((names[a], names[b], value) for a, b, value in pairs if abs(value) > NOTABLE)
+        return strong_pairs(tuple(one.name for one in self.fitted.estimates), self.fitted.correlation)
 
 
 class TableIdentification(NamedTuple):

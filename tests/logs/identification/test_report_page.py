@@ -12,6 +12,7 @@ from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.whiteness import BAND, autocorrelation
 from logs.identification.chapter import (
     DASHED,
     MEASURED,
@@ -31,7 +32,6 @@ from logs.identification.drive.power import identify_power
 from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import Identification
-from logs.identification.report.fits import autocorrelation
 from logs.identification.report.html import page
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import axis, round_step, written
@@ -222,11 +222,11 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
 def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
     rng = np.random.default_rng(5)
     white = [rng.normal(size=400) for _ in range(5)]
-    values, half = autocorrelation(white, 40)
+    values, pairs = autocorrelation(white, 40)
     assert values[0] == pytest.approx(1.0)
-    assert np.mean(np.abs(values[1:]) < half) > 0.85
+    assert np.mean(np.abs(values[1:]) < BAND / np.sqrt(pairs[1:])) > 0.85
     coloured = [np.convolve(one, np.ones(10), "valid") for one in white]
-    values, half = autocorrelation(coloured, 40)
+    values, _ = autocorrelation(coloured, 40)
     assert values[5] == pytest.approx(0.5, abs=0.1)
 
 
