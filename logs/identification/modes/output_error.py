@@ -237,6 +237,24 @@ def fitted_outputs(problem: Problem, fit: DerivativeFit) -> list[Array]:
     return [m.averages[:, problem.outputs] - piece.residuals * fit.scatter for m, piece in pairs]
 
 
+def share_explained(problem: Problem, values: Array) -> float:
+    """Share of the pitch rate's power that the tail explains with the derivatives ``values`` (p,), at most 1.
+
+    What initial states and biases could explain is in neither. Negative where the model is worse than none.
+    """
+    deviation, pitch_rate = np.ones(len(problem.outputs)), problem.outputs.index(OUTPUTS.index("q"))
+    for _ in range(3):
+        deviation = deviation * _spread(_residuals(problem, values, deviation))
+    flown, left, whole = _flown(problem, values), 0.0, 0.0
+    for manoeuvre in problem.manoeuvres:
+        piece = _project(problem, flown, manoeuvre, deviation)
+        driven = flown.driven(manoeuvre, np.zeros(4))[:, problem.outputs] / deviation
+        measured = piece.residuals + _without_nuisances(piece.basis, driven)
+        left += float(np.sum(piece.residuals[:, pitch_rate] ** 2))
+        whole += float(np.sum(measured[:, pitch_rate] ** 2))
+    return 1.0 - left / whole if whole > 0 else 0.0
+
+
 def _gauss_newton(here: Linearised) -> tuple[Array, Array]:
     """Step (p,) of least squares and its standard errors for white residuals; NaN where it is not determined."""
     squared = information(here.sensitivities)

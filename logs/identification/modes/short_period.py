@@ -10,7 +10,7 @@ from logs.identification.modes.equation_error import DerivativeFit, equation_err
 from logs.identification.modes.experiments import modes_of_records
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.modes.output_error import Problem, flown_regressors, output_error
+from logs.identification.modes.output_error import Problem, flown_regressors, output_error, share_explained
 from logs.identification.modes.records import averaged_records
 from logs.identification.preparing.manoeuvre import (
     Reference,
@@ -24,6 +24,9 @@ from logs.identification.results import Array, estimates
 FITTED_OUTPUTS = (0, 1, 2)
 """-; of `output_error.OUTPUTS`: q, a_x and a_z. The AHRS's pitch is the gyro integrated: it adds nothing"""
 TAIL_PASSES = 3
+LEAST_EXPLAINED, LEAST_WITH_INSTRUMENTS = 0.85, 0.5
+"""-; of the pitch rate's power by the elevator, for output error and for equation error: gusts ring the aircraft too,
+and below it the frequency comes out too low, outside its interval"""
 
 
 def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Aircraft) -> Mode:
@@ -70,17 +73,29 @@ def fit_derivatives(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
 
 
 def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
-    """Equation error, and output error that starts from it."""
+    """Equation error, and output error that starts from it; neither where gusts move the aircraft too much."""
     derivatives = tuple(name for name in problem.names if name not in TAIL)
     first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives)
     if first.failure:
         return first, failed(problem.names, f"no starting values: {first.failure}")
     start = np.concatenate((first.values, np.zeros(len(problem.names) - len(derivatives))))
     second = output_error(problem, start)
-    if second.failure:
-        return first, second
-    clean = flown_regressors(problem, second)
-    return equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean), second
+    share = share_explained(problem, start if second.failure else second.values)
+    if not second.failure:
+        clean = flown_regressors(problem, second)
+        first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
+    if share < LEAST_WITH_INSTRUMENTS and not first.failure:
+        first = failed(first.names, _too_gusty(share))
+    if share < LEAST_EXPLAINED and not second.failure:
+        second = failed(second.names, _too_gusty(share))
+    return first, second
+
+
+def _too_gusty(share: float) -> str:
+    return (
+        f"the elevator explains {max(share, 0.0):.0%} of the pitch rate, the rest is gusts or what the model lacks: "
+        "fly larger inputs, or in calmer air"
+    )
 
 
 def _with_unknown_tail(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

@@ -200,6 +200,30 @@ def test_error_propagation_is_linear_in_a_linear_function() -> None:
     assert error[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
 
 
+def test_in_strong_gusts_no_derivatives_are_given_and_the_refusal_says_gusts() -> None:
+    """GIVEN gusts of 2 m/s, which move the aircraft more than its elevator does THEN no model is fitted."""
+    modes = identify(Flight(seed=3, gust=2.0)).modes[:2]
+    assert all(mode.frequency is None for mode in modes)
+    assert all("gusts" in mode.unidentified[0].reason for mode in modes)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("gust", [0.5, 0.7, 2.0])
+def test_frequencies_given_in_gusts_hold_the_truth(gust: float) -> None:
+    """What output error (0) and equation error (1) give in gusts, and that in 2 m/s they give next to nothing."""
+    truth = true_mode(Flight())[0]
+    results = [identify(Flight(seed=seed, gust=gust)) for seed in range(5000, 5300)]
+    for method in (0, 1):
+        given = [f for f in (result.modes[method].frequency for result in results) if f is not None]
+        held = sum(frequency.contains(truth) for frequency in given)
+        median = float(np.median([frequency.value / truth - 1 for frequency in given])) if given else 0.0
+        print(f"gusts {gust} m/s, method {method}: {len(given)} given, {held} hold, {median:+.3f}")  # noqa: T201
+        if gust > 1.0:
+            assert len(given) <= 0.05 * len(results)
+        else:
+            assert held >= 0.85 * len(given)
+
+
 def test_in_gusts_methods_without_a_physical_model_refuse_and_say_why() -> None:
     """GIVEN gusts that ring the aircraft as its inputs do THEN no transfer function and no ring-down is believed."""
     found = {mode.method: mode for mode in identify(Flight(seed=2, gust=0.5)).modes}
