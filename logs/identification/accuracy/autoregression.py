@@ -84,7 +84,7 @@ def predictors(reflections: Array) -> list[Array]:
 
 def prediction_variances(reflections: Array) -> Array:
     """Variance (k + 1,) of what the filters of orders 0 to k leave, in that of the white part."""
-    growth = np.append(1 - reflections**2, 1.0)
+    growth = np.append(np.maximum(1 - reflections**2, 1 - LARGEST**2), 1.0)
     return np.asarray(1 / np.cumprod(growth[::-1])[::-1])
 
 

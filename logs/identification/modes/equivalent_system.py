@@ -69,7 +69,9 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     """Modes ``kinds`` from input and outputs of all records."""
     driven = tuple(r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0)
     if not driven:
-        return nothing(METHOD, "no input was measured", kinds)
+        seen = any(r.input is not None for r in records.pieces)
+        why = "the input does not move where all was measured" if seen else "no input was measured"
+        return nothing(METHOD, why, kinds)
     transforms = [transform(record, records.blur) for record in driven]
     transforms = [t for t in transforms if len(t.s) > LEAST_FREQUENCIES]
     if not transforms:
@@ -170,7 +172,8 @@ def _piece(given: Transform, records: Records, weights: Array, parameters: tuple
         below = s if name in ANGLES else np.ones_like(s)
         powers = 2 * len(pairs) + (unit == ACCELERATION)
         ends = [s**k / (denominator * below) for k in range(2 * len(pairs) + (name in ANGLES))]
-        own.append(_stacked(np.column_stack([*ends, 1 / s]), weights[:, output]))
+        drift = [] if name in ANGLES else [1 / s]  # an angle's ends span it already
+        own.append(_stacked(np.column_stack([*ends, *drift]), weights[:, output]))
         shared.append(_stacked(np.column_stack([driven / below * s**k for k in range(powers)]), weights[:, output]))
     measured = [_stacked(given.outputs[:, [j]], weights[:, j])[:, 0] for j in range(len(own))]
     return Piece(np.column_stack(measured), tuple(own), tuple(shared))

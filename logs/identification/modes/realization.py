@@ -47,6 +47,10 @@ RESAMPLES = 40
 BLOCK_SHARE = 10
 SEED = 1
 """of the bootstrap: the same data give the same errors"""
+LEAST_EXPLAINED = 0.8
+"""-; of a free motion's power, by the oscillations, of the output where it is largest"""
+WIDEST = 0.25
+"""-; standard error of a frequency over it, and of a damping: noise alone passed above it once in 12 records"""
 HIGHEST_TURN = 0.6
 """-; of the sampling's Nyquist frequency: above it a pair is noise"""
 
@@ -103,6 +107,8 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
         ValueError: no number may be had, with the reason.
     """
     step, outputs = records[0].step, records[0].outputs.shape[1]
+    if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in records):
+        raise ValueError("an output is constant: it tells no motion")
     lags = max(math.ceil(STATES / outputs), 2)
     fit = _observer(records, Lags(lags, every), _filtered(records, max(int(MEMORY / step), lags * every)))
     total = fit.squares.sum(axis=0), fit.products.sum(axis=0)
@@ -120,7 +126,11 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
         raise ValueError("it falls to half within a quarter of a cycle: decay and drift are not told apart")
     around, number = np.array(left_out), len(left_out)
     about = around - around.mean(axis=0)
-    return whole, about.T @ about * (number - 1) / number, number - 1.0
+    covariance = about.T @ about * (number - 1) / number
+    relative = np.sqrt(np.diag(covariance)) / np.column_stack((whole[::2], np.ones(count))).ravel()
+    if np.any(relative > WIDEST):
+        raise ValueError("parts of the records tell different frequencies or dampings: it is hidden in noise")
+    return whole, covariance, number - 1.0
 
 
 def _solved(squares: Array, products: Array) -> Array:
@@ -157,6 +167,8 @@ def _observer(records: list[Record], lags: Lags, instruments: list[Record]) -> R
 
 def _filtered(records: list[Record], memory: int) -> list[Record]:
     """The records with outputs as the last ``memory`` samples of the input alone tell them, by least squares."""
+    if memory > min(len(record.outputs) for record in records):
+        raise ValueError("the records are too short for Markov parameters")
     given = [np.zeros(len(r.outputs)) if r.input is None else r.input for r in records]
     designs = [np.column_stack([_later(u, i) for i in range(memory)]) for u in given]
     about = [(d - d.mean(axis=0), r.outputs - r.outputs.mean(axis=0)) for d, r in zip(designs, records, strict=True)]
@@ -253,6 +265,11 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
     whole, order = realized_pairs(response, step, count, None)
     model = _refitted(response, whole, step)
     rest = response - model
+    if (
+        float(np.max(1 - np.sum(rest**2, axis=(1, 2)) / np.sum(response**2, axis=(1, 2)).clip(1e-300)))
+        < LEAST_EXPLAINED
+    ):
+        raise ValueError("free oscillation explains too little of the records: noise, turbulence, or a forced motion")
     rng = np.random.default_rng(SEED)
     around = []
     for _ in range(RESAMPLES):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
 from logs.identification.output_error.problem import Fit
@@ -12,10 +15,17 @@ from logs.identification.results import Array
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import output_error_fit
-from logs.identification.tables.results import TableFit
+from logs.identification.tables.noisy import white_noise
+from logs.identification.tables.output_errors import LEAST_RUN, output_error_fit
+from logs.identification.tables.results import LITTLE, TableFit
 
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
+
+MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
+MOVED = 6.0
+"""-; deviations of its noise from where it ends, above which a control has moved"""
+LEAST_MOVE = 0.01
+"""rad; a smaller movement excites little"""
 
 
 def modes_fit(
@@ -31,6 +41,8 @@ def modes_fit(
             raise BadInput(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
     if not asked.outputs:
         raise BadInput("modes.outputs names no signal")
+    if not asked.inputs:
+        _must_be_free(found.fitted, asked.outputs)
     fits: list[TableFit] = []
     known: tuple[Mode, ...] = ()
     model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
@@ -47,11 +59,33 @@ def modes_fit(
         return fits, ModesResult(known, None, f"no comparison: {error}", None, len(found.fitted), None)
 
 
+def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> None:
+    """Refuse a free response in which a control, an angle with a name of its own, moves.
+
+    Raises:
+        BadInput: one does, with the time at which it comes to rest.
+    """
+    for one in experiments:
+        for name in one.signals.keys() - MOTION - set(outputs):
+            values = one.signals[name]
+            if one.units.get(name) != "rad" or not np.any(np.isfinite(values)):
+                continue
+            rest = float(values[np.isfinite(values)][-LEAST_RUN:].mean())
+            moved = np.flatnonzero(np.abs(values - rest) > max(MOVED * white_noise(values), LEAST_MOVE))
+            if len(moved):
+                raise BadInput(
+                    f"modes: inputs = [] but {name} moves until {one.time[moved[-1]]:.6g} s in {one.name}: begin the "
+                    "manoeuvre after that, name it in inputs, or leave it out of [signals] if it is no control"
+                )
+
+
 def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
     """The modes that the fitted matrices have, errors by the delta method."""
     method = "output error"
     if fit.failure:
         return nothing(method, fit.failure)
+    if all(one.r_squared < LITTLE for one in table.outputs if not one.held_out):
+        return nothing(method, "the model explains less than half of every output")
     held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
     base = {name: one.value for name, one in chosen.model.parameters.items()} | held
 

@@ -20,6 +20,7 @@ from logs.identification.tables.derived import with_made
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
+from logs.identification.tables.noisy import shrunk
 from logs.identification.tables.results import TableFit
 
 NAMED = "Each number in brackets is called by what it multiplies."
@@ -39,8 +40,9 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     chosen, steps, said = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    table = _told(asked, result._replace(notes=(*said, *result.notes)), fitted, held, settings)
-    return table._replace(steps=steps)
+    noisy = shrunk(chosen, fitted, constants) if domain == "time" and not result.failure else []
+    notes = (*said, *result.notes, *noisy)
+    return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 
 
 def _chosen(

@@ -12,6 +12,9 @@ from logs.identification.modes.mode import ModesResult
 from logs.identification.regression.stepwise import Step
 from logs.identification.results import Fitted, Unidentified
 
+LITTLE = 0.5
+"""-; R^2 under which a model is said to explain little"""
+
 
 class OutputFit(NamedTuple):
     """How one output of one manoeuvre follows the measurement."""

@@ -6,10 +6,7 @@ from typing import Any, NamedTuple
 
 from logs.identification.report.numbers import Identification, document
 from logs.identification.results import Estimate
-from logs.identification.tables.results import OutputFit, TableFit, TableIdentification, finite
-
-LITTLE = 0.5
-"""-; R^2 under which a model is said to explain little"""
+from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
 
 
 class NumberRow(NamedTuple):

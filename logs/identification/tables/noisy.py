@@ -1,0 +1,59 @@
+"""Regressors that are noise in part: their coefficients come out too near zero, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import comb
+
+import numpy as np
+
+from logs.identification.experiment import Experiment
+from logs.identification.regression.terms import evaluate, parse
+from logs.identification.results import Array
+
+NOTABLE = 0.01
+"""-; of a coefficient, by which noise in its regressor shrinks it"""
+ORDER = 3
+"""-; of the differences in which only noise is left of a motion"""
+LEAST_SAMPLES = 32
+
+
+def shrunk(names: tuple[str, ...], experiments: tuple[Experiment, ...], constants: Mapping[str, float]) -> list[str]:
+    """A sentence for every regressor whose white noise shrinks its coefficient notably.
+
+    Errors in variables (Klein & Morelli, Aircraft System Identification, 2006, sec. 5.1; Fuller, Measurement Error
+    Models, 1987, sec. 1.1): least squares gives ``theta (1 - s^2 / v)``, s^2 the noise's variance and v that of
+    what the other regressors do not tell of this one. Other noisy regressors count to first order only.
+    """
+    parts = (
+        [np.column_stack([evaluate(parse(n), one, constants) for n in names]) for one in experiments] if names else []
+    )
+    variances = [np.array([white_noise(column) ** 2 for column in part.T]) for part in parts]
+    whole = [np.all(np.isfinite(part), axis=1) for part in parts]
+    counts = np.array([kept.sum() for kept in whole], dtype=float)
+    if not parts or counts.sum() < LEAST_SAMPLES:
+        return []
+    noise = np.sum([count * one for count, one in zip(counts, variances, strict=True)], axis=0) / counts.sum()
+    columns = np.vstack([part[kept] for part, kept in zip(parts, whole, strict=True)])
+    shares = [noise[i] / max(_own_variance(columns, i), 1e-300) for i in range(len(names))]
+    return [
+        f"{name} is measured with noise: it shrinks its coefficient by about {100 * min(share, 1):.2g} %, which the "
+        'interval does not hold; smooth it, or use domain = "frequency" with a band'
+        for name, share in zip(names, shares, strict=True)
+        if share > NOTABLE
+    ]  # fmt: skip
+
+
+def white_noise(values: Array) -> float:
+    """Standard deviation of the white noise: the median difference, which steps of a control do not reach."""
+    differences = np.abs(np.diff(values, ORDER))
+    differences = differences[np.isfinite(differences)]
+    return 1.4826 * float(np.median(differences)) / comb(2 * ORDER, ORDER) ** 0.5 if len(differences) else 0.0
+
+
+def _own_variance(columns: Array, place: int) -> float:
+    """Of what the other columns (N, k) and an intercept do not tell of one."""
+    others = np.column_stack((np.ones(len(columns)), np.delete(columns, place, axis=1)))
+    scaled = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+    own = columns[:, place]
+    return float(np.var(own - scaled @ np.linalg.lstsq(scaled, own, rcond=None)[0]))

@@ -1,0 +1,149 @@
+"""What a table cannot tell is said, not printed as a number: forced motion, noise, no thrust."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.accuracy.autoregression import autocovariance, prediction_variances
+from logs.identification.experiment import Experiment
+from logs.identification.modes.equivalent_system import equivalent_system
+from logs.identification.modes.experiments import modes_of_experiments, modes_of_records
+from logs.identification.modes.realization import realization
+from logs.identification.modes.records import records_of
+from logs.identification.tables.noisy import shrunk
+from logs.identification.tables.run import identify_tables
+
+EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
+STEP = 0.04
+TIME = np.arange(0, 25, STEP)
+FREE_MAP = """
+[time]
+column = 1
+[signals]
+q = { column = 2, unit = "rad/s" }
+delta_e = { column = 3, unit = "rad" }
+[manoeuvres]
+windows = [[%g, 25]]
+[modes]
+model = "none"
+inputs = []
+outputs = ["q"]
+"""
+
+
+def driven(slow: bool = False) -> Experiment:
+    """Pitch rate and pitch after a 3-2-1-1, exact: 2 rad/s and 0.3, and where ``slow`` a phugoid of 0.2 rad/s."""
+    delta = np.where((TIME > 2) & (TIME < 4.4), 0.05, 0.0) - np.where((TIME >= 4.4) & (TIME < 6), 0.05, 0.0)
+    theta = filtered(delta, 2.0, 0.3) + (0.3 * filtered(delta, 0.2, 0.05) if slow else 0.0)
+    q = np.gradient(theta, STEP)
+    units = {"q": "rad/s", "theta": "rad", "delta_e": "rad"}
+    return Experiment("one", TIME, {"q": q, "theta": theta, "delta_e": delta}, units)
+
+
+def filtered(given: np.ndarray, frequency: float, damping: float) -> np.ndarray:
+    """What an oscillator makes of ``given`` (N,), by its pulse response."""
+    turn = frequency * np.sqrt(1 - damping**2)
+    pulse = np.exp(-damping * frequency * TIME) * np.sin(turn * TIME) / turn
+    return np.convolve(given, pulse)[: len(given)] * STEP
+
+
+def noise(seed: int, colour: float) -> Experiment:
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(len(TIME), 2)) * 0.01
+    for k in range(1, len(values)):
+        values[k] += colour * values[k - 1]
+    signals = {"alpha": values[:, 0], "q": values[:, 1], "delta_e": driven().signals["delta_e"]}
+    return Experiment(f"noise {seed}", TIME, signals, {"alpha": "rad", "q": "rad/s", "delta_e": "rad"})
+
+
+def test_free_response_of_a_record_in_which_the_control_moves_is_refused(tmp_path: Path) -> None:
+    one = driven()
+    q = one.signals["q"] + 1e-4 * np.random.default_rng(1).normal(size=len(TIME))
+    table, mapping = tmp_path / "t.csv", tmp_path / "m.toml"
+    np.savetxt(table, np.column_stack((TIME, q, one.signals["delta_e"])), delimiter=",")
+    mapping.write_text(FREE_MAP % 0)
+    with pytest.raises(BadInput, match=r"delta_e moves until 5\.96 s in manoeuvre 1 of t\.csv"):
+        identify_tables([table], mapping)
+    mapping.write_text(FREE_MAP % 6.1)
+    found = identify_tables([table], mapping).modes
+    assert found is not None
+    modes = {mode.method: mode for mode in found.modes}
+    free = modes["free response"].frequency
+    assert free is not None and free.value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.95])
+def test_noise_has_no_mode_by_any_method(colour: float) -> None:
+    for name in (None, "delta_e"):
+        records = records_of((noise(1, colour),), name, ("alpha", "q"))
+        for mode in modes_of_records(records, ("short_period",)):
+            assert mode.frequency is None, (mode.method, name)
+
+
+def test_pitch_in_the_equivalent_system_has_an_interval_of_some_width() -> None:
+    records = records_of((driven(slow=True),), "delta_e", ("q", "theta"))
+    mode = equivalent_system(records)
+    assert mode.frequency is None or (mode.frequency.contains(2.0) and mode.frequency.standard_error > 1e-6)
+    plain = equivalent_system(records_of((driven(),), "delta_e", ("q", "theta")))
+    assert plain.frequency is not None
+    assert plain.frequency.value == pytest.approx(2.0, rel=0.01)
+
+
+def test_a_constant_output_and_a_short_record_are_refused_in_words() -> None:
+    one = driven()
+    still = one._replace(signals={**one.signals, "theta": np.full(len(TIME), 0.1)})
+    short = one._replace(time=TIME[45:65], signals={name: v[45:65] for name, v in one.signals.items()})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told = [
+            realization(records_of((e,), "delta_e", ("q", "theta"))).unidentified[0].reason for e in (still, short)
+        ]
+    assert told == ["an output is constant: it tells no motion", "the records are too short for Markov parameters"]
+
+
+def test_an_input_that_rests_is_not_called_unmeasured() -> None:
+    one = driven()
+    resting = one._replace(signals={**one.signals, "delta_e": np.zeros(len(TIME))})
+    modes = modes_of_experiments((resting,), "delta_e", ("q",)).modes
+    assert modes[0].unidentified[0].reason == "the input does not move where all was measured"
+
+
+def test_a_noisy_regressor_is_told_with_what_it_shrinks() -> None:
+    rng = np.random.default_rng(2)
+    clean = driven().signals
+    spread = float(np.std(clean["q"]))
+    for level, said in ((0.2, True), (0.02, False)):
+        q = clean["q"] + level * spread * rng.normal(size=len(TIME))
+        one = Experiment("one", TIME, {"q": q, "delta_e": clean["delta_e"]}, {"q": "rad/s", "delta_e": "rad"})
+        lines = shrunk(("q",), (one,), {})
+        assert bool(lines) is said
+        if said:
+            share = float(lines[0].split("about ")[1].split(" %")[0])
+            slope = float(np.polyfit(q, 3 * clean["q"], 1)[0])
+            assert share == pytest.approx(100 * (1 - slope / 3), abs=0.8)
+
+
+def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.all(np.isfinite(prediction_variances(np.array([1.0, -0.5]))))
+        assert np.all(np.isfinite(autocovariance(np.array([-1.0]), 8)))
+
+
+def test_realization_of_noise_that_once_passed_for_a_mode() -> None:
+    records = records_of((noise(3, 0.0),), "delta_e", ("alpha", "q"))
+    assert "parts of the records tell different" in realization(records).unidentified[0].reason
+
+
+def test_a_thrust_that_nobody_tells_is_said(tmp_path: Path) -> None:
+    text = (EXAMPLES / "transport.toml").read_text().replace(', "thrust"]', "]")
+    mapping = tmp_path / "m.toml"
+    mapping.write_text("\n".join(line for line in text.splitlines() if not line.startswith("thrust =")))
+    found = identify_tables([EXAMPLES / "transport.csv"], mapping, "aero")
+    notes = [note for fit in found.fits for note in fit.fitted.notes]
+    assert "no thrust is told, none is taken: C_D and C_L hold what thrust does" in notes
