@@ -133,9 +133,9 @@ def result(raven: Flight) -> Result:
 
 
 def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(result: Result) -> None:
-    for mode in result.modes:
-        assert mode.frequency is not None
-        assert mode.damping is not None
+    """The two methods with a physical model must give numbers; every number that is given must hold the truth."""
+    assert all(mode.short_period is not None for mode in result.modes[:2])
+    for mode in (mode for mode in result.modes if mode.short_period is not None):
         assert mode.frequency.low <= result.true.natural_frequency <= mode.frequency.high
         assert mode.frequency.high - mode.frequency.low <= 0.4 * mode.frequency.value
         assert mode.damping.value == pytest.approx(result.true.damping, abs=0.08)
@@ -154,7 +154,7 @@ def test_the_flight_as_a_table_without_its_excitation_gives_the_same_short_perio
     with open_log(imported(table)) as log:
         found = identify.identified(log, "modes", RAVEN).modes
     assert found is not None and found.agree and [note.partition(":")[0] for note in found.notes] == ["manoeuvres"]
-    for mode, flown_mode in zip(found.modes, result.modes, strict=True):
+    for mode, flown_mode in zip(found.modes[:2], result.modes[:2], strict=True):
         for one, other in ((mode.frequency, flown_mode.frequency), (mode.damping, flown_mode.damping)):
             assert one is not None and other is not None
             assert other.contains(one.value) and one.contains(other.value)

@@ -27,6 +27,8 @@ TAIL_PASSES = 3
 LEAST_EXPLAINED, LEAST_WITH_INSTRUMENTS = 0.85, 0.5
 """-; of the pitch rate's power by the elevator, for output error and for equation error: gusts ring the aircraft too,
 and below it the frequency comes out too low, outside its interval"""
+GUSTY = "of the pitch rate, the rest is gusts or what the model lacks: fly larger inputs, or in calmer air"
+"""how a refusal for gusts ends"""
 
 
 def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Aircraft) -> Mode:
@@ -59,7 +61,7 @@ def identify_modes(
     modes = (
         mode_of("output error", second, reference, aircraft),
         mode_of("equation error, frequency domain", first, reference, aircraft),
-        *modes_of_records(averaged_records(manoeuvres), (SHORT_PERIOD,)),
+        *(_in_gusts(mode, first) for mode in modes_of_records(averaged_records(manoeuvres), (SHORT_PERIOD,))),
     )
     agree, statement = agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
@@ -92,10 +94,13 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
 
 
 def _too_gusty(share: float) -> str:
-    return (
-        f"the elevator explains {max(share, 0.0):.0%} of the pitch rate, the rest is gusts or what the model lacks: "
-        "fly larger inputs, or in calmer air"
-    )
+    return f"the elevator explains {max(share, 0.0):.0%} {GUSTY}"
+
+
+def _in_gusts(mode: Mode, by_equation_error: DerivativeFit) -> Mode:
+    """The mode, refused where gusts were too strong for a method that knows more of the aircraft."""
+    refused = GUSTY in by_equation_error.failure and mode.short_period is not None
+    return nothing(mode.method, by_equation_error.failure) if refused else mode
 
 
 def _with_unknown_tail(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

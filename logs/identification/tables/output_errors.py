@@ -63,7 +63,7 @@ def output_error_fit(
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
-        fit.unidentified, _correlation(fit), series, (*fitted.notes, *held.notes, *_taken(chosen, constants)),
+        fit.unidentified, _correlation(fit), series, (*fitted.notes, *held.notes),
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
@@ -142,13 +142,6 @@ def _starts(
     unaided = {name: one._replace(start=None) for name, one in chosen.parameters.items()}
     tried = [chosen.parameters] if unaided == chosen.parameters else [chosen.parameters, unaided]
     return [begin(chosen.model, one, experiments, constants, chosen.linear) for one in tried]
-
-
-def _taken(chosen: Chosen, constants: Mapping[str, float]) -> tuple[str, ...]:
-    """What the model took for want of anything told."""
-    if "thrust" not in chosen.held or "thrust" in constants:
-        return ()
-    return ("no thrust is told, none is taken: C_D and C_L hold what thrust does",)
 
 
 def _shortened(one: Estimate) -> Estimate:

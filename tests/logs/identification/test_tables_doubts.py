@@ -1,4 +1,4 @@
-"""What a table cannot tell is said, not printed as a number: forced motion, noise, no thrust."""
+"""What a table cannot tell is said, not printed as a number: forced motion, noise."""
 
 from __future__ import annotations
 
@@ -138,12 +138,3 @@ def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
 def test_realization_of_noise_that_once_passed_for_a_mode() -> None:
     records = records_of((noise(3, 0.0),), "delta_e", ("alpha", "q"))
     assert "parts of the records tell different" in realization(records).unidentified[0].reason
-
-
-def test_a_thrust_that_nobody_tells_is_said(tmp_path: Path) -> None:
-    text = (EXAMPLES / "transport.toml").read_text().replace(', "thrust"]', "]")
-    mapping = tmp_path / "m.toml"
-    mapping.write_text("\n".join(line for line in text.splitlines() if not line.startswith("thrust =")))
-    found = identify_tables([EXAMPLES / "transport.csv"], mapping, "aero")
-    notes = [note for fit in found.fits for note in fit.fitted.notes]
-    assert "no thrust is told, none is taken: C_D and C_L hold what thrust does" in notes
