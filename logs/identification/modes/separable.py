@@ -87,6 +87,7 @@ def _bases(distinct: dict[int, Array]) -> dict[int, Array]:
     for shape in {own.shape for own in distinct.values()}:
         alike = {key: own for key, own in distinct.items() if own.shape == shape}
         stack = np.stack(list(alike.values()))
+        stack = stack / np.maximum(np.abs(stack).max(axis=1, keepdims=True), 1e-300)  # squares of 1e200 overflow
         norms = np.maximum(np.linalg.norm(stack, axis=1, keepdims=True), 1e-300)
         bases.update(zip(alike, np.linalg.qr(stack / norms)[0], strict=True))
     return bases
