@@ -1,4 +1,4 @@
-"""``wingbeat identify``: servo torque and power, and the short period, from a log."""
+"""``wingbeat identify``: drives, modes and the wings' coefficients from a log, or from tables that a map explains."""
 
 from __future__ import annotations
 
@@ -44,8 +44,9 @@ JSON_KEYS = {
     "load": "estimates of the wings' torque constant and inertia; unidentified",
     "frequency": "estimates of flapping against throttle; unidentified, centre_throttle, centre_voltage V, residual"
     " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",
-    "modes": "methods: list of {method, frequency, damping, eigenvalues, derivatives}; agree, statement, manoeuvres,"
-    " notes: what the log does not tell and was taken from elsewhere",
+    "modes": "methods: list of {method, frequency, damping, period, time_to_half, cycles, time_constants, phugoid,"
+    " eigenvalues, derivatives, unidentified}; agree, statement, manoeuvres, wing_period s,"
+    " reference, notes: what the log does not tell and was taken from elsewhere",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
     "missing": "list of {name, reason}: what the log does not give",

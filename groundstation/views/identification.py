@@ -33,9 +33,11 @@ def identification_table(found: Identification) -> RenderableType:
 
 
 def _table(listed: Sequence[Row]) -> RenderableType:
+    known = any(row.truth is not None for row in listed)
     table = tables.plain_table(
-        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"), ("true", "right"), ("", "")
-    )
+        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"),
+        ("true" if known else "", "right"), ("", ""),
+    )  # fmt: skip
     subject = ""
     for row in listed:
         if row.estimate is not None:

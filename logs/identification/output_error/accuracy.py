@@ -104,7 +104,7 @@ def _too_wide(flight: Flight, found: Found, halves: Array, names: tuple[str, ...
     wide: dict[str, str] = {}
     for name, half, value, effect in zip(names, halves, found.unknowns.values, alone, strict=True):
         if not np.isfinite(half) or (half > WIDEST * abs(value) and half * effect > motion):
-            wide[name] = f"its interval is too wide to be of use ({value:.2g} +- {half:.2g})"
+            wide[name] = "its interval is too wide to be of use: half of it exceeds the value"
     return wide
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from logs.identification.chapter import DASHED, MEASURED, MODEL, POINTS, Bar, Chapter, Intervals, Plot, Series
 from logs.identification.data import DriveData
+from logs.identification.drive.frequency import FrequencyModel
 from logs.identification.drive.servo import ServoModel
 from logs.identification.results import Array
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
@@ -16,6 +17,7 @@ TORQUE_MODEL = (
     "Torque (Gerdes Eq. 11): mean of the two drives' |torque| = K_tau I + K_tau0, with the current I of both; where"
     " both are loaded, above the floor of the idle current."
 )
+LOAD_MODEL = "What the drives turn (Gerdes Table 5): torque = torque constant x wing rate + inertia x its derivative."
 POWER_MODEL = (
     "Output power of one drive over a stroke (Gerdes Eq. 12): P = C_A + C_B I + C_C V + C_F i v + C_G i² + C_H v²,"
     " with half the current I and the voltage V; i and v are these from the centre."
@@ -34,6 +36,30 @@ def drives_chapter(
         plots = () if data is None else _power_plots(power, data)
         parts.append(_part("Power", POWER_MODEL, power, truths, "power.", "W", plots))
     return Chapter("Drive servos", parts=tuple(parts)) if parts else None
+
+
+def wings_chapter(
+    load: ServoModel | None, frequency: FrequencyModel | None, truths: Mapping[str, float]
+) -> Chapter | None:
+    """What the wings ask of the drives, and how fast they beat by the throttle; None where neither was found."""
+    parts: list[Chapter] = []
+    if load is not None:
+        parts.append(_part("Load", LOAD_MODEL, load, truths, "", "N m", ()))
+    if frequency is not None and (frequency.estimates or frequency.segments):
+        parts.append(_frequency(frequency, truths))
+    return Chapter("Wings on the drives", parts=tuple(parts)) if parts else None
+
+
+def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> Chapter:
+    bars = tuple(Bar(e.name, e, truths.get(e.name)) for e in model.estimates)
+    refused = [f"Not identified: {one.name}: {one.reason}." for one in model.unidentified]
+    throttle, measured = (
+        np.array([getattr(one, key) for one in model.segments]) for key in ("throttle", "frequency")
+    )
+    points = Series("steady stretches", throttle, measured, MEASURED, POINTS)
+    plot = Plot("Flapping frequency", "throttle", "-", "frequency", "Hz", (points,))
+    drawn = (Intervals("", bars),) if bars else ()
+    return Chapter("Frequency against throttle", tuple(refused), plots=(*drawn, plot))
 
 
 def _part(

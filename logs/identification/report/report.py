@@ -15,7 +15,8 @@ from logs.identification.data import DriveData
 from logs.identification.modes.mode import KINDS, ModesResult
 from logs.identification.modes.output_error import Problem
 from logs.identification.modes.replayed import fitted
-from logs.identification.report.drives import drives_chapter
+from logs.identification.report.coefficients import aero_chapter
+from logs.identification.report.drives import drives_chapter, wings_chapter
 from logs.identification.report.fits import (
     correlation_chapter,
     fits_chapter,
@@ -98,6 +99,8 @@ def chapters(
         _data(subject, found),
         modes_chapter(found.modes, found.truths) if found.modes is not None else None,
         drives_chapter(found.torque, found.power, drive, found.truths),
+        wings_chapter(found.load, found.frequency, found.truths),
+        None if found.aero is None else aero_chapter(found.aero, found.truths),
         *_of_fits(fits, found),
         *more,
     ]
@@ -126,6 +129,8 @@ def _findings(found: Identification) -> Chapter:
             bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
     if found.torque is not None:
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in found.torque.estimates]
+    for model in found.aero.models if found.aero else ():
+        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in model.estimates]
     notes = [] if found.modes is None else [f"Modes by {found.modes.modes[0].method}; {found.modes.statement}."]
     notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
     if found.truths:

@@ -19,6 +19,7 @@ from logs.identification.report.fits import (
     validation_chapter,
 )
 from logs.identification.report.report import model_chapter, modes_chapter, write_page
+from logs.identification.report.steps import step_table
 from logs.identification.report.words import sentence, unit
 from logs.identification.results import Estimate
 from logs.identification.tables.constants import UNITS
@@ -183,17 +184,6 @@ def _search(fit: TableFit) -> tuple[Table, ...]:
 
 def _steps(found: TableIdentification) -> Chapter | None:
     """Every step of every stepwise regression."""
-    parts = tuple(Chapter(fit.fitted.method, tables=(_step_table(fit),)) for fit in found.fits if fit.steps)
+    parts = tuple(Chapter(fit.fitted.method, tables=(step_table(fit.steps),)) for fit in found.fits if fit.steps)
     note = "A term enters while its F test, its error by the recipe for coloured residuals, holds it for no chance."
     return Chapter("Steps of the regressions", (note,), parts=parts) if parts else None
-
-
-def _step_table(fit: TableFit) -> Table:
-    rows = tuple(
-        (
-            f"{number}", one.action, one.term, one.coloured_f, one.statistics.r_squared, one.statistics.press,
-            one.statistics.pse, one.why,
-        )
-        for number, one in enumerate(fit.steps)
-    )  # fmt: skip
-    return Table(("step", "", "term", "F", "R²", "PRESS", "PSE", "why"), rows)

@@ -120,6 +120,8 @@ class OutputError(NamedTuple):
     delay: Parameter = Parameter(fixed=0.0)
     biases: tuple[str, ...] | None = None
     """as of [modes]; none of a model that is not linear when not given"""
+    search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"
+    """both: Gauss-Newton from where the simplex ended"""
 
 
 class AeroSection(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
-from logs.identification.output_error.fit import Search, output_error
+from logs.identification.output_error.fit import Method, Search, output_error
 from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import filled, gaps
@@ -28,6 +28,8 @@ from logs.identification.tables.starts import begin
 
 BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
+SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
+"""how the optimum is looked for, by the word in the map"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
 LONGEST_DELAY = 1.0
@@ -55,7 +57,8 @@ def output_error_fit(
     names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
     fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
     found_starts = _starts(chosen, fitted.experiments, constants)
-    for starts, search in [(one, Search()) for one in found_starts] + [(found_starts[-1], BESIDE)]:
+    first = Search(SEARCHES[asked.search])
+    for starts, search in [*((one, first) for one in found_starts), (found_starts[-1], BESIDE)]:
         problem = _problem(asked, chosen, fitted.experiments, {**starts, **fixed}, names)
         fit = output_error(problem, search)
         if fit.status not in ("not converged", "diverged"):

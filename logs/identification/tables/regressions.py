@@ -30,34 +30,34 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     """One regression over all manoeuvres, and its prediction of those that were held out.
 
     Raises:
-        BadInput: a name that is neither signal nor constant and cannot be made of them.
+        BadInput: a name that is neither signal nor constant and cannot be made of them, or no term was chosen.
     """
     names = tuple(product_of(name) for name in asked.regressors)
     wanted = {symbol for name in (asked.response, *names) for symbol in parse(name).powers}
     fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
     held = tuple(with_made(one, wanted, constants) for one in found.held_out)
     settings = Settings(constants=constants, units=UNITS, frequencies=_frequencies(asked, fitted))
-    chosen, steps, said = _chosen(asked, names, fitted, settings)
+    chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
     noisy = shrunk(chosen, fitted, constants) if domain == "time" and not result.failure else []
-    notes = (*said, *result.notes, *noisy)
+    notes = (*result.notes, *noisy)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 
 
 def _chosen(
     asked: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[tuple[str, ...], tuple[Step, ...], tuple[str, ...]]:
-    """The regressors to fit, the steps by which they were chosen, and what is to be said of that."""
+) -> tuple[tuple[str, ...], tuple[Step, ...]]:
+    """The regressors to fit, and the steps by which they were chosen, in the time domain."""
     if asked.selection == "all":
-        return names, (), ()
+        return names, ()
     always = tuple(product_of(name) for name in asked.always)
     found = stepwise_regression(
         fitted, asked.response, names, Rules(always=always), settings._replace(frequencies=None)
     )
     if found.failure and not found.terms:
-        return names, (), (f"stepwise regression chose nothing ({found.failure}): all regressors are fitted",)
-    return found.terms, found.steps, ()
+        raise BadInput(f"stepwise regression of {asked.response} chose nothing: {found.failure}")
+    return found.terms, found.steps
 
 
 def product_of(name: str) -> str:

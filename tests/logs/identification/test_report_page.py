@@ -13,6 +13,7 @@ from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.whiteness import BAND, autocorrelation
+from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
 from logs.identification.chapter import (
     DASHED,
     MEASURED,
@@ -28,6 +29,7 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
+from logs.identification.drive.frequency import FrequencyModel, Segment
 from logs.identification.drive.power import identify_power
 from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
@@ -36,7 +38,7 @@ from logs.identification.report.html import page
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import axis, round_step, written
 from logs.identification.report.words import number, rich, symbol
-from logs.identification.results import Estimate, estimate
+from logs.identification.results import Estimate, Unidentified, estimate
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
 TRUTHS = {"K_tau": K_TAU, "K_tau0": K_TAU0, "short_period_frequency": 11.0, "short_period_damping": 0.6}
@@ -233,3 +235,22 @@ def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
 def test_a_tables_numbers_are_on_the_right() -> None:
     text = page("t", (), (Chapter("c", tables=(Table(("name", "x"), (("a", 1.5), ("b", None)), "told"),)),))
     assert '<th class="number">x</th>' in text and "<th>name</th>" in text and "<caption>told</caption>" in text
+
+
+def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step() -> None:
+    lift = tuple(estimate(f"C_L_{term}", "-", value, 0.01) for term, value in (("0", 0.31), ("v_x", 0.197)))
+    refused = Unidentified("C_T", "its terms tell 20 % of it")
+    aero = AeroResult(
+        (
+            CoefficientModel("C_L", ("v_x",), lift, (), (), 0.934, 1200),
+            CoefficientModel("C_T", (), (), (refused,), (), 0.2, 1200),
+        ),
+        ("flight.mcap",),
+        ("twist: not measured, taken for none",),
+    )
+    stretches = tuple(Segment(k, k + 1.0, 0.3 + 0.1 * k, 3.0 + k, 5, 8.0) for k in range(4))
+    frequency = FrequencyModel((estimate("throttle_slope", "Hz", 9.96, 0.1),), (), 0.45, 8.0, 0.02, stretches)
+    found = Identification(frequency=frequency, aero=aero)
+    words = page("t", (), chapters(SUBJECT, found))
+    for said in ("0.31", "0.197", "93.4 %", "its terms tell 20 % of it", "twist: not measured", "9.96"):
+        assert said in words
