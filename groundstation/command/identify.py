@@ -53,8 +53,8 @@ JSON_KEYS = {
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
     " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
-    " held_out, samples, r_squared, rms, theil, white}, samples, notes}; modes: as above or null; missing: list of"
-    " {name, reason}; notes",
+    " held_out, samples, r_squared, rms, theil, white}, samples, steps, notes}; modes: as above or null; missing:"
+    " list of {name, reason}; notes",
 }
 
 

@@ -84,12 +84,6 @@ def design_of(
     )
 
 
-def with_intercept(design: Design) -> Design:
-    """``design`` with a first column of ones, `INTERCEPT`."""
-    records = tuple(r._replace(regressors=np.column_stack((r.used, r.regressors))) for r in design.records)
-    return design._replace(names=(INTERCEPT, *design.names), units=("-", *design.units), records=records)
-
-
 def parameter_units(design: Design) -> dict[str, str]:
     """Unit of each column's parameter by the column's name."""
     return {name: quotient(design.unit, unit) for name, unit in zip(design.names, design.units, strict=True)}

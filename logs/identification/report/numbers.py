@@ -18,6 +18,7 @@ from logs.identification.drive.torque import identify_torque
 from logs.identification.drive.torque_speed import identify_load
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
+from logs.identification.regression.stepwise import Step
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.remembered import Remembered
@@ -229,10 +230,7 @@ def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:
                 "terms": list(model.terms),
                 "estimates": [_estimate(found, truths) for found in model.estimates],
                 "unidentified": [entry._asdict() for entry in model.unidentified],
-                "steps": [
-                    {"action": s.action, "term": s.term, "why": s.why, "r_squared": _number(s.statistics.r_squared)}
-                    for s in model.steps
-                ],
+                "steps": step_entries(model.steps),
                 "r_squared": _number(model.r_squared),
                 "samples": model.samples,
             }
@@ -241,6 +239,14 @@ def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:
         "records": list(result.records),
         "notes": list(result.notes),
     }
+
+
+def step_entries(steps: tuple[Step, ...]) -> list[dict[str, Any]]:
+    """The steps by which a stepwise regression chose its terms, for a JSON document."""
+    return [
+        {"action": s.action, "term": s.term, "why": s.why, "r_squared": _number(s.statistics.r_squared)}
+        for s in steps
+    ]
 
 
 def _number(value: float) -> float | None:
@@ -295,7 +301,7 @@ def _mode(mode: Mode, truths: Mapping[str, float]) -> dict[str, Any]:
         "method": mode.method,
         **_oscillation(mode.short_period, truths),
         "phugoid": None if mode.phugoid is None else _oscillation(mode.phugoid, truths),
-        "eigenvalues": [[root.real, root.imag] for root in mode.eigenvalues],
+        "eigenvalues": [[root.real, root.imag] for root in mode.eigenvalues if mode.short_period or mode.phugoid],
         "derivatives": [_estimate(found, truths) for found in mode.derivatives],
         "unidentified": [entry._asdict() for entry in mode.unidentified],
     }

@@ -78,7 +78,7 @@ def measured_motion(
     if vehicle.wing.twists:
         notes += ("twist of the wings: not measured, counted as at rest",)
     use = (wing.held("flapping", time) > 0) & _excited(source, time)
-    return _stretches(vehicle, time, base, angles, winds, density, use, notes)
+    return _stretches(vehicle, _Whole(time, base, angles, winds, density, notes), use)
 
 
 def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMotion, ...]:
@@ -106,7 +106,7 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
     winds = np.column_stack([columns[f"wind_{axis}"] for axis in ("north", "east", "down")])
     base = _Base(quaternion, v, omega, _slope(time, v), _slope(time, omega))
     density, use = _air(source, time)[1], (columns["on_ground"] < 0.5) & _excited(source, time)
-    return _stretches(vehicle, time, base, angles, winds, density, use, ())
+    return _stretches(vehicle, _Whole(time, base, angles, winds, density, ()), use)
 
 
 def _measured_base(
@@ -134,16 +134,23 @@ def _measured_base(
     return _Base(quaternion, v, omega, felt + weight - np.cross(omega, v), omega_rate)
 
 
-def _stretches(
-    vehicle: SimulatedVehicle,
-    time: Array,
-    base: _Base,
-    angles: dict[int, Array],
-    winds: Array,
-    density: float,
-    use: NDArray[np.bool_],
-    notes: tuple[str, ...],
-) -> tuple[WingMotion, ...]:
+class _Whole(NamedTuple):
+    """A whole flight, before it is cut."""
+
+    time: Array
+    """s; (N,)"""
+    base: _Base
+    angles: dict[int, Array]
+    """rad; (N,) by the joint's number"""
+    winds: Array
+    """m/s; (N, 3), NED"""
+    density: float
+    """kg/m^3"""
+    notes: tuple[str, ...]
+
+
+def _stretches(vehicle: SimulatedVehicle, whole: _Whole, use: NDArray[np.bool_]) -> tuple[WingMotion, ...]:
+    time, base, angles, winds, density, notes = whole
     step, count = float(time[1] - time[0]), len(build_mechanism(vehicle).layout.coordinates)
     still = np.zeros((len(time), count))
     for index, values in angles.items():

@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput, counted
+from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.fit import Method, Search, output_error
 from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import filled, gaps
 from logs.identification.regression.terms import quotient
-from logs.identification.results import Array, Estimate, FitSeries, Fitted
+from logs.identification.results import Estimate, FitSeries, Fitted
 from logs.identification.tables.delayed import DELAY
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
@@ -64,9 +65,10 @@ def output_error_fit(
         if fit.status not in ("not converged", "diverged"):
             break
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
+    correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
-        fit.unidentified, _correlation(fit), series, (*fitted.notes, *held.notes),
+        fit.unidentified, correlation, series, (*fitted.notes, *held.notes),
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
@@ -165,13 +167,3 @@ def _flown(problem: Problem, fit: Fit) -> list[FitSeries]:
         for one in fit.histories
         for place, output in enumerate(fit.outputs)
     ]
-
-
-def _correlation(fit: Fit) -> Array | None:
-    """Of the estimates, in their order."""
-    if not fit.estimates:
-        return None
-    places = [fit.names.index(one.name) for one in fit.estimates]
-    covariance = fit.covariance[np.ix_(places, places)]
-    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    return np.asarray(covariance / np.outer(errors, errors))

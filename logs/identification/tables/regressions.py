@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
 from logs.identification.regression.design import INTERCEPT
@@ -95,9 +96,10 @@ def _told(
             measured = evaluate(parse(asked.response), one, settings.constants)
             series.append(_series(one, result, measured, predict(result, one, settings), held_out=True))
     equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in result.names)
+    correlation = correlation_among(result.estimates, result.names, result.covariance)
     fitted_numbers = Fitted(
         f"regression of {asked.response}, {asked.domain} domain", (f"{asked.response} = {equation}", NAMED),
-        result.estimates, result.unidentified, _correlation(result), tuple(series), result.notes,
+        result.estimates, result.unidentified, correlation, tuple(series), result.notes,
     )  # fmt: skip
     return TableFit(
         "aero", fitted_numbers, not result.failure, result.failure, {}, {}, output_fits(tuple(series)), result.samples
@@ -108,13 +110,3 @@ def _series(
     one: Experiment, result: CoefficientRegression, measured: Array, model: Array, held_out: bool
 ) -> FitSeries:
     return FitSeries(one.name, result.response, result.unit, one.time, measured, model, held_out)
-
-
-def _correlation(result: CoefficientRegression) -> Array | None:
-    """Of the estimates, in their order."""
-    if not result.estimates:
-        return None
-    places = [result.names.index(one.name) for one in result.estimates]
-    covariance = result.covariance[np.ix_(places, places)]
-    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    return np.asarray(covariance / np.outer(errors, errors))

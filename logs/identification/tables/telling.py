@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from logs.identification.report.numbers import Identification, document
+from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate
 from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
 
@@ -75,6 +75,7 @@ def _fit(fit: TableFit) -> dict[str, Any]:
         "correlated": [{"first": a, "second": b, "correlation": value} for a, b, value in fit.correlated],
         "outputs": [_output(one) for one in fit.outputs],
         "samples": fit.samples,
+        "steps": step_entries(fit.steps),
         "notes": list(fit.fitted.notes),
     }
 

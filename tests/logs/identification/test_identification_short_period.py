@@ -223,6 +223,7 @@ def test_frequencies_given_in_gusts_hold_the_truth(gust: float) -> None:
             assert len(given) <= 0.05 * len(results)
         else:
             assert held >= 0.85 * len(given)
+            assert method == 0 or len(given) >= 0.5 * len(results)
 
 
 def test_in_gusts_methods_without_a_physical_model_refuse_and_say_why() -> None:

@@ -57,7 +57,9 @@ def test_every_method_that_applies_has_the_finding_in_its_interval() -> None:
 
 @pytest.mark.validate
 def test_coverage_of_the_finding() -> None:
-    for method, found in coverage(range(300)).items():
+    share = coverage(range(300))
+    assert tuple(share) == FREE
+    for method, found in share.items():
         print(f"{method}: frequency {found[0]:.3f}, damping {found[1]:.3f}")  # noqa: T201
         assert np.all(found >= 0.90), method
 
