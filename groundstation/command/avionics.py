@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from avionics import parameters, topics
 from avionics.board import boards
 from avionics.board.board import BoardSilent, Surroundings
-from avionics.board.cores import pin_to_core
+from avionics.board.cores import pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.line_watch import Losses
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
@@ -84,6 +84,9 @@ def build_parser() -> options.Parser:
     options.add_log_size(parser)
     options.add_parameters(parser, "kept in the user's folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
+    parser.add_argument(
+        "--real-time", action="store_true", help="run before other programs, where the system allows it"
+    )
     options.add_json(parser)
     parser.add_argument("--fault", action="append", default=[], type=options.fault, help=argparse.SUPPRESS)
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
@@ -134,6 +137,8 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.log is None:
         put_right(path.parent)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
+    if chosen.real_time:
+        run_before_others()
     with contextlib.ExitStack() as stack:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)
         stack.callback(recorder.close)

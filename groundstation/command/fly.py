@@ -27,7 +27,7 @@ from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.live import add_live, shown_live
 from groundstation.command.recordings import COMPUTER, WORLD, put_right
-from groundstation.command.sim import COMPILING, simulated
+from groundstation.command.sim import COMPILING, REAL_TIME, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection, listen_locally
@@ -248,6 +248,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
     flight += ["--start"] if chosen.sticks is None else []
+    flight += ["--real-time"] if chosen.speed <= REAL_TIME else []
     flight += ["--signing-key", chosen.signing_key or options.NO_KEY]
     flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
     children.start(

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from avionics.board.cores import pin_to_core
+from avionics.board.cores import pin_to_core, run_before_others
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
@@ -43,6 +43,8 @@ EXAMPLES = (
 )
 COMPILING = "compiling the physics, once: about half a minute"
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
+REAL_TIME = 1.0
+"""-; a flight up to that speed leaves room for other programs though it runs before them"""
 HURRIED = "; who arms by hand needs --speed 1"
 LISTEN = (
     f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD plays a microcontroller that waits for nobody,"
@@ -112,6 +114,8 @@ def run(arguments: Sequence[str]) -> int:
         if alone:
             hurried = HURRIED if math.isinf(chosen.speed) and isinstance(server, BridgeServer) else ""
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
+        if chosen.speed <= REAL_TIME:
+            run_before_others()
         ended = _serve(server, world)
         if alone:
             _say_end(world, ended, told_paths(recorder))

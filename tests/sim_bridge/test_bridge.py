@@ -15,7 +15,7 @@ from ports import free_port
 from pymavlink.dialects.v20 import common
 
 from avionics.board.board import BoardSilent
-from avionics.board.cores import pin_to_core
+from avionics.board.cores import pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.hil import Patience as BoardPatience
 from avionics.link import codec
@@ -381,3 +381,24 @@ def test_pinning_keeps_this_process_on_one_core() -> None:
         assert core == max(before) and os.sched_getaffinity(0) == {core}
     finally:
         os.sched_setaffinity(0, before)
+
+
+def test_a_flight_in_real_time_runs_before_others_where_that_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a system that allows it, or not THEN the schedule is the one of fixed priority, or unchanged."""
+    import os
+
+    if not hasattr(os, "sched_setscheduler"):
+        assert not run_before_others()
+        return
+    before = os.sched_getscheduler(0)
+    try:
+        asked = run_before_others()
+        assert os.sched_getscheduler(0) == (os.SCHED_FIFO if asked else before)
+    finally:
+        os.sched_setscheduler(0, before, os.sched_param(0))
+
+    def refused(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    assert not run_before_others()
