@@ -14,6 +14,7 @@ from logs.identification.results import Array, Estimate, Unidentified, estimate
 
 if TYPE_CHECKING:
     from logs.identification.modes.equation_error import DerivativeFit
+    from logs.identification.modes.filter_error import Filtered
     from logs.identification.modes.output_error import Problem
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
@@ -101,7 +102,9 @@ class ModesResult(NamedTuple):
     problem: Problem | None = None
     """what the derivatives were fitted to; None where there are none"""
     fits: tuple[DerivativeFit, ...] = ()
-    """of the derivatives: by output error, by equation error"""
+    """of the derivatives: by output error, by equation error, by filter error"""
+    filtered: Filtered | None = None
+    """what filter error found beside; None where it found nothing"""
 
 
 def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:

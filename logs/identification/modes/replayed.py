@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from logs.identification.modes.equation_error import DerivativeFit, signals
+from logs.identification.modes.filter_error import OUTPUTS as FORETOLD
+from logs.identification.modes.filter_error import PHASES, Filtered
 from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
 from logs.identification.modes.mode import ModesResult
 from logs.identification.modes.output_error import OUTPUTS, Problem, fitted_outputs, output_error
+from logs.identification.modes.short_period import EQUATION_ERROR, FILTER_ERROR, OUTPUT_ERROR
 from logs.identification.preparing.manoeuvre import Manoeuvre, lagged
 from logs.identification.results import Array, FitSeries, Fitted, Unidentified, estimates
 
@@ -24,18 +27,21 @@ LINEAR_MODEL = (
     " positive) are changes from the steady flight u₀, w₀, θ₀ and averages over a wing stroke; body axes, x ahead, z"
     " down.",
 )
-OUTPUT_ERROR, EQUATION_ERROR = "output error", "equation error, frequency domain"
 
 
 def fitted(result: ModesResult) -> tuple[Fitted, ...]:
-    """What output error and equation error found, with measured and modelled outputs of every manoeuvre.
+    """What the methods with a physical model found, with measured and modelled outputs of every manoeuvre.
 
     Output error has its manoeuvres held out too, where there are enough: they cost a second fit.
     """
     if result.problem is None:
         return ()
-    makers = ((OUTPUT_ERROR, _output_error), (EQUATION_ERROR, _equation_error))
-    return tuple(make(name, result.problem, fit) for (name, make), fit in zip(makers, result.fits, strict=True))
+    by_output, by_equation, by_filter = result.fits
+    return (
+        _output_error(OUTPUT_ERROR, result.problem, by_output),
+        _equation_error(EQUATION_ERROR, result.problem, by_equation),
+        _filter_error(FILTER_ERROR, by_filter, result.filtered),
+    )
 
 
 def _output_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
@@ -104,6 +110,26 @@ def _equation_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted
                 near = model + _drift(measured - model)
                 series.append(FitSeries(_name(manoeuvre), output, unit, manoeuvre.at, measured, near))
     return _told(method, fit)._replace(series=tuple(series))
+
+
+def _filter_error(method: str, fit: DerivativeFit, filtered: Filtered | None) -> Fitted:
+    """Each stroke's averages beside what the strokes before it foretell, stretch by stretch."""
+    if filtered is None:
+        return _failed(method, fit)
+    series, done = [], 0
+    for stretch in filtered.stretches[: len(filtered.stretches) // len(PHASES)]:
+        strokes = slice(done, done + len(stretch.averages))
+        at, name = (stretch.edges[:-1] + stretch.edges[1:]) / 2.0, f"from {stretch.edges[0]:.1f} s"
+        for i, output in enumerate(FORETOLD):
+            measured, model = stretch.averages[:, i], filtered.foretold[strokes, i]
+            series.append(FitSeries(name, output, OUTPUT_UNITS[i], at, measured, model))
+        done = strokes.stop
+    along, across = filtered.gusts
+    told = (
+        f"Gusts of {along:.2g} m/s along and {across:.2g} m/s across (standard deviations) moved the aircraft beside"
+        " its inputs; the model shown foretells each stroke from those before."
+    )
+    return _told(method, fit)._replace(series=tuple(series), notes=(told,))
 
 
 def _drift(difference: Array) -> Array:

@@ -8,6 +8,7 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.agreement import agreement
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
 from logs.identification.modes.experiments import modes_of_records
+from logs.identification.modes.filter_error import PHASES, Filtered, Task, filter_error
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.output_error import Problem, flown_regressors, output_error, share_explained
@@ -19,10 +20,12 @@ from logs.identification.preparing.manoeuvre import (
     lagged,
     reference_of,
 )
+from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array, estimates
 
 FITTED_OUTPUTS = (0, 1, 2)
 """-; of `output_error.OUTPUTS`: q, a_x and a_z. The AHRS's pitch is the gyro integrated: it adds nothing"""
+OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
 TAIL_PASSES = 3
 LEAST_EXPLAINED, LEAST_WITH_INSTRUMENTS = 0.85, 0.5
 """-; of the pitch rate's power by the elevator, for output error and for equation error: gusts ring the aircraft too,
@@ -58,15 +61,39 @@ def identify_modes(
     reference = reference_of(data, manoeuvres)
     problem = Problem(manoeuvres, reference, aircraft, names, outputs)
     first, second = fit_derivatives(problem)
+    third, filtered = _with_gusts(data, problem, second)
     modes = (
-        mode_of("output error", second, reference, aircraft),
-        mode_of("equation error, frequency domain", first, reference, aircraft),
-        *(_in_gusts(mode, first) for mode in modes_of_records(averaged_records(manoeuvres), (SHORT_PERIOD,))),
+        mode_of(OUTPUT_ERROR, second, reference, aircraft),
+        mode_of(EQUATION_ERROR, first, reference, aircraft),
+        mode_of(FILTER_ERROR, third, reference, aircraft),
+        *(
+            _in_gusts(mode, (second, first))
+            for mode in modes_of_records(averaged_records(manoeuvres), (SHORT_PERIOD,))
+        ),
     )
     agree, statement = agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
     notes = (*data.notes, *dropped_manoeuvres(data, manoeuvres))
-    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, notes, problem, (second, first))
+    fits = (second, first, third)
+    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, notes, problem, fits, filtered)
+
+
+def _with_gusts(data: FlightData, problem: Problem, near: DerivativeFit) -> tuple[DerivativeFit, Filtered | None]:
+    """Derivatives by filter error, which starts from what equation error finds in any air, and ``near`` its lag."""
+    names, aircraft = tuple(name for name in problem.names if name not in TAIL), problem.aircraft
+    manoeuvres = problem.manoeuvres
+    lag: list[float] = []
+    if aircraft.tail_time_constant is None:
+        found = near.values[-1] if not near.failure else likely_lag(manoeuvres, problem.reference, aircraft, names)
+        lag = [max(float(found), 0.0)]
+        manoeuvres = tuple(lagged(m, aircraft._replace(tail_time_constant=lag[0])) for m in manoeuvres)
+    start = equation_error(manoeuvres, problem.reference, aircraft, names)
+    asked = (*names, TAIL_LAG) if lag else names
+    if start.failure:
+        return failed(asked, f"no starting values: {start.failure}"), None
+    cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
+    task = Task(cut, problem.reference, aircraft, asked)
+    return filter_error(task, np.concatenate((start.values, lag)))
 
 
 def fit_derivatives(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
@@ -86,7 +113,7 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     if not second.failure:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
-    if share < LEAST_WITH_INSTRUMENTS and not first.failure:
+    if share < (LEAST_EXPLAINED if second.failure else LEAST_WITH_INSTRUMENTS) and not first.failure:
         first = failed(first.names, _too_gusty(share))
     if share < LEAST_EXPLAINED and not second.failure:
         second = failed(second.names, _too_gusty(share))
@@ -97,10 +124,10 @@ def _too_gusty(share: float) -> str:
     return f"the elevator explains {max(share, 0.0):.0%} {GUSTY}"
 
 
-def _in_gusts(mode: Mode, by_equation_error: DerivativeFit) -> Mode:
-    """The mode, refused where gusts were too strong for a method that knows more of the aircraft."""
-    refused = GUSTY in by_equation_error.failure and mode.short_period is not None
-    return nothing(mode.method, by_equation_error.failure) if refused else mode
+def _in_gusts(mode: Mode, fits: tuple[DerivativeFit, DerivativeFit]) -> Mode:
+    """The mode, refused where gusts were too strong for one of two methods that know more of the aircraft."""
+    why = next((fit.failure for fit in fits if GUSTY in fit.failure), "")
+    return nothing(mode.method, why) if why and mode.short_period is not None else mode
 
 
 def _with_unknown_tail(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:

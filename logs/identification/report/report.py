@@ -12,7 +12,7 @@ import numpy as np
 from avionics.quantities import BadInput, counted
 from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.data import DriveData
-from logs.identification.modes.mode import KINDS, ModesResult
+from logs.identification.modes.mode import KINDS, Mode, ModesResult
 from logs.identification.modes.output_error import Problem
 from logs.identification.modes.replayed import fitted
 from logs.identification.report.coefficients import aero_chapter
@@ -123,21 +123,31 @@ def _of_fits(fits: tuple[Fitted, ...], found: Identification) -> tuple[Chapter |
 def _findings(found: Identification) -> Chapter:
     """What a reader wants to know first."""
     bars = []
-    for mode in found.modes.modes[:1] if found.modes else ():
-        for kind in KINDS:
-            pair = mode.of_kind(kind)
-            bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
+    shown = _shown(found.modes)
+    for kind in KINDS if shown else ():
+        pair = shown.of_kind(kind) if shown else None
+        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
     if found.torque is not None:
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in found.torque.estimates]
     for model in found.aero.models if found.aero else ():
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in model.estimates]
-    notes = [] if found.modes is None else [f"Modes by {found.modes.modes[0].method}; {found.modes.statement}."]
+    notes = (
+        []
+        if found.modes is None
+        else [f"{f'Modes by {shown.method}' if shown else 'No modes'}; {found.modes.statement}."]
+    )
     notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
     if found.truths:
         notes.append(
             "The flight was simulated: true values stand beside the estimates, red where outside the interval."
         )
     return Chapter("Findings", tuple(notes), plots=(Intervals("", tuple(bars)),) if bars else ())
+
+
+def _shown(modes: ModesResult | None) -> Mode | None:
+    """The first method that gave a short period or phugoid."""
+    given = (mode for mode in modes.modes if any(mode.of_kind(kind) for kind in KINDS)) if modes else ()
+    return next(iter(given), None)
 
 
 def _data(subject: Subject, found: Identification) -> Chapter:

@@ -1,0 +1,373 @@
+"""Filter error: maximum likelihood with the gusts among the states.
+
+Output error takes every motion for the answer to the input. In turbulence the air moves the aircraft as well; a
+Kalman filter that knows of gusts foretells each stroke from those before, and the derivatives are those whose
+forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
+Identification, 2006, ch. 6). A gust along and one across, each of first order, move the air under the linear model
+of `longitudinal.py`: ``x' = A x + B delta - A_uw gust``. Their strengths and durations and the errors of the averages
+are found with the derivatives; what is known of those before is a wide log-normal prior.
+
+Where derivatives swing with the wing, an average that always begins at one phase of the stroke sees them with the
+motion's trend: the damping came out a tenth too high. Every stretch is therefore cut at two opposite phases, which
+are wrong against each other, and both count half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.constants import STANDARD_GRAVITY
+from logs.identification.data import Aircraft
+from logs.identification.modes.equation_error import DerivativeFit, failed
+from logs.identification.modes.errors import Spread, with_scatter
+from logs.identification.modes.gust_filter import Averaged, Driven, innovations
+from logs.identification.modes.longitudinal import TAIL_LAG, matrices
+from logs.identification.preparing.manoeuvre import Reference, tail_angle
+from logs.identification.preparing.stretches import Stretch
+from logs.identification.results import Array
+
+OUTPUTS = ("q", "a_x", "a_z")
+PHASES = (0.0, 0.5)
+"""-; of a stroke, at which the averages of the same flight begin"""
+STEPS = 32
+"""-; of the tail's angle through a stroke"""
+LENGTH_STEP = 5e-3
+"""-; of a mean stroke: lengths of strokes that differ by less share a transition"""
+BEGIN = (3.0, 3.0, 1.0, 0.5)
+"""m/s, m/s, rad/s, rad; standard deviation of the first state about the reference"""
+BIASES = (0.3, 3.0, 3.0)
+"""rad/s, m/s^2, m/s^2; of q, a_x and a_z, the trim's difference from the reference included"""
+LIFT_SLOPE = 4.5
+"""1/rad; of lift over weight: that of a wing of aspect ratio 5 at a lift coefficient of 1"""
+NUISANCES = (
+    "gust along", "gust across", "duration along", "duration across", "turning", "push along", "push across", "turn",
+    "error of q", "error of a_x", "error of a_z",
+)  # fmt: skip
+"""strengths (m/s) and durations (s) of the gusts; how much of a gust's slope along the flight turns the aircraft (1:
+all of it); what else moves it, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes
+that differ, say; standard deviations of the averages"""
+GUST, TURNING, PUSHES, AVERAGES = 0.5, 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
+"""where the priors of the strengths are centred"""
+SCALES = (60.0, 15.0)
+"""m; of gusts along and across, likewise (MIL-F-8785C 15 m high, along: about the mean of 200 and 15 m)"""
+DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0))
+"""-; standard deviation of the logarithms under the priors"""
+WIDEST = 6.0
+"""-; of those deviations: nothing further out is tried"""
+LONGEST = 1.0
+"""-; step of those logarithms: the first steps, far from the optimum, would leap out of sight"""
+DIFFERENCE = 1e-5
+ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
+"""-; gain of the likelihood's logarithm by a step of scoring behind which others follow, and what one more promises"""
+WORST_CONDITION = 1e14
+
+
+class Filtered(NamedTuple):
+    """What filter error found beside the derivatives."""
+
+    stretches: tuple[Stretch, ...]
+    gusts: tuple[float, float]
+    """m/s; standard deviations along and across; an estimate of what moved the aircraft beside its inputs"""
+    foretold: Array
+    """(K, 3); q rad/s, a_x and a_z m/s^2: each stroke's averages as the strokes before foretell them"""
+
+
+class Task(NamedTuple):
+    """What is fitted to what."""
+
+    stretches: tuple[Stretch, ...]
+    """of every phase of `PHASES`, those of the first before the others"""
+    reference: Reference
+    aircraft: Aircraft
+    names: tuple[str, ...]
+
+    @property
+    def known_lag(self) -> bool:
+        """Whether the tail's time constant is none of the parameters."""
+        return TAIL_LAG not in self.names
+
+
+class Likelihood(NamedTuple):
+    """At one set of parameters, in standard deviations of each stroke's forecast."""
+
+    cost: float
+    """-; minus the logarithm of likelihood and prior"""
+    errors: Array
+    """(K, m); of the forecasts"""
+    root: Array
+    """(K, m, m); Cholesky's of their covariance"""
+
+
+def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
+    """Derivatives ``task.names`` by scoring with Levenberg's damping, from ``start`` (p,) and one likelier in gusts.
+
+    Gusts hide in the speeds that equation error integrates, and it finds what depends on w too small, all of it
+    alike: the second start has the lift of a wing for Z_w, and the rest of w's column grown with it. The likelier
+    end counts.
+    Errors are those of the likelihood's information, or of the scatter between manoeuvres where that is larger.
+    """
+    if not task.stretches:
+        return failed(
+            task.names, "the strokes are too few or too uneven to follow the gusts from one to the next"
+        ), None
+    prior = _prior(task.reference)
+    likelihood = _likelihood(task, prior)
+    ends = [_climb(task, np.concatenate((each, prior)), likelihood, prior) for each in _starts(task, start)]
+    best = min(ends, key=lambda end: end.cost)
+    if not np.isfinite(best.cost):
+        return failed(task.names, "filter error did not converge"), None
+    scores, squared = _scores(task, best.values, likelihood)
+    if not _determined(squared):
+        return failed(task.names, "the flight does not determine all derivatives"), None
+    here = likelihood(best.values)
+    along, across = np.exp(best.values[len(task.names) :][:2])
+    averages = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
+    found = Filtered(task.stretches, (float(along), float(across)), averages - here.errors)
+    return _finish(task, best.values, here, scores, squared), found
+
+
+class End(NamedTuple):
+    """Where a search ended."""
+
+    values: Array
+    """(p + 11,)"""
+    cost: float
+    """-; infinite where it did not converge"""
+
+
+def _starts(task: Task, start: Array) -> list[Array]:
+    """``start`` (p,) and, where it has a Z_w too small for a wing, another (p,)."""
+    lift = -LIFT_SLOPE * STANDARD_GRAVITY / task.reference.airspeed
+    found = start[task.names.index("Z_w")] if "Z_w" in task.names else lift
+    if found < lift / 2.0:
+        return [start]
+    column = np.array([name.endswith("_w") for name in task.names])
+    other = np.where(column, start * (lift / found if found < lift / 10.0 else 1.0), start)
+    other[task.names.index("Z_w")] = lift
+    return [start, other]
+
+
+def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], prior: Array) -> End:
+    """Scoring as long as it gains much, then `_settled`."""
+    here, damping = likelihood(values), 1e-3
+    for _ in range(ITERATIONS):
+        if not np.isfinite(here.cost):
+            break
+        scores, squared = _scores(task, values, likelihood)
+        if not _determined(squared):
+            break
+        gradient, before = _gradient(scores, values, prior), here.cost
+        values, here, damping = _advanced(likelihood, values, here, (gradient, squared), damping)
+        if before - here.cost < LITTLE:
+            return _settled(task, values, likelihood, prior)
+    return End(values, np.inf)
+
+
+def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], prior: Array) -> End:
+    """The last part of the way by quasi-Newton steps (Broyden, Fletcher, Goldfarb, Shanno) that begin with scoring.
+
+    In calm air the information of the gusts' parameters is not the likelihood's curvature: scoring goes to and fro.
+    """
+    here = likelihood(values)
+    scores, squared = _scores(task, values, likelihood)
+    inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
+    gradient = _gradient(scores, values, prior)
+    for _ in range(ITERATIONS):
+        if float(gradient @ inverse @ gradient) < CONVERGED:
+            return End(values, here.cost)
+        step = -inverse @ gradient
+        there = likelihood(values + step)
+        moved, there = _along(likelihood, values, here, (step, there, float(gradient @ step)))
+        if not there.cost < here.cost:
+            break
+        after = _gradient(_scores(task, moved, likelihood)[0], moved, prior)
+        inverse = _updated(inverse, moved - values, after - gradient)
+        values, here, gradient = moved, there, after
+    return End(values, np.inf)
+
+
+def _updated(inverse: Array, step: Array, change: Array) -> Array:
+    """The inverse curvature (n, n) that also tells the ``change`` (n,) of the gradient over a ``step`` (n,)."""
+    along = float(step @ change)
+    if along <= 0.0:
+        return inverse
+    turn = np.eye(len(step)) - np.outer(step, change) / along
+    new: Array = turn @ inverse @ turn.T + np.outer(step, step) / along
+    return new
+
+
+def _prior(reference: Reference) -> Array:
+    """Logarithms (11,) on which the priors of `NUISANCES` are centred."""
+    durations = (scale / reference.airspeed for scale in SCALES)
+    return np.log([GUST, GUST, *durations, TURNING, *PUSHES, *AVERAGES])
+
+
+def _averaged(task: Task, lag: float | None) -> Averaged:
+    """Every stroke of all stretches, with the tail's angle through it."""
+    aircraft = task.aircraft if lag is None else task.aircraft._replace(tail_time_constant=max(lag, 0.0))
+    durations = np.concatenate([np.diff(stretch.edges) for stretch in task.stretches])
+    unit = LENGTH_STEP * float(np.mean(durations))
+    lengths, which = np.unique(np.round(durations / unit), return_inverse=True)
+    tails, first = [], []
+    share = np.arange(STEPS + 1) / STEPS
+    for stretch in task.stretches:
+        angle = tail_angle(stretch.time, stretch.command, aircraft)
+        at = stretch.edges[:-1, None] + np.diff(stretch.edges)[:, None] * share
+        tails.append(np.interp(at, stretch.time, angle))
+        first.append(np.arange(len(stretch.edges) - 1) == 0)
+    outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
+    return Averaged(lengths * unit, which, np.concatenate(first), np.vstack(tails), outputs)
+
+
+def _system(task: Task, values: Array) -> Driven:
+    """The aircraft and two gusts: states u, w, q, theta over ground, gust along, gust across.
+
+    Where the gust across changes along the flight the air turns, ``q_g = -dw_g/dx = -(dw_g/dt) / V``
+    (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it.
+    """
+    names, count = tuple(name for name in task.names if name != TAIL_LAG), len(OUTPUTS)
+    model = matrices(names, values[: len(names)], task.reference, task.aircraft)
+    strengths, durations, turning, pushes, noise = np.split(np.exp(values[len(task.names) :]), (2, 4, 5, 8))
+    a, c = np.zeros((6, 6)), np.hstack((model.c[:count], -model.c[:count, :2]))
+    a[:4, :4], a[:4, 4:] = model.a, -model.a[:, :2]
+    a[4:, 4:] = np.diag(-1.0 / durations)
+    # What the air's turning does per m/s^2 of the gust across: on the rates of u, w, q and on the outputs.
+    turned = np.zeros(6 + count)
+    turned[:3] = turning / task.reference.airspeed * _by_pitch_rate(names, values)
+    turned[7:9] = turning / task.reference.airspeed * model.c[1:3, 2]
+    a[:4, 5] -= turned[:4] / durations[1]
+    c[:, 5] -= turned[6:] / durations[1]
+    turned[5] = 1.0
+    along, across = 2.0 * strengths**2 / durations
+    density = np.diag(np.concatenate((pushes**2, (0.0, along, 0.0), np.zeros(count)))) + across * np.outer(
+        turned, turned
+    )
+    start = np.concatenate((BEGIN, strengths))
+    return Driven(a, model.b, np.ascontiguousarray(c), model.d[:count], density, start, np.array(BIASES), noise)
+
+
+def _by_pitch_rate(names: tuple[str, ...], values: Array) -> Array:
+    """X_q, Z_q and M_q (3,); 0 for what is not named."""
+    given = dict(zip(names, values, strict=False))
+    return np.array([given.get(f"{axis}_q", 0.0) for axis in "XZM"])
+
+
+def _likelihood(task: Task, prior: Array) -> Callable[[Array], Likelihood]:
+    """The likelihood of parameters (p + 11,): derivatives, and the logarithms of the nuisances."""
+    count = len(task.names)
+    fixed = _averaged(task, None) if task.known_lag else None
+
+    def at(values: Array) -> Likelihood:
+        beyond = (values[count:] - prior) / DOUBT
+        if np.max(np.abs(beyond)) > WIDEST:
+            return Likelihood(np.inf, np.empty(0), np.empty(0))
+        averaged = fixed or _averaged(task, float(values[task.names.index(TAIL_LAG)]))
+        with np.errstate(all="ignore"):
+            errors, covariance = innovations(_system(task, values), averaged)
+        try:
+            root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return Likelihood(np.inf, np.empty(0), np.empty(0))
+        white = np.linalg.solve(root, errors[:, :, None])[:, :, 0]
+        logs = float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
+        cost = (logs + float(np.sum(white**2)) / 2.0) / len(PHASES) + float(np.sum(beyond**2)) / 2.0
+        return Likelihood(cost if np.isfinite(cost) else np.inf, errors, root)
+
+    return at
+
+
+def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]) -> tuple[Array, Array]:
+    """Each stroke's gradient (K, n) of the cost without the prior, and the information (n, n) with it."""
+    here = likelihood(values)
+    factor = np.linalg.inv(here.root)
+    white = np.einsum("kij,kj->ki", factor, here.errors)
+    moved, widened = [], []
+    for index, value in enumerate(values):
+        width = DIFFERENCE * max(abs(value), 0.1)
+        ahead = values.copy()
+        ahead[index] += width
+        there = likelihood(ahead)
+        moved.append(np.einsum("kij,kj->ki", factor, (there.errors - here.errors) / width))
+        spread = there.root @ there.root.transpose(0, 2, 1) - here.root @ here.root.transpose(0, 2, 1)
+        widened.append(factor @ (spread / width) @ factor.transpose(0, 2, 1))
+    shift, growth = np.array(moved), np.array(widened)
+    trace = np.trace(growth, axis1=2, axis2=3)
+    scores = np.einsum("pki,ki->kp", shift, white)
+    scores += (trace - np.einsum("ki,pkij,kj->pk", white, growth, white)).T / 2.0
+    scores /= len(PHASES)
+    flat, grown = shift.reshape(len(values), -1), growth.reshape(len(values), -1)
+    squared = (flat @ flat.T + grown @ grown.T / 2.0) / len(PHASES)
+    count = len(task.names)
+    squared[count:, count:] += np.diag(1.0 / DOUBT**2)
+    return scores, squared
+
+
+def _gradient(scores: Array, values: Array, prior: Array) -> Array:
+    gradient: Array = np.sum(scores, axis=0)
+    gradient[-len(prior) :] += (values[-len(prior) :] - prior) / DOUBT**2
+    return gradient
+
+
+def _determined(squared: Array) -> bool:
+    scale = np.sqrt(np.diag(squared))
+    if not np.all(np.isfinite(scale)) or not np.all(scale > 0):
+        return False
+    return bool(np.linalg.cond(squared / np.outer(scale, scale)) < WORST_CONDITION)
+
+
+def _advanced(
+    likelihood: Callable[[Array], Likelihood],
+    values: Array,
+    here: Likelihood,
+    slope: tuple[Array, Array],
+    damping: float,
+) -> tuple[Array, Likelihood, float]:
+    """A damped step that lowers the cost, and the damping for the next; an infinite cost where none does."""
+    gradient, squared = slope
+    scale = np.sqrt(np.diag(squared))
+    even = squared / np.outer(scale, scale)
+    while damping < 1e8:
+        step = -np.linalg.solve(even + damping * np.eye(len(scale)), gradient / scale) / scale
+        step = step * min(1.0, LONGEST / float(np.max(np.abs(step[-len(DOUBT) :]))))
+        there = likelihood(values + step)
+        if there.cost < here.cost:
+            return *_along(likelihood, values, here, (step, there, float(gradient @ step))), max(damping / 8.0, 1e-9)
+        damping = max(damping * 4.0, 1e-3)
+    return values, here._replace(cost=np.inf), damping
+
+
+def _along(
+    likelihood: Callable[[Array], Likelihood],
+    values: Array,
+    here: Likelihood,
+    tried: tuple[Array, Likelihood, float],
+) -> tuple[Array, Likelihood]:
+    """The step as it was ``tried``, or to the least of a parabola through both ends where that is lower.
+
+    The information is not the curvature: where it is half of it, every step ends as far behind the optimum as it
+    began before it.
+    """
+    step, there, slope = tried
+    bend = there.cost - here.cost - slope if np.isfinite(there.cost) else np.inf
+    share = float(np.clip(-slope / (2.0 * bend), 0.1, 3.0)) if bend > 0 else 3.0
+    another = likelihood(values + share * step)
+    return (values + share * step, another) if another.cost < there.cost else (values + step, there)
+
+
+def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared: Array) -> DerivativeFit:
+    count = len(task.names)
+    inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
+    nuisances = len(task.stretches) * (len(BEGIN) + len(OUTPUTS))
+    degrees = float(here.errors.size - nuisances) / len(PHASES) - len(values)
+    spread = with_scatter(Spread(inverse, max(degrees, 1.0)), inverse, _by_manoeuvre(task, scores))
+    scatter: Array = np.std(here.errors, axis=0)
+    return DerivativeFit(task.names, values[:count], spread.covariance[:count, :count], spread.degrees, scatter)
+
+
+def _by_manoeuvre(task: Task, scores: Array) -> list[Array]:
+    """The scores (K, n) summed over each manoeuvre and the calm behind it, all phases of it together."""
+    places = np.concatenate([stretch.manoeuvre for stretch in task.stretches])
+    return [np.sum(scores[places == place], axis=0) for place in np.unique(places)]

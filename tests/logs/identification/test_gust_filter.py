@@ -1,0 +1,87 @@
+"""The filter over strokes: its forecasts' errors have the covariance that it says, and a still system is exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from logs.identification.modes.gust_filter import Averaged, Driven, innovations
+from logs.identification.results import Array
+
+A = np.array([[-1.0, 6.0, 0.5], [-4.0, -2.0, -1.0], [0.0, 0.0, -0.8]])
+"""two states that move, one of gusts"""
+C = np.array([[1.0, 0.3, 0.0], [0.2, -1.0, 0.7]])
+LENGTHS = np.array([0.2, 0.25])
+STEPS = 200
+
+
+def system(intensity: float, noise: float, start: float) -> Driven:
+    density = np.diag([0.0, 0.0, intensity, 0.0, 0.0])
+    return Driven(
+        A,
+        np.array([2.0, -5.0]),
+        C,
+        np.array([0.4, 0.0]),
+        density,
+        np.full(3, start),
+        np.full(2, 1e-6),
+        np.full(2, noise),
+    )
+
+
+def flown(seed: int, strokes: int, intensity: float, noise: float, start: float) -> Averaged:
+    """Strokes of the system by steps of a two-hundredth, each exact, its outputs averaged by the trapezoidal rule."""
+    rng = np.random.default_rng(seed)
+    which = rng.integers(0, 2, strokes)
+    tail = np.cumsum(rng.normal(0, 0.02, strokes * STEPS + 1))
+    state = np.concatenate((rng.normal(0, start, 3), [0.0]))
+    averages, tails = [], []
+    for k in range(strokes):
+        step = LENGTHS[which[k]] / STEPS
+        over = expm(np.block([[A, np.array([[2.0], [-5.0], [0.0]])], [np.zeros((1, 4))]]) * step)
+        part = tail[k * STEPS : (k + 1) * STEPS + 1]
+        outputs = []
+        for i in range(STEPS):
+            outputs.append(C @ state[:3] + np.array([0.4, 0.0]) * part[i])
+            state[3] = (part[i] + part[i + 1]) / 2
+            state = over @ state
+            state[2] += rng.normal(0, np.sqrt(intensity * step))
+        outputs.append(C @ state[:3] + np.array([0.4, 0.0]) * part[-1])
+        averages.append(np.trapezoid(outputs, axis=0) / STEPS + rng.normal(0, noise, 2))
+        tails.append(part)
+    first = np.arange(strokes) == 0
+    return Averaged(LENGTHS, which, first, np.array(tails), np.array(averages))
+
+
+def whitened(seed: int) -> Array:
+    found = innovations(system(0.5, 0.02, 0.3), flown(seed, 60, 0.5, 0.02, 0.3))
+    root = np.linalg.cholesky(found.covariance)
+    white: Array = np.linalg.solve(root, found.surprise[:, :, None])[:, :, 0]
+    return white
+
+
+def test_forecasts_err_by_what_the_filter_says_and_one_does_not_foretell_the_next() -> None:
+    white = np.array([whitened(seed) for seed in range(12)])
+    values = white.ravel()
+    assert np.mean(values**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / values.size))
+    for shift in (1, 2):
+        product = np.mean(white[:, shift:] * white[:, :-shift], axis=(0, 1))
+        assert np.all(np.abs(product) < 4 / np.sqrt(white[:, shift:, 0].size))
+
+
+def test_without_noise_the_forecast_is_the_measured() -> None:
+    """GIVEN an aircraft that starts at rest and no gust THEN every stroke's average is foretold."""
+    averaged = flown(5, 30, 0.0, 0.0, 0.0)
+    found = innovations(system(0.0, 1e-6, 0.0), averaged)
+    np.testing.assert_allclose(found.surprise, 0.0, atol=2e-4 * np.ptp(averaged.outputs))
+
+
+def test_a_new_stretch_forgets_the_one_before() -> None:
+    one = flown(3, 20, 0.5, 0.02, 0.3)
+    twice = Averaged(
+        LENGTHS, np.tile(one.which, 2), np.tile(one.first, 2), np.tile(one.tail, (2, 1)), np.tile(one.outputs, (2, 1))
+    )
+    found = innovations(system(0.5, 0.02, 0.3), twice)
+    np.testing.assert_array_equal(found.surprise[:20], found.surprise[20:])
+    np.testing.assert_array_equal(found.covariance[:20], found.covariance[20:])
