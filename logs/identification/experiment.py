@@ -16,7 +16,7 @@ class Experiment(NamedTuple):
     time: Array
     """s; (N,), equally spaced"""
     signals: Mapping[str, Array]
-    """by name, as `units`; (N,) each, NaN where a sample was not measured"""
+    """as `units`, by name; (N,) each, NaN where a sample was not measured"""
     units: Mapping[str, str]
     """SI unit by the signal's name"""
 

@@ -108,43 +108,68 @@ class Row(NamedTuple):
     """One force per mass or acceleration, by what it follows."""
 
     first: float
-    """per m/s of u, or of v"""
+    """as the row, per m/s; of u, or of v"""
     second: float
-    """per m/s of w, or per rad/s of the roll"""
+    """as the row, per m/s of w, or per rad/s of the roll"""
     third: float
-    """per rad/s of the pitch, or of the yaw"""
+    """as the row, per rad/s; of the pitch, or of the yaw"""
     tail: float
-    """per rad of elevator or rudder"""
+    """as the row, per rad; of elevator or rudder"""
 
 
 class DerivativesParameters(NamedTuple):
     """What the loads are made of; SI."""
 
     forward: float
+    """m/s; of the trim, body axes"""
     down: float
+    """m/s; likewise"""
     elevator: float
+    """rad; of the trim"""
     force_x: float
+    """m/s^2; of the trim"""
     force_z: float
+    """m/s^2; likewise"""
     density: float
+    """kg/m^3; in the flight test"""
     mass: float
+    """kg"""
     center_x: float
+    """m; from the base's origin"""
     center_y: float
+    """m"""
     center_z: float
+    """m"""
     inertia_xx: float
+    """kg m^2; about the centre of mass"""
     inertia_yy: float
+    """kg m^2"""
     inertia_zz: float
+    """kg m^2"""
     inertia_xz: float
+    """kg m^2; product (integral)"""
     x: Row
+    """m/s^2; along the body's x"""
     z: Row
+    """m/s^2; along the body's z"""
     m: Row
+    """rad/s^2; in pitch"""
     y: Row
+    """m/s^2; along the body's y"""
     l: Row  # noqa: E741 - the field's own letter of the rolling moment
+    """rad/s^2; in roll"""
     n: Row
+    """rad/s^2; in yaw"""
     x_drive: float
+    """m/s^2; per relative change of the flap rate, as the two below"""
     z_drive: float
+    """m/s^2"""
     m_drive: float
+    """rad/s^2"""
     flap_rate: float
+    """rad/s; root mean square in the trim"""
     drive_lag: float
+    """s"""
 
 
 class Accelerations(NamedTuple):
@@ -153,11 +178,15 @@ class Accelerations(NamedTuple):
     x: float
     """m/s^2; specific force, as y and z"""
     y: float
+    """m/s^2"""
     z: float
+    """m/s^2"""
     roll: float
     """rad/s^2; as pitch and yaw"""
     pitch: float
+    """rad/s^2"""
     yaw: float
+    """rad/s^2"""
 
 
 class Regressors(NamedTuple):

@@ -55,7 +55,7 @@ class WingMotion(NamedTuple):
 
     name: str
     time: Array
-    """(N,) s"""
+    """s; (N,)"""
     moved: MovedVehicle
     density: float
     """kg/m^3; of the air"""
@@ -69,9 +69,9 @@ class WingCoefficients(NamedTuple):
     experiment: Experiment
     """signals `COEFFICIENTS`, `STATES` and their products, low-passed alike, without the ends of the record"""
     load: Array
-    """(N, 6) N, N m; of the air on both wings about the base's origin, body axes; not low-passed"""
+    """N, N m; (N, 6), of the air on both wings about the base's origin, body axes; not low-passed"""
     pressure: Array
-    """(N,) Pa; half the density times |v_mac|^2; not low-passed"""
+    """Pa; (N,), half the density times |v_mac|^2; not low-passed"""
     notes: tuple[str, ...] = ()
 
 

@@ -48,9 +48,9 @@ class LoadCell(NamedTuple):
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """m; its origin in the base's axes"""
     r_frd_from_cell: Array = np.eye(3)
-    """(3, 3); a rotation"""
+    """-; (3, 3), a rotation"""
     sign: float = 1.0
-    """+1 where it tells the load of the vehicle on the cell, -1 where that of the cell on the vehicle"""
+    """-; 1 where it tells the load of the vehicle on the cell, -1 where that of the cell on the vehicle"""
 
 
 class StandRun(NamedTuple):
@@ -58,11 +58,11 @@ class StandRun(NamedTuple):
 
     name: str
     time: Array
-    """(N,) s"""
+    """s; (N,)"""
     load: Array
-    """(N, 6) N, N m; force and moment in the cell's axes about its origin"""
+    """N, N m; (N, 6), force and moment in the cell's axes about its origin"""
     flap: Array
-    """(N,) rad; of both wings, wing up positive"""
+    """rad; (N,), of both wings, wing up positive"""
     airspeed: float
     """m/s; of the tunnel, 0 in still air"""
     pitch: float
@@ -70,7 +70,7 @@ class StandRun(NamedTuple):
     density: float
     """kg/m^3"""
     strokes: Array
-    """(N,) -; since the first sample, never decreasing"""
+    """-; (N,), since the first sample, never decreasing"""
 
 
 def stand_coefficients(
@@ -142,7 +142,7 @@ def _step(run: StandRun, cutoff: float) -> float:
 
 
 def _on_base(run: StandRun, cell: LoadCell, cutoff: float) -> Array:
-    """(N, 6) N, N m; load of the vehicle on the cell, base's axes about the base's origin, low-passed."""
+    """N, N m; (N, 6), load of the vehicle on the cell, base's axes about the base's origin, low-passed."""
     r = np.asarray(cell.r_frd_from_cell, float)
     if r.shape != (3, 3) or np.abs(r @ r.T - np.eye(3)).max() > MOUNT_ROUNDING or np.linalg.det(r) < 0.0:
         raise BadInput("the load cell's r_frd_from_cell is no rotation")

@@ -37,7 +37,7 @@ class MeanCoefficients(NamedTuple):
     """C_L_up, C_D_up, C_L_down, C_D_down"""
     unidentified: tuple[Unidentified, ...]
     by_stroke: Array
-    """(strokes, 4) C_L up, C_L down, C_D up, C_D down of each alone; NaN where it does not tell them"""
+    """-; (strokes, 4), C_L up, C_L down, C_D up, C_D down of each alone; NaN where it does not tell them"""
 
 
 class Derivatives(NamedTuple):

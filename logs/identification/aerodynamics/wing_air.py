@@ -28,24 +28,24 @@ class MovedVehicle(NamedTuple):
     """How a vehicle with c coordinates moved at N instants; coordinates in the order of `Layout.coordinates`."""
 
     quaternion: Floats
-    """(N, 4) -; of r_ned_from_frd"""
+    """-; (N, 4), of r_ned_from_frd"""
     speeds: Floats
-    """(N, 6 + c) m/s, rad/s; velocity over ground and angular velocity of the base, body axes; coordinates' rates"""
+    """m/s, rad/s; (N, 6 + c), velocity over ground and angular velocity of the base, body axes; coordinates' rates"""
     coordinates: Floats
-    """(N, c) rad"""
+    """rad; (N, c)"""
     rates: Floats
     """(N, 6 + c) m/s^2, rad/s^2; time derivatives of ``speeds``, component by component"""
     wind_ned: Floats
-    """(N, 3) m/s; velocity of the air over ground"""
+    """m/s; (N, 3), velocity of the air over ground"""
 
 
 class WingAir(NamedTuple):
     """What the air did to the wings, N instants."""
 
     load: Floats
-    """(N, 6) N, N m; on the vehicle about the base's origin, body axes; apparent mass included"""
+    """N, N m; (N, 6), on the vehicle about the base's origin, body axes; apparent mass included"""
     pressure: Floats
-    """(N,) Pa; half the density times |v_mac|^2 of Eq. 14, mean of the wings"""
+    """Pa; (N,), half the density times |v_mac|^2 of Eq. 14, mean of the wings"""
 
 
 @kernel

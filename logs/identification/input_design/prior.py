@@ -27,7 +27,7 @@ class Prior(NamedTuple):
     """A longitudinal model with its derivatives, and how it will be measured."""
 
     values: Array
-    """(12,) as `longitudinal.UNITS`; derivatives in the order of `longitudinal.LONGITUDINAL`"""
+    """as `longitudinal.UNITS`; (12,), derivatives in the order of `longitudinal.LONGITUDINAL`"""
     reference: Reference
     """the trim"""
     aircraft: Aircraft

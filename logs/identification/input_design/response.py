@@ -25,13 +25,13 @@ class Response(NamedTuple):
     """One manoeuvre as the prior flies it."""
 
     states: Array
-    """(N, 4); u m/s, w m/s, q rad/s, theta rad, about the trim"""
+    """m/s, m/s, rad/s, rad; (N, 4), u, w, q and theta about the trim"""
     outputs: Array
-    """(N, 4); q rad/s, a_x and a_z m/s^2 at the IMU, theta rad, about the trim"""
+    """rad/s, m/s^2, m/s^2, rad; (N, 4), q, a_x and a_z at the IMU, theta, about the trim"""
     sensitivities: Array
-    """(N, 3, 12); of `OUTPUTS` to the derivatives"""
+    """as the output per derivative; (N, 3, 12), of `OUTPUTS`"""
     starts: Array
-    """(N, 3, 4); of `OUTPUTS` to the initial state"""
+    """as the output per state; (N, 3, 4), of `OUTPUTS` to the initial state"""
 
     def times(self, factor: float) -> Response:
         """The response to an input ``factor`` times as large."""

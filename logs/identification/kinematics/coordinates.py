@@ -32,15 +32,15 @@ class Coordinates(NamedTuple):
     """Position states of Eq. 1 in N frames; NaN where the markers seen do not tell them."""
 
     names: tuple[str, ...]
-    """(c,) -; of the joint angles"""
+    """-; (c,), of the joint angles"""
     position_ned: Array
-    """(N, 3) m; of the base's origin"""
+    """m; (N, 3), of the base's origin"""
     quaternion: Array
-    """(N, 4) -; of r_ned_from_frd"""
+    """-; (N, 4), of r_ned_from_frd"""
     angles: Array
-    """(N, c) rad"""
+    """rad; (N, c)"""
     covariance: Array
-    """(N, 6 + c, 6 + c); of position in the base's axes m, turn about the base's axes rad, angles rad"""
+    """m^2, m rad, rad^2; (N, 6 + c, 6 + c), of position and turn in the base's axes, and the angles"""
     noise: float
     """m; standard deviation of a marker along each axis"""
     unused: float
@@ -51,16 +51,22 @@ class _Cloud(NamedTuple):
     """All markers of all bodies."""
 
     bodies: tuple[int, ...]
-    """of the tree"""
+    """-; numbers of the tree's bodies"""
     places: tuple[Array, ...]
+    """m; (M_b, 3) of each, of its markers in the body's axes"""
     positions: Array
-    """(N, M, 3) m; NaN where not seen"""
+    """m; (N, M, 3), NaN where not seen"""
 
 
 class _State(NamedTuple):
+    """What the markers are to tell."""
+
     position: Array
+    """m; (N, 3), NED, of the base's origin"""
     quaternion: Array
+    """-; (N, 4), of r_ned_from_frd"""
     angles: Array
+    """rad; (N, c)"""
 
 
 def joint_names(mechanism: Mechanism) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ class Setup(NamedTuple):
     """-; usual errors that are taken to be zero"""
     places: Places = Places()
     input_noise: Mapping[str, float] | None = None
-    """standard deviation of the white noise by input; where None, `noise_level` tells"""
+    """as the input, by its name; standard deviation of the white noise; where None, `noise_level` tells"""
 
 
 USUAL = Setup()
@@ -75,7 +75,7 @@ class Track(NamedTuple):
     """u, v, w, airspeed, alpha, beta at the centre of mass, the other states, and the inputs freed of their errors
     (specific forces at the IMU's place)"""
     residuals: Mapping[str, Array]
-    """by output, in its unit; (N,), NaN where it was not measured"""
+    """as the output, by its name; (N,), NaN where it was not measured"""
     whiteness: tuple[Remainder, ...]
 
 

@@ -37,18 +37,18 @@ class MarkedBody(NamedTuple):
     name: str
     """-; of the vehicle's tree"""
     places: Array
-    """(m, 3) m; of its markers in the body's axes, from its origin"""
+    """m; (m, 3), of its markers in the body's axes, from its origin"""
 
 
 class Poses(NamedTuple):
     """Position and attitude of one body in N frames; NaN where too few of its markers were seen."""
 
     position: Array
-    """(N, 3) m; of the body's origin, in the capture's axes"""
+    """m; (N, 3), of the body's origin, in the capture's axes"""
     quaternion: Array
-    """(N, 4) -; w first, from the body's axes to the capture's"""
+    """-; (N, 4), w first, from the body's axes to the capture's"""
     covariance: Array
-    """(N, 6, 6) m^2, m rad, rad^2; of position in the capture's axes and of a turn about the body's axes"""
+    """m^2, m rad, rad^2; (N, 6, 6), of position in the capture's axes and of a turn about the body's axes"""
     noise: float
     """m; standard deviation of a marker along each axis"""
     used: NDArray[np.bool_]

@@ -15,11 +15,11 @@ class Skeleton(NamedTuple):
     """Bodies of a tree, N instants, in the base's axes from the base's origin."""
 
     rotation: Array
-    """(b, N, 3, 3); r_frd_from_body"""
+    """-; (b, N, 3, 3), r_frd_from_body"""
     place: Array
-    """(b, N, 3) m; of the joints"""
+    """m; (b, N, 3), of the joints"""
     axis: Array
-    """(b, N, 3); of each joint's turn"""
+    """-; (b, N, 3), unit vectors of each joint's turn"""
 
 
 def skeleton(tree: Tree, angles: Array) -> Skeleton:

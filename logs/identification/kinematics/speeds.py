@@ -29,17 +29,17 @@ class Speeds(NamedTuple):
     """Coordinates of Eq. 1, speeds of Eq. 2 and their rates at N instants, smoothed."""
 
     time: Array
-    """(N,) s"""
+    """s; (N,)"""
     position_ned: Array
-    """(N, 3) m"""
+    """m; (N, 3)"""
     quaternion: Array
-    """(N, 4) -; of r_ned_from_frd"""
+    """-; (N, 4), of r_ned_from_frd"""
     angles: Array
-    """(N, c) rad"""
+    """rad; (N, c)"""
     speeds: Array
-    """(N, 6 + c) m/s, rad/s; velocity and angular velocity of the base in its axes, rates of the angles"""
+    """m/s, rad/s; (N, 6 + c), velocity and angular velocity of the base in its axes, rates of the angles"""
     rates: Array
-    """(N, 6 + c); time derivatives of ``speeds``"""
+    """m/s^2, rad/s^2; (N, 6 + c), time derivatives of ``speeds``"""
 
 
 def generalized_speeds(time: Array, found: Coordinates, cutoff: float = CUTOFF) -> Speeds:

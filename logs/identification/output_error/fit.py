@@ -34,6 +34,7 @@ class Search(NamedTuple):
     steps: int = MOST_STEPS
     """-; at most, of Gauss-Newton"""
     seed: int = 0
+    """-; of the random starts"""
 
 
 FROM_THE_START = Search()

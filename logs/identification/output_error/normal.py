@@ -43,6 +43,7 @@ class Step(NamedTuple):
     values: Array
     """(p,)"""
     own: tuple[Array, ...]
+    """(l,) of each record; its own numbers"""
     errors: Array
     """(p,); standard errors for white residuals, infinite where a parameter is not determined"""
     decrement: float

@@ -44,6 +44,7 @@ class Found(NamedTuple):
     held: Flags
     """(p,) of bool; parameters at a bound"""
     cost: float
+    """-; as `Here.cost`"""
     iterations: tuple[Iteration, ...]
 
 
@@ -52,7 +53,9 @@ class Here(NamedTuple):
 
     unknowns: Unknowns
     residuals: list[Array]
+    """as the outputs; (N, m) of each record, measured minus model"""
     noise: Array
+    """as the outputs' products; (m, m), covariance of the residuals"""
     whiteners: tuple[Whitener, ...]
     squares: float
     """-; weighted"""

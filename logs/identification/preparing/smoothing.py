@@ -45,7 +45,7 @@ class SmoothedExperiment(NamedTuple):
     experiment: Experiment
     """its signals smoothed, the slopes of those beside them, named with `RATE_SUFFIX`"""
     noise: Mapping[str, float]
-    """by signal, in its unit; standard deviation of what was taken off"""
+    """as the signal, by its name; standard deviation of what was taken off"""
 
 
 def smoothed(experiment: Experiment, names: Sequence[str], method: str = "fourier") -> SmoothedExperiment:

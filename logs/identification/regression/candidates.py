@@ -34,6 +34,7 @@ class Candidates(NamedTuple):
     pieces: tuple[Piece, ...]
     """nuisances (means, trends) first, then the candidates; columns of unit length over all records"""
     nuisances: int
+    """-; how many columns they are"""
     system: System
     """the candidates alone, what the nuisances say of them taken out"""
     lengths: Array

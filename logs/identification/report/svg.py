@@ -20,10 +20,12 @@ LEFT, RIGHT, TOP, BELOW = 52.0, 12.0, 20.0, 36.0
 
 
 class Size(NamedTuple):
-    """Of a whole plot in px."""
+    """Of a whole plot."""
 
     width: float
+    """px"""
     height: float
+    """px"""
 
 
 NARROW, WIDE = Size(360.0, 215.0), Size(1090.0, 260.0)
@@ -33,10 +35,15 @@ class Axis(NamedTuple):
     """One axis: the numbers at its ends, where those are in px, and the numbers that are written."""
 
     low: float
+    """as the plot's axis"""
     high: float
+    """as the plot's axis"""
     start: float
+    """px; of ``low``"""
     end: float
+    """px; of ``high``"""
     ticks: tuple[float, ...]
+    """as the plot's axis"""
 
     def place(self, values: Array) -> Array:
         """px of ``values`` (N,)."""

@@ -39,24 +39,25 @@ class TopicTable:
         if good.sum() < LEAST_SAMPLES:
             raise BadInput(f"topic {topic.name} has too few finite samples in order of time")
         self.time: Array = arrays[0][good] * 1e-6
+        """s; (N,), since boot, rising"""
         self._fields = {field: array[good] for field, array in zip(fields, arrays[1:], strict=True)}
 
     def __getitem__(self, field: str) -> Array:
         return self._fields[field]
 
     def linear(self, field: str, time: Array) -> Array:
-        """The field at ``time``, linear between samples."""
+        """The field at ``time`` (s; (M,)), linear between samples; as the topic has it."""
         values: Array = np.interp(time, self.time, self._fields[field])
         return values
 
     def held(self, field: str, time: Array) -> Array:
-        """The field at ``time``, held since its last sample; the first sample's value before it."""
+        """The field at ``time`` (s; (M,)), held since its last sample; the first sample's value before it."""
         index = np.clip(np.searchsorted(self.time, time + 1e-7, side="right") - 1, 0, None)
         return self._fields[field][index]
 
 
 def time_base(time: Array) -> Array:
-    """Times equally spaced over the record, at the record's median step; gaps are filled by interpolation."""
+    """Times (s) equally spaced over the record ``time`` (s; (N,)), at its median step, gaps and all."""
     step = float(np.median(np.diff(time)))
     base: Array = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
     return base

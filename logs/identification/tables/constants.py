@@ -38,7 +38,7 @@ class ConstantsSection(NamedTuple):
     imu_z: Measure | None = None
     flapping: Measure | None = None
     others: dict[str, float] = {}
-    """any further numbers that regressors name"""
+    """as the regressors take them; any further numbers that those name"""
 
 
 UNITS = {

@@ -28,6 +28,7 @@ class Source(NamedTuple):
 
     experiment: Experiment
     constants: Mapping[str, float]
+    """SI, by name"""
     asked: str
     """-; the signal that is made, for complaints"""
 

@@ -55,7 +55,7 @@ class Manoeuvres(NamedTuple):
     column: Place | None = None
     """a column of numbers, another in each manoeuvre, 0 or nothing between them"""
     validate: tuple[int, ...] = ()
-    """numbers from 1 of the manoeuvres that are held out"""
+    """-; numbers from 1 of the manoeuvres that are held out"""
 
 
 class Cut(NamedTuple):

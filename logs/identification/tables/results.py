@@ -25,6 +25,7 @@ class OutputFit(NamedTuple):
     held_out: bool
     """-; predicted, not fitted"""
     samples: int
+    """-; that both have"""
     r_squared: float
     """-; NaN where the measured does not vary"""
     rms: float

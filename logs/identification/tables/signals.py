@@ -28,9 +28,10 @@ FOLLOWING = 0.1
 
 
 class Place(NamedTuple):
-    """A column: by name, or by number from 1."""
+    """A column."""
 
     column: str | int
+    """-; its name, or its number from 1"""
 
     @classmethod
     def from_entry(cls, entry: Any, key: str) -> Place:
@@ -45,12 +46,19 @@ class Place(NamedTuple):
 
 
 class _Entry(NamedTuple):
+    """As written."""
+
     unit: str
+    """-; of value, and of a column after scale and offset"""
     column: Place | None = None
     value: float | None = None
+    """as ``unit``; of all rows, where there is no column"""
     scale: float = 1.0
+    """as ``unit`` per unit of the column"""
     offset: float = 0.0
+    """as ``unit``"""
     missing: tuple[float, ...] = ()
+    """as the column; numbers that stand for what was not measured"""
 
 
 class SignalEntry(NamedTuple):
@@ -143,7 +151,7 @@ class Record(NamedTuple):
     rows: Array
     """-; (N,), number of the table's row from 1 that each sample is of, or lies after"""
     signals: dict[str, Array]
-    """by name in SI; (N,) each"""
+    """SI, by name; (N,) each"""
     marks: Array | None
     """-; (N,), numbers of the column that tells the manoeuvres"""
 

@@ -29,11 +29,11 @@ class Layout(NamedTuple):
     names: bool | None = None
     """whether a line of names stands above the numbers; columns are numbered from 1 in any case"""
     skip: int | None = None
-    """lines before the one with the names, or before the first row where there are none"""
+    """-; lines before the one with the names, or before the first row where there are none"""
     encoding: str | None = None
     """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 where not told"""
     missing: tuple[float, ...] = ()
-    """numbers that stand for "not measured" in any column, such as -9999"""
+    """as the columns; numbers that stand for "not measured" in any column, such as -9999"""
 
 
 class Columns(NamedTuple):
@@ -42,10 +42,12 @@ class Columns(NamedTuple):
     file: str
     """-; name of the file"""
     by_name: dict[str, Array]
+    """as the file has them; (N,) each"""
     order: tuple[str, ...]
     """-; names in the order of the columns; those of columns without a name are their numbers"""
     twice: frozenset[str]
     rows: int
+    """-; N"""
     notes: tuple[str, ...]
     """-; what was found strange in it, one clause each"""
 

@@ -15,6 +15,7 @@ class NumberRow(NamedTuple):
     name: str
     estimate: Estimate
     start: float | None
+    """as the estimate; where its search began, None where it had no search"""
 
 
 def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:

@@ -32,6 +32,7 @@ class Term(NamedTuple):
     parameter: str = ""
     """-; empty for a constant entry"""
     factor: float = 1.0
+    """as the rate or output, per parameter and signal"""
 
 
 Terms = tuple[Term, ...]
