@@ -112,11 +112,9 @@ class McapRecorder:
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
         self._oldest_ns = self._youngest_ns = 0
-        self._flush_clock = 0.0
+        self._flush_clock = self._patience = 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
-        self._writing = writing
-        self._told = (0, 0)
-        self._patience = 0.0
+        self._writing, self._told = writing, (0, 0)
         self._open_for_writing, self._closed = True, False
         self._volumes = self._begin()
         self._backlog = (

@@ -79,50 +79,56 @@ def short_period() -> str:
     return "\n".join(rows) + "\n"
 
 
-def transport() -> str:
-    """Time s, airspeed m/s, alpha, theta rad, q rad/s, q_dot rad/s^2, a_x, a_z m/s^2, elevator rad, thrust N."""
-    rng, t = np.random.default_rng(11), np.arange(0, 60, 0.1)
-    p = TRANSPORT
+def coefficients(x: np.ndarray, delta: float) -> tuple[float, float, float]:
+    """C_D, C_L, C_m of the transport at V, alpha, theta, q."""
+    p, rate = TRANSPORT, x[3] * CHORD / (2 * REFERENCE)
+    drag = p["C_D_0"] + p["C_D_alpha"] * x[1]
+    lift = p["C_L_0"] + p["C_L_alpha"] * x[1]
+    return drag, lift, p["C_m_0"] + p["C_m_alpha"] * x[1] + p["C_m_q"] * rate + p["C_m_delta"] * delta
 
-    def coefficients(x: np.ndarray, delta: float) -> tuple[float, float, float]:
-        rate = x[3] * CHORD / (2 * REFERENCE)
-        drag = p["C_D_0"] + p["C_D_alpha"] * x[1]
-        lift = p["C_L_0"] + p["C_L_alpha"] * x[1]
-        return drag, lift, p["C_m_0"] + p["C_m_alpha"] * x[1] + p["C_m_q"] * rate + p["C_m_delta"] * delta
 
-    def loads(x: np.ndarray, u: np.ndarray) -> tuple[float, float, float]:
-        force = 0.5 * DENSITY * x[0] ** 2 * AREA
-        drag, lift, moment = coefficients(x, u[0])
-        return drag * force / MASS, lift * force / MASS, moment * force * CHORD / INERTIA
+def loads(x: np.ndarray, u: np.ndarray) -> tuple[float, float, float]:
+    """Drag and lift per mass (m/s^2), pitching moment per inertia (rad/s^2); inputs are elevator and thrust."""
+    force = 0.5 * DENSITY * x[0] ** 2 * AREA
+    drag, lift, moment = coefficients(x, u[0])
+    return drag * force / MASS, lift * force / MASS, moment * force * CHORD / INERTIA
 
-    def rates(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        drag, lift, pitching = loads(x, u)
-        push = u[1] / MASS
-        return np.array([
-            push * math.cos(x[1]) - drag + G * math.sin(x[1] - x[2]),
-            x[3] + (G * math.cos(x[1] - x[2]) - lift - push * math.sin(x[1])) / x[0],
-            x[3],
-            pitching,
-        ])  # fmt: skip
 
-    force = 0.5 * DENSITY * REFERENCE**2 * AREA
+def transport_rates(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Of V, alpha, theta, q."""
+    drag, lift, pitching = loads(x, u)
+    push = u[1] / MASS
+    return np.array([
+        push * math.cos(x[1]) - drag + G * math.sin(x[1] - x[2]),
+        x[3] + (G * math.cos(x[1] - x[2]) - lift - push * math.sin(x[1])) / x[0],
+        x[3],
+        pitching,
+    ])  # fmt: skip
+
+
+def transport_inputs(t: np.ndarray) -> tuple[float, np.ndarray]:
+    """Angle of attack (rad) of the trim; elevator (rad) and thrust (N) about it (N, 2)."""
+    p, force = TRANSPORT, 0.5 * DENSITY * REFERENCE**2 * AREA
     alpha = (MASS * G / force - p["C_L_0"]) / p["C_L_alpha"]
     trim_delta = -(p["C_m_0"] + p["C_m_alpha"] * alpha) / p["C_m_delta"]
     trim_thrust = (p["C_D_0"] + p["C_D_alpha"] * alpha) * force
     delta = trim_delta + np.radians(2.0) * (multistep(t, 2, 0.5) + multistep(t, 30, 3.0, "+-"))
     thrust = trim_thrust * (1 + 0.3 * multistep(t, 20, 4.0, "+-"))
-    inputs = np.column_stack((delta, thrust))
-    states = fly(rates, np.array([REFERENCE, alpha, alpha, 0.0]), inputs, 0.1)
-    both = [loads(x, u) for x, u in zip(states, inputs, strict=True)]
-    a_x = [
-        lift * math.sin(x[1]) - drag * math.cos(x[1]) + u[1] / MASS
-        for (drag, lift, _), x, u in zip(both, states, inputs, strict=True)
-    ]
-    a_z = [-lift * math.cos(x[1]) - drag * math.sin(x[1]) for (drag, lift, _), x in zip(both, states, strict=True)]
+    return alpha, np.column_stack((delta, thrust))
+
+
+def transport() -> str:
+    """Time s, airspeed m/s, alpha, theta rad, q rad/s, q_dot rad/s^2, a_x, a_z m/s^2, elevator rad, thrust N."""
+    rng, t = np.random.default_rng(11), np.arange(0, 60, 0.1)
+    alpha, inputs = transport_inputs(t)
+    states = fly(transport_rates, np.array([REFERENCE, alpha, alpha, 0.0]), inputs, 0.1)
+    drag, lift, pitching = np.array([loads(x, u) for x, u in zip(states, inputs, strict=True)]).T
+    sin, cos = (np.array([of(x[1]) for x in states]) for of in (math.sin, math.cos))
+    a_x, a_z = lift * sin - drag * cos + inputs[:, 1] / MASS, -lift * cos - drag * sin
     noise = (0.1, 0.0008, 0.001, 0.001, 0.005, 0.02, 0.08)
-    clean = [*(states[:, n] for n in (0, 1, 2, 3)), np.array([one[2] for one in both]), np.array(a_x), np.array(a_z)]
+    clean = [*states.T, pitching, a_x, a_z]
     noisy = [values + rng.normal(0, size, len(t)) for values, size in zip(clean, noise, strict=True)]
-    columns = [t, *noisy, delta, thrust]
+    columns = [t, *noisy, *inputs.T]
     rows = [";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in zip(*columns, strict=True)]
     return "\n".join(rows) + "\n"
 

@@ -125,9 +125,7 @@ def run(arguments: Sequence[str]) -> int:
     boards.check_address(chosen.board)
     vehicle = load_vehicle(chosen.vehicle)
     plan = load_flight_plan(chosen.mission)
-    kept = None
-    if chosen.parameters != options.NO_PARAMETERS:
-        kept = ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
+    kept = _parameters(chosen, vehicle)
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
     signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle.name)))
@@ -158,9 +156,26 @@ def run(arguments: Sequence[str]) -> int:
         outcome = _fly(chosen, onboard, link, account)
     if chosen.json and (outcome.flown.frames or not outcome.silent):
         print_document(_document(chosen, onboard, path, outcome))
+    return _over(outcome, account, told_paths(recorder))
+
+
+def _parameters(chosen: argparse.Namespace, vehicle: FlightVehicle) -> ParameterFile | None:
+    """Where what the ground sets is kept; None for nowhere."""
+    if chosen.parameters == options.NO_PARAMETERS:
+        return None
+    return ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
+
+
+def _over(outcome: Outcome, account: Account, paths: str) -> int:
+    """Say how the flight ended.
+
+    Raises:
+        BadInput: the board fell silent.
+        KeyboardInterrupt: a signal ended it.
+    """
     if outcome.silent:
         raise BadInput(outcome.ended)
-    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {told_paths(recorder)}")
+    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {paths}")
     if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
     return 0

@@ -382,27 +382,8 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
     missed = options.missed(plan.faults, end)
     _tell_kept(kept)
     if chosen.json:
-        from logs.identification.report import document
-
-        print_document(
-            {
-                "log": str(plan.log),
-                "vehicle": chosen.vehicle,
-                "aerodynamics": plan.aerodynamics,
-                "seed": chosen.seed,
-                "wind": chosen.wind,
-                "wind_from": chosen.wind_from,
-                "sticks": chosen.sticks,
-                "faults": options.fault_words(plan.faults)[1::2],
-                "never_injected": missed,
-                "turbulence": chosen.turbulence,
-                "wall_time": wall_time,
-                "speed": speed,
-                "incomplete": [{"path": str(part.path), "damage": part.damage} for part in kept],
-                "flight": summary,
-                "identified": None if isinstance(found, str) else document(found),
-            }
-        )
+        end_of_flight = {"wall_time": wall_time, "speed": speed, "never_injected": missed}
+        print_document(_entries(plan, chosen) | end_of_flight | _outcome(kept, summary, found))
         return
     console.print()
     console.print(flight_report.log_line(plan.log))
@@ -410,6 +391,36 @@ def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time:
     for name in missed:
         console.print(flight_report.missed_line(name, end))
     console.print()
+    _tell_identified(plan, found, console)
+
+
+def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
+    """What was asked for, as the JSON document has it."""
+    return {
+        "log": str(plan.log),
+        "vehicle": chosen.vehicle,
+        "aerodynamics": plan.aerodynamics,
+        "seed": chosen.seed,
+        "wind": chosen.wind,
+        "wind_from": chosen.wind_from,
+        "sticks": chosen.sticks,
+        "faults": options.fault_words(plan.faults)[1::2],
+        "turbulence": chosen.turbulence,
+    }
+
+
+def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, found: Identification | str) -> dict[str, object]:
+    """What came of it, as the JSON document has it."""
+    from logs.identification.report import document
+
+    return {
+        "incomplete": [{"path": str(part.path), "damage": part.damage} for part in kept],
+        "flight": summary,
+        "identified": None if isinstance(found, str) else document(found),
+    }
+
+
+def _tell_identified(plan: Plan, found: Identification | str, console: Console) -> None:
     if isinstance(found, str):
         console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)
     else:

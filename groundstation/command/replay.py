@@ -51,6 +51,15 @@ def build_parser() -> options.Parser:
     )
     parser = options.build_parser("replay", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="a log of a Wingbeat flight computer")
+    _add_flight(parser)
+    options.add_identity(parser)
+    _add_filter(parser)
+    options.add_json(parser)
+    return parser
+
+
+def _add_flight(parser: options.Parser) -> None:
+    """Offer what is flown again of a log, with which gains, and to whom."""
     parser.add_argument(
         "--set",
         action="append",
@@ -71,7 +80,10 @@ def build_parser() -> options.Parser:
         help="play it to ground stations on this link instead, such as udpout:127.0.0.1:14550; may be repeated",
     )
     parser.add_argument("--speed", type=options.positive, metavar="X", help="of playing, in flight time (1)")
-    options.add_identity(parser)
+
+
+def _add_filter(parser: options.Parser) -> None:
+    """Offer the recordings that the attitude filter alone is played."""
     parser.add_argument(
         "--imu", action="append", default=[], type=Path, metavar="FILE|DIR", help="recordings; may be repeated"
     )
@@ -81,8 +93,6 @@ def build_parser() -> options.Parser:
         default="averages",
         help="corrections of the filter: averages over time, as flown, or the classic ones of the Razor, to compare",
     )
-    options.add_json(parser)
-    return parser
 
 
 def setting(text: str) -> tuple[str, float]:

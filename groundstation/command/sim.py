@@ -80,13 +80,8 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     alone = chosen.epoch_ns is None
-    options.check_times(chosen.fault, chosen.duration)
-    faults, of_flight = divided(chosen.fault)
-    if of_flight:
-        raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
-    scenario = Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
-    scenario = scenario._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
+    scenario = _scenario(chosen)._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
     theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
     if theirs is not None:
         serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))
@@ -95,11 +90,7 @@ def run(arguments: Sequence[str]) -> int:
         server = _server(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
         listening = server.address if isinstance(server, SerialPeer) else chosen.listen
         stack.callback(server.close)
-        path = chosen.log or new_recording(f"{vehicle.name}-world")
-        if alone and chosen.log is None:
-            put_right(path.parent)
-        writing = Writing(IN_FLIGHT, account=topics.RECORDER)
-        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)
+        recorder = _recorder(chosen, vehicle)
         stack.callback(recorder.close)
         if alone:
             print(f"{vehicle.title}, waiting for a flight computer on {listening}", file=sys.stderr, flush=True)
@@ -122,6 +113,27 @@ def run(arguments: Sequence[str]) -> int:
         elif recorder.failure:
             print(recorder.failure, file=sys.stderr)
     return 0
+
+
+def _scenario(chosen: argparse.Namespace) -> Scenario:
+    """What the flight is to meet.
+
+    Raises:
+        BadInput: a fault that comes after the end, or enters the flight computer.
+    """
+    options.check_times(chosen.fault, chosen.duration)
+    faults, of_flight = divided(chosen.fault)
+    if of_flight:
+        raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
+    return Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
+
+
+def _recorder(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> McapRecorder:
+    """The world's log; beside a world that flies alone, recordings that were cut off are put right."""
+    path = chosen.log or new_recording(f"{vehicle.name}-world")
+    if chosen.epoch_ns is None and chosen.log is None:
+        put_right(path.parent)
+    return McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=Writing(IN_FLIGHT, account=topics.RECORDER))
 
 
 class Flights:

@@ -68,26 +68,28 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
         if len(times.time_us) < table.rows:
             dropped.append(Dropped("time", "no time from 0 on", table.rows - len(times.time_us)))
         rows = clock.columns["row"]
-        made: list[Own] = []
-        series: dict[str, Series] = {}
-        for name, entries in chosen["topics"].items():
-            one = _topic(name, entries, table, clock.time_us, rows)
-            made += [one] if isinstance(one, Own) else []
-            series |= {one.name: one} if isinstance(one, Series) else {}
+        found = [_topic(name, told, table, clock.time_us, rows) for name, told in chosen["topics"].items()]
     except BadInput as reason:
         raise BadInput(f"{reason} (mapping {mapping})") from None
+    series = {one.name: one for one in found if isinstance(one, Series)}
+    made = tuple(one for one in found if isinstance(one, Own))
+    notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(_not_mapped(table, chosen))}
+    return Source("csv", series, notes=notes, damage=_damage(table), dropped=tuple(dropped), made=made)
+
+
+def _not_mapped(table: Table, chosen: Mapping[str, Any]) -> list[str]:
+    """Columns that no field of the mapping is made of."""
     entries = [entry for fields in chosen["topics"].values() for entry in _entries(fields).values()]
     used = {chosen["time"].get("column"), *(entry.get("column") for entry in entries)}
-    left = [name for name in table.columns if name not in used]
-    notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(left)}
+    return [name for name in table.columns if name not in used]
+
+
+def _damage(table: Table) -> tuple[str, ...]:
     told = {
         f"{counted(table.strange, 'cell')} with something that is no number": table.strange,
         f"{counted(table.short, 'row')} with fewer cells than there are names of columns": table.short,
     }
-    damage = tuple(line for line, count in told.items() if count)
-    return Source(
-        "csv", series, notes=notes, damage=damage, dropped=tuple(dropped), made=tuple(made),
-    )  # fmt: skip
+    return tuple(line for line, count in told.items() if count)
 
 
 def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:

@@ -126,6 +126,22 @@ def publish_nothing(topic: Topic, message: Any) -> None:
     """Forget a message."""
 
 
+def _in_hand(vehicle: SimulatedVehicle, scenario: Scenario) -> Plant:
+    """The bodies as the launcher holds them, facing the wind."""
+    plant, throw = Plant(vehicle), scenario.throw
+    plant.y[3:7] = quaternion_from_euler(throw.bank, vehicle.launch.pitch + throw.pitch, scenario.wind_from)
+    return plant
+
+
+def _sensors(vehicle: SimulatedVehicle, scenario: Scenario, rate: float) -> SensorSuite:
+    """All sensors, ticking at ``rate`` in Hz; a transmitter that will be lost has somebody who holds it."""
+    pilot = scenario.pilot
+    if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
+        pilot = standing_by
+    spec = sensor_spec(vehicle.sections)
+    return SensorSuite(spec, scenario.seed, scenario.home, scenario.sensor_corner, pilot, rate)
+
+
 class SimulatedWorld:
     """A vehicle in the launcher's hand, thrown, flying, landing; hands out sensor frames and the truth.
 
@@ -149,15 +165,8 @@ class SimulatedWorld:
         self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
         self.vehicle = vehicle
         self.scenario = scenario
-        self.plant = Plant(vehicle)
-        launch = vehicle.launch
-        throw = scenario.throw
-        self.plant.y[3:7] = quaternion_from_euler(throw.bank, launch.pitch + throw.pitch, scenario.wind_from)
-        corner, pilot = scenario.sensor_corner, scenario.pilot
-        if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
-            pilot = standing_by
-        spec = sensor_spec(vehicle.sections)
-        self.suite = SensorSuite(spec, scenario.seed, scenario.home, corner, pilot, rate)
+        self.plant = _in_hand(vehicle, scenario)
+        self.suite = _sensors(vehicle, scenario, rate)
         self._edge = vehicle.sections["power_sensor"].edge
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)

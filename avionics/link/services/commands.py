@@ -58,7 +58,11 @@ class CommandService:
         self._missions = missions
         self._shown = shown
         self._calibrations = CalibrationRequests(vehicle)
-        self._answers: dict[int, Answer] = {
+        self._answers = self._build_answers(StorageRequests(vehicle, storage))
+
+    def _build_answers(self, storage: StorageRequests) -> dict[int, Answer]:
+        """Who answers which command."""
+        return {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
             mavlink.MAV_CMD_DO_SET_STANDARD_MODE: self._set_standard_mode,
@@ -73,7 +77,7 @@ class CommandService:
             **dict.fromkeys(EXCITE_COMMANDS, self._excite),
             PREFLIGHT: self._calibrations.answer,
             CALIBRATE: self._calibrations.answer,
-            mavlink.MAV_CMD_PREFLIGHT_STORAGE: StorageRequests(vehicle, storage).answer,
+            mavlink.MAV_CMD_PREFLIGHT_STORAGE: storage.answer,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._fixed(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION),
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._fixed(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),

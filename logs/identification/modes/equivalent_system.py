@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.modes.errors import Spread, determined, information, scores_of, with_scatter
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
+from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, residuals_at, solve, squares
 from logs.identification.results import Array, estimate
@@ -83,9 +83,8 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     spread = _spread(fit, shift)
     if spread.degrees < LEAST_DEGREES:
         return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
-    roots = [root for pair in fit.values[:-1].reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
     delay = estimate("delay", "s", float(fit.values[-1]), math.sqrt(spread.covariance[-1, -1]), spread.degrees)
-    return paired_mode(METHOD, kinds, fit.values[:-1], spread.covariance, spread.degrees, roots, (delay,))
+    return paired_mode(METHOD, kinds, fit.values[:-1], spread.covariance, spread.degrees, (delay,))
 
 
 def transform(record: Record, blur: float) -> Transform:

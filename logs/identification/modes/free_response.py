@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from logs.identification.modes.errors import coloured_spread, determined
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
+from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
 from logs.identification.results import Array
@@ -157,5 +157,4 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
     longest = max(len(ring.outputs) for ring in rings)
     lags = int(min(max(longest / 10, 2 * records.blur / step), longest / 2)) + 1
     spread = coloured_spread(fit.residuals, fit.sensitivities, lags, fit.linear)
-    roots = [root for pair in fit.values.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
-    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees, roots)
+    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees)

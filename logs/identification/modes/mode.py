@@ -215,7 +215,6 @@ def paired_mode(
     pairs: Array,
     covariance: Array,
     degrees: float,
-    roots: list[complex],
     parameters: tuple[Estimate, ...] = (),
 ) -> Mode:
     """Modes ``kinds`` of a method that fits frequency and damping of each of them itself, ``pairs`` (2 k,).
@@ -231,7 +230,8 @@ def paired_mode(
             missing.append(outcome)
         else:
             found[kind] = outcome
-    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], tuple(roots), parameters, tuple(missing))
+    roots = tuple(root for pair in pairs.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair))
+    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], roots, parameters, tuple(missing))
 
 
 def eigenvalues_of(frequency: float, damping: float) -> list[complex]:

@@ -83,8 +83,7 @@ def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> M
             pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
-    roots = [root for pair in pairs.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair)]
-    return paired_mode(METHOD, kinds, pairs, covariance, degrees, roots)
+    return paired_mode(METHOD, kinds, pairs, covariance, degrees)
 
 
 def _spacing(records: Sequence[Record], blur: float) -> int:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.modes.errors import Spread, determined, information
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
+from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
 from logs.identification.results import Array
@@ -68,8 +68,7 @@ def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode
         spread = _spread(fit)
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
-    roots = eigenvalues_of(*fit.values.tolist())
-    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees, roots)
+    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees)
 
 
 def _rests(records: list[Record]) -> float:

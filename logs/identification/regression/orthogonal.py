@@ -18,6 +18,7 @@ from logs.identification.regression.candidates import candidates_of
 from logs.identification.regression.coefficients import CoefficientRegression, solve
 from logs.identification.regression.design import Design, design_of
 from logs.identification.regression.equation_error import Settings
+from logs.identification.regression.statistics import System
 from logs.identification.results import Array
 
 ALIKE = 1e-10
@@ -77,19 +78,25 @@ def orthogonal_regression(
     if not order:
         return _nothing(design, settings, lengths, "no candidate varies on its own")
     amplitudes = basis.T @ system.response
-    count, total = len(system.response), float(system.response @ system.response)
-    fitted = np.arange(1, len(order) + 1) + system.basis.shape[1]
-    pse = (total - np.cumsum(amplitudes**2)) / count + system.charge * fitted
-    empty = total / count + system.charge * system.basis.shape[1]
-    kept = int(np.argmin(pse)) + 1 if pse.min() < empty else 0
-    functions = tuple(
-        Function(design.names[column], float(a**2 / total), float(p), place < kept)
-        for place, (column, a, p) in enumerate(zip(order, amplitudes, pse, strict=True))
-    )
-    terms = tuple(design.names[column] for column in order[:kept])
+    functions = _functions([design.names[column] for column in order], amplitudes, system)
+    kept = sum(function.kept for function in functions)
+    terms = tuple(function.term for function in functions[:kept])
     model = solve(design.taking(terms), "time", settings, lengths)
     own = triangle[:kept, :kept] * pool.lengths[order[:kept]]
     return Orthogonal(functions, terms, own, amplitudes[:kept], _covariance(model, terms, own), model, model.failure)
+
+
+def _functions(names: list[str], amplitudes: Array, system: System) -> tuple[Function, ...]:
+    """The functions made of ``names`` (k,), those kept with which the predicted square error is least."""
+    count, total = len(system.response), float(system.response @ system.response)
+    fitted = np.arange(1, len(names) + 1) + system.basis.shape[1]
+    pse = (total - np.cumsum(amplitudes**2)) / count + system.charge * fitted
+    empty = total / count + system.charge * system.basis.shape[1]
+    kept = int(np.argmin(pse)) + 1 if pse.min() < empty else 0
+    return tuple(
+        Function(name, float(a**2 / total), float(p), place < kept)
+        for place, (name, a, p) in enumerate(zip(names, amplitudes, pse, strict=True))
+    )
 
 
 def orthogonalised(columns: Array, response: Array, most: int) -> tuple[list[int], Array, Array]:

@@ -23,6 +23,9 @@ POWER_MODEL = (
     " with half the current I and the voltage V; i and v are these from the centre."
 )
 
+OF_POWER = "power."
+"""before the names of the power model's true values"""
+
 
 def drives_chapter(
     torque: ServoModel | None, power: ServoModel | None, data: DriveData | None, truths: Mapping[str, float]
@@ -31,10 +34,11 @@ def drives_chapter(
     parts = []
     if torque is not None:
         scatter = () if data is None else (_torque_plot(torque, data),)
-        parts.append(_part("Torque", TORQUE_MODEL, torque, truths, "", "N m", scatter))
+        parts.append(_part("Torque", TORQUE_MODEL, torque, truths, "N m", scatter))
     if power is not None:
         plots = () if data is None else _power_plots(power, data)
-        parts.append(_part("Power", POWER_MODEL, power, truths, "power.", "W", plots))
+        of_power = {name.removeprefix(OF_POWER): v for name, v in truths.items() if name.startswith(OF_POWER)}
+        parts.append(_part("Power", POWER_MODEL, power, of_power, "W", plots))
     return Chapter("Drive servos", parts=tuple(parts)) if parts else None
 
 
@@ -44,7 +48,7 @@ def wings_chapter(
     """What the wings ask of the drives, and how fast they beat by the throttle; None where neither was found."""
     parts: list[Chapter] = []
     if load is not None:
-        parts.append(_part("Load", LOAD_MODEL, load, truths, "", "N m", ()))
+        parts.append(_part("Load", LOAD_MODEL, load, truths, "N m", ()))
     if frequency is not None and (frequency.estimates or frequency.segments):
         parts.append(_frequency(frequency, truths))
     return Chapter("Wings on the drives", parts=tuple(parts)) if parts else None
@@ -63,11 +67,10 @@ def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> Chapter:
 
 
 def _part(
-    title: str, equation: str, model: ServoModel, truths: Mapping[str, float], prefix: str, unit: str,
-    plots: tuple[Plot, ...],
-) -> Chapter:  # fmt: skip
+    title: str, equation: str, model: ServoModel, truths: Mapping[str, float], unit: str, plots: tuple[Plot, ...]
+) -> Chapter:
     """One model: equation, numbers, refusals and scatter."""
-    bars = tuple(Bar(e.name, e, truths.get(prefix + e.name)) for e in model.estimates)
+    bars = tuple(Bar(e.name, e, truths.get(e.name)) for e in model.estimates)
     refused = [f"Not identified: {one.name}: {one.reason}." for one in model.unidentified]
     centre = (
         f" Centre: {-model.centre_current:.3g} A and {-model.centre_voltage:.3g} V per drive."

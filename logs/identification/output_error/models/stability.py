@@ -156,31 +156,34 @@ def lateral(
     known = ("beta", "p", "r", "phi")
     if not set(states) <= set(known) or not states:
         raise BadInput(f"a lateral model has the states {', '.join(known)}, not {', '.join(states)}")
-    v, g = steady.airspeed, steady.gravity
-    there = set(states) | set(inputs)
     suffixes = _suffixes(tuple(s for s in states if s != "phi"), tuple(i for i in inputs if i != "phi"))
     y, roll, yaw = (_derivatives(axis, suffixes) for axis in "YLN")
-    kinematics = (
-        Term("p", factor=math.sin(steady.alpha)),
-        Term("r", factor=-math.cos(steady.alpha)),
-        Term("phi", factor=g * math.cos(steady.pitch) / v),
-    )
-    rates = {
-        "beta": times(1 / v, y) + tuple(term for term in kinematics if term.of in there),
-        "p": roll,
-        "r": yaw,
-        "phi": tuple(t for t in (Term("p"), Term("r", factor=math.tan(steady.pitch))) if t.of in there),
-    }
+    beta, phi = (_there(terms, {*states, *inputs}) for terms in _lateral_kinematics(steady))
+    rates = {"beta": times(1 / steady.airspeed, y) + beta, "p": roll, "r": yaw, "phi": phi}
     specific = y + times(steady.accelerometer_x, yaw) + times(-steady.accelerometer_z, roll)
     outputs = _state_outputs(states) | {
         "p_dot": ("rad/s^2", roll),
         "r_dot": ("rad/s^2", yaw),
         "a_y": ("m/s^2", specific),
-        "n_y": ("-", times(1 / g, specific)),
+        "n_y": ("-", times(1 / steady.gravity, specific)),
     }
     units = {"Y": "m/s^2", "L": "rad/s^2", "N": "rad/s^2"}
     named = {name: Named(UNITS[name]) for name in states}
     return linear_model(named, _input_units(inputs), _parameters(units, suffixes), rates, outputs)
+
+
+def _lateral_kinematics(steady: Steady) -> tuple[Terms, Terms]:
+    """What turning and gravity add to the rates of beta and phi."""
+    beta = (
+        Term("p", factor=math.sin(steady.alpha)),
+        Term("r", factor=-math.cos(steady.alpha)),
+        Term("phi", factor=steady.gravity * math.cos(steady.pitch) / steady.airspeed),
+    )
+    return beta, (Term("p"), Term("r", factor=math.tan(steady.pitch)))
+
+
+def _there(terms: Terms, signals: set[str]) -> Terms:
+    return tuple(term for term in terms if term.of in signals)
 
 
 def _airspeed(steady: Steady) -> None:
