@@ -63,6 +63,10 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
+TOGETHER = (
+    "to fit several flights together, write each as a table (wingbeat log export A.mcap --to a.csv --rate 100) and"
+    " give all to one map: wingbeat identify a.csv b.csv --map MAP.toml"
+)
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -111,6 +115,8 @@ def run(arguments: Sequence[str]) -> int:
         raise BadInput(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
+    if len(files) > 1 and not any(file.suffix.lower() in TABLE_SUFFIXES for file in files):
+        raise BadInput(f"{len(files)} logs, but one is identified at a time; {TOGETHER}")
     if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
         raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
     if what not in SUBJECTS:

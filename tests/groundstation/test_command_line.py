@@ -114,6 +114,12 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["gcs", "udpin:0.0.0.0:14550", "dance"], "dance"),
         (["log", "info", "no_such.mcap"], "cannot read no_such.mcap"),
         (["identify", "no_such.mcap"], "cannot read no_such.mcap"),
+        (
+            ["identify", "a.mcap", "b.mcap"],
+            "2 logs, but one is identified at a time; to fit several",
+        ),
+        (["identify", "a.mcap", "b.mcap", "modes", "--json"], "wingbeat log export A.mcap --to a.csv --rate 100"),
+        (["identify", "a.mcap", "b.csv"], "tables need --map MAP.toml"),
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
