@@ -1,0 +1,67 @@
+"""How long ``wingbeat identify`` takes on a flight of ten minutes (``make bench``)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+LIMIT_S = 30.0
+FLIGHT_S = 600.0
+LEAST_MANOEUVRES = 60
+CORNERS = ((-60, 150), (-30, 60), (246, 85), (205, 102))
+"""m; north and east, of a round at 40 m"""
+DOUBLETS = ((7, 0.12, 1), (6, 0.18, 2), (5, 0.26, 2), (4, 0.40, 1))
+"""amplitude in degrees, width in s, repeats, of each round"""
+ROUNDS = 16
+"""-; more than there is time for"""
+
+
+def mission() -> str:
+    """Rounds with doublets of all widths, until the time is over."""
+    corners = [f'[[item]]\nkind = "waypoint"\nnorth = {n}\neast = {e}\naltitude = 40\n' for n, e in CORNERS]
+    inputs = [
+        f'[[item]]\nkind = "excite"\nchannel = "elevator"\nshape = "doublet"\namplitude_deg = {amplitude}\n'
+        f"width = {width}\nsettle = 0.9\nrepeats = {repeats}\n"
+        for amplitude, width, repeats in DOUBLETS
+    ]
+    begin = 'name = "rounds"\ntitle = "Rounds with doublets"\n\n[[item]]\nkind = "takeoff"\naltitude = 40\n'
+    return "\n".join((begin, *corners[2:], *inputs, *([*corners, *inputs] * ROUNDS)))
+
+
+def wingbeat(*words: str) -> dict[str, Any]:
+    command = [sys.executable, "-m", "groundstation.command.main", *words, "--json"]
+    ran = subprocess.run(command, check=True, capture_output=True, text=True)
+    document: dict[str, Any] = json.loads(ran.stdout)
+    return document
+
+
+@pytest.fixture(scope="session")
+def ten_minutes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a flight of ten minutes, flown once; that identifies too, which compiles what is not yet."""
+    folder = tmp_path_factory.mktemp("ten_minutes")
+    plan, log = folder / "rounds.toml", folder / "flight.mcap"
+    plan.write_text(mission())
+    flown = wingbeat("fly", "--mission", str(plan), "--duration", str(FLIGHT_S), "--speed", "max", "--log", str(log))
+    assert flown["speed"] * flown["wall_time"] >= 0.99 * FLIGHT_S
+    return log
+
+
+@pytest.mark.bench
+def test_all_of_ten_minutes(ten_minutes: Path) -> None:
+    """The whole command as a user starts it, the start of Python included."""
+    begun = time.perf_counter()
+    found = wingbeat("identify", str(ten_minutes), "all")
+    spent = time.perf_counter() - begun
+    manoeuvres = found["modes"]["manoeuvres"]
+    sys.stdout.write(f"identify all of ten minutes, {manoeuvres} manoeuvres: {spent:.1f} s (asked: {LIMIT_S:g})\n")
+    assert manoeuvres >= LEAST_MANOEUVRES
+    assert not [one["name"] for one in found["missing"]]
+    assert all(found[name]["estimates"] for name in ("torque", "power", "load", "frequency"))
+    assert sum(method["frequency"] is not None for method in found["modes"]["methods"]) >= 2
+    assert spent < LIMIT_S
