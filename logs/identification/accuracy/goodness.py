@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -43,10 +42,3 @@ def goodness(measured: Array, modelled: Array, parameters: int = 0) -> Goodness:
     left = count - max(parameters, 1)
     adjusted = 1 - squares / left / (spread / (count - 1)) if left > 0 else np.nan
     return Goodness(1 - squares / spread, adjusted, rms / float(np.ptp(z)), rms, count)
-
-
-def goodness_of_outputs(
-    measured: Mapping[str, Array], modelled: Mapping[str, Array], parameters: int = 0
-) -> dict[str, Goodness]:
-    """`goodness` of each output that both have, by name."""
-    return {name: goodness(measured[name], modelled[name], parameters) for name in measured if name in modelled}

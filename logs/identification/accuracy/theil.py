@@ -9,7 +9,6 @@ Of a good model nearly all is covariance.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +53,3 @@ def theil(measured: Array, predicted: Array) -> Theil:
     bias, variance = (z.mean() - y.mean()) ** 2 / error, (z.std() - y.std()) ** 2 / error
     covariance = 2 * (z.std() * y.std() - np.mean((z - z.mean()) * (y - y.mean()))) / error
     return Theil(float(np.sqrt(error)) / size, float(bias), float(variance), float(covariance), count)
-
-
-def theil_of_outputs(measured: Mapping[str, Array], predicted: Mapping[str, Array]) -> dict[str, Theil]:
-    """`theil` of each output that both have, by name."""
-    return {name: theil(measured[name], predicted[name]) for name in measured if name in predicted}

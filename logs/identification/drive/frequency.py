@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.widened import not_below, uneven
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 from logs.strokes import stroke_cuts
 
@@ -34,9 +35,11 @@ class ThrottleData(NamedTuple):
     """Throttle, strokes and voltage of one record, on time bases of their own (s)."""
 
     throttle_time: Array
+    """s; (N,)"""
     throttle: Array
     """-; (N,), 0 to 1"""
     wing_time: Array
+    """s; (K,)"""
     strokes: Array
     """-; (K,), since the first sample, never decreasing"""
     voltage_time: Array
@@ -230,12 +233,9 @@ def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Ar
     values = inverse @ (design.T @ (shares * frequency))
     left = frequency - design @ values
     variance = float(shares @ left**2) / max(len(frequency) - design.shape[1], 1)
-    leverage = shares * np.einsum("ni,ij,nj->n", design, inverse, design)
-    scores = design * (shares * left / np.maximum(1.0 - leverage, 1e-6))[:, None]
-    # A fast beat wanders by more hertz than a slow one (HC3 of MacKinnon & White, J. Econometrics 29, 1985).
-    uneven, even = inverse @ (scores.T @ scores) @ inverse, inverse * variance
-    ratio = np.sqrt(np.maximum(np.diag(uneven) / np.maximum(np.diag(even), 1e-300), 1.0))
-    return values, even * np.outer(ratio, ratio), float(np.sqrt(variance))
+    # A fast beat wanders by more hertz than a slow one.
+    covariance = not_below(inverse * variance, uneven(inverse, design, left, shares))
+    return values, covariance, float(np.sqrt(variance))
 
 
 def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Unidentified:

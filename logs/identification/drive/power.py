@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
+from logs.identification.accuracy.widened import not_below, uneven
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
@@ -135,23 +136,12 @@ def _fit(columns: dict[str, Array], power: Array, terms: tuple[str, ...]) -> Fit
     scale = {term: float(np.sqrt(np.mean(columns[term] ** 2))) or 1.0 for term in terms}
     design = np.column_stack([columns[term] / scale[term] for term in terms])
     fit = regress(design, power, np.ones_like(power), least_lags=10)
-    uneven = _uneven(design, fit.residuals)
-    ratio = np.sqrt(np.maximum(np.diag(uneven) / np.diag(fit.covariance), 1.0))
-    fit = fit._replace(covariance=fit.covariance * np.outer(ratio, ratio))
+    # Strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
+    inner = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    scatter = uneven(inner, design, fit.residuals, np.ones_like(power))
+    fit = fit._replace(covariance=not_below(fit.covariance, scatter))
     inverse = np.diag([1 / scale[term] for term in terms])
     return fit._replace(values=inverse @ fit.values, covariance=inverse @ fit.covariance @ inverse)
-
-
-def _uneven(design: Array, residuals: Array) -> Array:
-    """Covariance (p, p) where strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
-
-    HC3 of MacKinnon & White, J. Econometrics 29, 1985.
-    """
-    inverse = np.linalg.inv(design.T @ design)
-    leverage = np.einsum("ni,ij,nj->n", design, inverse, design)
-    scores = design * (residuals / np.maximum(1.0 - leverage, 1e-6))[:, None]
-    covariance: Array = inverse @ (scores.T @ scores) @ inverse
-    return covariance
 
 
 def _inflation(columns: dict[str, Array], terms: tuple[str, ...], term: str) -> float:

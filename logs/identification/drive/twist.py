@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.colour import colour_of, coloured_information
+from logs.identification.accuracy.widened import not_below
 from logs.identification.drive.servo import ServoModel
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
@@ -201,11 +202,10 @@ def _covariance(jacobian: Array, residuals: Array, time: Array, measured: Array)
     full[measured], left[measured] = jacobian, residuals
     colour = colour_of([left[:, None]], [measured.astype(float)], max(len(time) // 10, 1))
     degrees = max(colour.effective - 5.0, 1.0)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    inverse = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
     white = inverse * float(residuals @ residuals) / max(len(residuals) - 5.0, 1.0)
     covariance = inverse @ coloured_information([full[:, None, :]], colour) @ inverse * (colour.effective / degrees)
-    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    widened = covariance * np.outer(ratio, ratio) if np.all(np.diag(covariance) > 0) else white
+    widened = not_below(covariance, white) if np.all(np.diag(covariance) > 0) else white
     return np.asarray(widened, dtype=np.float64), degrees
 
 

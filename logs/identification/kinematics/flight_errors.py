@@ -14,6 +14,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from logs.identification.accuracy.colour import colour_of
+from logs.identification.accuracy.widened import not_below
 from logs.identification.kinematics.flight_records import Path, Problem, Slopes, Values, errors_by_name
 from logs.identification.kinematics.rigid_motion import INPUTS, input_slopes
 from logs.identification.preparing.noise_level import noise_level
@@ -111,7 +112,7 @@ def covariance_of(
         core[np.ix_(at, at)] += _coloured(weighted, colours) * taken + _driven(weighted, slope, noise)
     scale = np.sqrt(np.diag(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
-    return _not_below(inverse @ core @ inverse, inverse)
+    return not_below(inverse @ core @ inverse, inverse)
 
 
 def _coloured(weighted: Array, colours: list[_Residual]) -> Array:
@@ -150,10 +151,3 @@ def _input_noise(problem: Problem, values: Values, index: int, told: Mapping[str
     return np.array(
         [level / (1 + errors.get(f"scale_{name}", 0.0)) for level, name in zip(levels, INPUTS, strict=True)]
     )
-
-
-def _not_below(covariance: Array, white: Array) -> Array:
-    """Scale up to the white-residual standard errors: a short record must not promise more than they do."""
-    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    scaled: Array = covariance * np.outer(ratio, ratio)
-    return scaled

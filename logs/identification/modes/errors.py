@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.accuracy.colour import colour_of, coloured_information
+from logs.identification.accuracy.widened import not_below
 from logs.identification.results import Array
 
 LEAST_CLUSTERS = 5
@@ -42,7 +43,7 @@ def coloured_spread(residuals: list[Array], sensitivities: list[Array], lags: in
     core = coloured_information(sensitivities, colour) * (colour.effective / degrees)
     total = sum(piece.size for piece in residuals)
     white = inverse * sum(float(np.sum(piece**2)) for piece in residuals) / max(total - parameters - nuisances, 1)
-    covariance = _not_below(inverse @ core @ inverse, white)
+    covariance = not_below(inverse @ core @ inverse, white)
     return with_scatter(Spread(covariance, degrees), inverse, scores_of(residuals, sensitivities))
 
 
@@ -62,14 +63,7 @@ def with_scatter(within: Spread, inverse: Array, scores: list[Array]) -> Spread:
     between = scatter_between(inverse, scores)
     larger = np.any(np.diag(between) > np.diag(within.covariance))
     degrees = min(within.degrees, count - 1.0) if larger else within.degrees
-    return Spread(_not_below(within.covariance, between), degrees)
-
-
-def _not_below(covariance: Array, other: Array) -> Array:
-    """``covariance`` (p, p) scaled up to the standard errors of the ``other`` where those are larger."""
-    ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    scaled: Array = covariance * np.outer(ratio, ratio)
-    return scaled
+    return Spread(not_below(within.covariance, between), degrees)
 
 
 def scatter_between(inverse: Array, scores: list[Array]) -> Array:

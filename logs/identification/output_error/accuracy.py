@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.accuracy.colour import colour_of, coloured_information
+from logs.identification.accuracy.widened import not_below
 from logs.identification.output_error.flown import Flight
 from logs.identification.output_error.normal import Normal, Spectrum, pseudo_inverse, reduced, spectrum_of
 from logs.identification.output_error.records import Indices
@@ -69,14 +70,7 @@ def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, ran
     covariance = inverse @ core @ inverse
     count = sum(float(mask.sum()) for mask in used)
     variance = sum(float(np.sum(piece**2)) for piece in residuals) / max(count - len(free) - rank, 1.0)
-    return _not_below(covariance, inverse * variance), degrees
-
-
-def _not_below(covariance: Array, white: Array) -> Array:
-    """Scaled up to the white-residual standard errors: a short record must not promise more than they do."""
-    ratio = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    scaled: Array = covariance * np.outer(ratio, ratio)
-    return scaled
+    return not_below(covariance, inverse * variance), degrees
 
 
 def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, str]:

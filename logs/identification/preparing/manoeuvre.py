@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.sparse import csr_array
 
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
+from logs.identification.preparing.excited import manoeuvre_spans, was_aborted
+from logs.identification.preparing.lag import behind
 from logs.identification.preparing.stroke import averaging_matrix, wing_period
 from logs.identification.results import Array
 
 OUTPUT_STEP = 0.02
 """s; between stroke averages: they hold nothing above the flapping frequency"""
+LAG_STEP = 1e-4
+"""s; half the difference of time constants that tells how the tail angle changes with them"""
 LEAST_STROKES = 3.0
 """-; a window shorter than this says nothing of a mode slower than the flapping"""
 
@@ -38,13 +40,13 @@ class Manoeuvre(NamedTuple):
     held: bool
     """-; the tail angle jumps at the samples (no lag) and is held between them"""
     raw: Array
-    """(N, 4); pitch rate rad/s, specific forces x and z at the IMU m/s^2, pitch rad"""
+    """rad/s, m/s^2, m/s^2, rad; (N, 4), pitch rate, specific forces x and z at the IMU, pitch"""
     at: Array
     """s; (M,), of the stroke averages"""
     averaging: csr_array
     """-; (M, N), takes raw samples to stroke averages"""
     averages: Array
-    """(M, 4); `raw` averaged"""
+    """as `raw`; (M, 4), averaged"""
     period: float
     """s; mean wing period"""
     airspeed: float
@@ -70,21 +72,20 @@ class Reference(NamedTuple):
 
 def tail_angle(time: Array, command: Array, aircraft: Aircraft) -> Array:
     """Achieved tail angle at the samples (N,) from the held ``command`` (N,), after delay and first-order lag."""
-    step = time[1] - time[0]
-    whole = int(aircraft.tail_delay / step)
-    share = aircraft.tail_delay / step - whole
-    ago = np.concatenate((np.full(whole + 1, command[0]), command))
-    delayed: Array = (1 - share) * ago[1 : len(command) + 1] + share * ago[: len(command)]
-    if not aircraft.tail_time_constant:
-        return delayed
-    pole = np.exp(-step / aircraft.tail_time_constant)
-    achieved: Array = lfilter([0.0, 1 - pole], [1.0, -pole], delayed, zi=[command[0]])[0]
-    return achieved
+    return behind(
+        command, float(time[1] - time[0]), aircraft.tail_delay, aircraft.tail_time_constant or 0.0, held=True
+    )
 
 
 def _tail_slope(time: Array, command: Array, aircraft: Aircraft) -> Array:
+    """Change of the tail angle (rad/s; (N,)) with its time constant.
+
+    From none at all to a lag that a sampling interval does not show is a jump: from none it is taken to one interval.
+    """
     constant = aircraft.tail_time_constant or 0.0
-    low, high = max(constant - 1e-4, 0.0), constant + 1e-4
+    low, high = constant - LAG_STEP, constant + LAG_STEP
+    if low <= 0.0:
+        low, high = 0.0, max(constant, float(time[1] - time[0]))
     ends = [tail_angle(time, command, aircraft._replace(tail_time_constant=c)) for c in (low, high)]
     slope: Array = (ends[1] - ends[0]) / (high - low)
     return slope
@@ -97,7 +98,7 @@ def find_manoeuvres(data: FlightData, aircraft: Aircraft) -> tuple[Manoeuvre, ..
         BadInput: none is usable.
     """
     tail = tail_angle(data.time, data.elevator, aircraft)
-    found = [_cut(data, tail, aircraft, span) for span in _spans(data)]
+    found = [_cut(data, tail, aircraft, piece) for piece in _all_pieces(data)]
     usable = tuple(manoeuvre for manoeuvre in found if manoeuvre is not None)
     if not usable:
         raise BadInput("the log has no complete elevator manoeuvre flown with flapping wings")
@@ -109,29 +110,28 @@ def dropped_manoeuvres(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> t
     used, told = {m.number for m in manoeuvres}, []
     for number in np.unique(data.manoeuvre[data.active > 0]):
         if int(number) not in used:
-            why = "ended by an envelope limit" if _aborted(data, number) else "too short, or flown without flapping"
+            aborted = was_aborted(data.manoeuvre, data.aborted, number)
+            why = "ended by an envelope limit" if aborted else "too short, or flown without flapping"
             told.append(f"manoeuvre {int(number)} left out: {why}")
     return tuple(told)
 
 
-def _spans(data: FlightData) -> list[tuple[int, int]]:
-    """First and last sample of each piece with one input in it."""
-    active = (data.active > 0) & (data.aborted == 0)
-    label = np.where(active, data.manoeuvre + 1, 0)
-    edges = np.flatnonzero(np.diff(label)) + 1
-    bounds = np.concatenate(([0], edges, [len(label)]))
-    spans: list[tuple[int, int]] = []
-    for first, last in pairwise(bounds):
-        if label[first] and not _aborted(data, label[first] - 1):
-            spans += _pieces(data, int(first), int(last))
-    return spans
+class _Piece(NamedTuple):
+    """One input and the response to it, in samples of the flight."""
+
+    first: int
+    last: int
+    """behind the piece: where the next input is due, or the manoeuvre ends"""
+    end: int
+    """behind the manoeuvre: from here on the loops fly again, and move more than the elevator"""
 
 
-def _aborted(data: FlightData, number: float) -> bool:
-    return bool(np.any(data.aborted[data.manoeuvre == number]))
+def _all_pieces(data: FlightData) -> list[_Piece]:
+    whole = manoeuvre_spans(data.active, data.manoeuvre, data.aborted)
+    return [piece for span in whole for piece in _pieces(data, span.start, span.stop)]
 
 
-def _pieces(data: FlightData, first: int, last: int) -> list[tuple[int, int]]:
+def _pieces(data: FlightData, first: int, last: int) -> list[_Piece]:
     """A manoeuvre cut one wing period before each repeat of its input; steps closer than that are one input."""
     busy = np.flatnonzero(np.abs(data.excitation[first:last]) > 1e-9) + first
     if not len(busy):
@@ -140,7 +140,7 @@ def _pieces(data: FlightData, first: int, last: int) -> list[tuple[int, int]]:
     lead = round(_mean_period(data, first, last) / step) if last - first > 1 else 0
     onsets = busy[np.concatenate(([True], np.diff(busy) > 3 * lead))]
     starts = [first, *(int(onset) - lead for onset in onsets[1:])]
-    return list(zip(starts, [*starts[1:], last], strict=True))
+    return [_Piece(*span, last) for span in zip(starts, [*starts[1:], last], strict=True)]
 
 
 def _mean_period(data: FlightData, first: int, last: int) -> float:
@@ -148,14 +148,19 @@ def _mean_period(data: FlightData, first: int, last: int) -> float:
     return float((data.time[last - 1] - data.time[first]) / max(strokes, 1.0))
 
 
-def _cut(data: FlightData, tail: Array, aircraft: Aircraft, span: tuple[int, int]) -> Manoeuvre | None:
-    """The piece ``span``, half a stroke longer on both sides where the record is; None where it is too short."""
-    first, last = span
+def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Manoeuvre | None:
+    """The ``piece`` with half a stroke before it where the record has it; None where it is too short.
+
+    An average holds nothing from behind the manoeuvre's end.
+    """
+    first, last, end = piece
     if data.strokes[last - 1] - data.strokes[first] < LEAST_STROKES:
         return None
     at = np.arange(data.time[first], data.time[last - 1], OUTPUT_STEP)
     period = wing_period(data.time, data.strokes, at)
     inside = np.isfinite(period)
+    if not inside.any():
+        return None
     at, period = at[inside], period[inside]
     reach = slice(
         int(np.searchsorted(data.time, at[0] - period[0], side="left")),

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import firwin, kaiserord, oaconvolve
 
 from avionics.quantities import BadInput
@@ -140,33 +139,25 @@ def down_sampled(experiment: Experiment, step: float) -> Experiment:
     return experiment_of(experiment.name, channels, step, 0.0)
 
 
-def whole_records(
-    experiment: Experiment, names: Sequence[str], longest_gap: float, least: float
-) -> tuple[Experiment, ...]:
-    """The pieces of the experiment in which every signal of ``names`` was measured, its gaps up to ``longest_gap`` s
-    bridged; a piece shorter than ``least`` s is dropped. Pieces of one record are called NAME/1, NAME/2, ...
+def bridged(experiment: Experiment, names: Sequence[str], longest: int) -> Experiment:
+    """The experiment with gaps of up to ``longest`` samples inside the signals ``names`` bridged, as by `filled`."""
+    return experiment._replace(
+        signals=dict(experiment.signals) | {name: filled(experiment.signals[name], longest) for name in names}
+    )
 
-    Raises:
-        BadInput: a signal is missing, or no piece is left.
+
+def whole_records(experiment: Experiment, names: Sequence[str], least: int) -> tuple[Experiment, ...]:
+    """The pieces of the experiment, of ``least`` samples or more, in which every signal of ``names`` was measured.
+
+    Where there are several they are called NAME, part 1, NAME, part 2, ...
     """
-    missing = [name for name in names if name not in experiment.signals]
-    if missing:
-        raise BadInput(f"{experiment.name} has no signal {', '.join(missing)}")
-    step = experiment.step
-    longest = int(longest_gap / step + 1e-6)
-    signals = {name: filled(values, longest) if name in names else values
-               for name, values in experiment.signals.items()}  # fmt: skip
-    known: NDArray[np.bool_] = np.all([np.isfinite(signals[name]) for name in names], axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], known, [0]))))
-    spans = [
-        slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a - 1) * step >= least
-    ]
-    if not spans:
-        raise BadInput(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
-    joined = experiment._replace(signals=signals)
-    labels = [f"/{number}" for number in range(1, len(spans) + 1)] if len(spans) > 1 else [""]
-    return tuple(cut(joined, span)._replace(name=experiment.name + label)
-                 for span, label in zip(spans, labels, strict=True))  # fmt: skip
+    known = np.ones(len(experiment.time), bool)
+    for name in names:
+        known &= np.isfinite(experiment.signals[name])
+    runs = [run for run in gaps(np.where(known, np.nan, 0.0)) if run.stop - run.start >= least]
+    labels = [f", part {number + 1}" if len(runs) > 1 else "" for number in range(len(runs))]
+    pieces = [cut(experiment, run) for run in runs]
+    return tuple(one._replace(name=one.name + label) for one, label in zip(pieces, labels, strict=True))
 
 
 def cut(experiment: Experiment, span: slice) -> Experiment:

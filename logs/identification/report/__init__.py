@@ -8,7 +8,6 @@ from logs.identification.report.numbers import (
     document,
     identify,
     rows,
-    text,
 )
 
-__all__ = ["POWER_TRUTH", "SUBJECTS", "Identification", "Row", "document", "identify", "rows", "text"]
+__all__ = ["POWER_TRUTH", "SUBJECTS", "Identification", "Row", "document", "identify", "rows"]

@@ -79,11 +79,8 @@ def _correlation(fit: Fitted) -> Chapter:
 def fits_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
     """Measured beside modelled, a plot for each output of each manoeuvre; None without any."""
     parts = tuple(_fit_parts(fit) for fit in fits if _pieces(fit, held_out=False))
-    return (
-        Chapter("Fits", ("Measured and modelled outputs of every manoeuvre, time from its start.",), parts=parts)
-        if (parts)
-        else None
-    )
+    note = "Measured and modelled outputs of every manoeuvre, time from its start."
+    return Chapter("Fits", (note,), parts=parts) if parts else None
 
 
 def _fit_parts(fit: Fitted) -> Chapter:

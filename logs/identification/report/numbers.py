@@ -46,7 +46,7 @@ class Identification(NamedTuple):
     missing: tuple[Unidentified, ...] = ()
     """what the log does not give, and why"""
     truths: Mapping[str, float] = {}
-    """true values by an estimate's name, where they are known (`power.` before those of Eq. 12)"""
+    """as the estimate, by its name; true values, where they are known (`power.` before those of Eq. 12)"""
     aero: AeroResult | None = None
     """coefficients of the wings, Grauer Eq. 17 to 19"""
 
@@ -59,6 +59,7 @@ class Row(NamedTuple):
     unit: str
     estimate: Estimate | None
     truth: float | None
+    """as ``unit``; None where it is not known"""
     note: str
 
 
@@ -192,21 +193,6 @@ def _refusals(subject: str, refused: Iterable[Unidentified]) -> list[Row]:
     return [
         Row(subject or entry.name, entry.name, "", None, None, f"not identified: {entry.reason}") for entry in refused
     ]
-
-
-def text(result: Identification) -> str:
-    """The report as lines of a table."""
-    lines = [f"{'':32} {'':24} {'value':>10} {'95 % interval':>23} {'true':>10}  unit"]
-    for row in rows(result):
-        head = f"{row.subject:32} {row.name:24}"
-        if row.estimate is None:
-            lines.append(f"{head} {row.note}")
-            continue
-        number = row.estimate
-        truth = "" if row.truth is None else f"{row.truth:.4g}"
-        interval = f"{number.low:.4g} to {number.high:.4g}"
-        lines.append(f"{head} {number.value:10.4g} {interval:>23} {truth:>10}  {row.unit}")
-    return "\n".join(lines)
 
 
 def document(result: Identification) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from logs.identification.aerodynamics.inverse_dynamics import WingMotion
 from logs.identification.aerodynamics.wing_air import MovedVehicle
 from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.speeds import smoothed
+from logs.identification.preparing.lag import behind
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
@@ -72,7 +73,7 @@ def measured_motion(
     layout = build_mechanism(vehicle).layout
     for index, field in ((layout.elevator, "elevator"), (layout.rudder, "rudder")):
         if index >= 0:
-            angles[index] = _lagged(tail.held(field, time), step, vehicle.tail_servo.time_constant)
+            angles[index] = behind(tail.held(field, time), step, 0.0, vehicle.tail_servo.time_constant, held=True)
     winds, density, notes = _air(source, time)
     notes += ("tail: its commands behind the servo's lag",)
     if vehicle.wing.twists:
@@ -221,13 +222,3 @@ def _slope(time: Array, values: Array) -> Array:
 
 def _cutoff(step: float) -> float:
     return min(CUTOFF, 0.4 / step)
-
-
-def _lagged(command: Array, step: float, time_constant: float) -> Array:
-    """First-order lag of a command."""
-    out, share = np.empty(len(command)), 1.0 - float(np.exp(-step / max(time_constant, 1e-6)))
-    value = float(command[0])
-    for i, wanted in enumerate(command.tolist()):
-        value += share * (wanted - value)
-        out[i] = value
-    return out

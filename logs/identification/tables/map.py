@@ -53,14 +53,17 @@ regressors = ["alpha", "q*c/2V", "delta_e"]
 missing = [-9999]            # numbers that stand for "not measured"
 """
 """What a map looks like: `wingbeat identify --map-example` prints it."""
+DELAY = "delay"
+"""key, and name of the parameter: the time by which all inputs act later than they were recorded"""
 
 
 class Parameter(NamedTuple):
     """A model's parameter: free, or held at a number."""
 
     fixed: float | None = None
+    """as the parameter; None where it is free"""
     start: float | None = None
-    """where the search begins; found by regression when not given"""
+    """as the parameter; where the search begins; found by regression when not given"""
 
     @classmethod
     def from_entry(cls, entry: Any, key: str) -> Parameter:

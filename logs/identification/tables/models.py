@@ -9,15 +9,15 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.output_error.models.actuated import Actuated, Actuator
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
 from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.output_error.problem import Model
 from logs.identification.results import Array
 from logs.identification.tables.constants import need
-from logs.identification.tables.delayed import DELAY, Delayed
 from logs.identification.tables.keys import check_known
-from logs.identification.tables.map import OutputError, Parameter
+from logs.identification.tables.map import DELAY, OutputError, Parameter
 
 FIRST_SAMPLES = 3
 OF_SPEED = ("a_x", "a_y", "a_z", "n_y", "n_z", "u")
@@ -50,7 +50,9 @@ class Chosen(NamedTuple):
     linear: bool
     """-; about a trim: inputs count from their first value, every output has a bias"""
     aliases: Mapping[str, str]
+    """-; the model's inputs by what the map calls them"""
     held: Mapping[str, float]
+    """SI; inputs that no signal gives, by the model's name"""
 
     def about(self, experiment: Experiment) -> Experiment:
         """The manoeuvre with its inputs as the model takes them.
@@ -87,7 +89,7 @@ class Chosen(NamedTuple):
         Raises:
             BadInput: the model is not linear.
         """
-        inner = self.model.inner if isinstance(self.model, Delayed) else self.model
+        inner = self.model.model if isinstance(self.model, Actuated) else self.model
         if not isinstance(inner, LinearModel):
             raise BadInput("a model that is not linear has no modes of its own")
         whole = inner.matrices(np.array([values[name] for name in inner.parameters])).a
@@ -103,7 +105,8 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     """
     build, linear = MODELS[asked.model]
     made = build(asked, with_speed(constants, experiments), experiments)
-    model = made.model if asked.delay.fixed == 0.0 else Delayed(made.model)
+    late = () if asked.delay.fixed == 0.0 else (Actuator(tuple(made.model.inputs), DELAY),)
+    model = Actuated(made.model, late) if late else made.model
     for name in asked.outputs:
         if name not in model.outputs:
             raise BadInput(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")

@@ -11,11 +11,11 @@ from logs.identification.experiment import Experiment
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
 from logs.identification.output_error.problem import Fit
+from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.noisy import white_noise
 from logs.identification.tables.output_errors import LEAST_RUN, output_error_fit
 from logs.identification.tables.results import LITTLE, TableFit
 
@@ -71,7 +71,7 @@ def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...])
             if one.units.get(name) != "rad" or not np.any(np.isfinite(values)):
                 continue
             rest = float(values[np.isfinite(values)][-LEAST_RUN:].mean())
-            moved = np.flatnonzero(np.abs(values - rest) > max(MOVED * white_noise(values), LEAST_MOVE))
+            moved = np.flatnonzero(np.abs(values - rest) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
             if len(moved):
                 raise BadInput(
                     f"modes: inputs = [] but {name} moves until {one.time[moved[-1]]:.6g} s in {one.name}: begin the "

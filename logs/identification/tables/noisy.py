@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import comb
 
 import numpy as np
 
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array
 
 NOTABLE = 0.01
 """-; of a coefficient, by which noise in its regressor shrinks it"""
-ORDER = 3
-"""-; of the differences in which only noise is left of a motion"""
 LEAST_SAMPLES = 32
 
 
@@ -28,7 +26,7 @@ def shrunk(names: tuple[str, ...], experiments: tuple[Experiment, ...], constant
     parts = (
         [np.column_stack([evaluate(parse(n), one, constants) for n in names]) for one in experiments] if names else []
     )
-    variances = [np.array([white_noise(column) ** 2 for column in part.T]) for part in parts]
+    variances = [np.array([noise_beside_steps(column) ** 2 for column in part.T]) for part in parts]
     whole = [np.all(np.isfinite(part), axis=1) for part in parts]
     counts = np.array([kept.sum() for kept in whole], dtype=float)
     if not parts or counts.sum() < LEAST_SAMPLES:
@@ -42,13 +40,6 @@ def shrunk(names: tuple[str, ...], experiments: tuple[Experiment, ...], constant
         for name, share in zip(names, shares, strict=True)
         if share > NOTABLE
     ]  # fmt: skip
-
-
-def white_noise(values: Array) -> float:
-    """Standard deviation of the white noise: the median difference, which steps of a control do not reach."""
-    differences = np.abs(np.diff(values, ORDER))
-    differences = differences[np.isfinite(differences)]
-    return 1.4826 * float(np.median(differences)) / comb(2 * ORDER, ORDER) ** 0.5 if len(differences) else 0.0
 
 
 def _own_variance(columns: Array, place: int) -> float:

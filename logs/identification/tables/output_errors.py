@@ -14,13 +14,12 @@ from logs.identification.experiment import Experiment
 from logs.identification.output_error.fit import Method, Search, output_error
 from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
-from logs.identification.preparing.resampling import filled, gaps
+from logs.identification.preparing.resampling import bridged, whole_records
 from logs.identification.regression.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted
-from logs.identification.tables.delayed import DELAY
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.map import OutputError
+from logs.identification.tables.map import DELAY, OutputError
 from logs.identification.tables.models import Chosen, chosen_model
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import TableFit
@@ -95,34 +94,20 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
 
 def _whole_runs(
     experiment: Experiment, inputs: tuple[str, ...], fill: float | None, notes: list[str]
-) -> list[Experiment]:
-    longest = LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9)
-    signals = dict(experiment.signals)
+) -> tuple[Experiment, ...]:
     for name in inputs:
-        if name not in signals:
-            raise BadInput(f"input {name} is not in [signals]; there are {', '.join(signals)}")
-        whole = filled(signals[name], longest)
-        bridged = int(np.isfinite(whole).sum() - np.isfinite(signals[name]).sum())
-        if bridged:
-            notes.append(f"{experiment.name}: {counted(bridged, 'sample')} of {name} interpolated")
-        signals[name] = whole
-    known = (
-        np.all([np.isfinite(signals[name]) for name in inputs], axis=0)
-        if inputs
-        else np.ones(len(experiment.time), bool)
-    )
-    runs = [run for run in gaps(np.where(known, np.nan, 0.0)) if run.stop - run.start >= LEAST_RUN]
-    left = len(known) - sum(run.stop - run.start for run in runs)
+        if name not in experiment.signals:
+            raise BadInput(f"input {name} is not in [signals]; there are {', '.join(experiment.signals)}")
+    whole = bridged(experiment, inputs, LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9))
+    for name in inputs:
+        count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
+        if count:
+            notes.append(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated")
+    pieces = whole_records(whole, inputs, LEAST_RUN)
+    left = len(experiment.time) - sum(len(piece.time) for piece in pieces)
     if left:
         notes.append(f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out")
-    parts = len(runs) > 1
-    return [
-        Experiment(
-            f"{experiment.name}, part {number + 1}" if parts else experiment.name, experiment.time[run],
-            {name: values[run] for name, values in signals.items()}, experiment.units,
-        )
-        for number, run in enumerate(runs)
-    ]  # fmt: skip
+    return pieces
 
 
 def _problem(

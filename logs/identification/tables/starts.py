@@ -14,13 +14,13 @@ import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
+from logs.identification.output_error.models.actuated import Actuated
 from logs.identification.output_error.models.compiled import CompiledModel
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.problem import Model
 from logs.identification.results import Array
-from logs.identification.tables.delayed import DELAY, Delayed
 from logs.identification.tables.derived import slope
-from logs.identification.tables.map import Parameter
+from logs.identification.tables.map import DELAY, Parameter
 
 MOST_ROWS = 1500
 """-; of one manoeuvre: a start needs no more"""
@@ -46,8 +46,8 @@ class _Rows(NamedTuple):
 
 def said_by(model: Model, states: Array, inputs: Array, parameters: Array) -> Array:
     """Rates and outputs (N, n + m) that a model's equations have at ``states`` (N, n) and ``inputs`` (N, k)."""
-    if isinstance(model, Delayed):
-        return said_by(model.inner, states, inputs, parameters[:-1])
+    if isinstance(model, Actuated):
+        return said_by(model.model, states, inputs, parameters[: len(model.model.parameters)])
     if isinstance(model, LinearModel):
         whole = model.constant + (parameters @ model.slopes).reshape(model.constant.shape)
         return np.asarray(np.column_stack((states, inputs, np.ones(len(states)))) @ whole.T)

@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from logs.identification.accuracy.autoregression import autocovariance, autoregression_of, predictors, runs
 from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened, white
 from logs.identification.accuracy.correlation import correlation_of
-from logs.identification.accuracy.goodness import goodness, goodness_of_outputs
-from logs.identification.accuracy.theil import theil, theil_of_outputs
+from logs.identification.accuracy.goodness import goodness
+from logs.identification.accuracy.theil import theil
 from logs.identification.accuracy.whiteness import whiteness_of
 
 
@@ -135,7 +135,6 @@ def test_theil_parts_sum_to_one_and_say_what_is_wrong() -> None:
     assert theil(z, z).coefficient == 0.0
     assert theil(z, -z).coefficient == pytest.approx(1.0)
     assert theil(z, np.full(300, np.nan)).failure == "0 samples have both"
-    assert set(theil_of_outputs({"q": z, "theta": z}, {"q": z})) == {"q"}
 
 
 def test_goodness() -> None:
@@ -146,4 +145,3 @@ def test_goodness() -> None:
     assert found.nrmse == pytest.approx(0.1 / 3)
     assert found.samples == 4
     assert np.isnan(goodness(np.ones(5), np.zeros(5)).r_squared)
-    assert goodness_of_outputs({"q": z}, {"q": z})["q"].r_squared == 1.0

@@ -1,7 +1,7 @@
-"""A model behind an actuator: its inputs come late by a pure delay and through a first-order lag.
+"""A model behind actuators: inputs come late by a pure delay and through a first-order lag (`preparing.lag`).
 
-``u'_a = (u(t - tau) - u_a) / T``; both are parameters, zero and fixed unless the problem names them. The actuator is
-at rest when the record begins.
+Delay and lag are parameters of the model, zero and fixed unless the problem names them. An actuator is at rest when
+the record begins.
 """
 
 from __future__ import annotations
@@ -10,22 +10,34 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from avionics.quantities import BadInput
 from logs.identification.output_error.problem import Model, Named
+from logs.identification.preparing.lag import behind
 from logs.identification.results import Array
 
-SHORTEST_LAG = 1e-3
-"""-; of a sampling interval: a shorter lag is none"""
+
+class Actuator(NamedTuple):
+    """What inputs have in common on their way to the model."""
+
+    inputs: tuple[str, ...]
+    """-; of the model"""
+    delay: str
+    """-; name of the parameter that is their delay, negative where they were recorded late"""
+    lag: str = ""
+    """-; name of the parameter that is their time constant; empty for none"""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the delay and the lag."""
+        return (self.delay, self.lag) if self.lag else (self.delay,)
 
 
 class Actuated(NamedTuple):
-    """A `problem.Model` whose inputs ``behind`` are late; parameters ``delay_<input>``, ``lag_<input>``."""
+    """A `problem.Model` behind ``actuators``: their parameters follow those of the model."""
 
     model: Model
-    behind: tuple[str, ...]
-    """-; inputs of the model"""
+    actuators: tuple[Actuator, ...]
 
     @property
     def states(self) -> Mapping[str, Named]:
@@ -44,43 +56,29 @@ class Actuated(NamedTuple):
 
     @property
     def parameters(self) -> Mapping[str, Named]:
-        """Those of the model, then delay and lag (s) of each input."""
-        own = {f"{kind}_{name}": Named("s") for name in self.behind for kind in ("delay", "lag")}
-        return dict(self.model.parameters) | own
+        """Those of the model, then delay and lag (s) of each actuator."""
+        return dict(self.model.parameters) | {name: Named("s") for one in self.actuators for name in one.parameters}
 
     def simulate(self, parameters: Array, start: Array, inputs: Array, step: float) -> Array:
-        """Outputs (N, m); see `problem.Model`. A negative delay or lag is one that cannot be flown."""
-        count, late = 2 * len(self.behind), inputs.copy()
-        constants = parameters[len(parameters) - count :].reshape(-1, 2)
-        names, time = list(self.model.inputs), step * np.arange(len(inputs))
-        for name, (delay, lag) in zip(self.behind, constants, strict=True):
-            column = names.index(name)
-            late[:, column] = np.interp(time - delay, time, inputs[:, column])
-            if lag > SHORTEST_LAG * step:
-                late[:, column] = _lagged(np.ascontiguousarray(late[:, column]), step / lag)
-        flown = self.model.simulate(parameters[: len(parameters) - count], start, late, step)
-        return flown if np.all(constants > -step) else np.full_like(flown, np.nan)
+        """Outputs (N, m); see `problem.Model`. A negative lag is one that cannot be flown."""
+        own = len(self.model.parameters)
+        told = dict(zip(list(self.parameters)[own:], parameters[own:].tolist(), strict=True))
+        names, late = list(self.model.inputs), inputs.copy()
+        for one in self.actuators:
+            for place in map(names.index, one.inputs):
+                late[:, place] = behind(inputs[:, place], step, told[one.delay], told.get(one.lag, 0.0), held=False)
+        flown = self.model.simulate(parameters[:own], start, late, step)
+        lags = [told[one.lag] for one in self.actuators if one.lag]
+        return flown if all(lag > -step for lag in lags) else np.full_like(flown, np.nan)
 
 
-@njit(cache=True)
-def _lagged(values: Array, ratio: float) -> Array:
-    """``values`` (N,), linear between samples, through a lag of 1 / ``ratio`` samples: exact."""
-    decay = np.exp(-ratio)
-    share = (1.0 - decay) / ratio
-    out = np.empty(values.shape[0])
-    out[0] = values[0]
-    for k in range(values.shape[0] - 1):
-        out[k + 1] = decay * out[k] + (share - decay) * values[k] + (1.0 - share) * values[k + 1]
-    return out
-
-
-def actuated(model: Model, behind: tuple[str, ...]) -> Actuated:
-    """``model`` with inputs ``behind`` an actuator.
+def actuated(model: Model, inputs: tuple[str, ...]) -> Actuated:
+    """``model`` with each of ``inputs`` behind an actuator of its own; parameters ``delay_<input>``, ``lag_<input>``.
 
     Raises:
         BadInput: the model has no such input.
     """
-    for name in behind:
+    for name in inputs:
         if name not in model.inputs:
             raise BadInput(f"the model has no input {name} (it has {', '.join(model.inputs)})")
-    return Actuated(model, behind)
+    return Actuated(model, tuple(Actuator((name,), f"delay_{name}", f"lag_{name}") for name in inputs))
