@@ -158,7 +158,7 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Ma
         return None
     at = np.arange(data.time[first], data.time[last - 1], OUTPUT_STEP)
     period = wing_period(data.time, data.strokes, at)
-    inside = np.isfinite(period)
+    inside = np.isfinite(period) & (at + period / 2 <= data.time[end - 1])
     if not inside.any():
         return None
     at, period = at[inside], period[inside]

@@ -1,0 +1,49 @@
+"""A manoeuvre is cut so that nothing else is in it: neither another input nor what the loops do behind its end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_ornithopter import AIRCRAFT, STEP, Flight, by_output_error, fly, model_of
+
+from logs.identification.data import FlightData
+from logs.identification.modes.mode import short_period_of
+from logs.identification.preparing.manoeuvre import find_manoeuvres
+
+KICKED = 0.2
+"""s; behind the end of each manoeuvre"""
+
+
+def kicked(data: FlightData, size: float) -> FlightData:
+    """The flight with loops that take over when a manoeuvre ends, and move the aircraft by the throttle."""
+    ends = np.flatnonzero(np.diff(data.active) < 0) + 1
+    since = np.full(len(data.time), np.inf)
+    for end in ends:
+        since[end:] = STEP * np.arange(len(data.time) - end)
+    push = np.where(since < KICKED, size * np.sin(np.pi * np.minimum(since, KICKED) / KICKED), 0.0)
+    return data._replace(
+        pitch_rate=data.pitch_rate + push, accel_x=data.accel_x + 2 * push, accel_z=data.accel_z - 20 * push
+    )
+
+
+@pytest.mark.parametrize("width", [0.2, 0.4])
+def test_what_happens_behind_the_end_of_a_manoeuvre_is_no_part_of_it(width: float) -> None:
+    data = fly(Flight(seed=3, width=width, modulation=0.2))
+    before, after = (find_manoeuvres(one, AIRCRAFT) for one in (data, kicked(data, 1.0)))
+    assert len(before) == len(after) == 6
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one.averages, other.averages)
+        assert one.at[-1] + one.start + one.period / 2 == pytest.approx(
+            data.time[np.flatnonzero(data.manoeuvre * data.active == one.number)[-1]], abs=0.03
+        )
+
+
+def test_loops_that_fly_again_do_not_move_the_frequency() -> None:
+    """GIVEN short settling times, loops that take over while the response dies away THEN nothing depends on it."""
+    flight = Flight(seed=5, settle=0.9, modulation=0.2)
+    true, _ = short_period_of(model_of(flight).a)
+    data = fly(flight)
+    with_loops, without = (by_output_error(one).frequency for one in (kicked(data, 1.0), data))
+    assert with_loops is not None and without is not None
+    assert with_loops.value == pytest.approx(without.value, rel=1e-3)
+    assert with_loops.contains(true)
