@@ -8,6 +8,7 @@ than -60 dB. Its reach, about five new samples, is lost at both ends and at gaps
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -146,7 +147,7 @@ def bridged(experiment: Experiment, names: Sequence[str], longest: int) -> Exper
     )
 
 
-def whole_records(experiment: Experiment, names: Sequence[str], least: int) -> tuple[Experiment, ...]:
+def measured_pieces(experiment: Experiment, names: Sequence[str], least: int) -> tuple[Experiment, ...]:
     """The pieces of the experiment, of ``least`` samples or more, in which every signal of ``names`` was measured.
 
     Where there are several they are called NAME, part 1, NAME, part 2, ...
@@ -158,6 +159,25 @@ def whole_records(experiment: Experiment, names: Sequence[str], least: int) -> t
     labels = [f", part {number + 1}" if len(runs) > 1 else "" for number in range(len(runs))]
     pieces = [cut(experiment, run) for run in runs]
     return tuple(one._replace(name=one.name + label) for one, label in zip(pieces, labels, strict=True))
+
+
+def whole_records(
+    experiment: Experiment, names: Sequence[str], longest_gap: float, least: float
+) -> tuple[Experiment, ...]:
+    """`measured_pieces` of ``least`` s or more, gaps of the signals ``names`` up to ``longest_gap`` s bridged before.
+
+    Raises:
+        BadInput: a signal is missing, or no piece is left.
+    """
+    missing = [name for name in names if name not in experiment.signals]
+    if missing:
+        raise BadInput(f"{experiment.name} has no signal {', '.join(missing)}")
+    step = experiment.step
+    joined = bridged(experiment, names, int(longest_gap / step + 1e-6))
+    pieces = measured_pieces(joined, names, math.ceil(least / step - 1e-6) + 1)
+    if not pieces:
+        raise BadInput(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
+    return pieces
 
 
 def cut(experiment: Experiment, span: slice) -> Experiment:

@@ -9,11 +9,15 @@ import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.resampling import down_sampled
 from logs.identification.results import Array
 from logs.identification.tables.keys import read_section
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Columns
+
+UNEVEN = 0.01
+"""-; by which a rate may miss a whole share of the measured one and still be its means"""
 
 
 class _Span(NamedTuple):
@@ -154,16 +158,26 @@ def _marked(records: list[Record]) -> list[_Piece]:
 
 
 def _experiment(name: str, record: Record, span: slice, units: dict[str, str], resample: float | None) -> Experiment:
-    time, signals = record.time[span], {key: values[span] for key, values in record.signals.items()}
+    signals = {key: values[span] for key, values in record.signals.items()}
+    whole = Experiment(f"manoeuvre {name} of {record.file}", record.time[span], signals, units)
     if resample is not None:
-        rate = (len(time) - 1) / float(time[-1] - time[0])
-        factor = round(rate / resample)
-        if factor < 1:
-            raise BadInput(f"time.resample = {resample:g} Hz is above the {rate:.4g} Hz of {record.file}")
-        time, signals = _averaged(time, factor), {key: _averaged(one, factor) for key, one in signals.items()}
-    if len(time) < LEAST_SAMPLES:
-        raise BadInput(f"manoeuvre {name} has {counted(len(time), 'sample')} left after time.resample")
-    return Experiment(f"manoeuvre {name} of {record.file}", time, signals, units)
+        whole = _slower(whole, resample, record.file)
+    if len(whole.time) < LEAST_SAMPLES:
+        raise BadInput(f"manoeuvre {name} has {counted(len(whole.time), 'sample')} left after time.resample")
+    return whole
+
+
+def _slower(experiment: Experiment, rate: float, file: str) -> Experiment:
+    """The experiment at ``rate`` Hz: means of so many samples, low-passed where no whole number of them fits."""
+    time = experiment.time
+    measured = (len(time) - 1) / float(time[-1] - time[0])
+    factor = round(measured / rate)
+    if factor < 1:
+        raise BadInput(f"time.resample = {rate:g} Hz is above the {measured:.4g} Hz of {file}")
+    if abs(measured / rate - factor) > UNEVEN * factor:
+        return down_sampled(experiment, 1 / rate)
+    signals = {key: _averaged(values, factor) for key, values in experiment.signals.items()}
+    return experiment._replace(time=_averaged(time, factor), signals=signals)
 
 
 def _averaged(values: Array, factor: int) -> Array:

@@ -14,7 +14,7 @@ from logs.identification.experiment import Experiment
 from logs.identification.output_error.fit import Method, Search, output_error
 from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
-from logs.identification.preparing.resampling import bridged, whole_records
+from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted
 from logs.identification.tables.experiments import Cut
@@ -103,7 +103,7 @@ def _whole_runs(
         count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
         if count:
             notes.append(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated")
-    pieces = whole_records(whole, inputs, LEAST_RUN)
+    pieces = measured_pieces(whole, inputs, LEAST_RUN)
     left = len(experiment.time) - sum(len(piece.time) for piece in pieces)
     if left:
         notes.append(f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out")

@@ -9,13 +9,13 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import (
     Channel,
-    bridged,
     down_sampled,
     even,
     experiment_of,
     filled,
     gaps,
     interpolated,
+    measured_pieces,
     whole_records,
 )
 
@@ -91,15 +91,15 @@ def test_a_record_is_split_at_long_gaps_and_bridged_at_short_ones() -> None:
     flight = Experiment(
         "flight", time, {"q": q, "pitch": pitch, "odd": q}, {"q": "rad/s", "pitch": "rad", "odd": "-"}
     )
-    pieces = whole_records(bridged(flight, ["q", "pitch"], 6), ["q", "pitch"], 100)
+    pieces = whole_records(flight, ["q", "pitch"], 0.06, 1.0)
     assert [(p.name, p.time[0], round(p.time[-1], 6)) for p in pieces] == [
         ("flight, part 1", 0.0, 4.99),
         ("flight, part 2", 6.0, 9.49),
     ]
     np.testing.assert_allclose(pieces[0].signals["q"], pieces[0].time, atol=1e-12)
     assert np.isnan(pieces[0].signals["odd"][102])
-    assert [p.name for p in whole_records(bridged(flight, ["q"], 200), ["q"], 100)] == ["flight"]
-    assert whole_records(flight, ["q"], 1001) == ()
+    assert [p.name for p in whole_records(flight, ["q"], 2.0, 1.0)] == ["flight"]
+    assert measured_pieces(flight, ["q"], 1001) == ()
 
 
 def test_an_experiment_is_down_sampled() -> None:
@@ -119,3 +119,8 @@ def test_what_cannot_be_resampled_is_refused() -> None:
         experiment_of("flight", [Channel("q", "rad/s", time, time)], 0.1, 0.0)
     with pytest.raises(BadInput, match="each name once"):
         experiment_of("flight", [], 0.1, 0.0)
+    flight = Experiment("flight", np.arange(9.0), {"q": np.full(9, np.nan)}, {"q": "rad/s"})
+    with pytest.raises(BadInput, match="nowhere measured together"):
+        whole_records(flight, ["q"], 0.0, 1.0)
+    with pytest.raises(BadInput, match="has no signal theta"):
+        whole_records(flight, ["q", "theta"], 0.0, 1.0)

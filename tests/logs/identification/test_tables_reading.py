@@ -164,6 +164,15 @@ def test_resampling_averages(tmp_path: Path) -> None:
     assert one.signals["a"] == pytest.approx(np.sin(one.time), abs=1e-4)
 
 
+def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_path: Path) -> None:
+    time = np.arange(3000) / 50
+    (one,) = cut_of(tmp_path, wave(time), TIMED.replace('"t"', '"t"\nresample = 20')).fitted
+    assert one.step == pytest.approx(0.05)
+    there = np.isfinite(one.signals["a"])
+    assert not there[:2].any() and there[6:-6].all()
+    assert one.signals["a"][there] == pytest.approx(np.sin(one.time[there]), abs=2e-3)
+
+
 @pytest.mark.parametrize(
     ("mapping", "told"),
     [
