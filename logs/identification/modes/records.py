@@ -118,12 +118,14 @@ def rest_of(given: Array | None) -> int:
 def averaged_records(manoeuvres: tuple[Manoeuvre, ...]) -> Records:
     """Stroke averages of tail angle, pitch rate and normal specific force of each manoeuvre of a flapping flight.
 
-    One average is taken of input and outputs alike, which leaves every linear relation between them as it is.
+    One average is taken of input and outputs alike, which leaves every linear relation between them as it is. They
+    go on until the manoeuvre ends: a transform that ends before the motion has died away misleads more than what the
+    loops do in the last half stroke.
     """
     pieces = []
     for manoeuvre in manoeuvres:
-        tail = manoeuvre.averaging @ manoeuvre.tail
-        outputs = manoeuvre.averages[:, [0, 2]]
+        tail = manoeuvre.averaging_to_end @ manoeuvre.tail
+        outputs = manoeuvre.averaging_to_end @ manoeuvre.raw[:, [0, 2]]
         step = float(manoeuvre.at[1] - manoeuvre.at[0])
         about = outputs - outputs.mean(axis=0)
         pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))

@@ -51,8 +51,10 @@ class Manoeuvre(NamedTuple):
     """s; mean wing period"""
     airspeed: float
     """m/s; mean over the raw samples"""
-    start: float = 0.0
+    start: float
     """s; of the first raw sample, on the log's clock"""
+    averaging_to_end: csr_array
+    """-; (L, N), as ``averaging``, and on until the manoeuvre ends: the last averages reach half a stroke beyond"""
 
 
 class Reference(NamedTuple):
@@ -151,17 +153,18 @@ def _mean_period(data: FlightData, first: int, last: int) -> float:
 def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Manoeuvre | None:
     """The ``piece`` with half a stroke before it where the record has it; None where it is too short.
 
-    An average holds nothing from behind the manoeuvre's end.
+    Its averages hold nothing from behind the manoeuvre's end.
     """
     first, last, end = piece
     if data.strokes[last - 1] - data.strokes[first] < LEAST_STROKES:
         return None
     at = np.arange(data.time[first], data.time[last - 1], OUTPUT_STEP)
     period = wing_period(data.time, data.strokes, at)
-    inside = np.isfinite(period) & (at + period / 2 <= data.time[end - 1])
-    if not inside.any():
-        return None
+    inside = np.isfinite(period)
     at, period = at[inside], period[inside]
+    within = int(np.sum(at + period / 2 <= data.time[end - 1]))
+    if not within:
+        return None
     reach = slice(
         int(np.searchsorted(data.time, at[0] - period[0], side="left")),
         int(np.searchsorted(data.time, at[-1] + period[-1], side="right")),
@@ -169,14 +172,15 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Ma
     time = data.time[reach]
     raw = np.column_stack([c[reach] for c in (data.pitch_rate, data.accel_x, data.accel_z, data.pitch)])
     zero, held = time[0], not aircraft.tail_time_constant
-    averaging = averaging_matrix(time, period, at)
+    to_end = averaging_matrix(time, period, at)
+    averaging = to_end[:within]
     rate = np.gradient(tail, data.time[1] - data.time[0])
     slope = _tail_slope(data.time, data.elevator, aircraft)
     number = int(data.manoeuvre[first])
     return Manoeuvre(
         number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
-        held, raw, at - zero, averaging, averaging @ raw, float(np.mean(period)),
-        float(np.mean(data.airspeed[reach])), float(zero),
+        held, raw, at[:within] - zero, averaging, averaging @ raw, float(np.mean(period)),
+        float(np.mean(data.airspeed[reach])), float(zero), to_end,
     )  # fmt: skip
 
 
