@@ -23,6 +23,7 @@ from avionics.quantities import BadInput
 from logs.identification.aerodynamics.wing_air import MovedVehicle, wing_air
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.speeds import Speeds, smoothed
+from logs.identification.regression.terms import parse, unit_of
 from logs.identification.results import Array
 from sim_bridge.mechanism import build_mechanism, wing_strips
 from sim_bridge.plant_kernel import COORDINATES
@@ -159,12 +160,8 @@ def products(signals: Mapping[str, Array]) -> dict[str, Array]:
 
 def product_units() -> dict[str, str]:
     """SI unit of every one of `products`."""
-    squares = {"m/s": "m^2/s^2", "rad/s": "rad^2/s^2", "rad": "rad^2"}
     units = {**STATES, "u": STATES["v_x"]}
-    return {
-        name: squares[units[a]] if units[a] == units[b] else f"{units[a]} {units[b]}"
-        for name, (a, b) in _pairs().items()
-    }
+    return {name: unit_of(parse(name), units) for name in _pairs()}
 
 
 def _pairs() -> dict[str, tuple[str, str]]:
