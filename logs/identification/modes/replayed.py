@@ -138,7 +138,7 @@ def _drift(difference: Array) -> Array:
 
 
 def _name(manoeuvre: Manoeuvre) -> str:
-    return f"manoeuvre {manoeuvre.number} at {manoeuvre.start:.1f} s"
+    return f"manoeuvre {manoeuvre.number} at {manoeuvre.begin:.1f} s"
 
 
 def _told(method: str, fit: DerivativeFit) -> Fitted:

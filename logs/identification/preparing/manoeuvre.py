@@ -56,6 +56,11 @@ class Manoeuvre(NamedTuple):
     averaging_to_end: csr_array
     """-; (L, N), as ``averaging``, and on until the manoeuvre ends: the last averages reach half a stroke beyond"""
 
+    @property
+    def begin(self) -> float:
+        """Of the first stroke average's first sample, s on the log's clock."""
+        return self.start + float(self.at[0]) - self.period / 2
+
 
 class Reference(NamedTuple):
     """The steady flight about which the model is linear: the mean over the manoeuvres."""

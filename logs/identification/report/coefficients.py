@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
 from logs.identification.chapter import Bar, Chapter, Intervals
 from logs.identification.report.steps import step_table
+from logs.identification.report.words import sentence
 
 MODEL = (
     "Lift, thrust and pitching moment of the wings, found by the equations of motion (Grauer Eq. 13), over the"
@@ -17,7 +18,7 @@ MODEL = (
 
 def aero_chapter(found: AeroResult, truths: Mapping[str, float]) -> Chapter:
     """What was taken from where, and a part for each of C_L, C_T and C_m."""
-    notes = (MODEL, f"From {', '.join(found.records)}.", *(f"{note}." for note in found.notes))
+    notes = (MODEL, f"From {', '.join(found.records)}.", *map(sentence, found.notes))
     return Chapter("Wing coefficients", notes, parts=tuple(_part(one, truths) for one in found.models))
 
 

@@ -17,7 +17,11 @@ TORQUE_MODEL = (
     "Torque (Gerdes Eq. 11): mean of the two drives' |torque| = K_tau I + K_tau0, with the current I of both; where"
     " both are loaded, above the floor of the idle current."
 )
-LOAD_MODEL = "What the drives turn (Gerdes Table 5): torque = torque constant x wing rate + inertia x its derivative."
+LOAD_MODEL = "What the drives turn (Gerdes Table 5): torque = torque constant × wing rate + inertia × its derivative."
+THROTTLE_MODEL = (
+    "Strokes per second = flapping frequency + throttle slope × T + throttle curvature × T² + voltage slope × V, with"
+    " the throttle T and the voltage V from the centre of the data; terms that the data does not need are left out."
+)
 POWER_MODEL = (
     "Output power of one drive over a stroke (Gerdes Eq. 12): P = C_A + C_B I + C_C V + C_F i v + C_G i² + C_H v²,"
     " with half the current I and the voltage V; i and v are these from the centre."
@@ -57,13 +61,29 @@ def wings_chapter(
 def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> Chapter:
     bars = tuple(Bar(e.name, e, truths.get(e.name)) for e in model.estimates)
     refused = [f"Not identified: {one.name}: {one.reason}." for one in model.unidentified]
+    voltage = f" and {model.centre_voltage:.4g} V" if model.centre_voltage else ""
+    told = (
+        f"{len(model.segments)} stretches of steady throttle, residual {model.residual:.3g} Hz (standard deviation)."
+        f" Centre: throttle {model.centre_throttle:.3g}{voltage}."
+    )
+    drawn = (Intervals("", bars),) if bars else ()
+    return Chapter("Frequency against throttle", (THROTTLE_MODEL, told, *refused), plots=(*drawn, _beats(model)))
+
+
+def _beats(model: FrequencyModel) -> Plot:
+    """Every stretch, and the model at the centre's voltage."""
     throttle, measured = (
         np.array([getattr(one, key) for one in model.segments]) for key in ("throttle", "frequency")
     )
-    points = Series("steady stretches", throttle, measured, MEASURED, POINTS)
-    plot = Plot("Flapping frequency", "throttle", "-", "frequency", "Hz", (points,))
-    drawn = (Intervals("", bars),) if bars else ()
-    return Chapter("Frequency against throttle", tuple(refused), plots=(*drawn, plot))
+    series = [Series("steady stretches", throttle, measured, MEASURED, POINTS)]
+    found = {e.name: e.value for e in model.estimates}
+    beating = throttle[measured > 0]
+    if {"flapping_frequency", "throttle_slope"} <= found.keys() and len(beating):
+        at = np.linspace(beating.min(), beating.max(), 50)
+        off = at - model.centre_throttle
+        slope = found["throttle_slope"] + found.get("throttle_curvature", 0.0) * off
+        series.insert(0, Series("model", at, found["flapping_frequency"] + slope * off, MODEL))
+    return Plot("Flapping frequency", "throttle", "-", "frequency", "Hz", tuple(series))
 
 
 def _part(

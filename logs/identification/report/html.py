@@ -13,6 +13,8 @@ from logs.identification.report.svg import NARROW, WIDE, drawn
 from logs.identification.report.words import meaning, number, rich, symbol, unit
 
 FOLDER = Path(__file__).parent
+OF_ONE_SIZE = 20.0
+"""-; the largest number of a column over the least, up to which they have decimals in common"""
 BAR_WIDTH, BAR_HEIGHT = 240.0, 18.0
 """px; of the picture of an interval"""
 
@@ -56,9 +58,13 @@ def _table(table: Table) -> str:
         f"<th{_right(numeric)}>{html.escape(column)}</th>"
         for column, numeric in zip(table.columns, right, strict=True)
     )
+    places = [_places([row[i] for row in table.rows]) for i in range(len(table.columns))]
     rows = "".join(
         "<tr>"
-        + "".join(f"<td{_right(side)}>{_cell(cell)}</td>" for cell, side in zip(row, right, strict=True))
+        + "".join(
+            f"<td{_right(side)}>{_cell(cell, count)}</td>"
+            for cell, side, count in zip(row, right, places, strict=True)
+        )
         + "</tr>"
         for row in table.rows
     )
@@ -69,10 +75,22 @@ def _right(numeric: bool) -> str:
     return ' class="number"' if numeric else ""
 
 
-def _cell(cell: Cell) -> str:
+def _places(column: list[Cell]) -> int | None:
+    """Decimals that every number of a column has, four digits of the largest; None where they are of many sizes."""
+    sizes = [abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell) and cell]
+    if not sizes or max(sizes) > OF_ONE_SIZE * min(sizes) or all(size.is_integer() for size in sizes):
+        return None
+    return min(max(3 - math.floor(math.log10(max(sizes))), 0), 9)
+
+
+def _cell(cell: Cell, places: int | None) -> str:
     if cell is None:
         return ""
-    return number(cell) if isinstance(cell, float) else rich(cell.replace("^2", "²"))
+    if not isinstance(cell, float):
+        return rich(cell).replace("^2", "²")
+    if places is None or not math.isfinite(cell) or not cell:
+        return number(cell)
+    return f"{cell:.{places}f}".replace("-", "−")
 
 
 def _picture(plot: Plot | Intervals | Matrix, alone: bool) -> str:

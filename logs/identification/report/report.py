@@ -15,6 +15,7 @@ from logs.identification.data import DriveData
 from logs.identification.modes.mode import KINDS, Mode, ModesResult
 from logs.identification.modes.output_error import Problem
 from logs.identification.modes.replayed import fitted
+from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.report.coefficients import aero_chapter
 from logs.identification.report.drives import drives_chapter, wings_chapter
 from logs.identification.report.fits import (
@@ -26,6 +27,7 @@ from logs.identification.report.fits import (
 )
 from logs.identification.report.html import page
 from logs.identification.report.numbers import POWER_TRUTH, Identification
+from logs.identification.report.numbers import rows as all_rows
 from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
 from logs.placing import claim, draft, settle
@@ -137,7 +139,7 @@ def _findings(found: Identification) -> Chapter:
         else [f"{f'Modes by {shown.method}' if shown else 'No modes'}; {found.modes.statement}."]
     )
     notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
-    if found.truths:
+    if any(row.truth is not None for row in all_rows(found)):
         notes.append(
             "The flight was simulated: true values stand beside the estimates, red where outside the interval."
         )
@@ -167,29 +169,39 @@ def _data(subject: Subject, found: Identification) -> Chapter:
 
 
 def _manoeuvres(problem: Problem) -> Table:
-    rows = tuple(
+    lengths = [float(m.at[-1] - m.at[0]) + m.period for m in problem.manoeuvres]
+    lines = tuple(
         (
             f"{m.number}",
-            m.start,
-            float(m.time[-1]),
-            float(m.time[-1]) / m.period,
+            m.begin,
+            length,
+            length / m.period,
             1.0 / m.period,
             m.airspeed,
-            math.degrees(float(np.ptp(m.command))),
+            math.degrees(float(np.ptp(m.command[_used(m)]))),
             math.degrees(float(np.ptp(m.averages[:, 0]))),
         )
-        for m in problem.manoeuvres
+        for m, length in zip(problem.manoeuvres, lengths, strict=True)
     )
     columns = (
         "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)", "airspeed (m/s)",
         "elevator, range (°)", "pitch rate, range (°/s)",
     )  # fmt: skip
-    return Table(columns, rows, f"Used: {counted(len(rows), 'manoeuvre')}; ranges are from least to greatest.")
+    return Table(columns, lines, f"Used: {counted(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
+
+
+def _used(one: Manoeuvre) -> slice:
+    """The raw samples that its stroke averages are made of."""
+    first, last = (float(one.at[end]) + side * one.period / 2 for end, side in ((0, -1), (-1, 1)))
+    return slice(int(np.searchsorted(one.time, first)), int(np.searchsorted(one.time, last, side="right")))
 
 
 def _inputs(problem: Problem) -> Chapter:
     """The elevator of every manoeuvre over each other."""
-    series = tuple(Series("", m.time, _degrees(m.command), MEASURED) for m in problem.manoeuvres)
+    series = tuple(
+        Series("", m.time[_used(m)] - m.time[_used(m)][0], _degrees(m.command[_used(m)]), MEASURED)
+        for m in problem.manoeuvres
+    )
     plot = Plot("Elevator command, all manoeuvres", "time from the start", "s", "change of elevator", "°", series)
     return Chapter("Inputs", plots=(plot,))
 

@@ -14,8 +14,13 @@ FOLLOWED = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate"
             "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack"}  # fmt: skip
 SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta|alpha|theta|tau0?|rudder"
 LETTERS = "|".join(GREEK)
-SYMBOL = rf"\b(?:(?:[A-Za-z]|{LETTERS})_(?:[DLm]_)?(?:{SUBSCRIPT}|alpha2|dot)|{LETTERS})\b(?!\.\w)"
+DOT = "\u0307"
+"""above the letter before it: its change with time"""
+NAMED = rf"(?:[A-Za-z]|{LETTERS})_(?:[DLTm]_)?(?:{SUBSCRIPT}|alpha2|dot)"
+SYMBOL = rf"\b(?:{NAMED}|{LETTERS})\b(?!\.\w)"
 """symbols in a sentence: a letter, Greek or not, with a short subscript, or a Greek letter; not a file's name"""
+FACTOR = rf"\b(?:{NAMED}(?:_rate)?|{LETTERS})(?:\^\d)?\b(?!\.\w)"
+"""the same, of their change with time or to a power too"""
 MEANINGS = {
     "q": "pitch rate",
     "a_x": "specific force at the IMU, forward",
@@ -48,7 +53,18 @@ MEANINGS = {
     "C_A": "constant term of Gerdes Eq. 12",
     "C_B": "power per current", "C_C": "power per voltage", "C_F": "power per product of current and voltage",
     "C_G": "power per current squared", "C_H": "power per voltage squared",
+    "wing_torque_constant": "torque of one drive per rate of its wing (Gerdes Table 5)",
+    "wing_inertia": "of one wing about its hinge, as the drive feels it",
+    "flapping_frequency": "at the centre of the throttle",
+    "throttle_slope": "change of the flapping frequency with the throttle",
+    "throttle_curvature": "change with the throttle's square",
+    "voltage_slope": "change of the flapping frequency with the battery's voltage",
+    "dead_zone": "throttle below which the wings stand still",
 }  # fmt: skip
+WORDS = re.compile(rf"\b(?:{'|'.join(name for name in MEANINGS if re.fullmatch('[a-z]{3,}_[a-z_]+', name))})\b")
+"""names that are words"""
+COEFFICIENT = re.compile(r"(C_[A-Za-z])_(.+)")
+"""one of the wings' coefficients, and the term that it has a slope by"""
 
 
 def number(value: float, step: float | None = None) -> str:
@@ -73,12 +89,18 @@ def sentence(clause: str) -> str:
 
 
 def symbol(name: str) -> str:
-    """A name as HTML: ``X_delta`` with its subscript, ``short_period_frequency`` as words."""
+    """A name as HTML: ``X_delta`` with its subscript, ``C_L_v_z*omega_y`` by its term, ``dead_zone`` as words."""
     head, _, rest = name.partition("_")
     if rest == "dot":
-        return f"<i>{html.escape(GREEK.get(head, head))}\u0307</i>"
-    if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(r"(?:[DLm]_)?[A-Za-z0-9δα]+", rest):
+        return f"<i>{html.escape(GREEK.get(head, head))}{DOT}</i>"
+    if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(r"(?:[A-Za-z]_)?[A-Za-z0-9δα]+", rest):
         return f"<i>{html.escape(GREEK.get(head, head))}</i><sub>{html.escape(_below(rest))}</sub>"
+    if slope := COEFFICIENT.fullmatch(name):
+        return f"{symbol(slope[1])} by {symbol(slope[2])}"
+    if "*" not in name and (power := re.fullmatch(r"(.+)\^(\d)", name)):
+        return f"{symbol(power[1])}<sup>{power[2]}</sup>"
+    if "*" not in name and name.endswith("_rate") and (stem := symbol(name.removesuffix("_rate"))).startswith("<i>"):
+        return stem.replace("</i>", f"{DOT}</i>", 1)
     if "*" in name:
         return " ".join(symbol(part) for part in name.split("*"))
     if re.fullmatch(r"[A-Za-z]\w?", name) or name in GREEK:
@@ -95,7 +117,8 @@ def _below(rest: str) -> str:
 
 def rich(text: str) -> str:
     """A sentence as HTML, the symbols in it set as such."""
-    return re.sub(SYMBOL, lambda match: symbol(match[0]), html.escape(text))
+    told = WORDS.sub(lambda match: match[0].replace("_", " "), html.escape(text))
+    return re.sub(FACTOR, lambda match: symbol(match[0]), told)
 
 
 def drawn_words(text: str) -> str:
@@ -106,7 +129,7 @@ def drawn_words(text: str) -> str:
 def _drawn_symbol(name: str) -> str:
     head, _, rest = name.partition("_")
     if rest == "dot":
-        return f"{GREEK.get(head, head)}\u0307"
+        return f"{GREEK.get(head, head)}{DOT}"
     low = f'<tspan dy="3" font-size="9">{_below(rest)}</tspan><tspan dy="-3">\u200b</tspan>' if rest else ""
     return GREEK.get(head, head) + low
 

@@ -218,6 +218,11 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("X_delta") == "<i>X</i><sub>δ</sub>"
     assert symbol("K_tau0") == "<i>K</i><sub>τ0</sub>"
     assert symbol("short_period_damping") == "short period damping"
+    assert symbol("C_T_0") == "<i>C</i><sub>T0</sub>"
+    slope = "<i>C</i><sub>L</sub> by <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup>"
+    assert symbol("C_L_v_z*theta_11_rate^2") == slope
+    assert symbol("v_z*theta_11_rate") == "<i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub>"
+    assert rich("short_period_damping of v_z^2") == "short period damping of <i>v</i><sub>z</sub><sup>2</sup>"
     assert rich("M_w of b_1.mcap, a_flight.mcap") == "<i>M</i><sub>w</sub> of b_1.mcap, a_flight.mcap"
 
 
@@ -252,5 +257,5 @@ def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step()
     frequency = FrequencyModel((estimate("throttle_slope", "Hz", 9.96, 0.1),), (), 0.45, 8.0, 0.02, stretches)
     found = Identification(frequency=frequency, aero=aero)
     words = page("t", (), chapters(SUBJECT, found))
-    for said in ("0.31", "0.197", "93.4 %", "its terms tell 20 % of it", "twist: not measured", "9.96"):
+    for said in ("0.31", "0.197", "93.4 %", "its terms tell 20 % of it", "Twist: not measured", "9.96"):
         assert said in words
