@@ -136,9 +136,3 @@ def _covariance(model: CoefficientRegression, terms: tuple[str, ...], triangle: 
 def _nothing(design: Design, settings: Settings, lengths: tuple[int, ...], why: str) -> Orthogonal:
     empty = np.zeros((0, 0))
     return Orthogonal((), (), empty, np.zeros(0), empty, solve(design.taking(()), "time", settings, lengths), why)
-
-
-def function_terms(result: Orthogonal, index: int) -> dict[str, float]:
-    """One of the kept functions as a sum of ordinary terms, means and trends aside: coefficient by term."""
-    inverse = np.linalg.inv(result.triangle)
-    return {term: float(value) for term, value in zip(result.terms, inverse[:, index], strict=True)}
