@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
+import contextlib
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from avionics import topics
 from avionics.quantities import BadInput
@@ -16,9 +20,12 @@ from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
-from logs.identification.data import Aircraft
+from logs.identification.data import Aircraft, FlightData
+from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.elevator import MadeElevator
+from logs.identification.sources.flight import flight_data
+from logs.identification.sources.joined import joined_flights
 from logs.identification.tables.map import EXAMPLE
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
@@ -30,6 +37,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap",
     "wingbeat identify recordings/flight.mcap modes --json",
     "wingbeat identify recordings/flight.mcap aero",
+    "wingbeat identify recordings/monday.mcap recordings/tuesday.mcap modes   # one aircraft, one fit",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
@@ -63,10 +71,7 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-TOGETHER = (
-    "to fit several flights together, write each as a table (wingbeat log export A.mcap --to a.csv --rate 100) and"
-    " give all to one map: wingbeat identify a.csv b.csv --map MAP.toml"
-)
+FILES = "an MCAP log, or several of one aircraft for their modes; with --map one table or several"
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -78,7 +83,12 @@ def build_parser() -> options.Parser:
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
     parser.usage = f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"
-    parser.add_argument("file", nargs="*", metavar="FILE", help="an MCAP log, or with --map one table or several")
+    parser.add_argument(
+        "file",
+        nargs="*",
+        metavar="FILE",
+        help="an MCAP log, or several for their modes; with --map one table or several",
+    )
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
     )
@@ -116,7 +126,7 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
     if len(files) > 1 and not any(file.suffix.lower() in TABLE_SUFFIXES for file in files):
-        raise BadInput(f"{len(files)} logs, but one is identified at a time; {TOGETHER}")
+        return _run_together(files, what, chosen)
     if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
         raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
     if what not in SUBJECTS:
@@ -132,6 +142,58 @@ def run(arguments: Sequence[str]) -> int:
         for line in written:
             open_console().print(line, highlight=False, soft_wrap=True)
     return 0
+
+
+def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
+    """Identify the modes of one aircraft from several of its flights.
+
+    Raises:
+        BadInput: something else is asked for, or the logs are not of one aircraft.
+    """
+    if what != "modes":
+        raise BadInput(
+            f"{len(files)} logs give their modes together (wingbeat identify {files[0]} {files[1]} modes);"
+            f" {what} is of one log at a time"
+        )
+    if chosen.report is not None or chosen.model is not None:
+        raise BadInput("--report and --model are of one log: several give the modes as a table, or with --json")
+    with contextlib.ExitStack() as stack:
+        logs = [stack.enter_context(open_log(file)) for file in files]
+        found = identified_together(logs, chosen.vehicle, chosen.elevator)
+    if chosen.json:
+        print_document(document(found))
+    else:
+        open_console().print(identification_table(found))
+    return 0
+
+
+def identified_together(
+    logs: Sequence[Log], vehicle: str | None = None, elevator: Sequence[str] | None = None
+) -> Identification:
+    """The modes by the manoeuvres of all ``logs``, beside the mean of the truths; arguments as of `identified`.
+
+    Raises:
+        BadInput: a log has no manoeuvre's data, or they are not of one aircraft.
+    """
+    aircraft = [_aircraft(log, vehicle) for log in logs]
+    if any(one._replace(imu=aircraft[0].imu) != aircraft[0] for one in aircraft):
+        told = " and ".join(str(log.path) for log in logs)
+        raise BadInput(f"{told} are of different aircraft: identify each alone")
+    made = [_made(log, elevator) if elevator else None for log in logs]
+    sources = [one or log for one, log in zip(made, logs, strict=True)]
+    flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
+    modes = identify_modes(joined_flights(flights), aircraft[0])
+    unknown = vehicle is None and any(flight_vehicle(log) is None for log in logs)
+    notes = (*modes.notes, *dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
+    return Identification(modes=modes._replace(notes=notes), truths=_mean_truths(logs, flights))
+
+
+def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str, float]:
+    """What all logs know of the truth, weighted by how long each has manoeuvres."""
+    truths = [known_truths(log, modes=True) for log in logs]
+    weights = [float(np.sum(flight.active > 0)) for flight in flights]
+    shared = [name for name in truths[0] if all(name in one for one in truths)]
+    return {name: float(np.average([one[name] for one in truths], weights=weights)) for name in shared}
 
 
 def _split(words: Sequence[str]) -> tuple[list[Path], str]:

@@ -116,9 +116,11 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["identify", "no_such.mcap"], "cannot read no_such.mcap"),
         (
             ["identify", "a.mcap", "b.mcap"],
-            "2 logs, but one is identified at a time; to fit several",
+            "2 logs give their modes together (wingbeat identify a.mcap b.mcap modes)",
         ),
-        (["identify", "a.mcap", "b.mcap", "modes", "--json"], "wingbeat log export A.mcap --to a.csv --rate 100"),
+        (["identify", "a.mcap", "b.mcap", "aero"], "aero is of one log at a time"),
+        (["identify", "a.mcap", "b.mcap", "modes", "--report", "r.html"], "--report and --model are of one log"),
+        (["identify", "a.mcap", "b.mcap", "modes", "--json"], "cannot read a.mcap"),
         (["identify", "a.mcap", "b.csv"], "tables need --map MAP.toml"),
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
         (["replay"], "--imu"),

@@ -1,0 +1,50 @@
+"""Several flights of one aircraft as one, so that one set of derivatives is fitted to the manoeuvres of all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.data import FlightData
+from logs.identification.results import Array
+
+UNEVEN = 1e-3
+"""-; of a sampling interval, by which those of two flights may differ"""
+
+
+def joined_flights(flights: tuple[FlightData, ...]) -> FlightData:
+    """The flights one behind the other, manoeuvres and strokes counted on.
+
+    A manoeuvre that a flight's end cuts off ends a stroke before it, and one that its beginning cuts begins a stroke
+    later, so that nothing of one flight is in another's.
+
+    Raises:
+        BadInput: their samples are not equally far apart.
+    """
+    steps = [float(np.median(np.diff(flight.time))) for flight in flights]
+    if max(steps) - min(steps) > UNEVEN * steps[0]:
+        raise BadInput(f"the logs' IMUs sample every {min(steps):.4g} s and {max(steps):.4g} s: they must agree")
+    pieces = [_apart(flight) for flight in flights]
+    columns = {name: [getattr(one, name) for one in pieces] for name in FlightData._fields if name != "notes"}
+    for name in ("strokes", "manoeuvre"):
+        columns[name] = _counted_on(columns[name])
+    count = sum(len(one.time) for one in pieces)
+    columns["time"] = [pieces[0].time[0] + steps[0] * np.arange(count)]
+    whole = {name: np.concatenate(parts) for name, parts in columns.items()}
+    notes = dict.fromkeys(note for flight in flights for note in flight.notes)
+    return FlightData(**whole, notes=(f"together: {counted(len(flights), 'flight')}", *notes))
+
+
+def _apart(flight: FlightData) -> FlightData:
+    """The flight without an input in its first and its last stroke."""
+    inner = (flight.strokes > flight.strokes[0] + 1.0) & (flight.strokes < flight.strokes[-1] - 1.0)
+    return flight._replace(active=np.where(inner, flight.active, 0.0))
+
+
+def _counted_on(parts: list[Array]) -> list[Array]:
+    """Counts of which each goes on where the one before ended."""
+    found, last = [], 0.0
+    for part in parts:
+        found.append(part + last)
+        last = float(found[-1].max())
+    return found
