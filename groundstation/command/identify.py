@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import math
 import sys
 from collections.abc import Sequence
@@ -26,7 +27,8 @@ from logs.identification.report import SUBJECTS, Identification, document, ident
 from logs.identification.sources.elevator import MadeElevator
 from logs.identification.sources.flight import flight_data
 from logs.identification.sources.joined import joined_flights
-from logs.identification.tables.map import EXAMPLE
+from logs.identification.tables.rooms import EXAMPLES as MAPS
+from logs.identification.tables.subjects import ALL
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
 from logs.truth import known_truths, throttle_truths
@@ -38,6 +40,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap modes --json",
     "wingbeat identify recordings/flight.mcap aero",
     "wingbeat identify recordings/monday.mcap recordings/tuesday.mcap modes   # one aircraft, one fit",
+    "wingbeat identify recordings/flight.mcap path        # biases and scales of the sensors",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
@@ -57,6 +60,7 @@ JSON_KEYS = {
     " reference, notes: what the log does not tell and was taken from elsewhere",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
+    "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
@@ -92,7 +96,9 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
     )
-    parser.add_argument("--map-example", action="store_true", help="print a map to begin with")
+    parser.add_argument(
+        "--map-example", action="store_true", help=f"print a map to begin with, of {', '.join(TABLE_SUBJECTS[:-1])}"
+    )
     parser.add_argument(
         "--vehicle",
         metavar="V|PATH",
@@ -118,7 +124,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_intermixed_args(arguments)
     if chosen.map_example:
-        sys.stdout.write(EXAMPLE)
+        sys.stdout.write(_example(chosen.file))
         return 0
     files, what = _split(chosen.file)
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
@@ -194,6 +200,20 @@ def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str
     weights = [float(np.sum(flight.active > 0)) for flight in flights]
     shared = [name for name in truths[0] if all(name in one for one in truths)]
     return {name: float(np.average([one[name] for one in truths], weights=weights)) for name in shared}
+
+
+def _example(words: Sequence[str]) -> str:
+    """The map to begin with for the subject named.
+
+    Raises:
+        BadInput: more than one, or one that no table gives.
+    """
+    subject = words[0] if len(words) == 1 else ALL
+    if len(words) > 1 or subject not in MAPS:
+        near = difflib.get_close_matches(words[-1], list(MAPS), 1)
+        guess = f" (meant {near[0]!r}?)" if near else ""
+        raise BadInput(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
+    return MAPS[subject]
 
 
 def _split(words: Sequence[str]) -> tuple[list[Path], str]:

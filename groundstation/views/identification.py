@@ -55,6 +55,9 @@ def _cells(row: Row, estimate: Estimate) -> tuple[str | Text, ...]:
 
 
 def _name(row: Row) -> str:
+    kind, _, sensor = row.name.partition("_")
+    if kind in ("bias", "scale"):
+        return f"{kind} of {sensor}"
     return wording.words(row.name.removeprefix("short_period_")) if row.name.islower() else row.name
 
 

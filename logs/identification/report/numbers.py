@@ -16,6 +16,7 @@ from logs.identification.drive.power import power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel, ServoResult
 from logs.identification.drive.torque import identify_torque
 from logs.identification.drive.torque_speed import identify_load
+from logs.identification.kinematics.flight_log import PathResult, identify_path
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.regression.stepwise import Step
@@ -25,7 +26,7 @@ from logs.identification.sources.remembered import Remembered
 from logs.identification.sources.topic_table import ColumnSource
 from sim_bridge.vehicles import SimulatedVehicle
 
-SUBJECTS = ("servo", "power", "modes", "aero", "all")
+SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
 """Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
 
@@ -49,6 +50,8 @@ class Identification(NamedTuple):
     """as the estimate, by its name; true values, where they are known (`power.` before those of Eq. 12)"""
     aero: AeroResult | None = None
     """coefficients of the wings, Grauer Eq. 17 to 19"""
+    path: PathResult | None = None
+    """errors of the sensors by the flight path"""
 
 
 class Row(NamedTuple):
@@ -83,7 +86,7 @@ def identify(
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
-    (aero, which all is without) need the ``bodies`` of the vehicle.
+    (aero, which all is without) need the ``bodies`` of the vehicle; the flight path (path) is not of all either.
 
     Raises:
         BadInput: unknown subject, or the log gives nothing of what was asked for.
@@ -104,6 +107,8 @@ def identify(
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if what == "aero":
         return Identification(truths=known, aero=identify_aero(source, bodies, aircraft.imu))
+    if what == "path":
+        return Identification(truths=known, path=identify_path(source, aircraft))
     if all(found is None for found in (torque, power, load, frequency, modes)):
         raise BadInput("; ".join(entry.reason for entry in missing))
     return Identification(torque, power, load, frequency, modes, tuple(missing), known)
@@ -175,6 +180,11 @@ def rows(result: Identification) -> tuple[Row, ...]:
             table.append(Row(aero.name, "told", "", None, None, told))
     if result.aero:
         table += [Row("wing coefficients", "taken", "", None, None, note) for note in result.aero.notes]
+    if result.path:
+        path = result.path.fitted
+        table += _estimate_rows(path.method, path.estimates, result.truths, "")
+        table += _refusals(path.method, path.unidentified)
+        table += [Row(path.method, "taken", "", None, None, note) for note in path.notes]
     for mode in result.modes.modes if result.modes else ():
         for pair in (mode.of_kind(kind) for kind in KINDS):
             table += _estimate_rows(mode.method, () if pair is None else pair.estimates, result.truths, "")
@@ -204,7 +214,17 @@ def document(result: Identification) -> dict[str, Any]:
         "frequency": None if result.frequency is None else _frequency(result.frequency, result.truths),
         "modes": None if result.modes is None else _modes(result.modes, result.truths),
         "aero": None if result.aero is None else _aero(result.aero, result.truths),
+        "path": None if result.path is None else _path(result.path, result.truths),
         "missing": [entry._asdict() for entry in result.missing],
+    }
+
+
+def _path(result: PathResult, truths: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "estimates": [_estimate(found, truths) for found in result.fitted.estimates],
+        "unidentified": [entry._asdict() for entry in result.fitted.unidentified],
+        "records": list(result.records),
+        "notes": list(result.fitted.notes),
     }
 
 

@@ -96,6 +96,7 @@ def chapters(
 ) -> tuple[Chapter, ...]:
     """The report: findings first, then what they rest on."""
     fits = fitted(found.modes) if found.modes is not None else ()
+    fits += (found.path.fitted,) if found.path is not None else ()
     told = [
         _findings(found),
         _data(subject, found),
@@ -103,6 +104,7 @@ def chapters(
         drives_chapter(found.torque, found.power, drive, found.truths),
         wings_chapter(found.load, found.frequency, found.truths),
         None if found.aero is None else aero_chapter(found.aero, found.truths),
+        found.path.chapter if found.path is not None else None,
         *_of_fits(fits, found),
         *more,
     ]
@@ -131,6 +133,7 @@ def _findings(found: Identification) -> Chapter:
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
     if found.torque is not None:
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in found.torque.estimates]
+    bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (found.path.fitted.estimates if found.path else ())]
     for model in found.aero.models if found.aero else ():
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in model.estimates]
     notes = (

@@ -66,6 +66,7 @@ def table_chapters(sources: tuple[Source, ...], found: TableIdentification) -> t
         modes_chapter(found.modes, {}) if found.modes is not None else None,
         model_chapter(fits, None)._replace(tables=_constants(found)) if fits else None,
         _parameters(found),
+        *(chapter for fit in found.fits for chapter in fit.chapters),
         _steps(found),
         correlation_chapter(numbered),
         _noted(fits_chapter(fits), FITS),

@@ -91,6 +91,8 @@ def sentence(clause: str) -> str:
 def symbol(name: str) -> str:
     """A name as HTML: ``X_delta`` with its subscript, ``C_L_v_z*omega_y`` by its term, ``dead_zone`` as words."""
     head, _, rest = name.partition("_")
+    if head in ("bias", "scale") and rest:
+        return f"{head} of {symbol(rest)}"
     if rest == "dot":
         return f"<i>{html.escape(GREEK.get(head, head))}{DOT}</i>"
     if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(r"(?:[A-Za-z]_)?[A-Za-z0-9δα]+", rest):

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from avionics.quantities import BadInput
 from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
+from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.keys import check_known, number, read_section
 from logs.identification.tables.signals import SignalEntry, TimeSection
 from logs.identification.tables.table import Layout
@@ -144,6 +145,7 @@ class Map(NamedTuple):
     constants: ConstantsSection = ConstantsSection()
     modes: ModesSection | None = None
     aero: AeroSection | None = None
+    path: PathSection | None = None
 
 
 def load_map(path: Path) -> Map:

@@ -16,7 +16,7 @@ from logs.identification.results import Estimate
 from logs.identification.tables.map import Map, ModesSection, OutputError
 from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.subjects import AERO, MODES
+from logs.identification.tables.subjects import AERO, ALL, MODES
 from sim_bridge.tuning.model import Identified, LinearModel
 
 LONGITUDINAL = "longitudinal"
@@ -63,9 +63,9 @@ def check_model(chosen: Map, what: str) -> None:
 
 def _asked(chosen: Map, what: str) -> _Asked:
     found = []
-    if chosen.modes is not None and what != AERO:
+    if chosen.modes is not None and what in (MODES, ALL):
         found.append(_Asked(MODES, chosen.modes))
-    if chosen.aero is not None and what != MODES:
+    if chosen.aero is not None and what in (AERO, ALL):
         found += [_Asked(AERO, one) for one in chosen.aero.output_error]
     for one in found:
         if one.section.model == LONGITUDINAL:

@@ -15,6 +15,7 @@ SIGNALS = {
     "theta": "rad", "psi": "rad", "a_x": "m/s^2", "a_y": "m/s^2", "a_z": "m/s^2", "p_dot": "rad/s^2",
     "q_dot": "rad/s^2", "r_dot": "rad/s^2", "u": "m/s", "v": "m/s", "w": "m/s", "qbar": "Pa", "rho": "kg/m^3",
     "altitude": "m", "thrust": "N", "alpha_dot": "rad/s", "beta_dot": "rad/s",
+    "climb_rate": "m/s", "north": "m", "east": "m", "airspeed": "m/s",
 }  # fmt: skip
 """SI unit of what has a fixed meaning, in body axes FRD; a_x, a_y, a_z are specific forces, a_z -9.81 at rest"""
 WIDEST_ANGLE = 4.0 * math.pi

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from logs.identification.accuracy.correlation import Pair, strong_pairs
+from logs.identification.chapter import Chapter
 from logs.identification.experiment import Experiment
 from logs.identification.modes.mode import ModesResult
 from logs.identification.regression.stepwise import Step
@@ -56,6 +57,8 @@ class TableFit(NamedTuple):
     """-; what the map calls the model; empty of a regression"""
     steps: tuple[Step, ...] = ()
     """of a stepwise regression"""
+    chapters: tuple[Chapter, ...] = ()
+    """of the report, beside those that every fit has"""
 
     @property
     def correlated(self) -> tuple[Pair, ...]:

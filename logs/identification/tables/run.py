@@ -17,13 +17,14 @@ from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.regressions import regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.subjects import SUBJECTS
+from logs.identification.tables.rooms import ROOMS
+from logs.identification.tables.subjects import AERO, ALL, MODES, SECTIONS, SUBJECTS
 from logs.identification.tables.table import read_columns
 
 T = TypeVar("T")
 
 
-def identify_tables(files: Sequence[Path], mapping: Path, what: str = "all") -> TableIdentification:
+def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> TableIdentification:
     """Identify ``what`` (`SUBJECTS`) from tables by their map.
 
     Raises:
@@ -40,10 +41,11 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = "all") -> 
 def _asked(chosen: Map, mapping: Path, what: str) -> None:
     if what not in SUBJECTS:
         raise BadInput(f"a table gives {', '.join(SUBJECTS)}; {what!r} needs a log")
-    there = {"modes": chosen.modes is not None, "aero": chosen.aero is not None}
-    if not (any(there.values()) if what == "all" else there[what]):
-        wanted = "[modes] or [aero]" if what == "all" else f"[{what}]"
-        raise BadInput(f"map {mapping}: it has no section {wanted} that says what to fit")
+    wanted = SECTIONS if what == ALL else (what,)
+    if all(getattr(chosen, name) is None for name in wanted):
+        *others, last = (f"[{name}]" for name in wanted)
+        named = f"{', '.join(others)} or {last}" if others else last
+        raise BadInput(f"map {mapping}: it has no section {named} that says what to fit")
 
 
 def _of_map(mapping: Path, work: Callable[[], T]) -> T:
@@ -63,14 +65,15 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     missing: list[Unidentified] = []
     fits: list[TableFit] = []
     modes: ModesResult | None = None
-    if chosen.modes is not None and what in ("modes", "all"):
+    if chosen.modes is not None and what in (MODES, ALL):
         asked = chosen.modes
         told = _attempt("modes", lambda: modes_fit(asked, found, constants, chosen.time.fill), missing)
         fits, modes = told or ([], None)
-    if chosen.aero is not None and what in ("aero", "all"):
+    if chosen.aero is not None and what in (AERO, ALL):
         for name, work in _aero(chosen.aero, found, constants, chosen.time.fill):
             one = _attempt(name, work, missing)
             fits += [] if one is None else [one]
+    fits += _of_rooms(chosen, found, constants, what, missing)
     if not fits and modes is None:
         raise BadInput("; ".join(dict.fromkeys(one.reason for one in missing)))
     fitted, held = (tuple(one.name for one in part) for part in (found.fitted, found.held_out))
@@ -79,6 +82,18 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
         files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
         (*found.fitted, *found.held_out), _inputs(chosen), constants,
     )  # fmt: skip
+
+
+def _of_rooms(
+    chosen: Map, found: Cut, constants: dict[str, float], what: str, missing: list[Unidentified]
+) -> list[TableFit]:
+    """The fits of the sections that have a room of their own."""
+    fits: list[TableFit] = []
+    for name, room in ROOMS.items():
+        asked = getattr(chosen, name)
+        if asked is not None and what in (name, ALL):
+            fits += _attempt(name, partial(room, asked, found, constants, chosen.time.fill), missing) or []
+    return fits
 
 
 def _inputs(chosen: Map) -> tuple[str, ...]:

@@ -1,3 +1,5 @@
-"""What a map can ask for."""
+"""What a map can ask for: its sections by the words of the command."""
 
-MODES, AERO, ALL = SUBJECTS = ("modes", "aero", "all")
+MODES, AERO, PATH, ALL = SUBJECTS = ("modes", "aero", "path", "all")
+SECTIONS = tuple(name for name in SUBJECTS if name != ALL)
+"""-; the section of a map that says what to fit, by the subject's own name"""

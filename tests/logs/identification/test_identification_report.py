@@ -295,5 +295,5 @@ def test_samples_that_are_not_finite_are_passed_over(motion: RecordedTopics) -> 
 
 
 def test_an_unknown_subject_is_refused_with_the_known_ones(motion: RecordedTopics) -> None:
-    with pytest.raises(BadInput, match="servo, power, modes, aero, all"):
+    with pytest.raises(BadInput, match="servo, power, modes, aero, path, all"):
         identify(motion, "colour")

@@ -1,0 +1,144 @@
+"""[path] of a map: biases and scales of the sensors from records whose kinematics must be those of one motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.experiment import Experiment
+from logs.identification.kinematics.flight_path import Setup, reconstruct
+from logs.identification.kinematics.flight_records import LEAST_SAMPLES
+from logs.identification.kinematics.flight_sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
+from logs.identification.kinematics.flight_told import fitted_path, input_names, path_chapter
+from logs.identification.kinematics.rigid_motion import INPUTS
+from logs.identification.preparing.resampling import whole_records
+from logs.identification.tables.experiments import Cut
+from logs.identification.tables.goodness import output_fits
+from logs.identification.tables.keys import check_known
+from logs.identification.tables.results import TableFit
+from logs.identification.tables.signals import LONGEST_FILL
+
+EXAMPLE = """\
+# Biases and scales of the sensors: wingbeat identify FLIGHT.csv --map THIS.toml path
+[time]
+column = "t"                 # or rate = 50.0 (Hz) where the rows have no time
+fill = 0.1                   # s; gaps of rates and accelerations up to that are bridged, at longer ones it is cut
+
+[signals]                    # V and the rates and accelerations must be there, of the others what there is
+p = { column = "p", unit = "deg/s" }
+q = { column = "q", unit = "deg/s" }
+r = { column = "r", unit = "deg/s" }
+a_x = { column = "ax", unit = "g" }                  # specific forces, body axes: a_z is -1 g at rest
+a_y = { column = "ay", unit = "g" }
+a_z = { column = "az", unit = "g" }
+V = { column = "tas", unit = "kn" }
+alpha = { column = "aoa", unit = "deg" }
+beta = { column = "aos", unit = "deg" }
+phi = { column = "roll", unit = "deg" }
+theta = { column = "pitch", unit = "deg" }
+psi = { column = "yaw", unit = "deg" }
+altitude = { column = "alt", unit = "ft" }           # climb_rate, north, east (m) too
+
+[manoeuvres]
+windows = [[10, 40], [60, 90]]
+validate = [2]               # predicted with the errors found from the others
+
+[path]
+longitudinal = false         # true: u, w, theta and altitude alone, from q, a_x and a_z, wings level
+also = ["scale_q"]           # beyond the usual: biases of rates and accelerations, bias and scale of the vanes, wind
+known = []                   # errors that are zero, as "bias_a_y"
+[path.places]                # m from the centre of mass, x forward, y right, z down
+imu = [0.1, 0.0, -0.05]
+airspeed = [1.2, 0.0, 0.0]
+alpha = [1.5, 0.4, 0.1]
+beta = [1.5, -0.4, 0.1]
+"""
+
+
+class PathSection(NamedTuple):
+    """Section [path]."""
+
+    longitudinal: bool | None = None
+    """where one of p, r and a_y is not told when not given"""
+    also: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()
+    places: Places = Places()
+    """m; the IMU's is that of the constants imu_x, imu_y, imu_z where not given"""
+    input_noise: dict[str, float] = {}
+    """SI; standard deviation of the white noise by input; by the records where not given"""
+
+
+def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
+    """The reconstruction over all manoeuvres, and what its errors make of those that were held out.
+
+    Raises:
+        BadInput: an input or the airspeed is not there, or no stretch without a gap is long enough.
+    """
+    setup, notes = _setup(asked, tuple(found.fitted[0].signals), constants)
+    fitted = _records(found.fitted, setup.longitudinal, fill, notes)
+    held = _records(found.held_out, setup.longitudinal, fill, notes)
+    result = reconstruct(fitted, setup)
+    told = fitted_path(fitted, result, setup, held)
+    told = told._replace(notes=(*notes, *told.notes))
+    chapter = path_chapter(fitted, result)
+    samples = sum(len(one.time) for one in fitted)
+    one = TableFit(
+        "path", told, not result.failure, result.failure, {}, {}, output_fits(told.series), samples,
+        chapters=() if chapter is None else (chapter,),
+    )  # fmt: skip
+    return [one]
+
+
+def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]) -> tuple[Setup, list[str]]:
+    names = (*(f"{kind}_{channel}" for kind in ("bias", "scale") for channel in UNITS), *WINDS)
+    for key in ("also", "known"):
+        for name in getattr(asked, key):
+            check_known(name, names, f"path.{key} {name}")
+    for name, value in asked.input_noise.items():
+        check_known(name, INPUTS, f"path.input_noise.{name}")
+        if not value > 0:
+            raise BadInput(f"path.input_noise.{name} must be above 0")
+    absent = [name for name in INPUTS if name not in signals]
+    longitudinal, notes = asked.longitudinal, []
+    if longitudinal is None:
+        longitudinal = bool(set(absent) - set(LONGITUDINAL_INPUTS))
+        if longitudinal:
+            said = ", ".join(name for name in absent if name not in LONGITUDINAL_INPUTS)
+            notes.append(f"not told: {said}; the longitudinal motion alone, flown with level wings")
+    missing = [f"signals.{name}" for name in input_names(longitudinal) if name not in signals]
+    missing += [] if {"V", "airspeed"} & set(signals) else ["signals.V"]
+    if missing:
+        raise BadInput(f"path needs {', '.join(missing)}")
+    places = asked.places
+    if places.imu == Places().imu:
+        x, y, z = (constants.get(f"imu_{axis}", 0.0) for axis in "xyz")
+        places = places._replace(imu=(x, y, z))
+    return Setup(longitudinal, asked.also, asked.known, places, asked.input_noise or None), notes
+
+
+def _records(
+    experiments: tuple[Experiment, ...], longitudinal: bool, fill: float | None, notes: list[str]
+) -> list[Experiment]:
+    """Stretches of the manoeuvres without gaps in what drives the kinematics, the airspeed by its name there."""
+    found: list[Experiment] = []
+    for one in map(_named, experiments):
+        names, gap = input_names(longitudinal), LONGEST_FILL * one.step if fill is None else fill
+        lost = int(np.count_nonzero(~np.all([np.isfinite(one.signals[name]) for name in names], axis=0)))
+        pieces = whole_records(one, names, gap, (LEAST_SAMPLES - 1) * one.step)
+        left = len(one.time) - sum(len(piece.time) for piece in pieces)
+        if lost:
+            said = f"{counted(lost, 'sample')} without {', '.join(names)}"
+            notes.append(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
+        found += pieces
+    return found
+
+
+def _named(one: Experiment) -> Experiment:
+    """With the airspeed as the kinematics call it; an angle that wraps counts on."""
+    if "V" not in one.signals or "airspeed" in one.signals:
+        return one
+    signals = {("airspeed" if name == "V" else name): values for name, values in one.signals.items()}
+    return one._replace(signals=signals, units={name: UNITS.get(name, one.units.get(name, "")) for name in signals})

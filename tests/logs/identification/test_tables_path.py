@@ -1,0 +1,184 @@
+"""`wingbeat identify FLIGHT path`: sensors' errors from a table and from a log, by the command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from prescribed_flight import ERRORS, PLACES, Flight, measured
+
+from avionics import messages as m
+from avionics import topics
+from groundstation.command import identify
+from groundstation.command.main import main
+from logs.identification.experiment import Experiment
+from logs.identification.tables.map import load_map
+from logs.identification.tables.rooms import EXAMPLES
+from tests.logs.recorded import record
+
+LONGITUDINAL = ("q", "a_x", "a_z", "airspeed", "alpha", "theta", "altitude")
+UNITS = {"q": "deg/s", "p": "deg/s", "r": "deg/s", "a_x": "g", "a_y": "g", "a_z": "g", "airspeed": "kn",
+         "alpha": "deg", "theta": "deg", "altitude": "ft"}  # fmt: skip
+FACTORS = {"deg/s": np.degrees(1.0), "deg": np.degrees(1.0), "g": 1 / 9.80665, "kn": 3600 / 1852, "ft": 1 / 0.3048}
+PLACED = "[path.places]"
+MAP = """
+[time]
+column = "t"
+[signals]
+{signals}
+[manoeuvres]
+validate = {validate}
+[path.places]
+imu = [0.3, 0.05, -0.1]
+airspeed = [1.2, -0.5, 0.0]
+alpha = [1.5, 0.4, 0.1]
+{more}
+"""
+
+
+def write(path: Path, flown: Experiment, names: tuple[str, ...]) -> None:
+    columns = {name: flown.signals[name] * FACTORS[UNITS[name]] for name in names}
+    rows = np.column_stack((flown.time, *columns.values()))
+    path.write_text(
+        ",".join(("t", *names)) + "\n" + "".join(",".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
+    )
+
+
+def signals(names: tuple[str, ...]) -> str:
+    lines = [
+        f'{"V" if name == "airspeed" else name} = {{ column = "{name}", unit = "{UNITS[name]}" }}' for name in names
+    ]
+    return "\n".join(lines)
+
+
+def tables(folder: Path, count: int = 2, validate: str = "[2]", more: str = "", **changed: Any) -> list[str]:
+    """Command's words for flights of the longitudinal motion."""
+    files = []
+    for seed in range(count):
+        flight = Flight(seed=seed + 11, longitudinal=True, duration=16)._replace(**changed)
+        write(folder / f"run{seed + 1}.csv", measured(flight), LONGITUDINAL)
+        files.append(str(folder / f"run{seed + 1}.csv"))
+    (folder / "map.toml").write_text(MAP.format(signals=signals(LONGITUDINAL), validate=validate, more=more))
+    return [*files, "--map", str(folder / "map.toml"), "path"]
+
+
+def inside(entries: list[Mapping[str, Any]], truth: Mapping[str, float], wider: float = 1.0) -> list[bool]:
+    """Whether each truth lies in its interval, made ``wider``."""
+    found = []
+    for one in entries:
+        middle, half = one["value"], wider * (one["high"] - one["value"])
+        found.append(abs(truth[one["name"]] - middle) <= half)
+    return found
+
+
+def test_a_table_tells_its_sensors_errors_and_predicts_the_flight_held_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = tables(tmp_path)
+    assert main(["identify", *words, "--json", "--report", str(tmp_path / "page.html")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    (fit,) = document["fits"]
+    assert fit["subject"] == "path" and fit["converged"] and not fit["failure"]
+    assert {one["name"] for one in fit["estimates"]} == {
+        "bias_q", "bias_a_x", "bias_a_z", "bias_alpha", "scale_alpha",
+    }  # fmt: skip
+    assert sum(inside(fit["estimates"], ERRORS)) >= 4 and all(inside(fit["estimates"], ERRORS, 1.8))
+    assert fit["notes"][0].startswith("not told: p, r, a_y; the longitudinal motion alone")
+    held = [one for one in fit["outputs"] if one["held_out"]]
+    assert {one["output"] for one in held} == {"airspeed", "alpha", "theta", "altitude"}
+    assert all(one["theil"] < 0.1 for one in held)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for title in ("Flight path", "Parameters", "Fits", "Residuals", "Validation on held-out manoeuvres"):
+        assert f">{title}</h" in page
+
+
+def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = tables(tmp_path, count=1, validate="[]")
+    lines = (tmp_path / "run1.csv").read_text().splitlines()
+    for at in (100, 101, *range(400, 430)):
+        cells = lines[at].split(",")
+        lines[at] = ",".join((*cells[:1], "", *cells[2:]))
+    (tmp_path / "run1.csv").write_text("\n".join(lines))
+    assert main(["identify", *words]) == 0
+    said = capsys.readouterr().out
+    assert "32 samples without q, a_x, a_z, 2 of them bridged, 30 left out" in " ".join(said.split())
+    assert "bias_q" in said and "scale_alpha" in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (PLACED, f'[path]\nalso = ["scale_qq"]\n{PLACED}', "path.also scale_qq (meant 'scale_q'?)"),
+        (PLACED, f"[path]\nlongitudinl = true\n{PLACED}", "path.longitudinl (meant 'longitudinal'?)"),
+        ("imu = [0.3, 0.05, -0.1]", "imu = [0.3, 0.05]", "path.places.imu must be a list of 3"),
+        (PLACED, f"[path]\nlongitudinal = false\n{PLACED}", "path needs signals.p, signals.r, signals.a_y"),
+        ('V = { column = "airspeed", unit = "kn" }\n', "", "path needs signals.V"),
+        (PLACED, f"[path]\ninput_noise = {{ q = 0.0 }}\n{PLACED}", "path.input_noise.q must be above 0"),
+    ],
+)
+def test_a_map_that_cannot_be_is_refused_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+) -> None:
+    words = tables(tmp_path, count=1, validate="[]")
+    text = (tmp_path / "map.toml").read_text()
+    assert old in text
+    (tmp_path / "map.toml").write_text(text.replace(old, new))
+    assert main(["identify", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+
+
+def logged(path: Path, flown: Experiment) -> Path:
+    """A log of the flight as a flight computer writes it."""
+    s, told = flown.signals, []
+    for k, time in enumerate(flown.time):
+        at = round(time * 1e6) + 1000
+        values = {name: float(column[k]) for name, column in s.items()}
+        told += [
+            (topics.IMU, m.ImuSample(at, *(values[name] for name in ("a_x", "a_y", "a_z", "p", "q", "r")), 0, 0, 0)),
+            (topics.ATTITUDE, of(m.Attitude, at, roll=values["phi"], pitch=values["theta"], yaw=values["psi"])),
+            (topics.AIR_DATA, of(m.AirData, at, airspeed=values["airspeed"])),
+            (topics.ALTITUDE, of(m.Altitude, at, altitude=values["altitude"], climb_rate=values["climb_rate"])),
+            (topics.POSITION, of(m.Position, at, north=values["north"], east=values["east"])),
+        ]
+    return record(path, told)
+
+
+def of(message: Any, at: int, **fields: float) -> Any:
+    """A message with these fields, the others zero."""
+    return message(**dict.fromkeys(message._fields, 0) | {"time_us": at} | fields)
+
+
+def test_a_log_tells_its_sensors_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """GIVEN no vanes THEN the biases of the IMU are found, and the wind."""
+    places = PLACES._replace(imu=(0.0, 0.0, 0.0), airspeed=(0.0, 0.0, 0.0))
+    errors = {"bias_p": 0.01, "bias_q": -0.006, "bias_r": 0.004}
+    flight = Flight(seed=3, duration=12, errors=errors, places=places, wind=(2.0, -1.0))
+    log = logged(tmp_path / "flight.mcap", measured(flight))
+    assert main(["identify", str(log), "path", "--json", "--report", str(tmp_path / "page.html")]) == 0
+    path = json.loads(capsys.readouterr().out)["path"]
+    truth = {**dict.fromkeys(("bias_a_x", "bias_a_y", "bias_a_z"), 0.0), **flight.errors, "wind_north": 2.0,
+             "wind_east": -1.0}  # fmt: skip
+    assert {"bias_p", "bias_q", "bias_r", "wind_north", "wind_east"} <= {one["name"] for one in path["estimates"]}
+    assert all(inside(path["estimates"], truth, 1.8))
+    assert np.mean(inside(path["estimates"], truth)) >= 0.75
+    assert ">Flight path</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_the_example_map_is_one_and_an_unknown_one_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for subject, example in EXAMPLES.items():
+        assert identify.run(["--map-example", subject]) == 0
+        assert capsys.readouterr().out == example
+        (tmp_path / "map.toml").write_text(example)
+        chosen = load_map(tmp_path / "map.toml")
+        assert subject == "all" or getattr(chosen, subject) is not None
+    assert main(["identify", "--map-example", "pth"]) == 2
+    assert "no example map of 'pth' (meant 'path'?)" in capsys.readouterr().err
