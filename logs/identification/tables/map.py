@@ -12,6 +12,7 @@ from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.keys import check_known, number, read_section
 from logs.identification.tables.signals import SignalEntry, TimeSection
+from logs.identification.tables.strokes import StrokeSection
 from logs.identification.tables.table import Layout
 
 EXAMPLE = """\
@@ -146,6 +147,7 @@ class Map(NamedTuple):
     modes: ModesSection | None = None
     aero: AeroSection | None = None
     path: PathSection | None = None
+    stroke: StrokeSection | None = None
 
 
 def load_map(path: Path) -> Map:
