@@ -10,6 +10,7 @@ the printed 0.96, and is within the noise of any gauge: without an error of the 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,6 +26,8 @@ DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
 LEAST_SAMPLES = 16
 GUESSES = (0.05, 0.2, 0.5, 0.8)
 """-; damping ratios from which the fit begins"""
+HELD = 8.0
+"""-; deviations of its noise within which of the greatest excursion it is still held"""
 CLEAR = 2.0
 """-; standard errors by which an overshoot must stand above zero"""
 
@@ -125,14 +128,44 @@ def identify_twist(test: Experiment, signal: str = "twist") -> ServoModel:
     return _fitted(time, swing, measured)
 
 
+class Swing(NamedTuple):
+    """A release beside Eq. 16."""
+
+    time: Array
+    """s; (N,), as the test's, from the release on"""
+    measured: Array
+    """as the signal; (N,), NaN where not measured"""
+    model: Array
+    """as the signal; (N,)"""
+
+
+def swing_of(test: Experiment, signal: str, natural: float, damping: float) -> Swing:
+    """Gerdes Eq. 16 with ``natural`` frequency (rad/s) and ``damping`` (-), angle, rate and rest the test's own."""
+    time, swing = _from_release(test.time, np.asarray(test.signals[signal], dtype=float))
+    measured = np.isfinite(swing)
+    columns = _columns(time, natural, damping)
+    model = columns @ np.linalg.lstsq(columns[measured], swing[measured], rcond=None)[0]
+    return Swing(np.asarray(test.time[len(test.time) - len(time) :]), swing, np.asarray(model))
+
+
 def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
-    """The record from the greatest excursion from where it ends."""
+    """The record from the greatest excursion from where it ends; a wing that is held there is let go at the end."""
     finite = np.flatnonzero(np.isfinite(values))
     if not len(finite):
         return time[:0], values[:0]
     rest = float(np.median(values[finite[-max(len(finite) // 5, 1) :]]))
-    first = finite[int(np.argmax(np.abs(values[finite] - rest)))]
+    away = np.abs(values[finite] - rest)
+    top = int(np.argmax(away))
+    held = away[top:] > away[top] - HELD * _noise(values[finite])
+    last = int(np.argmin(held)) if not held.all() else 1
+    first = finite[top + max(last - 1, 0)]
     return time[first:] - time[first], values[first:]
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of the white noise by the median third difference, which a release does not reach."""
+    differences = np.abs(np.diff(values, 3))
+    return 1.4826 * float(np.median(differences)) / math.sqrt(20.0) if len(differences) else 0.0
 
 
 def _columns(time: Array, natural: float, damping: float) -> Array:

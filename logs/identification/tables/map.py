@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from avionics.quantities import BadInput
+from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
@@ -148,6 +149,8 @@ class Map(NamedTuple):
     aero: AeroSection | None = None
     path: PathSection | None = None
     stroke: StrokeSection | None = None
+    torque_speed: TorqueSpeedSection | None = None
+    twist: TwistSection | None = None
 
 
 def load_map(path: Path) -> Map:

@@ -1,0 +1,197 @@
+"""[torque_speed] and [twist] of a map: a servo's bounding line and a wing's twist, from records of a bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.chapter import MEASURED, MODEL, POINTS, Chapter, Plot, Series
+from logs.identification.drive.servo import ServoModel
+from logs.identification.drive.torque_speed import identify_torque_speed
+from logs.identification.drive.twist import DAMPING, NATURAL, identify_twist, swing_of
+from logs.identification.experiment import Experiment
+from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.tables.experiments import Cut
+from logs.identification.tables.goodness import output_fits
+from logs.identification.tables.named import signal
+from logs.identification.tables.quantities import Measure
+from logs.identification.tables.results import TableFit
+
+TORQUE_SPEED_EXAMPLE = """\
+# The line that bounds a servo at full drive (Gerdes Fig. 9): wingbeat identify BENCH.csv --map THIS.toml torque_speed
+[time]
+rate = 1.0                   # Hz; any, where the rows are steady readings without a time; else column = "t"
+
+[signals]
+torque = { column = "torque", unit = "N m" }
+speed = { column = "speed", unit = "deg/s" }
+voltage = { column = "supply", unit = "V" }
+
+[torque_speed]
+torque = "torque"            # names of signals
+speed = "speed"
+voltage = "voltage"
+nominal = 8.0                # V that the numbers are for; the mean of the voltage when not given
+"""
+TWIST_EXAMPLE = """\
+# Natural frequency and damping of a wing's twist let go or stepped (Gerdes Eq. 16): one manoeuvre for each release
+# wingbeat identify BENCH.csv --map THIS.toml twist
+[time]
+column = "t"
+
+[signals]
+twist = { column = "twist", unit = "deg" }           # of the tip, or its rate
+
+[manoeuvres]
+windows = [[0.0, 1.5], [2.0, 3.5]]                   # s; each is used from its greatest excursion on
+
+[twist]
+signal = "twist"             # name of a signal
+"""
+LINE = (
+    "At full drive torque = stall_torque V / nominal - torque_speed_slope |speed|, in the direction of turning"
+    " (Gerdes Fig. 9)",
+    "no_load_speed = stall_torque / torque_speed_slope, at the nominal voltage",
+)
+RELEASE = (
+    "twist = exp(-zeta omega t) (A cos(omega_d t) + B sin(omega_d t)) + rest, omega_d = omega sqrt(1 - zeta^2)"
+    " (Gerdes Eq. 16)",
+)
+
+
+class TorqueSpeedSection(NamedTuple):
+    """Section [torque_speed]."""
+
+    torque: str = "torque"
+    speed: str = "speed"
+    voltage: str | None = None
+    """one voltage all the time when not given: the nominal one"""
+    nominal: Measure | None = None
+    """V; the mean of the voltage when not given"""
+
+
+class TwistSection(NamedTuple):
+    """Section [twist]."""
+
+    signal: str = "twist"
+
+
+class _Bench(NamedTuple):
+    """Torque N m, speed rad/s and voltage V, (N,) each."""
+
+    torque: Array
+    speed: Array
+    voltage: Array
+
+
+def torque_speed_fit(
+    asked: TorqueSpeedSection, found: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[TableFit]:
+    """The line over all manoeuvres, and its torque in those that were held out.
+
+    Raises:
+        BadInput: a signal is not there or in another unit, or too few samples have all three.
+    """
+    nominal = None if asked.nominal is None else asked.nominal.si("V", 0.0)
+    if asked.voltage is None and nominal is None:
+        raise BadInput("torque_speed needs voltage (a signal) or nominal (V)")
+    parts = [_bench(asked, one, nominal) for one in found.fitted]
+    whole = _Bench(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    volts = float(np.nanmean(whole.voltage)) if nominal is None else nominal
+    model = identify_torque_speed(*whole, volts)
+    held = [_bench(asked, one, nominal) for one in found.held_out]
+    series = [_line(one, part, model, volts, False) for one, part in zip(found.fitted, parts, strict=True)]
+    series += [_line(one, part, model, volts, True) for one, part in zip(found.held_out, held, strict=True)]
+    said = (f"the numbers are for {volts:.4g} V",)
+    chapters = (_bounding(whole, model, volts),) if model.estimates else ()
+    told = Fitted("torque-speed line", LINE, (), (), None, tuple(series), said)
+    return [_fit("torque_speed", model, told, chapters)]
+
+
+def _bench(asked: TorqueSpeedSection, one: Experiment, nominal: float | None) -> _Bench:
+    torque = signal(one, asked.torque, "N m", "torque_speed.torque")
+    speed = signal(one, asked.speed, "rad/s", "torque_speed.speed")
+    if asked.voltage is None:
+        return _Bench(torque, speed, np.full(len(torque), nominal))
+    return _Bench(torque, speed, signal(one, asked.voltage, "V", "torque_speed.voltage"))
+
+
+def _line(one: Experiment, bench: _Bench, model: ServoModel, volts: float, held_out: bool) -> FitSeries:
+    """Torque as measured and by the line; nothing where there is none."""
+    values = {found.name: found.value for found in model.estimates}
+    told = np.full(len(bench.torque), np.nan)
+    if values:
+        turning = np.where(bench.speed < 0, -1.0, np.where(bench.speed > 0, 1.0, np.sign(bench.torque)))
+        bound = values["stall_torque"] * bench.voltage / volts - values["torque_speed_slope"] * np.abs(bench.speed)
+        told = np.asarray(turning * bound, dtype=np.float64)
+    return FitSeries(one.name, "torque", "N m", one.time, bench.torque, told, held_out)
+
+
+def _bounding(bench: _Bench, model: ServoModel, volts: float) -> Chapter:
+    """Torque at the nominal voltage over the speed."""
+    values = {found.name: found.value for found in model.estimates}
+    turning = np.where(bench.speed < 0, -1.0, np.where(bench.speed > 0, 1.0, np.sign(bench.torque)))
+    nominal = bench.torque * turning + values["stall_torque"] * (1.0 - bench.voltage / volts)
+    across = np.array([0.0, values["no_load_speed"]])
+    lines = (
+        Series("measured, for the nominal voltage", np.abs(bench.speed), nominal, MEASURED, POINTS),
+        Series("bounding line", across, values["stall_torque"] - values["torque_speed_slope"] * across, MODEL),
+    )
+    return Chapter("Torque and speed", plots=(Plot("", "speed", "rad/s", "torque", "N m", lines),))
+
+
+def twist_fits(asked: TwistSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
+    """Each release for itself, and those held out with the mean of the others' constants.
+
+    Raises:
+        BadInput: the signal is not there or is no angle or rate, or a release has too few samples.
+    """
+    for one in (*found.fitted, *found.held_out):
+        signal(one, asked.signal, None, "twist.signal")
+        if one.units.get(asked.signal) not in ("rad", "rad/s"):
+            raise BadInput(f"twist.signal: signals.{asked.signal} is no angle and no rate")
+    fits = []
+    for one in found.fitted:
+        model = identify_twist(one, asked.signal)
+        series = _swing(one, asked.signal, model, held_out=False)
+        fits.append(_fit("twist", model, Fitted(f"twist, {one.name}", RELEASE, (), series=series)))
+    known = [fit for fit in fits if fit.fitted.estimates]
+    if known and found.held_out:
+        mean = _mean([fit.fitted for fit in known])
+        ahead = tuple(s for one in found.held_out for s in _swing(one, asked.signal, mean, held_out=True))
+        told = known[0].fitted._replace(series=(*known[0].fitted.series, *ahead))
+        fits[fits.index(known[0])] = known[0]._replace(fitted=told, outputs=output_fits(told.series))
+    return fits
+
+
+def _mean(fits: list[Fitted]) -> ServoModel:
+    """A model with the mean of natural frequency and damping."""
+    tables = [{found.name: found for found in fit.estimates} for fit in fits]
+    means = tuple(
+        tables[0][name]._replace(value=float(np.mean([table[name].value for table in tables])))
+        for name in (NATURAL, DAMPING)
+    )
+    return ServoModel(means, (), 0.0, 0.0, 0.0, 0)
+
+
+def _swing(one: Experiment, name: str, model: ServoModel, held_out: bool) -> tuple[FitSeries, ...]:
+    """The release as measured and by Eq. 16, angle, rate and rest its own; nothing without constants."""
+    values = {found.name: found.value for found in model.estimates}
+    if not values:
+        return ()
+    swing = swing_of(one, name, values[NATURAL], values[DAMPING])
+    return (FitSeries(one.name, name, one.units[name], swing.time, swing.measured, swing.model, held_out),)
+
+
+def _fit(subject: str, model: ServoModel, told: Fitted, chapters: tuple[Chapter, ...] = ()) -> TableFit:
+    """The ``model``'s numbers as ``told``: without measured beside model where there are none."""
+    failure = "" if model.estimates else model.unidentified[0].reason
+    whole = told._replace(estimates=model.estimates, unidentified=model.unidentified)
+    if failure:
+        whole = whole._replace(series=())
+    return TableFit(
+        subject, whole, not failure, failure, {}, {}, output_fits(whole.series), model.samples, chapters=chapters
+    )
