@@ -101,6 +101,8 @@ class ModesSection(NamedTuple):
     """s; of the inputs"""
     biases: tuple[str, ...] | None = None
     """outputs with a bias in every manoeuvre; all when not given"""
+    band: tuple[float, float] | None = None
+    """Hz; of equation error in the frequency domain, by the motion when not given"""
 
 
 class Regression(NamedTuple):

@@ -13,12 +13,14 @@ from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, no
 from logs.identification.output_error.problem import Fit
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array
+from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
 from logs.identification.tables.output_errors import LEAST_RUN, output_error_fit
 from logs.identification.tables.results import LITTLE, TableFit
 
+LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 
 MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
@@ -50,6 +52,8 @@ def modes_fit(
         wanted = OutputError(model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.biases)
         table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
         fits, known = [table], (_mode(table, fit, chosen),)
+    if model != LONGITUDINAL and has_equations(asked):
+        known = (*known, by_equations(asked, found.fitted, constants, fits))
     first = asked.inputs[0] if asked.inputs else None
     try:
         return fits, modes_of_experiments(found.fitted, first, asked.outputs, asked.kinds or None, known)

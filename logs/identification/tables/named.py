@@ -1,4 +1,4 @@
-"""Signals that a map's section names, each in the unit that it must have."""
+"""Signals that a map's section names, each in the unit that it must have, and bands of frequency."""
 
 from __future__ import annotations
 
@@ -28,3 +28,17 @@ def signal(one: Experiment, name: str, unit: str | None, key: str) -> Array:
     if not np.any(np.isfinite(values)):
         raise BadInput(f"{one.name}: {name} ({key}) was not measured")
     return values
+
+
+def band_frequencies(band: tuple[float, float], experiments: tuple[Experiment, ...], key: str) -> Array:
+    """Frequencies (F,) in Hz of a ``band`` in Hz, one over the longest record's length apart.
+
+    Raises:
+        BadInput: the band does not rise from above 0, or holds none; ``key`` is whose it is.
+    """
+    low, high = band
+    length = max(len(one.time) * one.step for one in experiments)
+    found = np.arange(max(np.ceil(low * length), 1.0), np.floor(high * length) + 1.0) / length
+    if not 0 < low < high or not len(found):
+        raise BadInput(f"{key}: band = [{low:g}, {high:g}] Hz holds no frequency")
+    return found

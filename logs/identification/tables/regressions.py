@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-import numpy as np
-
 from avionics.quantities import BadInput
 from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.experiment import Experiment
@@ -21,6 +19,7 @@ from logs.identification.tables.derived import with_made
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
+from logs.identification.tables.named import band_frequencies
 from logs.identification.tables.noisy import shrunk
 from logs.identification.tables.results import TableFit
 
@@ -67,17 +66,13 @@ def product_of(name: str) -> str:
 
 
 def _frequencies(asked: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
-    """Of the band, one over the longest record's length apart."""
+    """Of the band, where there is one."""
     if asked.band is None:
         return None
+    key = f"aero.regressions of {asked.response}"
     if asked.domain != "frequency":
-        raise BadInput(f'aero.regressions of {asked.response}: band is for domain = "frequency"')
-    low, high = asked.band
-    length = max(len(one.time) * one.step for one in experiments)
-    found = np.arange(max(np.ceil(low * length), 1.0), np.floor(high * length) + 1.0) / length
-    if not 0 < low < high or not len(found):
-        raise BadInput(f"aero.regressions of {asked.response}: band = [{low:g}, {high:g}] Hz holds no frequency")
-    return found
+        raise BadInput(f'{key}: band is for domain = "frequency"')
+    return band_frequencies(asked.band, experiments, key)
 
 
 def _told(

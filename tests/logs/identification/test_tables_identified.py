@@ -333,3 +333,52 @@ def test_a_nonlinear_model_needs_its_thrust_told_and_takes_a_constant(tmp_path: 
     (tmp_path / "map.toml").write_text(untold.replace("[constants]", "[constants]\nthrust = 9850"))
     found = numbers(identify_tables([table], tmp_path / "map.toml", "aero").fits[0])
     assert found["C_m_alpha"].contains(MADE["TRANSPORT"]["C_m_alpha"])
+
+
+def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
+    """The modes of a flight by every method, as the command tells them."""
+    (folder / "map.toml").write_text(mapping)
+    table = write(folder / "run.csv", flight(**flown))
+    assert identify.run([str(table), "modes", "--map", str(folder / "map.toml"), "--json"]) == 0
+    return {one["method"]: one for one in json.loads(capsys.readouterr().out)["modes"]["methods"]}
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_equation_error_in_the_frequency_domain_has_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], force: bool
+) -> None:
+    """GIVEN alpha and q, with a_z or without THEN the two equations tell the mode and its derivatives."""
+    mapping = BASE + 'model = "none"\n'
+    if not force:
+        mapping = mapping.replace('a_z = { column = "a_z", unit = "m/s^2" }\n', "").replace(', "a_z"]', "]")
+    found = methods(tmp_path, mapping, capsys)["equation error"]
+    frequency = np.sqrt(TRUTH["Z_alpha"] * TRUTH["M_q"] - TRUTH["M_alpha"])
+    damping = -(TRUTH["Z_alpha"] + TRUTH["M_q"]) / (2 * frequency)
+    for name, true in (("frequency", frequency), ("damping", damping)):
+        assert found[name]["low"] <= true <= found[name]["high"]
+        assert found[name]["value"] == pytest.approx(true, rel=0.03)
+    names = [one["name"] for one in found["derivatives"]]
+    assert names == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
+    for one in found["derivatives"]:
+        assert abs(one["value"] - TRUTH[one["name"]]) < 1.7 * (one["high"] - one["value"]), one
+
+
+def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without = BASE.replace('alpha = { column = "alpha", unit = "rad" }\n', "").replace('"alpha", "q"', '"q"')
+    (refused,) = methods(tmp_path, without, capsys)["equation error"]["unidentified"]
+    assert refused["reason"] == "it takes alpha measured"
+    narrow = methods(tmp_path, BASE + "band = [0.05, 1.0]\n", capsys)["equation error"]
+    assert narrow["frequency"]["value"] == pytest.approx(2.793, rel=0.03)
+    with pytest.raises(BadInput, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
+        methods(tmp_path, BASE + "band = [2.0, 1.0]\n", capsys)
+
+
+def test_held_derivatives_stay_where_the_map_holds_them_in_equation_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held = "[modes.parameters]\nZ_alpha = 'free'\nZ_delta_e = -0.15\nM_alpha = 'free'\nM_q = -1.5\nM_delta = 'free'\n"
+    found = methods(tmp_path, BASE + held, capsys)["equation error"]
+    assert [one["name"] for one in found["derivatives"]] == ["Z_alpha", "M_alpha", "M_delta"]
+    assert found["frequency"]["value"] == pytest.approx(2.793, rel=0.02)
