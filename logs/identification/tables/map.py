@@ -13,6 +13,7 @@ from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.keys import check_known, number, read_section
 from logs.identification.tables.signals import SignalEntry, TimeSection
+from logs.identification.tables.stands import StandSection
 from logs.identification.tables.strokes import StrokeSection
 from logs.identification.tables.table import Layout
 
@@ -151,6 +152,7 @@ class Map(NamedTuple):
     aero: AeroSection | None = None
     path: PathSection | None = None
     stroke: StrokeSection | None = None
+    stand: StandSection | None = None
     torque_speed: TorqueSpeedSection | None = None
     twist: TwistSection | None = None
 
