@@ -112,6 +112,8 @@ class Regression(NamedTuple):
     response: str
     regressors: tuple[str, ...]
     selection: Annotated[str, "all", "stepwise"] = "all"
+    method: Annotated[str, "least squares", "orthogonal"] = "least squares"
+    """orthogonal: of the regressors those whose orthogonal functions lower the predicted square error"""
     domain: Annotated[str, "time", "frequency"] = "time"
     always: tuple[str, ...] = ()
     """regressors that stepwise regression keeps in any case"""

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.correlation import correlation_among
+from logs.identification.chapter import Chapter, Table
 from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
 from logs.identification.regression.design import INTERCEPT
 from logs.identification.regression.equation_error import Domain, Settings
+from logs.identification.regression.orthogonal import Orthogonal, orthogonal_regression
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array, FitSeries, Fitted
@@ -37,12 +39,54 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
     held = tuple(with_made(one, wanted, constants) for one in found.held_out)
     settings = Settings(constants=constants, units=UNITS, frequencies=_frequencies(asked, fitted))
+    if asked.method == "orthogonal":
+        return _orthogonal(asked, names, (fitted, held), settings)
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
     noisy = shrunk(chosen, fitted, constants) if domain == "time" and not result.failure else []
     notes = (*result.notes, *noisy)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
+
+
+def _orthogonal(
+    asked: Regression,
+    names: tuple[str, ...],
+    parts: tuple[tuple[Experiment, ...], tuple[Experiment, ...]],
+    settings: Settings,
+) -> TableFit:
+    """The terms whose orthogonal functions lower the predicted square error, and every function's share.
+
+    Raises:
+        BadInput: a choice by other means as well, the frequency domain, or no function that is worth its cost.
+    """
+    key = f"aero.regressions of {asked.response}"
+    if asked.selection != "all" or asked.always or asked.domain != "time":
+        raise BadInput(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
+    found = orthogonal_regression(parts[0], asked.response, names, len(names), settings)
+    if not found.terms:
+        why = found.failure or "no orthogonal function lowers the predicted square error"
+        raise BadInput(f"{key}: nothing was chosen: {why}")
+    told = tuple(
+        f"orthogonal function of {one.term}: {100 * one.gain:.3g} % of the variance, PSE {one.pse:.4g},"
+        f" {'kept' if one.kept else 'not kept'}"
+        for one in found.functions
+    )
+    noisy = () if found.failure else tuple(shrunk(found.terms, parts[0], settings.constants))
+    model = found.model._replace(notes=(*told, *found.model.notes, *noisy))
+    fit = _told(asked, model, *parts, settings)
+    return fit._replace(
+        fitted=fit.fitted._replace(method=f"regression of {asked.response}, orthogonal functions"),
+        chapters=(_functions(asked.response, found),),
+    )
+
+
+def _functions(response: str, found: Orthogonal) -> Chapter:
+    """Every orthogonal function in the order in which they were made."""
+    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in found.functions)
+    table = Table(("made of", "share of the variance (%)", "PSE with it and all before", ""), rows)
+    said = "Each is a term without what those before it tell; kept are those up to the least predicted square error."
+    return Chapter(f"Orthogonal functions of {response}", (said,), (table,))
 
 
 def _chosen(

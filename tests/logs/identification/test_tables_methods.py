@@ -1,0 +1,116 @@
+"""Methods of [modes] and [aero] of a map: equation error in the frequency domain, orthogonal functions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_tables_identified import BASE, TRUTH, flight, write
+
+from avionics.quantities import BadInput
+from groundstation.command import identify
+
+
+def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
+    """The modes of a flight by every method, as the command tells them."""
+    (folder / "map.toml").write_text(mapping)
+    table = write(folder / "run.csv", flight(**flown))
+    assert identify.run([str(table), "modes", "--map", str(folder / "map.toml"), "--json"]) == 0
+    return {one["method"]: one for one in json.loads(capsys.readouterr().out)["modes"]["methods"]}
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_equation_error_in_the_frequency_domain_has_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], force: bool
+) -> None:
+    """GIVEN alpha and q, with a_z or without THEN the two equations tell the mode and its derivatives."""
+    mapping = BASE + 'model = "none"\n'
+    if not force:
+        mapping = mapping.replace('a_z = { column = "a_z", unit = "m/s^2" }\n', "").replace(', "a_z"]', "]")
+    found = methods(tmp_path, mapping, capsys)["equation error"]
+    frequency = np.sqrt(TRUTH["Z_alpha"] * TRUTH["M_q"] - TRUTH["M_alpha"])
+    damping = -(TRUTH["Z_alpha"] + TRUTH["M_q"]) / (2 * frequency)
+    for name, true in (("frequency", frequency), ("damping", damping)):
+        assert found[name]["low"] <= true <= found[name]["high"]
+        assert found[name]["value"] == pytest.approx(true, rel=0.03)
+    names = [one["name"] for one in found["derivatives"]]
+    assert names == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
+    for one in found["derivatives"]:
+        assert abs(one["value"] - TRUTH[one["name"]]) < 1.7 * (one["high"] - one["value"]), one
+
+
+def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without = BASE.replace('alpha = { column = "alpha", unit = "rad" }\n', "").replace('"alpha", "q"', '"q"')
+    (refused,) = methods(tmp_path, without, capsys)["equation error"]["unidentified"]
+    assert refused["reason"] == "it takes alpha measured"
+    narrow = methods(tmp_path, BASE + "band = [0.05, 1.0]\n", capsys)["equation error"]
+    assert narrow["frequency"]["value"] == pytest.approx(2.793, rel=0.03)
+    with pytest.raises(BadInput, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
+        methods(tmp_path, BASE + "band = [2.0, 1.0]\n", capsys)
+
+
+def test_held_derivatives_stay_where_the_map_holds_them_in_equation_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held = "[modes.parameters]\nZ_alpha = 'free'\nZ_delta_e = -0.15\nM_alpha = 'free'\nM_q = -1.5\nM_delta = 'free'\n"
+    found = methods(tmp_path, BASE + held, capsys)["equation error"]
+    assert [one["name"] for one in found["derivatives"]] == ["Z_alpha", "M_alpha", "M_delta"]
+    assert found["frequency"]["value"] == pytest.approx(2.793, rel=0.02)
+
+
+ORTHOGONAL = """
+[time]
+column = "t"
+[signals]
+alpha = { column = "alpha", unit = "deg" }
+delta_e = { column = "delta_e", unit = "deg" }
+C_m = { column = "C_m", unit = "-" }
+[manoeuvres]
+windows = [[0, 20], [20.02, 30]]
+validate = [2]
+[[aero.regressions]]
+response = "C_m"
+method = "orthogonal"
+regressors = ["alpha", "alpha^2", "alpha^3", "delta_e", "alpha*delta_e", "alpha^2*delta_e", "delta_e^2"]
+"""
+
+
+def moments(folder: Path, mapping: str = ORTHOGONAL) -> list[str]:
+    """C_m = 0.05 - 0.9 alpha + 2.5 alpha^3 - 1.2 delta_e with noise, at angles up to 0.5 rad."""
+    rng, t = np.random.default_rng(9), np.arange(0, 30, 0.02)
+    alpha = 0.25 * np.sin(0.9 * t) + 0.2 * np.sin(2.3 * t + 1) + 0.05
+    delta = 0.15 * np.sign(np.sin(1.7 * t)) + 0.05 * np.sin(3.1 * t)
+    told = 0.05 - 0.9 * alpha + 2.5 * alpha**3 - 1.2 * delta + 0.01 * rng.normal(size=len(t))
+    columns = {"t": t, "alpha": np.degrees(alpha), "delta_e": np.degrees(delta), "C_m": told}
+    (folder / "map.toml").write_text(mapping)
+    return [str(write(folder / "run.csv", columns)), "aero", "--map", str(folder / "map.toml")]
+
+
+def test_orthogonal_functions_choose_the_terms_of_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert identify.run([*moments(tmp_path), "--json", "--report", str(tmp_path / "page.html")]) == 0
+    (fit,) = json.loads(capsys.readouterr().out)["fits"]
+    found = {one["name"]: one for one in fit["estimates"]}
+    assert fit["method"] == "regression of C_m, orthogonal functions"
+    for name, true in {"alpha": -0.9, "alpha^3": 2.5, "delta_e": -1.2}.items():
+        assert abs(found[name]["value"] - true) < 1.6 * (found[name]["high"] - found[name]["value"])
+        assert found[name]["value"] == pytest.approx(true, rel=0.05)
+    shares = [one for one in fit["notes"] if one.startswith("orthogonal function of")]
+    assert len(shares) == 7 and sum("not kept" in one for one in shares) >= 2
+    (held,) = [one for one in fit["outputs"] if one["held_out"]]
+    assert held["theil"] < 0.05
+    assert ">Orthogonal functions of <i>C</i><sub>m</sub></h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
+    for line in ('selection = "stepwise"', 'domain = "frequency"'):
+        with pytest.raises(BadInput, match="chooses its terms itself, in the time domain"):
+            identify.run(moments(tmp_path, ORTHOGONAL + line + "\n"))
+    with pytest.raises(BadInput, match=r"method = 'orthogonl' is not known; known: least squares, orthogonal"):
+        identify.run(moments(tmp_path, ORTHOGONAL.replace('"orthogonal"', '"orthogonl"')))
