@@ -66,7 +66,7 @@ JSON_KEYS = {
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
     " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
     " held_out, samples, r_squared, rms, theil, white}, samples, steps, notes}; modes: as above or null; missing:"
-    " list of {name, reason}; notes",
+    " list of {name, reason}; delays: list of {name, unit, value, standard_error, low, high} of [prepare]; notes",
 }
 
 

@@ -10,8 +10,10 @@ import numpy as np
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import down_sampled
-from logs.identification.results import Array
-from logs.identification.tables.keys import read_section
+from logs.identification.preparing.split import split
+from logs.identification.results import Array, Estimate
+from logs.identification.tables.keys import check_known, read_section
+from logs.identification.tables.prepare import PrepareSection, prepared
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Columns
@@ -60,6 +62,10 @@ class Manoeuvres(NamedTuple):
     """a column of numbers, another in each manoeuvre, 0 or nothing between them"""
     validate: tuple[int, ...] = ()
     """-; numbers from 1 of the manoeuvres that are held out"""
+    validate_files: tuple[str, ...] = ()
+    """-; files all of whose manoeuvres are held out"""
+    validate_share: float | None = None
+    """-; share of the files, or of the only file's manoeuvres, that are drawn to be held out"""
 
 
 class Cut(NamedTuple):
@@ -68,9 +74,17 @@ class Cut(NamedTuple):
     fitted: tuple[Experiment, ...]
     held_out: tuple[Experiment, ...]
     notes: tuple[str, ...]
+    delays: tuple[Estimate, ...] = ()
+    """s; by which signals were measured to be late, by their names"""
 
 
-def cut(tables: list[Columns], entries: dict[str, SignalEntry], base: TimeSection, section: Manoeuvres) -> Cut:
+def cut(
+    tables: list[Columns],
+    entries: dict[str, SignalEntry],
+    base: TimeSection,
+    section: Manoeuvres,
+    prepare: PrepareSection | None = None,
+) -> Cut:
     """Experiments, named by number and file, on even time bases.
 
     Raises:
@@ -84,17 +98,46 @@ def cut(tables: list[Columns], entries: dict[str, SignalEntry], base: TimeSectio
         records += found
         notes += said
     units = {name: SIGNALS.get(name, entry.unit) for name, entry in entries.items()}
+    delays: tuple[Estimate, ...] = ()
+    if prepare is not None:
+        if prepare.resample is not None and base.resample is not None:
+            raise BadInput("time.resample and prepare.resample say the same: give one")
+        records, units, said, delays = prepared(records, units, prepare)
+        notes += said
     pieces = _pieces(records, section)
     experiments = [
         (_experiment(str(number + 1), record, span, units, base.resample), held)
         for number, (record, span, held) in enumerate(pieces)
     ]
-    held_out = _held_out(len(pieces), section.validate)
-    split = [(one, held or number + 1 in held_out) for number, (one, held) in enumerate(experiments)]
-    fitted = tuple(one for one, held in split if not held)
+    return _split(experiments, section, notes)._replace(delays=delays)
+
+
+def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, notes: list[str]) -> Cut:
+    """What is fitted, and what is held out by number, window, file or lot.
+
+    Raises:
+        BadInput: a manoeuvre or file that is not there, a share beside another choice, or nothing left to fit.
+    """
+    numbers = _held_out(len(experiments), section.validate)
+    files = [one.name.partition(" of ")[2] for one, _ in experiments]
+    for name in section.validate_files:
+        check_known(name, dict.fromkeys(files), f"manoeuvres.validate_files {name}")
+    held = [
+        told or number in numbers or file in section.validate_files
+        for number, ((_, told), file) in enumerate(zip(experiments, files, strict=True), 1)
+    ]
+    if section.validate_share is not None:
+        if any(held):
+            raise BadInput("manoeuvres.validate_share draws what is held out: name none beside it")
+        flights = {file: [one for (one, _), own in zip(experiments, files, strict=True) if own == file]
+                   for file in files}  # fmt: skip
+        drawn = split(flights, section.validate_share)
+        return Cut(drawn.training, drawn.validation, (*notes, drawn.note))
+    pairs = list(zip((one for one, _ in experiments), held, strict=True))
+    fitted = tuple(one for one, out in pairs if not out)
     if not fitted:
         raise BadInput("every manoeuvre is held out for validation: none is left to fit (manoeuvres.validate)")
-    return Cut(fitted, tuple(one for one, held in split if held), tuple(notes))
+    return Cut(fitted, tuple(one for one, out in pairs if out), tuple(notes))
 
 
 def _held_out(count: int, validate: tuple[int, ...]) -> set[int]:

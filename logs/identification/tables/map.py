@@ -12,6 +12,7 @@ from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.keys import check_known, number, read_section
+from logs.identification.tables.prepare import PrepareSection
 from logs.identification.tables.signals import SignalEntry, TimeSection
 from logs.identification.tables.stands import StandSection
 from logs.identification.tables.strokes import StrokeSection
@@ -33,6 +34,11 @@ delta_e = { column = "elevator", unit = "deg" }      # any name for controls
 [manoeuvres]                 # all of the table is one when not given
 windows = [[2.0, 12.0], [20.0, 32.0]]                # s
 validate = [2]               # numbers of those that are only predicted
+
+[prepare]                    # of whole records, before manoeuvres are cut; nothing when not given
+smooth = { alpha = "spline" }                        # local_quadratic, fourier, spline, rts; alpha_dot comes with it
+[prepare.delay]
+a_z = 0.02                   # s that it is late; { like = "q", by = "slope" } measures it against another signal
 
 [constants]                  # a number in SI, or with a unit
 mass = { value = 10500, unit = "lb" }
@@ -149,6 +155,7 @@ class Map(NamedTuple):
     time: TimeSection
     table: Layout = Layout()
     manoeuvres: Manoeuvres = Manoeuvres()
+    prepare: PrepareSection | None = None
     constants: ConstantsSection = ConstantsSection()
     modes: ModesSection | None = None
     aero: AeroSection | None = None

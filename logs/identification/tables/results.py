@@ -11,7 +11,7 @@ from logs.identification.chapter import Chapter
 from logs.identification.experiment import Experiment
 from logs.identification.modes.mode import ModesResult
 from logs.identification.regression.stepwise import Step
-from logs.identification.results import Fitted, Unidentified
+from logs.identification.results import Estimate, Fitted, Unidentified
 
 LITTLE = 0.5
 """-; R^2 under which a model is said to explain little"""
@@ -89,6 +89,8 @@ class TableIdentification(NamedTuple):
     """-; signals that the map calls inputs"""
     constants: Mapping[str, float] = {}
     """SI; what the map tells of the vehicle"""
+    delays: tuple[Estimate, ...] = ()
+    """s; by which signals were measured to be late, by their names"""
 
 
 def finite(value: float | None) -> float | None:

@@ -19,7 +19,7 @@ from logs.identification.tables.regressions import regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
 from logs.identification.tables.subjects import AERO, ALL, MODES, SECTIONS, SUBJECTS
-from logs.identification.tables.table import read_columns
+from logs.identification.tables.table import Columns, read_columns
 
 T = TypeVar("T")
 
@@ -33,9 +33,11 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
     chosen = load_map(mapping)
     _asked(chosen, mapping, what)
     tables = [read_columns(path, chosen.table) for path in files]
-    return _of_map(
-        mapping, lambda: _identified(chosen, cut(tables, chosen.signals, chosen.time, chosen.manoeuvres), what)
-    )
+    return _of_map(mapping, lambda: _identified(chosen, _cut(tables, chosen), what))
+
+
+def _cut(tables: list[Columns], chosen: Map) -> Cut:
+    return cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
 
 
 def _asked(chosen: Map, mapping: Path, what: str) -> None:
@@ -81,6 +83,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     return TableIdentification(
         files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
         (*found.fitted, *found.held_out), _inputs(chosen), constants,
+        found.delays,
     )  # fmt: skip
 
 

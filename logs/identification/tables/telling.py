@@ -59,6 +59,7 @@ def table_document(found: TableIdentification) -> dict[str, Any]:
         "fits": [_fit(fit) for fit in found.fits],
         "modes": modes,
         "missing": [one._asdict() for one in found.missing],
+        "delays": [_numbers(one) for one in found.delays],
         "notes": list(found.notes),
     }
 
@@ -82,10 +83,11 @@ def _fit(fit: TableFit) -> dict[str, Any]:
 
 
 def _estimate(row: NumberRow) -> dict[str, Any]:
-    numbers = {
-        key: value if isinstance(value, str) else finite(value) for key, value in row.estimate._asdict().items()
-    }
-    return numbers | {"start": finite(row.start)}
+    return _numbers(row.estimate) | {"start": finite(row.start)}
+
+
+def _numbers(one: Estimate) -> dict[str, Any]:
+    return {key: value if isinstance(value, str) else finite(value) for key, value in one._asdict().items()}
 
 
 def _output(one: OutputFit) -> dict[str, Any]:
