@@ -45,6 +45,7 @@ EXAMPLES = (
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
     "wingbeat identify --map-example > map.toml           # then: what your columns are, and what to fit",
+    "wingbeat identify --map-example stroke > map.toml    # the same for coefficients of up- and down-stroke",
     "wingbeat identify flight.csv --map map.toml          # docs/identify_csv.md has every key and two examples",
 )
 UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
@@ -82,8 +83,9 @@ TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
-        "Identify the servo torque and power models, the short-period mode or the wings' coefficients from a log;"
-        " modes and aerodynamic coefficients from tables of numbers that a map explains."
+        "Identify the servo torque and power models, the short-period mode, the wings' coefficients or the sensors'"
+        " errors from a log; modes, aerodynamic coefficients, sensors' errors, runs of stands and benches from tables"
+        " of numbers that a map explains."
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
     parser.usage = f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"

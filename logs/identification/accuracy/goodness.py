@@ -37,7 +37,7 @@ def goodness(measured: Array, modelled: Array, parameters: int = 0) -> Goodness:
     error = z - modelled[there]
     squares, spread = float(error @ error), float(np.sum((z - z.mean()) ** 2))
     rms = float(np.sqrt(squares / count))
-    if spread <= 0:
+    if spread <= 0 or np.ptp(z) == 0:  # a constant's mean is rounded
         return Goodness(np.nan, np.nan, np.nan, rms, count)
     left = count - max(parameters, 1)
     adjusted = 1 - squares / left / (spread / (count - 1)) if left > 0 else np.nan

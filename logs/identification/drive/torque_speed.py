@@ -51,7 +51,10 @@ def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: f
     if about <= 0.0 or np.ptp(np.abs(rate[good])) < LEAST_SPREAD * np.max(np.abs(rate[good])):
         return _refused("the rate does not vary", torque[good])
     design = np.column_stack((voltage / about, -np.abs(rate)))
-    fit = regress(design, torque * turning, good.astype(float))
+    try:
+        fit = regress(design, torque * turning, good.astype(float))
+    except np.linalg.LinAlgError:
+        return _refused("voltage and rate do not vary apart", torque[good])
     return _constants(fit, int(good.sum()))
 
 

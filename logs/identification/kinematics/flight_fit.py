@@ -128,7 +128,7 @@ def independent(problem: Problem) -> tuple[Problem, list[Unidentified], str]:
     while True:
         values = first_guess(problem)
         paths = _paths(problem, values)
-        if not all(np.all(np.isfinite(path.states)) for path in paths):
+        if not all(np.all(np.isfinite(part)) for path in paths for part in (path.states, path.residuals)):
             return problem, refused, "the kinematics run away from the first guess: are the units SI, the axes FRD?"
         information, _ = _normal(problem, _spread(problem, paths), paths, _linearised(problem, values, paths))
         found = _dependent(problem, information)

@@ -190,9 +190,11 @@ def path_of(problem: Problem, values: Values, index: int) -> Path:
     """Record ``index`` flown at ``values``."""
     record, errors = problem.records[index], errors_by_name(problem, values)
     inputs = corrected_inputs(record.inputs, errors)
-    states = fly(values.starts[index], inputs, record.step, STANDARD_GRAVITY)
-    told = true_outputs(problem.channels, states, inputs, problem.places)
-    return Path(states, inputs, record.used * (record.outputs - _with_errors(problem, record, told, errors)))
+    with np.errstate(over="ignore", invalid="ignore"):  # a motion that runs away has no residuals
+        states = fly(values.starts[index], inputs, record.step, STANDARD_GRAVITY)
+        told = true_outputs(problem.channels, states, inputs, problem.places)
+        left = record.used * (record.outputs - _with_errors(problem, record, told, errors))
+    return Path(states, inputs, left)
 
 
 def _with_errors(problem: Problem, record: Record, told: Array, errors: dict[str, float]) -> Array:

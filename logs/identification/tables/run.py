@@ -10,6 +10,7 @@ from typing import TypeVar
 from avionics.quantities import BadInput
 from logs.identification.modes.mode import ModesResult
 from logs.identification.results import Unidentified
+from logs.identification.tables import stands
 from logs.identification.tables.constants import read_constants
 from logs.identification.tables.experiments import Cut, cut
 from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
@@ -18,7 +19,7 @@ from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.regressions import regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
-from logs.identification.tables.subjects import AERO, ALL, MODES, SECTIONS, SUBJECTS
+from logs.identification.tables.subjects import AERO, ALL, MODES, SECTIONS, STAND, SUBJECTS
 from logs.identification.tables.table import Columns, read_columns
 
 T = TypeVar("T")
@@ -78,11 +79,13 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     fits += _of_rooms(chosen, found, constants, what, missing)
     if not fits and modes is None:
         raise BadInput("; ".join(dict.fromkeys(one.reason for one in missing)))
-    fitted, held = (tuple(one.name for one in part) for part in (found.fitted, found.held_out))
-    files = tuple(dict.fromkeys(name.rpartition(" of ")[2] for name in (*fitted, *held)))
+    tare = stands.tare_name(chosen.stand, found) if chosen.stand is not None and what == STAND else None
+    fitted, held = (tuple(one.name for one in part if one.name != tare) for part in (found.fitted, found.held_out))
+    every = (*found.fitted, *found.held_out)
+    files = tuple(dict.fromkeys(one.name.rpartition(" of ")[2] for one in every))
     return TableIdentification(
         files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
-        (*found.fitted, *found.held_out), _inputs(chosen), constants,
+        tuple(one for one in every if one.name != tare), _inputs(chosen), constants,
         found.delays,
     )  # fmt: skip
 

@@ -116,20 +116,25 @@ def _vehicle(name: str) -> SimulatedVehicle:
     return load_vehicle(str(Path(name) / "world.toml") if Path(name).is_dir() else name)
 
 
+def tare_name(asked: StandSection, found: Cut) -> str | None:
+    """What the manoeuvre of the tare run is called; None where there is none."""
+    begin = f"manoeuvre {asked.tare} of "
+    return next((one.name for one in (*found.fitted, *found.held_out) if one.name.startswith(begin)), None)
+
+
 def _tare(asked: StandSection, found: Cut) -> tuple[Experiment | None, tuple[list[Experiment], list[Experiment]]]:
     """The tare run, and the runs to fit and to predict.
 
     Raises:
         BadInput: there is no manoeuvre of that number, or nothing beside it.
     """
-    every = (*found.fitted, *found.held_out)
-    tare = next((one for one in every if one.name.startswith(f"manoeuvre {asked.tare} of ")), None)
-    if asked.tare is not None and tare is None:
+    name, every = tare_name(asked, found), (*found.fitted, *found.held_out)
+    if asked.tare is not None and name is None:
         raise BadInput(f"stand.tare: there is no manoeuvre {asked.tare}; there are {len(every)}")
-    fitted, held = ([one for one in part if one is not tare] for part in (found.fitted, found.held_out))
+    fitted, held = ([one for one in part if one.name != name] for part in (found.fitted, found.held_out))
     if not fitted:
         raise BadInput("stand: no run is left beside the tare run and those held out")
-    return tare, (fitted, held)
+    return next((one for one in every if one.name == name), None), (fitted, held)
 
 
 def _run(asked: StandSection, one: Experiment, constants: Mapping[str, float]) -> StandRun:

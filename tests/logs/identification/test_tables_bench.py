@@ -94,6 +94,17 @@ def test_a_servo_that_was_not_driven_hard_has_no_number(tmp_path: Path, capsys: 
     assert "stall_torque 2" not in said
 
 
+def test_a_bench_whose_supply_was_not_told_apart_has_no_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = servo(tmp_path)
+    rows = [line.split(",") for line in (tmp_path / "bench.csv").read_text().splitlines()]
+    told = [",".join(rows[0]), *(f"{torque},{speed},0" for torque, speed, _ in rows[1:])]
+    (tmp_path / "bench.csv").write_text("\n".join(told))
+    assert main(words) == 0
+    assert "voltage and rate do not vary apart" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_release_tells_frequency_and_damping_and_predicts_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -182,3 +182,22 @@ def test_the_example_map_is_one_and_an_unknown_one_is_named(
         assert subject == "all" or getattr(chosen, subject) is not None
     assert main(["identify", "--map-example", "pth"]) == 2
     assert "no example map of 'pth' (meant 'path'?)" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("column", "value", "code"), [(4, "1e12", 0), (1, "1e12", 0), (7, "5e13", 0), (4, "", 2)])
+def test_a_column_of_nonsense_gives_a_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], column: int, value: str, code: int
+) -> None:
+    """GIVEN a speed or rate beyond reason, or none THEN no warning, no traceback and no number of what it spoils."""
+    words = tables(tmp_path, count=1, validate="[]")
+    head, *rows = ((line.split(",")) for line in (tmp_path / "run1.csv").read_text().splitlines())
+    spoilt = [head, *((*row[:column], value, *row[column + 1 :]) for row in rows)]
+    (tmp_path / "run1.csv").write_text("\n".join(",".join(row) for row in spoilt))
+    assert main(["identify", *words, "--json"]) == code
+    said = capsys.readouterr()
+    if code:
+        assert len(said.err.splitlines()) == 1
+    else:
+        (fit,) = json.loads(said.out)["fits"]
+        assert fit["failure"] or fit["unidentified"] or not fit["estimates"], fit

@@ -77,7 +77,9 @@ def test_a_stand_tells_the_wings_coefficients(
     (tmp_path / "map.toml").write_text(MAP + ("tare = 2\n" if tared else ""))
     words = ["identify", *map(str, files), "--map", str(tmp_path / "map.toml"), "stand", "--json"]
     assert main([*words, "--report", str(tmp_path / "page.html")]) == 0
-    fits = json.loads(capsys.readouterr().out)["fits"]
+    document = json.loads(capsys.readouterr().out)
+    fits = document["fits"]
+    assert document["manoeuvres"] == {"fitted": ["manoeuvre 1 of run.csv"], "held_out": []}
     assert [fit["method"].split()[0] for fit in fits] == ["C_L", "C_T", "C_m"]
     found = {one["name"]: one for fit in fits for one in fit["estimates"]}
     for name, true in TRUTH.items():
