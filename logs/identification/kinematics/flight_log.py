@@ -12,7 +12,7 @@ from logs.identification.chapter import Chapter
 from logs.identification.data import Aircraft
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_path import Setup, reconstruct
-from logs.identification.kinematics.flight_sensors import Places
+from logs.identification.kinematics.flight_sensors import WINDS, Places
 from logs.identification.kinematics.flight_told import fitted_path, path_chapter
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.excited import excited
@@ -29,7 +29,10 @@ LEAST = 5.0
 """s; a shorter piece tells little but its first states"""
 MOST_PIECES = 8
 LEAD = 5.0
-"""s; beside a manoeuvre, taken with it"""
+"""s; beside a manoeuvre, taken with it; behind a launch, left out"""
+UNSURE = ("north", "east")
+"""not used: without a vane sideways a filter's small error of bank is a large one of the wind, in no interval"""
+NO_WIND = "not looked for: without a vane sideways it would rest on the attitude filter's bank"
 ATTITUDE = "attitude: the flight computer's own; what it drifts by over longer than a record is taken for the motion"
 
 
@@ -51,15 +54,17 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
     flight = whole_flight(source, "flight", aircraft.imu)
     if "airspeed" not in flight.signals:
         raise BadInput("the log has no airspeed (/main/air_data), which a flight path needs")
+    flight = flight._replace(signals={name: one for name, one in flight.signals.items() if name not in UNSURE})
     records = _pieces(flight)
     setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)))
     found = reconstruct(records, setup)
     if found.failure:
         raise BadInput(f"flight path: {found.failure}")
     told = fitted_path(records, found, setup)
+    lost = tuple(one._replace(reason=NO_WIND) if one.name in WINDS else one for one in told.unidentified)
     notes = (ATTITUDE,) if {"theta", "phi"} & set(flight.signals) else ()
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
-    return PathResult(told._replace(notes=(*notes, *told.notes)), names, path_chapter(records, found))
+    return PathResult(told._replace(unidentified=lost, notes=(*notes, *told.notes)), names, path_chapter(records, found))
 
 
 def _pieces(flight: Experiment) -> tuple[Experiment, ...]:
@@ -86,7 +91,8 @@ def _flying(flight: Experiment) -> tuple[Experiment, ...]:
     fast = np.nan_to_num(speed) > FLYING * float(np.median(known)) if len(known) else np.zeros(len(speed), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], fast.astype(int), [0]))))
     pieces = []
-    for first, last in edges.reshape(-1, 2).tolist():
+    for begin, last in edges.reshape(-1, 2).tolist():
+        first = min(begin + int(LEAD / flight.step), last)
         parts = max(round((last - first) * flight.step / PIECE), 1)
         bounds = np.linspace(first, last, parts + 1).astype(int)
         pieces += [cut(flight, slice(int(a), int(b))) for a, b in pairwise(bounds)]

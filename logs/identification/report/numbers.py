@@ -86,7 +86,7 @@ def identify(
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
-    (aero, which all is without) need the ``bodies`` of the vehicle; the flight path (path) is not of all either.
+    (aero) need the ``bodies`` of the vehicle; they and the flight path (path) are not of all.
 
     Raises:
         BadInput: unknown subject, or the log gives nothing of what was asked for.
@@ -94,8 +94,7 @@ def identify(
     if what not in SUBJECTS:
         raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     source = Remembered(source)
-    known, aircraft = dict(truths or {}), aircraft or Aircraft()
-    missing: list[Unidentified] = []
+    known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
     torque = power = load = frequency = modes = None
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
