@@ -64,7 +64,8 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
     lost = tuple(one._replace(reason=NO_WIND) if one.name in WINDS else one for one in told.unidentified)
     notes = (ATTITUDE,) if {"theta", "phi"} & set(flight.signals) else ()
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
-    return PathResult(told._replace(unidentified=lost, notes=(*notes, *told.notes)), names, path_chapter(records, found))
+    told = told._replace(unidentified=lost, notes=(*notes, *told.notes))
+    return PathResult(told, names, path_chapter(records, found))
 
 
 def _pieces(flight: Experiment) -> tuple[Experiment, ...]:
