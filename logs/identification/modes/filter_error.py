@@ -61,7 +61,7 @@ LONGEST = 1.0
 """-; step of those logarithms: the first steps, far from the optimum, would leap out of sight"""
 DIFFERENCE = 1e-5
 ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
-"""-; gain of the likelihood's logarithm by a step of scoring behind which others follow, and what one more promises"""
+"""-; gain of the likelihood's logarithm by a step of scoring that others follow, and what one more promises"""
 WORST_CONDITION = 1e14
 
 

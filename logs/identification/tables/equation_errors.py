@@ -9,8 +9,7 @@ import numpy as np
 from logs.identification.experiment import Experiment
 from logs.identification.modes.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing
-from logs.identification.tables.delayed import DELAY
-from logs.identification.tables.map import ModesSection
+from logs.identification.tables.map import DELAY, ModesSection
 from logs.identification.tables.models import DROPPED, with_speed
 from logs.identification.tables.named import band_frequencies
 from logs.identification.tables.results import TableFit
