@@ -73,9 +73,7 @@ class Onboard:
         """
         step = self.view.autopilot.step
         self._link = link
-        # What is in memory now stays: no search for garbage among it may take a tick.
-        gc.collect()
-        gc.freeze()
+        kept = _keep_memory()
         try:
             while (frame := board.read()) is not None:
                 self._stopwatch.begin()
@@ -85,7 +83,8 @@ class Onboard:
                 if self._file is not None:
                     self._keep(self._file, self.view.armed)
         finally:
-            gc.unfreeze()
+            if kept:
+                gc.unfreeze()
             if self._file is not None:
                 self._keep(self._file, armed=False)
 
@@ -144,3 +143,12 @@ class Onboard:
         for event in link.take_events():
             self._recorder.record(topics.LINK_EVENTS, event)
         return inputs
+
+
+def _keep_memory() -> bool:
+    """What is in memory now stays: no search for garbage among it may take a tick; False where somebody saw to it."""
+    if gc.get_freeze_count():
+        return False
+    gc.collect()
+    gc.freeze()
+    return True
