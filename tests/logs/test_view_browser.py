@@ -35,14 +35,24 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield browser
 
 
-def shown(browser: Browser, folder: Path, chosen: tuple[Topic, ...] = (), width: int = 1400) -> Browser:
-    """A page of a flight of 20 s of the chosen topics (all by default), open in a window so wide."""
+def written(folder: Path, chosen: tuple[Topic, ...] = ()) -> Path:
+    """The page of a flight of 20 s of the chosen topics (all by default)."""
     path = flown(folder / "a.mcap", messages(20.0, chosen) if chosen else messages(20.0), EVENTS)
     with open_log(path) as log:
-        page = write_page(log, folder / "a.html")
+        return write_page(log, folder / "a.html").path
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a flight of every topic; none who opens it changes the file."""
+    return written(tmp_path_factory.mktemp("whole"))
+
+
+def shown(browser: Browser, page: Path, width: int = 1400) -> Browser:
+    """A page, open in a window so wide."""
     browser.seen.clear()
     browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-    browser.open(page.path)
+    browser.open(page)
     return browser
 
 
@@ -65,18 +75,18 @@ def place_of(browser: Browser, where: str) -> tuple[float, float, float, float]:
     return box["x"], box["y"], box["width"], box["height"]
 
 
-def test_nothing_goes_wrong_and_nothing_is_asked_of_a_network(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_nothing_goes_wrong_and_nothing_is_asked_of_a_network(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     browser.value("page.play(true)")
     browser.value(FRAMES)
     browser.value("page.play(false)")
     assert complaints(browser) == []
     asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
-    assert asked == [(tmp_path / "a.html").resolve().as_uri()]
+    assert asked == [whole.resolve().as_uri()]
 
 
-def test_everything_is_painted(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_everything_is_painted(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     assert painted(browser, "#scene")[0] > 50
     count = browser.value("document.querySelectorAll('#panels canvas').length")
     assert count == 10
@@ -85,8 +95,8 @@ def test_everything_is_painted(browser: Browser, tmp_path: Path) -> None:
     assert painted(browser, "#bands")[0] > 5 and painted(browser, "#axis")[0] > 3
 
 
-def test_the_slider_moves_the_cursor_the_bird_and_the_readings(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_the_slider_moves_the_cursor_the_bird_and_the_readings(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
 
     def slid(time: float) -> tuple[Any, ...]:
         browser.value(f"Object.assign(document.querySelector('#slider'), {{ value: {time} }})")
@@ -102,8 +112,8 @@ def test_the_slider_moves_the_cursor_the_bird_and_the_readings(browser: Browser,
     assert wing == pytest.approx(0.6 * 0.998, abs=0.01)  # an upward stroke's end
 
 
-def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     frames = "page.playing = true; page.last = null; page.frame(1000); page.frame(1200);"
     browser.value(f"document.querySelector('#speed').value = '2'; page.go(5.0); {frames} page.playing = false;")
     assert browser.value("page.time") == pytest.approx(5.4)
@@ -111,8 +121,8 @@ def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browse
     assert browser.value("[page.time, page.playing]") == [pytest.approx(20.0), False]
 
 
-def test_events_are_listed_and_can_be_gone_to(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_events_are_listed_and_can_be_gone_to(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     listed = browser.value("[...document.querySelectorAll('#events li')].map(entry => entry.textContent)")
     assert listed == ["00:01.0armed", "00:02.0launched", "00:15.0item 0 done"]
     browser.value("document.querySelectorAll('#events button')[2].click()")
@@ -120,15 +130,15 @@ def test_events_are_listed_and_can_be_gone_to(browser: Browser, tmp_path: Path) 
     assert browser.value("document.querySelector('#events .now').textContent") == listed[2]
 
 
-def test_a_mark_of_an_event_says_what_it_is(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_a_mark_of_an_event_says_what_it_is(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     left, top, *_ = place_of(browser, "#bands")
     mouse(browser, "mouseMoved", left + browser.value("page.plots.x(15.0)"), top + 46.0)
     assert "item 0 done" in browser.value("tip.textContent") and browser.value("tip.hidden") is False
 
 
-def test_a_drag_zooms_a_wheel_zooms_and_a_double_click_shows_all(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_a_drag_zooms_a_wheel_zooms_and_a_double_click_shows_all(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     whole = browser.value("page.plots.window")
     left, top, width, height = place_of(browser, "#panels > div:nth-child(4) canvas")
     y = top + 0.5 * height
@@ -145,8 +155,8 @@ def test_a_drag_zooms_a_wheel_zooms_and_a_double_click_shows_all(browser: Browse
     assert browser.value("page.plots.window") == pytest.approx(whole)
 
 
-def test_cameras_and_the_mouse_look_at_the_bird_from_elsewhere(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_cameras_and_the_mouse_look_at_the_bird_from_elsewhere(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     views = {"follow": painted(browser, "#scene")[1]}
     for camera in ("chase", "overview"):
         browser.value(f"document.querySelector('#{camera}').click()")
@@ -161,16 +171,16 @@ def test_cameras_and_the_mouse_look_at_the_bird_from_elsewhere(browser: Browser,
 
 
 @pytest.mark.parametrize("width", [1400, 1000, 420])
-def test_nothing_sticks_out_of_the_window(browser: Browser, tmp_path: Path, width: int) -> None:
-    shown(browser, tmp_path, width=width)
+def test_nothing_sticks_out_of_the_window(browser: Browser, whole: Path, width: int) -> None:
+    shown(browser, whole, width=width)
     assert browser.value("document.documentElement.scrollWidth <= window.innerWidth")
     outside = "[...document.querySelectorAll('canvas, button, h1, p, #events')]"
     outside += ".filter(one => one.getBoundingClientRect().right > window.innerWidth + 1).length"
     assert browser.value(outside) == 0
 
 
-def test_dark_and_light_are_the_systems(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path)
+def test_dark_and_light_are_the_systems(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
     corners = []
     for scheme in ("light", "dark"):
         browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
@@ -181,7 +191,7 @@ def test_dark_and_light_are_the_systems(browser: Browser, tmp_path: Path) -> Non
 
 
 def test_a_log_without_truth_and_wings_is_shown_and_says_so(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path, tuple(topic for topic in ONBOARD if topic not in (topics.WING, topics.FLAP)))
+    shown(browser, written(tmp_path, tuple(topic for topic in ONBOARD if topic not in (topics.WING, topics.FLAP))))
     assert complaints(browser) == [] and painted(browser, "#scene")[0] > 50
     words = browser.value("missing.textContent")
     assert "truth" in words and "wing angles" in words
@@ -190,7 +200,7 @@ def test_a_log_without_truth_and_wings_is_shown_and_says_so(browser: Browser, tm
 
 
 def test_a_log_without_an_attitude_has_plots_alone(browser: Browser, tmp_path: Path) -> None:
-    shown(browser, tmp_path, (topics.ALTITUDE, topics.POWER))
+    shown(browser, written(tmp_path, (topics.ALTITUDE, topics.POWER)))
     assert complaints(browser) == []
     assert browser.value("space.hidden") is True
     assert browser.value("document.querySelectorAll('#panels canvas').length") == 4
