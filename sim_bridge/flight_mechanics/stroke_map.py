@@ -8,6 +8,7 @@ of the section at a whole turn.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -210,7 +211,10 @@ def paired_coordinates(plant: Plant) -> list[tuple[int, ...]]:
 
 def throttle_for(frequency: float, vehicle: SimulatedVehicle) -> float:
     """Throttle 0 to 1 at which a crank drive turns at ``frequency`` Hz; 0 for other drives."""
-    table = vehicle.drive.frequencies
-    if vehicle.drive.kind != "crank":
-        return 0.0
+    return _throttle(frequency, vehicle.drive.frequencies) if vehicle.drive.kind == "crank" else 0.0
+
+
+@functools.lru_cache(maxsize=64)
+def _throttle(frequency: float, table: tuple[float, ...]) -> float:
+    """It is asked for at each piece of a stroke, with the same frequency."""
     return float(np.interp(frequency, table, np.linspace(0.0, 1.0, len(table))))
