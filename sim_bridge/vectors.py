@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
-from numba import njit
+from numba import njit as njit  # for all who compile: by here the cache has its folder
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]

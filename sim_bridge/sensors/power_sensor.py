@@ -15,13 +15,13 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from avionics.quantities import Quantity
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.frame import BURST_LENGTH
 from sim_bridge.sensors.noise import SensorSeed, normal_arrays, split
+from sim_bridge.vectors import njit
 
 SAMPLE_RATE = 6000.0
 """Hz; of the ADC: three periods of 300 Hz in sixty samples"""

@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 REGRESSORS = ("u", "w", "q", "delta")
 UNITS = {

@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from logs.identification.data import Aircraft
 from logs.identification.modes.equation_error import DerivativeFit, failed
@@ -21,6 +20,7 @@ from logs.identification.modes.errors import coloured_spread, information
 from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")
 ITERATIONS = 40

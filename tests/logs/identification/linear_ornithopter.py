@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.signal import lfilter
 
 from avionics.constants import STANDARD_GRAVITY
@@ -16,6 +15,7 @@ from logs.identification.modes.output_error import Problem
 from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, mode_of
 from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67, elevator=0.05)
 AIRCRAFT = Aircraft(imu_x=0.05, imu_z=0.0, tail_time_constant=0.04)

@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from logs.identification.output_error.problem import Named
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 LONGEST_STEP = 0.05
 """s; of the integration: a mode of 3 rad/s is then 1e-6 true in amplitude after a cycle"""

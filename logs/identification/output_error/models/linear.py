@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from avionics.quantities import BadInput
 from logs.identification.output_error.problem import Named
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 ONE = "1"
 """the regressor of constants"""

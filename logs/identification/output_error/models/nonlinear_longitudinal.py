@@ -17,13 +17,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.output_error.models.compiled import LONGEST_STEP, CompiledModel
 from logs.identification.output_error.problem import Named
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 _DRAG = ("0", "V", "alpha", "alpha2", "k", "q", "delta")
 _OTHERS = ("0", "V", "alpha", "alpha2", "q", "delta")
