@@ -16,8 +16,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile
 # Ground stations of others. The tests run MAVProxy without its windows, which would take 0.9 GB of libraries: 140 MB and
 # 6 s without their dependencies, 1.1 GB and 40 s with them; the rest of what they import is ours too.
-CLIENTS = $(BIN)/python -c "import tomllib; \
-    print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['clients'])"
+EXTRA = $(BIN)/python -c "import sys, tomllib; \
+    print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies'][sys.argv[1]])"
 PYTEST := $(BIN)/python -m pytest -q -m "not bench and not validate"
 # Modules are compiled once, at their first import, not in every process.
 unexport PYTHONDONTWRITEBYTECODE
@@ -30,14 +30,17 @@ help:
 fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
-# What every worker would do for itself is done once before they start, on the second core. Three workers on two cores:
-# tests of links wait over a minute in all for an answer or for its absence, in which another can work.
-test: $(VENV)/.installed-dev
+# What every worker would do for itself is done once before they start: kernels are compiled on one core while the other
+# installs the checks and makes the first of them. Three workers on two cores: tests of links wait over a minute in all
+# for an answer or for its absence, in which another can work.
+test: $(VENV)/.installed
 	@$(MAKE) --no-print-directory -j 2 kernels collected
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
 
-kernels: $(VENV)/.installed-dev
+kernels: $(VENV)/.installed
 	@$(BIN)/wingbeat trim robo_raven_ii_d > /dev/null
+	@for table in short_period transport; do \
+	    $(BIN)/wingbeat identify docs/examples/$$table.csv --map docs/examples/$$table.toml > /dev/null || exit; done
 
 # The tests rewritten for their assertions; what is wrong in them pytest tells when they are run.
 collected: lint
@@ -62,17 +65,18 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) || \
 	    { rm -rf $(VENV); echo 'cannot create $(VENV): is the venv module of $(PYTHON) installed (python3-venv)?' >&2; exit 2; }
 
-# Installed once for each state of pyproject.toml; the developer's set contains the flyer's.
+# Installed once for each state of pyproject.toml.
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@echo 'installing wingbeat (once)'
 	@$(PIP) -e .
 	@touch $@
 
-$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
-	@echo 'installing wingbeat and its checks (once)'
-	@$(PIP) -e '.[dev]'
-	@$(PIP) --no-deps $$($(CLIENTS)) || echo 'MAVSDK and MAVProxy cannot be had here: their tests are skipped' >&2
-	@touch $(VENV)/.installed $@
+# The developer's set besides: beside a running wingbeat, so that nothing of the flyer's is installed again.
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@echo 'installing its checks (once)'
+	@$(PIP) $$($(EXTRA) dev)
+	@$(PIP) --no-deps $$($(EXTRA) clients) || echo 'MAVSDK and MAVProxy cannot be had here: their tests are skipped' >&2
+	@touch $@
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
