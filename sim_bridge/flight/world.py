@@ -175,6 +175,8 @@ class SimulatedWorld:
         self._tick = 0
         self._period = 1.0 / rate
         self._clock = StepClock(0.0, -1, self._period)
+        self.time_us = round(self._clock.end * 1e6)
+        """us; at the end of the last step, or of the first that will come"""
         self._records, self._next_record_us = 0, 0
         self._launch_from = scenario.launch_time
         self._targets = (0.0, 0.0)
@@ -196,11 +198,6 @@ class SimulatedWorld:
         """Latitude rad, longitude rad, altitude m of the launch place."""
         home = self.scenario.home
         return home.latitude, home.longitude, home.altitude
-
-    @property
-    def time_us(self) -> int:
-        """us; at the end of the last step, or of the first that will come."""
-        return round(self._clock.end * 1e6)
 
     @property
     def thrown(self) -> bool:
@@ -233,6 +230,7 @@ class SimulatedWorld:
             SimulationSilent: from the time of that fault on.
         """
         self._clock = self._clock.step(duration)
+        self.time_us = round(self._clock.end * 1e6)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
             self._say(Severity.WARNING, text)
         air = self._air()
@@ -265,12 +263,12 @@ class SimulatedWorld:
 
     def truth_wing(self) -> TruthWing:
         """Wings and drives at the end of the last step; current and power averaged over it."""
-        y, means = self.plant.y, self._means
+        y, means = self.plant.y.tolist(), self._means
         torque_left, torque_right = self.plant.scratch.drive[:2].tolist()
         at = self.plant.layout
-        flap, twist = [float(y[i]) for i in at.flap], [float(y[i]) if i >= 0 else 0.0 for i in at.twist]
-        rates = [float(y[at.rate(i)]) for i in at.flap]
-        deflection = [float(y[i]) if i >= 0 else 0.0 for i in (at.elevator, at.rudder)]
+        flap, twist = [y[i] for i in at.flap], [y[i] if i >= 0 else 0.0 for i in at.twist]
+        rates = [y[at.rate(i)] for i in at.flap]
+        deflection = [y[i] if i >= 0 else 0.0 for i in (at.elevator, at.rudder)]
         voltage, power = self._supply()
         drives = (torque_left, torque_right, means.current, voltage, power)
         return TruthWing._make((self.time_us, *flap, *rates, *twist, *drives, *deflection))

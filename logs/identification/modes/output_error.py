@@ -20,7 +20,7 @@ from logs.identification.modes.errors import coloured_spread, information
 from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.vectors import Integers, njit
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")
 ITERATIONS = 40
@@ -74,6 +74,21 @@ def _propagate(exact: Discrete, start: Array, tail: Array) -> Array:
     return states
 
 
+@njit(cache=True)
+def _average(weights: Array, columns: Integers, ends: Integers, states: Array, tail: Array, means: Array) -> None:
+    """Means (M, 5) of ``states`` (N, 4) and ``tail`` (N,) by the rows of a sparse matrix (M, N)."""
+    for row in range(means.shape[0]):
+        u = w = q = theta = angle = 0.0
+        for at in range(ends[row], ends[row + 1]):
+            k, weight = columns[at], weights[at]
+            u += weight * states[k, 0]
+            w += weight * states[k, 1]
+            q += weight * states[k, 2]
+            theta += weight * states[k, 3]
+            angle += weight * tail[k]
+        means[row, 0], means[row, 1], means[row, 2], means[row, 3], means[row, 4] = u, w, q, theta, angle
+
+
 class Flown(NamedTuple):
     """The model at given derivatives, ready to fly any manoeuvre."""
 
@@ -95,9 +110,11 @@ class Flown(NamedTuple):
 
     def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
         """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
+        means, average = np.empty((len(manoeuvre.at), 5)), manoeuvre.averaging
         states = _propagate(self.exact, start, tail)
-        outputs: Array = (manoeuvre.averaging @ states) @ self.model.c.T
-        return outputs + np.outer(manoeuvre.averaging @ tail, self.model.d)
+        _average(average.data, average.indices, average.indptr, states, tail, means)
+        outputs: Array = means[:, :-1] @ self.model.c.T
+        return outputs + np.outer(means[:, -1], self.model.d)
 
 
 def _flown(problem: Problem, values: Array) -> Flown:
