@@ -13,6 +13,10 @@ os.environ["WINGBEAT_STATE"] = tempfile.mkdtemp(prefix="wingbeat-state-")
 # The clients that tests build from pymavlink speak MAVLink 2, whichever file imports it first.
 os.environ["MAVLINK20"] = "1"
 
+# Matrices here are small: the threads that would share one spin while they wait for each other, which takes several
+# times the processor time of the work, from the other workers. Processes that tests start inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A machine that is busy with something else makes a test late, not wrong.
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
