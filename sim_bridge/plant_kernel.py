@@ -21,7 +21,7 @@ from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
-from sim_bridge.vectors import Floats, Integers, inlined, kernel, rotation
+from sim_bridge.vectors import Floats, Integers, inlined, kernel, laid_in, rotation
 
 VOLTAGE_ROUNDS = 3
 """of torque, current and sag, see `_drive_wings`"""
@@ -299,17 +299,17 @@ def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) 
     set_outside(y, around, s)
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
     wing_motion(s.tree, p.wings, q, rates, s.outside, s.wings)
-    set_tail(q, p, s.wings.motion.tail)
+    _set_tail(q, p.joints, s.wings.motion.tail)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
 
 
 @inlined
-def set_tail(q: Floats, p: PlantParameters, tail: Floats) -> None:
+def _set_tail(q: Floats, joints: Joints, tail: Floats) -> None:
     """Tell what elevator and rudder have achieved, of the coordinates ``q``."""
-    for i in range(p.joints.kind.shape[0]):
-        if p.joints.kind[i] == FOLLOWS:
-            tail[p.joints.channel[i] - ELEVATOR] = q[i]
+    for i in range(joints.kind.shape[0]):
+        if joints.kind[i] == FOLLOWS:
+            tail[joints.channel[i] - ELEVATOR] = q[i]
 
 
 @inlined
@@ -318,21 +318,21 @@ def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch) -> 
 
     After `set_motion`.
     """
-    start = aero_start(p.joints.kind.shape[0])
+    start = _aero_start(p.joints.kind.shape[0])
     models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         s.rate[start + i] = s.wings.loads.rates[i]
     add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
     add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
-    load_fuselage(density, p, s)
+    load_fuselage(density, p.drag_areas, s)
 
 
-@inlined
-def load_fuselage(density: float, p: PlantParameters, s: Scratch) -> None:
+@laid_in
+def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
     """Let its drag, and what the aerodynamic model tells of the body, act on the base."""
     told = s.wings.loads.body
     s.body_load[3:6] = 0.0
-    body_drag(s.wings.motion.body[0:3], p.drag_areas[0], p.drag_areas[1], density, s.body_load[0:3])
+    body_drag(s.wings.motion.body[0:3], drag_areas[0], drag_areas[1], density, s.body_load[0:3])
     for part in range(told.shape[0]):
         for i in range(6):
             s.body_load[i] += told[part, i]
@@ -342,20 +342,20 @@ def load_fuselage(density: float, p: PlantParameters, s: Scratch) -> None:
 
 
 @inlined
-def aero_start(coordinates: int) -> int:
+def _aero_start(coordinates: int) -> int:
     """Index of the aerodynamic model's state in the state vector."""
     return COORDINATES + 2 * coordinates + 3
 
 
 @inlined
-def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
+def _contacts(y: Floats, contacts: Floats, weight: float, s: Scratch) -> bool:
     touching = False
     if y[2] < -2.0:
         return False
     velocity, force, body, point = s.work[0], s.work[1], s.work[2], s.work[3]
     v, w = s.base[0:3], s.base[3:6]
-    for k in range(p.contacts.shape[0]):
-        px, py, pz = p.contacts[k, 0], p.contacts[k, 1], p.contacts[k, 2]
+    for k in range(contacts.shape[0]):
+        px, py, pz = contacts[k, 0], contacts[k, 1], contacts[k, 2]
         depth = y[2] + s.r[2, 0] * px + s.r[2, 1] * py + s.r[2, 2] * pz
         if depth <= 0.0:
             continue
@@ -364,10 +364,10 @@ def _contacts(y: Floats, p: PlantParameters, s: Scratch) -> bool:
         body[2] = v[2] + w[0] * py - w[1] * px
         for i in range(3):
             velocity[i] = s.r[i, 0] * body[0] + s.r[i, 1] * body[1] + s.r[i, 2] * body[2]
-        touching = ground_force(depth, velocity, p.weight, force) or touching
+        touching = ground_force(depth, velocity, weight, force) or touching
         for i in range(3):
             body[i] = s.r[0, i] * force[0] + s.r[1, i] * force[1] + s.r[2, i] * force[2]
-            point[i] = p.contacts[k, i]
+            point[i] = contacts[k, i]
         add_wrench(s.tree, 0, point, body)
     return touching
 
@@ -386,15 +386,15 @@ def set_outside(y: Floats, around: Surroundings, s: Scratch) -> None:
 
 
 @inlined
-def _hold_joints(y: Floats, p: PlantParameters, s: Scratch) -> None:
-    n = p.joints.kind.shape[0]
+def _hold_joints(y: Floats, joints: Joints, load: Floats) -> None:
+    n = joints.kind.shape[0]
     for i in range(n):
         angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
-        s.load[BASE + i] -= p.joints.stiffness[i] * angle + p.joints.damping[i] * rate
+        load[BASE + i] -= joints.stiffness[i] * angle + joints.damping[i] * rate
 
 
 @inlined
-def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s: Scratch) -> bool:
+def _impose(y: Floats, c: Controls, around: Surroundings, joints: Joints, servo: Floats, s: Scratch) -> bool:
     """Tell which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
     any_held = around.launcher != FREE
     for i in range(BASE):
@@ -402,19 +402,19 @@ def _impose(y: Floats, c: Controls, around: Surroundings, p: PlantParameters, s:
         s.imposed[i] = 0.0
     if around.launcher == THROWN:
         s.imposed[0], s.imposed[1], s.imposed[2] = around.throw_x, around.throw_y, around.throw_z
-    n = p.joints.kind.shape[0]
+    n = joints.kind.shape[0]
     for i in range(n):
         s.held[BASE + i] = 0
-        if p.joints.kind[i] == FOLLOWS:
-            wanted = c.elevator if p.joints.channel[i] == ELEVATOR else c.rudder
+        if joints.kind[i] == FOLLOWS:
+            wanted = c.elevator if joints.channel[i] == ELEVATOR else c.rudder
             s.held[BASE + i] = 1
-            s.imposed[BASE + i] = servo_acceleration(
-                wanted - y[COORDINATES + i], y[COORDINATES + n + i], p.tail_servo[0], p.tail_servo[1]
+            s.imposed[BASE + i] = _servo_acceleration(
+                wanted - y[COORDINATES + i], y[COORDINATES + n + i], servo[0], servo[1]
             )
             any_held = True
-        elif p.joints.kind[i] == PRESCRIBED:
+        elif joints.kind[i] == PRESCRIBED:
             s.held[BASE + i] = 1
-            s.imposed[BASE + i] = _prescribed_acceleration(y, i, c, p, s)
+            s.imposed[BASE + i] = _prescribed_acceleration(y, i, c, joints, servo, s)
             any_held = True
     return any_held
 
@@ -432,21 +432,21 @@ def prescribed_motion(series: Floats, phase: float, out: Floats) -> None:
 
 
 @inlined
-def _prescribed_acceleration(y: Floats, i: int, c: Controls, p: PlantParameters, s: Scratch) -> float:
+def _prescribed_acceleration(y: Floats, i: int, c: Controls, joints: Joints, servo: Floats, s: Scratch) -> float:
     """rad/s^2 of a prescribed coordinate; what steers it, and what has strayed, is made good like a servo's error."""
-    n, motion = p.joints.kind.shape[0], s.motion
+    n, motion = joints.kind.shape[0], s.motion
     phase, rate = y[COORDINATES + 2 * n], 2.0 * math.pi * y[COORDINATES + 2 * n + 1]
-    prescribed_motion(p.joints.motion[i], phase, motion)
-    shift = p.joints.steered[i, 0] * c.elevator + p.joints.steered[i, 1] * c.rudder
+    prescribed_motion(joints.motion[i], phase, motion)
+    shift = joints.steered[i, 0] * c.elevator + joints.steered[i, 1] * c.rudder
     error = motion[0] + shift - y[COORDINATES + i]
     error_rate = motion[1] * rate - y[COORDINATES + n + i]
-    pull = 2.0 / p.tail_servo[0]
+    pull = 2.0 / servo[0]
     feedforward = motion[2] * rate * rate + motion[1] * 2.0 * math.pi * s.crank[0]
     return float(feedforward + pull * pull * error + 2.0 * pull * error_rate)
 
 
 @inlined
-def servo_acceleration(error: float, rate: float, time_constant: float, rate_limit: float) -> float:
+def _servo_acceleration(error: float, rate: float, time_constant: float, rate_limit: float) -> float:
     """rad/s^2 of a position servo: a rate loop of a quarter of the time constant inside a position loop of it.
 
     Small errors decay critically damped, as late as a first-order lag of ``time_constant`` s; the rate loop is asked
@@ -467,24 +467,24 @@ def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, bound: B
     s.load[:] = 0.0
     set_motion(y, around, p, s)
     add_air_loads(y, around.density, p, s)
-    touching = _contacts(y, p, s)
+    touching = _contacts(y, p.contacts, p.weight, s)
     assemble(p.tree, s.tree, s.mass, s.load)
-    _hold_joints(y, p, s)
+    _hold_joints(y, p.joints, s.load)
     _drive_wings(y, t, c, p, s)
-    if _impose(y, c, around, p, s):
+    if _impose(y, c, around, p.joints, p.tail_servo, s):
         hold(s.mass, s.load, s.held, s.imposed)
     solve(s.mass, s.load)
-    _kinematics(y, p, s)
+    _kinematics(y, s)
     return touching
 
 
 @inlined
-def _kinematics(y: Floats, p: PlantParameters, s: Scratch) -> None:
-    n, rate = p.joints.kind.shape[0], s.rate
+def _kinematics(y: Floats, s: Scratch) -> None:
+    n, rate, load, r = s.load.shape[0] - BASE, s.rate, s.load, s.r
     for i in range(BASE + n):
-        s.accelerations[i] = s.load[i]
+        s.accelerations[i] = load[i]
     for i in range(3):
-        rate[i] = s.r[i, 0] * y[7] + s.r[i, 1] * y[8] + s.r[i, 2] * y[9]
+        rate[i] = r[i, 0] * y[7] + r[i, 1] * y[8] + r[i, 2] * y[9]
     w, x, z_, q = y[3], y[4], y[5], y[6]
     a, b, d = y[10], y[11], y[12]
     # The last term pulls the quaternion back to unit length.
@@ -494,10 +494,10 @@ def _kinematics(y: Floats, p: PlantParameters, s: Scratch) -> None:
     rate[5] = 0.5 * (w * b - x * d + q * a) + stray * z_
     rate[6] = 0.5 * (w * d + x * b - z_ * a) + stray * q
     for i in range(BASE):
-        rate[7 + i] = s.load[i]
+        rate[7 + i] = load[i]
     for i in range(n):
         rate[COORDINATES + i] = y[COORDINATES + n + i]
-        rate[COORDINATES + n + i] = s.load[BASE + i]
+        rate[COORDINATES + n + i] = load[BASE + i]
     phase = COORDINATES + 2 * n
     rate[phase] = 2.0 * math.pi * y[phase + 1]
     rate[phase + 1] = s.crank[0]
@@ -505,14 +505,14 @@ def _kinematics(y: Floats, p: PlantParameters, s: Scratch) -> None:
 
 
 @inlined
-def _add_means(p: PlantParameters, s: Scratch, share: float) -> None:
+def _add_means(imu: Floats, s: Scratch, share: float) -> None:
     """Add ``share`` of what drives and IMU see at this instant to ``s.means``."""
     means, drive = s.means, s.drive
     means[0] += share * drive[TORQUE_LEFT]
     means[1] += share * drive[TORQUE_RIGHT]
     means[2] += share * drive[CURRENT]
     means[3] += share * drive[CURRENT] * drive[VOLTAGE]
-    _add_specific_force(p.imu, s, means, share)
+    _add_specific_force(imu, s, means, share)
 
 
 @inlined
@@ -534,7 +534,7 @@ def advance_memory(y: Floats, h: float, around: Surroundings, bound: Bound) -> N
     """Move what of the aerodynamic model's state has a clock of its own, at the end ``y`` of a step of ``h`` s."""
     p, s = bound_values(bound)
     set_motion(y, around, p, s)
-    memory = y[aero_start(p.joints.kind.shape[0]) :]
+    memory = y[_aero_start(p.joints.kind.shape[0]) :]
     models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
 
 
@@ -563,7 +563,7 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
                 s.total[i] += WEIGHTS[stage] * s.rate[i]
             if stage == 0:
                 touching = touched or touching
-                _add_means(p, s, 1.0 / steps)
+                _add_means(p.imu, s, 1.0 / steps)
         for i in range(y.shape[0]):
             y[i] += h * s.total[i]
         if p.advances:

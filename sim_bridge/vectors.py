@@ -72,11 +72,18 @@ def kernel(function: Compiled) -> Compiled:
 def inlined(function: Compiled) -> Compiled:
     """A `kernel` that is laid into its compiled callers: what passes many arrays copies none.
 
+    Pass parts and not the whole: for the compiler an argument is as large as all that is in it.
+
     A private one (its name begins with an underscore) cannot be called from Python at all, not even by a test: its
     Python side, which takes as long to compile as itself, is left out.
     """
     private = function.__name__.startswith("_")
     return _compile(function, forceinline=True, no_cpython_wrapper=private, no_cfunc_wrapper=True)
+
+
+def laid_in(function: Compiled) -> Compiled:
+    """An `inlined` one that kernels of other files take too, and nobody calls from Python: without a Python side."""
+    return _compile(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_bridge.aerodynamics.surfaces import plate_pressure
 from sim_bridge.multibody.tree import Kinematics, add_wrench, point_velocity
-from sim_bridge.vectors import Floats, Integers, inlined
+from sim_bridge.vectors import Floats, Integers, inlined, laid_in
 
 
 class Plates(NamedTuple):
@@ -40,7 +40,7 @@ def _turned(r: Floats, v: Floats, out: Floats) -> None:
         out[i] = r[i, 0] * v[0] + r[i, 1] * v[1] + r[i, 2] * v[2]
 
 
-@inlined
+@laid_in
 def add_plates(k: Kinematics, plates: Plates, air: Floats, density: float, work: Floats, total: Floats) -> None:
     """Let the air act on the plates.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from sim_bridge.vectors import Floats, Integers, inlined
+from sim_bridge.vectors import Floats, Integers, inlined, laid_in
 
 BASE = 6
 """speeds of the base, before those of the coordinates"""
@@ -205,7 +205,7 @@ def blank_kinematics(tree: Tree) -> Kinematics:
 
 
 @inlined
-def turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
+def _turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
     """``out`` (3, 3) = ``zero`` times the turn by ``angle`` about ``axis`` (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
@@ -223,7 +223,7 @@ def turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
 @inlined
 def _place_body(tree: Tree, b: int, angle: float, k: Kinematics) -> None:
     up, local = tree.parent[b], k.turned
-    turn(tree.axis[b], angle, tree.rotation[b], local)
+    _turn(tree.axis[b], angle, tree.rotation[b], local)
     for i in range(3):
         r0, r1, r2 = k.r[up, i, 0], k.r[up, i, 1], k.r[up, i, 2]
         k.p[b, i] = k.p[up, i] + r0 * tree.place[b, 0] + r1 * tree.place[b, 1] + r2 * tree.place[b, 2]
@@ -336,7 +336,7 @@ def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k:
         _load_body(tree, b, gravity, k)
 
 
-@inlined
+@laid_in
 def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
     """Let a force (3,) in N act on body ``b`` at ``point`` (3,) in m; both in the base's axes, from its origin."""
     k.force[b, 0] -= point[1] * force[2] - point[2] * force[1]
@@ -346,7 +346,7 @@ def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
         k.force[b, 3 + i] -= force[i]
 
 
-@inlined
+@laid_in
 def point_velocity(k: Kinematics, b: int, point: Floats, out: Floats) -> None:
     """Velocity (3,) in m/s of the point of body ``b`` at ``point`` (3,), both in the base's axes."""
     v = k.velocity[b]
@@ -379,7 +379,7 @@ def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
             mass[i, 3 + j] += k.inertia[0, 3 + i, j]
 
 
-@inlined
+@laid_in
 def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, at: int) -> None:
     """Fill column ``at`` of ``mass`` with what a unit rate's ``force`` (6,) makes on the base and on the joints of
     body ``start`` and those that it hangs on.
