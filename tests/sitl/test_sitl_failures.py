@@ -64,20 +64,6 @@ def test_the_wind_is_estimated() -> None:
         assert np.abs(position[f"wind_{axis}"][last].mean() - truth[f"wind_{axis}"][-1]) < 1.0
 
 
-def test_a_lost_link_brings_it_home() -> None:
-    lost = Command(14_000_000, CommandKind.LINK_LOST, source="test")  # answered above the height that a return needs
-    flight = flown(RAVEN, Scenario(seed=1, duration=33.0), commands=[lost])  # before it circles above home
-    check_upright(flight)
-    assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(19.0, abs=0.1)
-    assert flight.of(topics.NAVIGATION)[-1].mode == Mode.RETURN
-    truth = flight.truth
-    distance = np.hypot(truth["north"], truth["east"])
-    velocity = truth["v_north"][-1], truth["v_east"][-1]
-    homeward = -(truth["north"][-1] * velocity[0] + truth["east"][-1] * velocity[1]) / distance[-1]
-    assert distance[-1] < distance.max() - 15.0
-    assert homeward > 3.0
-
-
 def without_gps(since_us: int) -> Callable[[SensorFrame], SensorFrame]:
     return lambda frame: frame._replace(gps=None) if frame.time_us >= since_us else frame
 
@@ -252,6 +238,22 @@ def test_a_receiver_lost_in_a_flight_by_stick_brings_it_home() -> None:
     before = flight.columns(topics.PILOT)
     assert before["throttle"][-1] == pytest.approx(0.5, abs=0.05)
     assert before["time_us"][-1] <= (FAILS_AT + 1.0) * 1e6
+
+
+def test_a_lost_link_brings_it_home() -> None:
+    lost = Command(round(FAILS_AT * 1e6), CommandKind.LINK_LOST, source="test")
+    branch = underway(RAVEN).branch(None, [lost])
+    branch.until(FAILS_AT + 16.0)  # before it circles above home
+    flight = branch.flight()
+    check_upright(flight)
+    assert flight.event_time("failsafe: returning, ground link lost") == pytest.approx(FAILS_AT + 5.0, abs=0.1)
+    assert flight.of(topics.NAVIGATION)[-1].mode == Mode.RETURN
+    truth = flight.truth
+    distance = np.hypot(truth["north"], truth["east"])
+    velocity = truth["v_north"][-1], truth["v_east"][-1]
+    homeward = -(truth["north"][-1] * velocity[0] + truth["east"][-1] * velocity[1]) / distance[-1]
+    assert distance[-1] < distance.max() - 15.0
+    assert homeward > 3.0
 
 
 def test_outside_the_fence_it_turns_home() -> None:
