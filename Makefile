@@ -30,11 +30,11 @@ help:
 fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
-# What every worker would do for itself is done once before they start: kernels are compiled on one core while the other
-# installs the checks and makes the first of them. Three workers on two cores: tests of links wait over a minute in all
+# What every worker would do for itself is done once before they start: one core compiles kernels and collects the tests
+# while the other installs the checks and makes the first of them. Three workers on two cores: tests of links wait over a minute in all
 # for an answer or for its absence, in which another can work.
 test: $(VENV)/.installed
-	@$(MAKE) --no-print-directory -j 2 kernels collected
+	@$(MAKE) --no-print-directory -j 2 lint collected
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
 
 kernels: $(VENV)/.installed
@@ -42,8 +42,9 @@ kernels: $(VENV)/.installed
 	@for table in short_period transport; do \
 	    $(BIN)/wingbeat identify docs/examples/$$table.csv --map docs/examples/$$table.toml > /dev/null || exit; done
 
-# The tests rewritten for their assertions; what is wrong in them pytest tells when they are run.
-collected: lint
+# The tests rewritten for their assertions; what is wrong in them pytest tells when they are run. After the kernels: the
+# other core still looks through the sources.
+collected: kernels $(VENV)/.installed-dev
 	@$(PYTEST) --collect-only > /dev/null 2>&1 || true
 
 lint: $(VENV)/.installed-dev
