@@ -94,7 +94,7 @@ class Monitor(App[None]):
         picture = self.station.picture()
         for panel in self.query("#status").results(Panel):
             panel.show(picture)
-        if not self.query(TabbedContent):
+        if len(self.query("FlightTab, MessagesTab, PlotsTab")) < 3:
             return  # the screen is being built, or taken down
         self._announce(picture)
         self._count += 1

@@ -16,7 +16,7 @@ from groundstation.link.connection import Connection
 from groundstation.link.station import NOTES_KEPT, Station
 from groundstation.screen.dialogs import Confirmation
 from groundstation.screen.monitor import Monitor
-from groundstation.screen.plots_tab import MOST, Plot
+from groundstation.screen.plots_tab import MOST, Plot, PlotsTab
 
 Script = Callable[[Pilot[None], Station, LossyVehicle], Awaitable[None]]
 
@@ -39,7 +39,7 @@ def on_screen(script: Script, size: tuple[int, int] = (120, 36), plots: tuple[st
         app = Monitor(station, plots)
         try:
             async with app.run_test(size=size) as pilot:
-                await until(pilot, lambda: connection.state.roll is not None)
+                await until(pilot, lambda: connection.state.roll is not None and bool(app.query(PlotsTab)))
                 await script(pilot, station, vehicle)
         finally:
             connection.close()
@@ -153,7 +153,7 @@ def test_a_refusal_is_told_in_the_vehicles_words(key: str, command: str) -> None
         await until(pilot, lambda: bool(station.picture().notes))
         note = station.picture().notes[-1]
         assert note.failed and note.text.startswith("the vehicle refused") and "MAV" not in note.text
-        assert note.text in await draw(pilot)
+        await until(pilot, lambda: note.text in shown(pilot))
 
     on_screen(script)
 
