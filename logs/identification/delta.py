@@ -11,14 +11,13 @@ from logs.identification.results import Array
 
 def propagate(of: Callable[[Array], Array], values: Array, covariance: Array) -> tuple[Array, Array]:
     """Value (k,) and standard errors (k,) of ``of(values)`` by the delta method, gradients by central difference."""
-    central, carried = carry(of, values, covariance)
-    return central, np.sqrt(np.maximum(np.diag(carried), 0.0))
+    central, gradient = slopes(of, values, np.sqrt(np.diag(covariance)))
+    return central, np.sqrt(np.maximum(np.diag(gradient @ covariance @ gradient.T), 0.0))
 
 
-def carry(of: Callable[[Array], Array], values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Value (k,) and covariance (k, k) of ``of(values)`` by the delta method, gradients by central difference."""
+def slopes(of: Callable[[Array], Array], values: Array, errors: Array) -> tuple[Array, Array]:
+    """Value (k,) and gradient (k, p) of ``of(values)`` by central differences, steps of 0.01 ``errors`` (p,)."""
     central = of(values)
-    errors = np.sqrt(np.diag(covariance))
     columns = []
     for index, error in enumerate(errors):
         width = 0.01 * error if error > 0 else 1e-6
@@ -26,5 +25,4 @@ def carry(of: Callable[[Array], Array], values: Array, covariance: Array) -> tup
         ahead[index] += width
         behind[index] -= width
         columns.append((of(ahead) - of(behind)) / (2 * width))
-    gradient = np.column_stack(columns)
-    return central, gradient @ covariance @ gradient.T
+    return central, np.column_stack(columns)

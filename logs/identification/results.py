@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
+SURE = 0.99
+"""-; with which the data must ask for what a model has no place for"""
 
 
 class Estimate(NamedTuple):
@@ -79,11 +81,11 @@ class Fitted(NamedTuple):
     """-; how the held-out manoeuvres were predicted, or why none were, one sentence; empty where nothing is to say"""
 
 
-def student_factor(degrees: float) -> float:
-    """Half width of the 95 % interval in standard errors for ``degrees`` of freedom (at least one)."""
+def student_factor(degrees: float, confidence: float = CONFIDENCE) -> float:
+    """Half width of the interval of ``confidence`` in standard errors for ``degrees`` of freedom (at least one)."""
     from scipy.special import stdtrit  # takes 0.3 s, which a flight need not wait for
 
-    return float(stdtrit(max(degrees, 1.0), 0.5 + CONFIDENCE / 2))
+    return float(stdtrit(max(degrees, 1.0), 0.5 + confidence / 2))
 
 
 def estimate(name: str, unit: str, value: float, standard_error: float, degrees: float = math.inf) -> Estimate:

@@ -29,8 +29,20 @@ def parzen(lags: int) -> Array:
     return window
 
 
-def colour_of(residuals: list[Array], used: list[Array], lags: int) -> Colour:
-    """Autocovariance over records of ``residuals`` (N_i, m), zero where ``used`` (N_i,) or (N_i, m) is 0."""
+def flat_top(flat: int, lags: int) -> Array:
+    """Lag window of ones up to lag ``flat`` that falls to zero at lag ``lags`` (Politis & Romano, J. Time Series
+    Anal. 16, 1995)."""
+    falling = np.arange(lags - flat) / max(lags - flat, 1)
+    window: Array = np.concatenate((np.ones(flat), 1 - falling))
+    return window
+
+
+def colour_of(residuals: list[Array], used: list[Array], lags: int, flat: int = 0) -> Colour:
+    """Autocovariance over records of ``residuals`` (N_i, m), zero where ``used`` (N_i,) or (N_i, m) is 0.
+
+    Noise that a moving average of ``flat`` samples went through is correlated that far for sure: Parzen's window
+    would take a quarter of its power at low frequencies. Up to there the lags then count in full.
+    """
     outputs = residuals[0].shape[1]
     sums, pairs = np.zeros((lags, outputs, outputs)), np.zeros((lags, outputs, outputs))
     for values, mask in zip(residuals, used, strict=True):
@@ -39,7 +51,8 @@ def colour_of(residuals: list[Array], used: list[Array], lags: int) -> Colour:
         sums[:reach] += _correlations(values, reach)
         pairs[:reach] += np.rint(_correlations(whole, reach))
     raw = sums / np.maximum(pairs, 1.0)
-    tapered = raw * parzen(lags)[:, None, None]
+    window = flat_top(flat, lags) if 0 < flat < lags else parzen(lags)
+    tapered = raw * window[:, None, None]
     return Colour(tapered, _effective(tapered, pairs))
 
 

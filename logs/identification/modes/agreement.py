@@ -10,6 +10,9 @@ import numpy as np
 from logs.identification.modes.mode import KINDS, Mode
 from logs.identification.results import CONFIDENCE, Estimate
 
+LITTLE = 0.005
+"""-; of a frequency, and of a damping as it is: a smaller difference is no disagreement, however sure both are"""
+
 
 class Gap(NamedTuple):
     """Two methods further apart on one number than their errors allow."""
@@ -54,6 +57,7 @@ def _gaps(modes: tuple[Mode, ...], kind: str) -> list[Gap]:
     for (first, a), (second, b) in pairs:
         for one, other in ((a.frequency, b.frequency), (a.damping, b.damping)):
             allowed = wider * float(np.hypot(one.high - one.value, other.high - other.value))
+            allowed = max(allowed, LITTLE * (abs(one.value) if one.unit != "-" else 1.0))
             if abs(one.value - other.value) > allowed:
                 gaps.append(Gap(first, second, _clause(first, second, one, other, allowed)))
     return gaps

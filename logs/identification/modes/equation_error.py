@@ -16,6 +16,7 @@ from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.errors import Spread, with_scatter
 from logs.identification.modes.longitudinal import REGRESSORS
+from logs.identification.modes.modulation import LEAST_MANOEUVRES
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
 
@@ -25,6 +26,10 @@ DRIFT_ORDER = 2
 SPEED_PASSES = 3
 """-; of putting the speeds found into the products that they were found with: a fourth changes 1e-4 of their range"""
 WORST_CONDITION = 1e3
+UNEXCITED = "the manoeuvres do not excite all of the model's states"
+
+
+NOTHING = np.zeros(0)
 
 
 class DerivativeFit(NamedTuple):
@@ -34,14 +39,14 @@ class DerivativeFit(NamedTuple):
     """-; (p,)"""
     values: Array
     """as `longitudinal.UNITS`; (p,)"""
-    covariance: Array
-    """(p, p)"""
-    degrees: float
-    """-; effective degrees of freedom"""
+    spread: Spread
+    """what they are worth"""
     scatter: Array
     """standard deviation of the residuals of each equation or output"""
     failure: str = ""
     """-; why the numbers may not be used, empty when they may"""
+    lack: Array = NOTHING
+    """by what a dynamic that the model lacks and the data ask for moves the values, (p,), empty where they do not"""
 
 
 class Signals(NamedTuple):
@@ -103,15 +108,13 @@ def fourier(manoeuvre: Manoeuvre, columns: Array) -> Array:
     return stacked
 
 
-def _without_drift(manoeuvre: Manoeuvre, pair: Signals) -> tuple[Array, Array, int]:
-    """Regressors and responses in the frequency domain, orthogonal to a polynomial drift; and what that cost."""
+def _without_drift(manoeuvre: Manoeuvre, columns: Array) -> tuple[Array, int]:
+    """``columns`` (M, k) in the frequency domain, (2 F, k), orthogonal to a polynomial drift; and what that cost."""
     position = np.linspace(-1, 1, len(manoeuvre.at))
     drift = np.column_stack([position**power for power in range(1, DRIFT_ORDER + 1)])
     basis = np.linalg.qr(fourier(manoeuvre, drift))[0]
-    both = fourier(manoeuvre, np.hstack(pair))
-    rest = both - basis @ (basis.T @ both)
-    count = pair.regressors.shape[1]
-    return rest[:, :count], rest[:, count:], basis.shape[1]
+    both = fourier(manoeuvre, columns)
+    return both - basis @ (basis.T @ both), basis.shape[1]
 
 
 def equation_error(
@@ -124,35 +127,74 @@ def equation_error(
     """Derivatives ``names`` from all manoeuvres at once (Grauer Eq. 20, 21).
 
     The integrated speeds carry the sensors' noise, which least squares takes for a smaller derivative.
-    ``instruments``, (M, 4) of each manoeuvre, are the regressors without that noise, as a model that was flown
-    along has them: with them the estimate is that of instrumental variables (Klein & Morelli, ch. 5).
+    ``instruments``, (M, 8) of each manoeuvre, are the regressors without that noise and `modulation.products`, as a
+    model that was flown along has them: with them the estimate is that of instrumental variables (Klein & Morelli,
+    ch. 5).
     """
-    pieces = [_without_drift(m, signals(m, reference, aircraft)) for m in manoeuvres]
-    axes, kept = _axes(names), _kept(names)
-    design = np.vstack([piece[0] for piece in pieces])[:, kept]
-    response = np.vstack([piece[1] for piece in pieces])[:, axes]
-    degrees = float(len(design) - sum(piece[2] for piece in pieces) - len(kept))
+    pieces = [_without_drift(m, np.hstack(signals(m, reference, aircraft))) for m in manoeuvres]
+    both, axes, kept = np.vstack([piece[0] for piece in pieces]), _axes(names), _kept(names)
+    bounds = np.cumsum([0] + [len(piece[0]) for piece in pieces])
+    rows = _Rows(both[:, :4][:, kept], both[:, :4][:, kept], both[:, 4:][:, axes], bounds, pieces[0][1])
+    if instruments is not None:
+        flown = np.vstack([_without_drift(m, z)[0] for m, z in zip(manoeuvres, instruments, strict=True)])
+        rows = rows._replace(clean=flown[:, :4][:, kept])
+        rows = rows.more(flown[:, 4:]) if len(manoeuvres) >= LEAST_MANOEUVRES else rows
+    found = _regressed(rows, len(kept))
+    return failed(names, UNEXCITED) if found is None else found._replace(names=names)
+
+
+class _Rows(NamedTuple):
+    """The equations of all manoeuvres, transformed, drifts taken out."""
+
+    design: Array
+    """(N, r)"""
+    clean: Array
+    """(N, r); instruments"""
+    response: Array
+    """(N, axes)"""
+    bounds: Array
+    """-; (K + 1,), rows at which the manoeuvres begin"""
+    drifts: int
+    """-; taken out of each manoeuvre"""
+
+    def more(self, columns: Array) -> _Rows:
+        """With ``columns`` (N, k) that are their own instruments."""
+        design, clean = (np.hstack((part, columns)) for part in (self.design, self.clean))
+        return self._replace(design=design, clean=clean)
+
+
+def _regressed(rows: _Rows, count: int) -> DerivativeFit | None:
+    """Values of the first ``count`` columns and, in the spread, what they are worth; None where not determined."""
+    design, clean, axes = rows.design, rows.clean, rows.response.shape[1]
+    degrees = float(len(design) - rows.drifts * (len(rows.bounds) - 1) - design.shape[1])
     scale = np.linalg.norm(design, axis=0)
     if degrees < 1 or not np.all(scale > 0) or np.linalg.cond(design / scale) > WORST_CONDITION:
-        return failed(names, "the manoeuvres do not excite all of the model's states")
-    clean = design
-    if instruments is not None:
-        pairs = zip(manoeuvres, instruments, strict=True)
-        clean = np.vstack([_without_drift(m, Signals(z, z))[0] for m, z in pairs])[:, kept]
+        return None
     inverse = np.linalg.inv(clean.T @ design)
-    values = inverse @ clean.T @ response
-    residuals = response - design @ values
+    values = inverse @ clean.T @ rows.response
+    residuals = rows.response - design @ values
+    weights, taken = inverse[:count], np.sqrt(1 + design.shape[1] / degrees)
+    scores = [_score(clean[a:b], taken * residuals[a:b]) for a, b in pairwise(rows.bounds)]
+    within = Spread(_uneven(weights @ clean.T, residuals * np.sqrt(len(design) / degrees)), degrees, alone=True)
+    spread = with_scatter(within, np.kron(np.eye(axes), weights), scores)
     scatter: Array = np.sqrt(np.sum(residuals**2, axis=0) / degrees)
-    bounds = np.cumsum([0] + [len(piece[0]) for piece in pieces])
-    scores = [_score(clean[a:b], residuals[a:b]) for a, b in pairwise(bounds)]
-    variance = residuals.T @ residuals / degrees
-    covariance = np.asarray(np.kron(variance, inverse @ (clean.T @ clean) @ inverse.T), dtype=np.float64)
-    spread = with_scatter(Spread(covariance, degrees), np.kron(np.eye(len(variance)), inverse), scores)
-    return DerivativeFit(names, values.T.ravel(), spread.covariance, spread.degrees, scatter)
+    return DerivativeFit((), values[:count].T.ravel(), spread, scatter)
+
+
+def _uneven(weights: Array, residuals: Array) -> Array:
+    """Covariance of the values, axis by axis, by ``weights`` (p, N) of ``residuals`` (N, axes).
+
+    The noise of a derivative grows with frequency: each row counts with its own square (White, Econometrica 48,
+    1980). Neighbouring rows are not independent, so that the errors come out too large, of frequency and damping
+    up to 1.4 times: where there are records enough the scatter between them takes their place.
+    """
+    parts = np.einsum("pn,na->apn", weights, residuals).reshape(-1, weights.shape[1])
+    covariance: Array = parts @ parts.T
+    return covariance
 
 
 def _score(clean: Array, residuals: Array) -> Array:
-    """Gradient (axes x kept,) of one manoeuvre's squares."""
+    """Gradient (axes x columns,) of one manoeuvre's squares."""
     gradient: Array = (clean.T @ residuals).T.ravel()
     return gradient
 
@@ -160,7 +202,7 @@ def _score(clean: Array, residuals: Array) -> Array:
 def failed(names: tuple[str, ...], why: str) -> DerivativeFit:
     """A fit without numbers, and why."""
     size = len(names)
-    return DerivativeFit(names, np.full(size, np.nan), np.full((size, size), np.nan), 1.0, np.zeros(0), why)
+    return DerivativeFit(names, np.full(size, np.nan), Spread(np.full((size, size), np.nan), 1.0), np.zeros(0), why)
 
 
 def _axes(names: tuple[str, ...]) -> list[int]:

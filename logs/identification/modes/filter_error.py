@@ -69,8 +69,6 @@ class Filtered(NamedTuple):
     """What filter error found beside the derivatives."""
 
     stretches: tuple[Stretch, ...]
-    gusts: tuple[float, float]
-    """m/s; standard deviations along and across; an estimate of what moved the aircraft beside its inputs"""
     foretold: Array
     """(K, 3); q rad/s, a_x and a_z m/s^2: each stroke's averages as the strokes before foretell them"""
 
@@ -123,9 +121,8 @@ def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | No
     if not _determined(squared):
         return failed(task.names, "the flight does not determine all derivatives"), None
     here = likelihood(best.values)
-    along, across = np.exp(best.values[len(task.names) :][:2])
     averages = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
-    found = Filtered(task.stretches, (float(along), float(across)), averages - here.errors)
+    found = Filtered(task.stretches, averages - here.errors)
     return _finish(task, best.values, here, scores, squared), found
 
 
@@ -364,7 +361,7 @@ def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared:
     degrees = float(here.errors.size - nuisances) / len(PHASES) - len(values)
     spread = with_scatter(Spread(inverse, max(degrees, 1.0)), inverse, _by_manoeuvre(task, scores))
     scatter: Array = np.std(here.errors, axis=0)
-    return DerivativeFit(task.names, values[:count], spread.covariance[:count, :count], spread.degrees, scatter)
+    return DerivativeFit(task.names, values[:count], spread.part(slice(count)), scatter)
 
 
 def _by_manoeuvre(task: Task, scores: Array) -> list[Array]:

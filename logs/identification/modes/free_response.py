@@ -155,6 +155,7 @@ def explained(fit: SeparableFit, rings: tuple[Record, ...]) -> float:
 def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds: tuple[str, ...]) -> Mode:
     step = rings[0].step
     longest = max(len(ring.outputs) for ring in rings)
-    lags = int(min(max(longest / 10, 2 * records.blur / step), longest / 2)) + 1
-    spread = coloured_spread(fit.residuals, fit.sensitivities, lags, fit.linear)
-    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees)
+    flat = round(records.blur / step)
+    lags = int(min(max(longest / 10, 2 * flat), longest / 2)) + 1
+    spread = coloured_spread(fit.residuals, fit.sensitivities, (flat, lags), fit.linear)
+    return paired_mode(METHOD, kinds, fit.values, spread)

@@ -17,13 +17,14 @@ from scipy.signal import lsim
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import Mode, mode_of_system, nothing
 from logs.identification.preparing.resampling import whole_records
 from logs.identification.regression.design import Design, Record, common_step
 from logs.identification.regression.equation_error import Settings, equations
 from logs.identification.regression.frequency_domain import default_frequencies, in_band
 from logs.identification.regression.least_squares import Colouring, Fit, Piece, linear_of, regress_records
-from logs.identification.results import Array, estimates
+from logs.identification.results import Array
 
 METHOD = "equation error"
 STATES = ("alpha", "q")
@@ -133,8 +134,9 @@ def _solved(records: tuple[Experiment, ...], asked: Asked) -> Mode:
     values, covariance = np.concatenate([one.values for one in pair]), _joint(pair)
     degrees = min(one.degrees for one in pair)
     units = {name: _unit(name) for name in names}
-    told = estimates(units, values, covariance, degrees)
-    return mode_of_system(METHOD, lambda v: _system(names, v, asked), values, covariance, degrees, told)
+    spread = Spread(covariance, degrees)
+    told = spread.estimates(units, values)
+    return mode_of_system(METHOD, lambda v: _system(names, v, asked), values, spread, told)
 
 
 def _unit(name: str) -> str:

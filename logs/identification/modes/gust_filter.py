@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from logs.identification.results import Array
+from sim_bridge.vectors import njit
 
 DOUBLINGS = 7
 TERMS, STEP_TERMS = 5, 8

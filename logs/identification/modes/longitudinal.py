@@ -129,6 +129,25 @@ def discretise(model: Matrices, step: float, held: bool) -> Discrete:
     return Discrete(exact[:4, :4], whole, np.zeros(4)) if held else Discrete(exact[:4, :4], whole - ramp, ramp)
 
 
+@njit(cache=True)
+def _carry(f: Array, g0: Array, g1: Array, tail: Array, states: Array) -> None:
+    """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]``, from the first."""
+    for k in range(states.shape[0] - 1):
+        for i in range(states.shape[1]):
+            total = g0[i] * tail[k] + g1[i] * tail[k + 1]
+            for j in range(states.shape[1]):
+                total += f[i, j] * states[k, j]
+            states[k + 1, i] = total
+
+
+def propagate(exact: Discrete, start: Array, tail: Array) -> Array:
+    """States (N, n) from ``start`` (n,), driven by the input ``tail`` (N,)."""
+    states = np.zeros((len(tail), len(start)))
+    states[0] = start
+    _carry(exact.f, exact.g0, exact.g1, tail, states)
+    return states
+
+
 def modes_matrix(model: Matrices, names: tuple[str, ...]) -> Array:
     """The part of A that has the modes: (u, w, q, theta), or (w, q) where the speed is constant."""
     return model.a if any(name.startswith("X") for name in names) else model.a[1:3, 1:3]

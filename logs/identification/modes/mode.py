@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from logs.identification.delta import carry, propagate
+from logs.identification.modes.errors import Spread, carry
 from logs.identification.preparing.manoeuvre import Reference
-from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.identification.results import Array, Estimate, Unidentified
 
 if TYPE_CHECKING:
     from logs.identification.modes.equation_error import DerivativeFit
     from logs.identification.modes.filter_error import Filtered
-    from logs.identification.modes.output_error import Problem
+    from logs.identification.modes.flown_again import Problem
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
@@ -159,24 +159,22 @@ def split_pairs(system: Array) -> tuple[Array, Array]:
     return roots[chosen], roots[~chosen]
 
 
-def oscillation(kind: str, pair: Array, covariance: Array, degrees: float) -> Oscillation | Unidentified:
-    """A mode from its ``pair`` (2,) of frequency (rad/s) and damping ratio with their ``covariance`` (2, 2).
+def oscillation(kind: str, pair: Array, spread: Spread) -> Oscillation | Unidentified:
+    """A mode from its ``pair`` (2,) of frequency (rad/s) and damping ratio and what they are worth.
 
     Times and cycles are monotone in the decay rate, the damped frequency and their ratio: the ends of their
     intervals are those of what they are computed from, so that a decay that may be none gives no time to half.
     """
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    frequency = estimate(f"{kind}_frequency", "rad/s", float(pair[0]), float(errors[0]), degrees)
-    damping = estimate(f"{kind}_damping", "-", float(pair[1]), float(errors[1]), degrees)
-    if not np.all(np.isfinite(errors)) or frequency.low < (1 - WIDEST) * frequency.value:
+    frequency, damping = spread.estimates({f"{kind}_frequency": "rad/s", f"{kind}_damping": "-"}, pair)
+    if not np.all(np.isfinite(spread.standard_errors()[0])) or frequency.low < (1 - WIDEST) * frequency.value:
         return Unidentified(kind, UNSURE)
-    rate = _computed(lambda p: float(p[0] * p[1]), pair, covariance, degrees)
+    rate = _computed(lambda p: float(p[0] * p[1]), pair, spread)
     half = _over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
-    constants = _time_constants(pair, covariance, degrees) if pair[1] >= 1 else ()
+    constants = _time_constants(pair, spread) if pair[1] >= 1 else ()
     if damping.high >= 1 or damping.low <= -1:
         return Oscillation(frequency, damping, None, half, None, constants)
-    turning = _computed(lambda p: float(p[0] * math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, covariance, degrees)
-    ratio = _computed(lambda p: float(p[1] / math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, covariance, degrees)
+    turning = _computed(lambda p: float(p[0] * math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
+    ratio = _computed(lambda p: float(p[1] / math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
     period = _over(f"{kind}_period", "s", 2 * math.pi, turning)
     cycles = _over(f"{kind}_cycles_to_{_change(rate)}", "-", math.log(2) / (2 * math.pi), ratio)
     return Oscillation(frequency, damping, period, half, cycles, constants)
@@ -186,9 +184,9 @@ def _change(rate: Estimate) -> str:
     return "half" if rate.value > 0 else "double"
 
 
-def _computed(of: Callable[[Array], float], pair: Array, covariance: Array, degrees: float) -> Estimate:
-    value, error = propagate(lambda p: np.array([of(p)]), pair, covariance)
-    return estimate("", "", float(value[0]), float(error[0]), degrees)
+def _computed(of: Callable[[Array], float], pair: Array, spread: Spread) -> Estimate:
+    value, worth = carry(lambda p: np.array([of(p)]), pair, spread)
+    return worth.estimates({"": ""}, value)[0]
 
 
 def _over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate | None:
@@ -200,32 +198,31 @@ def _over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate |
     return Estimate(name, unit, value, value * abs(below.standard_error / below.value), low, high)
 
 
-def _time_constants(pair: Array, covariance: Array, degrees: float) -> tuple[Estimate, ...]:
+def _time_constants(pair: Array, spread: Spread) -> tuple[Estimate, ...]:
     def constants(p: Array) -> Array:
         root = math.sqrt(max(p[1] ** 2 - 1, 0.0))
         return np.array([1 / (p[0] * (p[1] + root)), 1 / (p[0] * (p[1] - root))])
 
-    values, errors = propagate(constants, pair, covariance)
-    return tuple(estimate(f"time_constant_{i + 1}", "s", float(values[i]), float(errors[i]), degrees) for i in (0, 1))
+    values, worth = carry(constants, pair, spread)
+    return worth.estimates({"time_constant_1": "s", "time_constant_2": "s"}, values)
 
 
 def paired_mode(
     method: str,
     kinds: tuple[str, ...],
     pairs: Array,
-    covariance: Array,
-    degrees: float,
+    spread: Spread,
     parameters: tuple[Estimate, ...] = (),
 ) -> Mode:
     """Modes ``kinds`` of a method that fits frequency and damping of each of them itself, ``pairs`` (2 k,).
 
-    ``covariance`` (2 k + n, 2 k + n) has the pairs first; the fastest pair is the first of ``kinds``.
+    ``spread`` of 2 k + n parameters has the pairs first; the fastest pair is the first of ``kinds``.
     """
     found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
     missing = []
     for kind, index in zip(kinds, np.argsort(-pairs[::2]), strict=True):
         chosen = slice(2 * index, 2 * index + 2)
-        outcome = oscillation(kind, pairs[chosen], covariance[chosen, chosen], degrees)
+        outcome = oscillation(kind, pairs[chosen], spread.part(chosen))
         if isinstance(outcome, Unidentified):
             missing.append(outcome)
         else:
@@ -247,19 +244,18 @@ def mode_of_system(
     method: str,
     system: Callable[[Array], Array],
     values: Array,
-    covariance: Array,
-    degrees: float,
+    spread: Spread,
     derivatives: tuple[Estimate, ...] = (),
 ) -> Mode:
     """Short period and, of four states, phugoid of the ``system`` (n, n) that parameters ``values`` (p,) make.
 
-    ``covariance`` (p, p) is that of the parameters; the errors of the modes follow by the delta method.
+    ``spread`` is that of the parameters; the errors of the modes follow by the delta method.
     """
     eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(values)))
     found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
     missing = []
     for kind, of in TAKEN[: len(eigenvalues) // 2]:
-        outcome = _carried(kind, of, system, values, covariance, degrees)
+        outcome = _carried(kind, of, system, values, spread)
         if isinstance(outcome, Unidentified):
             missing.append(outcome)
         else:
@@ -272,11 +268,10 @@ def _carried(
     of: Callable[[Array], tuple[float, float]],
     system: Callable[[Array], Array],
     values: Array,
-    covariance: Array,
-    degrees: float,
+    spread: Spread,
 ) -> Oscillation | Unidentified:
     try:
-        pair, spread = carry(lambda v: np.array(of(system(v))), values, covariance)
+        pair, worth = carry(lambda v: np.array(of(system(v))), values, spread)
     except ValueError as error:
         return Unidentified(kind, str(error))
-    return oscillation(kind, pair, spread, degrees)
+    return oscillation(kind, pair, worth)

@@ -10,225 +10,77 @@ the scatter between them, which tells what the model lacks, is added.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from logs.identification.data import Aircraft
-from logs.identification.modes.equation_error import DerivativeFit, failed
+from logs.identification.modes.equation_error import NOTHING, DerivativeFit, failed
 from logs.identification.modes.errors import coloured_spread, information
-from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices
-from logs.identification.preparing.manoeuvre import OUTPUT_STEP, Manoeuvre, Reference
-from logs.identification.results import Array
-from sim_bridge.vectors import Integers, njit
+from logs.identification.modes.flown_again import (
+    OUTPUTS,
+    Linearised,
+    Problem,
+    flown_at,
+    linearise,
+    project,
+    projections,
+    residuals_of,
+    spread_of,
+    squares_of,
+    without_nuisances,
+)
+from logs.identification.modes.kinematics import second_order
+from logs.identification.modes.longitudinal import TAIL, propagate
+from logs.identification.modes.modulation import LEAST_MANOEUVRES, cleared, products, responses
+from logs.identification.preparing.manoeuvre import OUTPUT_STEP
+from logs.identification.results import SURE, Array, student_factor
 
-OUTPUTS = ("q", "a_x", "a_z", "theta")
 ITERATIONS = 40
 CONVERGED = 2e-2
 """-; largest step, in standard errors"""
-DIFFERENCE = 1e-5
+SECOND_ORDER_PASSES = 2
+MODULATED_STEPS = 2
+"""-; of Gauss-Newton with the stroke's modulation, from the optimum without it"""
 LAG_STROKES = 2.0
-DEPENDENT = 1e-10
-"""-; squared length of a combination of nuisances that adds nothing to the others"""
 WORST_CONDITION = 1e5
-
-
-class Problem(NamedTuple):
-    """What is fitted to what."""
-
-    manoeuvres: tuple[Manoeuvre, ...]
-    reference: Reference
-    aircraft: Aircraft
-    names: tuple[str, ...]
-    outputs: tuple[int, ...]
-    """-; columns of `OUTPUTS` that are fitted"""
-
-
-class Linearised(NamedTuple):
-    """All manoeuvres about the present derivatives, nuisances projected out, in standard deviations."""
-
-    residuals: list[Array]
-    """(M_i, m); measured minus model"""
-    sensitivities: list[Array]
-    """(M_i, m, p); of the model's outputs"""
-    nuisances: int
-    """-; how many were projected out"""
-
-
-@njit(cache=True)
-def _carry(f: Array, g0: Array, g1: Array, tail: Array, states: Array) -> None:
-    """States (N, n) of ``x[k+1] = f x[k] + g0 tail[k] + g1 tail[k+1]``, from the first."""
-    for k in range(states.shape[0] - 1):
-        for i in range(states.shape[1]):
-            total = g0[i] * tail[k] + g1[i] * tail[k + 1]
-            for j in range(states.shape[1]):
-                total += f[i, j] * states[k, j]
-            states[k + 1, i] = total
-
-
-def _propagate(exact: Discrete, start: Array, tail: Array) -> Array:
-    """States (N, n) from ``start`` (n,), driven by ``tail`` (N,)."""
-    states = np.zeros((len(tail), len(start)))
-    states[0] = start
-    _carry(exact.f, exact.g0, exact.g1, tail, states)
-    return states
-
-
-@njit(cache=True)
-def _average(weights: Array, columns: Integers, ends: Integers, states: Array, tail: Array, means: Array) -> None:
-    """Means (M, 5) of ``states`` (N, 4) and ``tail`` (N,) by the rows of a sparse matrix (M, N)."""
-    for row in range(means.shape[0]):
-        u = w = q = theta = angle = 0.0
-        for at in range(ends[row], ends[row + 1]):
-            k, weight = columns[at], weights[at]
-            u += weight * states[k, 0]
-            w += weight * states[k, 1]
-            q += weight * states[k, 2]
-            theta += weight * states[k, 3]
-            angle += weight * tail[k]
-        means[row, 0], means[row, 1], means[row, 2], means[row, 3], means[row, 4] = u, w, q, theta, angle
-
-
-class Flown(NamedTuple):
-    """The model at given derivatives, ready to fly any manoeuvre."""
-
-    model: Matrices
-    exact: Discrete
-    delay: float
-    """s; of the tail beyond what is known of it"""
-    lag: float
-    """s; of the tail's time constant beyond what is known of it"""
-
-    def driven(self, manoeuvre: Manoeuvre, start: Array) -> Array:
-        """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by the manoeuvre's tail angle."""
-        return self.averages(manoeuvre, start, self.tail(manoeuvre))
-
-    def tail(self, manoeuvre: Manoeuvre) -> Array:
-        """The manoeuvre's tail angle (N,) with what is found of it beyond what is known."""
-        angle: Array = manoeuvre.tail - self.delay * manoeuvre.tail_rate + self.lag * manoeuvre.tail_slope
-        return angle
-
-    def averages(self, manoeuvre: Manoeuvre, start: Array, tail: Array) -> Array:
-        """Stroke-averaged outputs (M, 4) from the state ``start`` (4,), driven by ``tail`` (N,)."""
-        means, average = np.empty((len(manoeuvre.at), 5)), manoeuvre.averaging
-        states = _propagate(self.exact, start, tail)
-        _average(average.data, average.indices, average.indptr, states, tail, means)
-        outputs: Array = means[:, :-1] @ self.model.c.T
-        return outputs + np.outer(means[:, -1], self.model.d)
-
-
-def _flown(problem: Problem, values: Array) -> Flown:
-    given = dict(zip(problem.names, values, strict=True))
-    delay, lag = (float(given.pop(name, 0.0)) for name in TAIL)
-    model = matrices(tuple(given), np.array(list(given.values())), problem.reference, problem.aircraft)
-    first = problem.manoeuvres[0]
-    return Flown(model, discretise(model, float(first.time[1] - first.time[0]), first.held), delay, lag)
-
-
-def _responses(problem: Problem, values: Array, starts: list[Array]) -> list[Array]:
-    """Stroke-averaged outputs (M_i, m) of the model, manoeuvre by manoeuvre, from the initial states ``starts``."""
-    flown = _flown(problem, values)
-    pairs = zip(problem.manoeuvres, starts, strict=True)
-    return [flown.driven(m, start)[:, problem.outputs] for m, start in pairs]
-
-
-def _nuisance_columns(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Array:
-    """Columns (M m, l): responses to each initial state, a bias of each output and for the pitch a drift."""
-    still = np.zeros_like(manoeuvre.tail)
-    columns = [flown.averages(manoeuvre, start, still)[:, problem.outputs] for start in np.eye(4)]
-    for index, output in enumerate(problem.outputs):
-        unit = np.zeros_like(columns[0])
-        unit[:, index] = 1.0
-        columns.append(unit)
-        if OUTPUTS[output] == "theta":
-            columns.append(unit * manoeuvre.at[:, None])
-    return np.column_stack([(column / deviation).ravel() for column in columns])
-
-
-class Projected(NamedTuple):
-    """One manoeuvre with its nuisances at their optimum."""
-
-    residuals: Array
-    """(M, m); measured minus model, in standard deviations"""
-    basis: Array
-    """(M m, l); orthonormal, of the nuisances"""
-    start: Array
-    """(4,); initial state"""
-
-
-def _project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Projected:
-    forced = flown.driven(manoeuvre, np.zeros(4))
-    raw = (manoeuvre.averages - forced)[:, problem.outputs] / deviation
-    columns = _nuisance_columns(problem, flown, manoeuvre, deviation)
-    norms = np.linalg.norm(columns, axis=0)
-    norms[norms == 0] = np.inf
-    scaled = columns / norms
-    squared, vectors = np.linalg.eigh(scaled.T @ scaled)
-    kept = squared > DEPENDENT * squared[-1]
-    weights = vectors[:, kept] / np.sqrt(squared[kept])
-    basis = scaled @ weights
-    along = basis.T @ raw.ravel()
-    coefficients = weights @ along / norms
-    return Projected((raw.ravel() - basis @ along).reshape(raw.shape), basis, coefficients[:4])
-
-
-def _projections(problem: Problem, values: Array, deviation: Array) -> list[Projected]:
-    flown = _flown(problem, values)
-    return [_project(problem, flown, m, deviation) for m in problem.manoeuvres]
-
-
-def _residuals(problem: Problem, values: Array, deviation: Array) -> list[Array]:
-    return [piece.residuals for piece in _projections(problem, values, deviation)]
-
-
-def _without_nuisances(basis: Array, values: Array) -> Array:
-    flat = values.reshape(len(basis), -1)
-    rest: Array = (flat - basis @ (basis.T @ flat)).reshape(values.shape)
-    return rest
-
-
-def _linearise(problem: Problem, values: Array, deviation: Array) -> Linearised:
-    """Residuals and, by central differences at the fitted initial states, sensitivities."""
-    pieces = _projections(problem, values, deviation)
-    starts = [piece.start for piece in pieces]
-    slopes: list[list[Array]] = [[] for _ in pieces]
-    for index, value in enumerate(values):
-        width = np.zeros_like(values)
-        width[index] = DIFFERENCE * max(abs(value), 0.1)
-        shifted = (_responses(problem, values + sign * width, starts) for sign in (1, -1))
-        for column, (ahead, behind) in zip(slopes, zip(*shifted, strict=True), strict=True):
-            column.append((ahead - behind) / (2 * width[index] * deviation))
-    sensitivities = [
-        _without_nuisances(piece.basis, np.stack(slope, axis=2)) for piece, slope in zip(pieces, slopes, strict=True)
-    ]
-    return Linearised([p.residuals for p in pieces], sensitivities, sum(p.basis.shape[1] for p in pieces))
-
-
-def _squares(residuals: list[Array]) -> float:
-    return float(sum(np.sum(piece**2) for piece in residuals))
-
-
-def _spread(residuals: list[Array]) -> Array:
-    spread: Array = np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0))
-    return spread
 
 
 def output_error(problem: Problem, start: Array) -> DerivativeFit:
     """Derivatives ``problem.names`` by Gauss-Newton from ``start`` (p,), as equation error or a prior gives it.
 
-    The outputs' variances are estimated anew after every step (relaxation of the likelihood).
+    The outputs' variances are estimated anew after every step (relaxation of the likelihood). What the kinematics
+    add to second order is taken off the measured outputs as the last fit tells it.
     """
+    linear, fit = problem, _fitted(problem, start)
+    for _ in range(SECOND_ORDER_PASSES):
+        if fit.failure:
+            break
+        linear = _without_second_order(problem, linear, fit)
+        fit = _fitted(linear, fit.values)
+    return fit
+
+
+def _without_second_order(problem: Problem, linear: Problem, fit: DerivativeFit) -> Problem:
+    """``problem`` with outputs as linear kinematics would have them; ``linear`` is the last such one."""
+    flown, manoeuvres = flown_at(problem, fit.values), []
+    for measured, last in zip(problem.manoeuvres, linear.manoeuvres, strict=True):
+        start = project(linear, flown, last, fit.scatter).start
+        states = propagate(flown.exact, start, flown.tail(measured))
+        more = second_order(flown.model, measured, states, problem.reference)
+        manoeuvres.append(measured._replace(averages=measured.averages - more))
+    return problem._replace(manoeuvres=tuple(manoeuvres))
+
+
+def _fitted(problem: Problem, start: Array) -> DerivativeFit:
     values, deviation = start.copy(), np.ones(len(problem.outputs))
     for _ in range(3):
-        deviation = deviation * _spread(_residuals(problem, values, deviation))
+        deviation = deviation * spread_of(residuals_of(problem, values, deviation))
     for _ in range(ITERATIONS):
-        here = _linearise(problem, values, deviation)
+        here = linearise(problem, values, deviation)
         step, errors = _gauss_newton(here)
         if not np.all(np.isfinite(step)):
             return failed(problem.names, "the manoeuvres do not determine all derivatives")
         if np.max(np.abs(step) / errors) < CONVERGED:
-            return _finish(problem, values, deviation, here)
-        advanced = _advance(problem, values, step, deviation, _squares(here.residuals))
+            return _finish(problem, values, deviation)
+        advanced = _advance(problem, values, step, deviation, squares_of(here.residuals))
         if advanced is None:
             break
         values, deviation = advanced
@@ -236,20 +88,22 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
 
 
 def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
-    """Stroke averages (M, 4) of u, w, q and the tail angle in each manoeuvre, as the fitted model flies them."""
-    flown = _flown(problem, fit.values)
+    """Stroke averages (M, 8) in each manoeuvre, as the fitted model flies them: of u, w, q, the tail angle and
+    `modulation.products`."""
+    flown = flown_at(problem, fit.values)
     regressors = []
     for manoeuvre in problem.manoeuvres:
-        start = _project(problem, flown, manoeuvre, fit.scatter).start
+        start = project(problem, flown, manoeuvre, fit.scatter).start
         tail = flown.tail(manoeuvre)
-        states = _propagate(flown.exact, start, tail)
-        regressors.append(manoeuvre.averaging @ np.column_stack((states[:, :3], tail)))
+        states = propagate(flown.exact, start, tail)
+        columns = (states[:, :3], tail, products(manoeuvre, states))
+        regressors.append(manoeuvre.averaging @ np.column_stack(columns))
     return regressors
 
 
 def fitted_outputs(problem: Problem, fit: DerivativeFit) -> list[Array]:
     """Stroke-averaged outputs (M_i, m) of the fitted model ; initial states and biases at their best."""
-    pieces = _projections(problem, fit.values, fit.scatter)
+    pieces = projections(_without_second_order(problem, problem, fit), fit.values, fit.scatter)
     pairs = zip(problem.manoeuvres, pieces, strict=True)
     return [m.averages[:, problem.outputs] - piece.residuals * fit.scatter for m, piece in pairs]
 
@@ -261,12 +115,12 @@ def share_explained(problem: Problem, values: Array) -> float:
     """
     deviation, pitch_rate = np.ones(len(problem.outputs)), problem.outputs.index(OUTPUTS.index("q"))
     for _ in range(3):
-        deviation = deviation * _spread(_residuals(problem, values, deviation))
-    flown, left, whole = _flown(problem, values), 0.0, 0.0
+        deviation = deviation * spread_of(residuals_of(problem, values, deviation))
+    flown, left, whole = flown_at(problem, values), 0.0, 0.0
     for manoeuvre in problem.manoeuvres:
-        piece = _project(problem, flown, manoeuvre, deviation)
+        piece = project(problem, flown, manoeuvre, deviation)
         driven = flown.driven(manoeuvre, np.zeros(4))[:, problem.outputs] / deviation
-        measured = piece.residuals + _without_nuisances(piece.basis, driven)
+        measured = piece.residuals + without_nuisances(piece.basis, driven)
         left += float(np.sum(piece.residuals[:, pitch_rate] ** 2))
         whole += float(np.sum(measured[:, pitch_rate] ** 2))
     return 1.0 - left / whole if whole > 0 else 0.0
@@ -293,16 +147,79 @@ def _advance(
     """The step, halved until the squares fall, and the outputs' new standard deviations; None where nothing helps."""
     for halving in range(8):
         trial = values + step * 0.5**halving
-        residuals = _residuals(problem, trial, deviation)
-        if _squares(residuals) <= before * (1 + 1e-9):
-            return trial, deviation * _spread(residuals)
+        residuals = residuals_of(problem, trial, deviation)
+        if squares_of(residuals) <= before * (1 + 1e-9):
+            return trial, deviation * spread_of(residuals)
     return None
 
 
-def _finish(problem: Problem, values: Array, deviation: Array, here: Linearised) -> DerivativeFit:
-    """Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them."""
-    strokes = max(m.period for m in problem.manoeuvres) / OUTPUT_STEP
-    longest = max(len(piece) for piece in here.residuals)
-    lags = int(min(max(longest / 10, LAG_STROKES * strokes), longest / 2)) + 1
-    spread = coloured_spread(here.residuals, here.sensitivities, lags, here.nuisances)
-    return DerivativeFit(problem.names, values, spread.covariance, spread.degrees, deviation)
+def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
+    """The last steps, with the stroke's modulation as a nuisance, and the errors.
+
+    Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them.
+    """
+    for _ in range(MODULATED_STEPS):
+        wide = _without_modulation(problem, values, deviation, _with_delay(problem, values, deviation))
+        here = _narrow(wide, len(values))
+        step, _ = _gauss_newton(here)
+        if not np.all(np.isfinite(step)):
+            return failed(problem.names, "the manoeuvres do not determine all derivatives")
+        values = values + step
+    residuals = [r - s @ step for r, s in zip(here.residuals, here.sensitivities, strict=True)]
+    spread = coloured_spread(residuals, here.sensitivities, _reach(problem), here.nuisances)
+    return lacking(DerivativeFit(problem.names, values, spread, deviation), _lack(problem, wide, residuals))
+
+
+def _reach(problem: Problem) -> tuple[int, int]:
+    """Samples of a stroke, and lags at which the residuals are looked at."""
+    stroke = round(max(m.period for m in problem.manoeuvres) / OUTPUT_STEP)
+    longest = max(len(m.at) for m in problem.manoeuvres)
+    return stroke, int(min(max(longest / 10, LAG_STROKES * stroke), longest / 2)) + 1
+
+
+def _with_delay(problem: Problem, values: Array, deviation: Array) -> Linearised:
+    """`_linearise` with one sensitivity more, to a delay of the tail beyond what is known of it."""
+    here, flown = linearise(problem, values, deviation), flown_at(problem, values)
+    wider = []
+    pieces = projections(problem, values, deviation)
+    for manoeuvre, piece, slopes in zip(problem.manoeuvres, pieces, here.sensitivities, strict=True):
+        delayed = flown.averages(manoeuvre, np.zeros(4), -manoeuvre.tail_rate)[:, problem.outputs] / deviation
+        wider.append(np.dstack((slopes, without_nuisances(piece.basis, delayed))))
+    return here._replace(sensitivities=wider)
+
+
+def _narrow(wide: Linearised, count: int) -> Linearised:
+    return wide._replace(sensitivities=[slopes[:, :, :count] for slopes in wide.sensitivities])
+
+
+def lacking(fit: DerivativeFit, lack: Array) -> DerivativeFit:
+    """``fit`` with the ``lack`` (p,) of its model, or of another fit's to the same data, among its errors."""
+    return fit._replace(spread=fit.spread.plus(np.outer(lack, lack)), lack=lack) if len(lack) else fit
+
+
+def _lack(problem: Problem, wide: Linearised, residuals: list[Array]) -> Array:
+    """By what the derivatives (p,) move where the tail may be late too; empty where the data do not ask for that.
+
+    A delay that is not there stands for what four states lack: wings that twist, a wake that grows. It moves the
+    frequency by several per cent and shows neither in the noise nor in the scatter between manoeuvres.
+    """
+    wide = wide._replace(residuals=residuals)
+    step, _ = _gauss_newton(wide)
+    if set(TAIL) & set(problem.names) or not np.all(np.isfinite(step)):
+        return NOTHING
+    spread = coloured_spread(residuals, wide.sensitivities, _reach(problem), wide.nuisances)
+    error = float(np.sqrt(spread.covariance[-1, -1]))
+    return step[:-1] if abs(step[-1]) > student_factor(spread.degrees, SURE) * error else NOTHING
+
+
+def _without_modulation(problem: Problem, values: Array, deviation: Array, here: Linearised) -> Linearised:
+    if len(problem.manoeuvres) < LEAST_MANOEUVRES:
+        return here
+    flown, columns = flown_at(problem, values), []
+    for manoeuvre, piece in zip(problem.manoeuvres, projections(problem, values, deviation), strict=True):
+        forcing = products(manoeuvre, propagate(flown.exact, piece.start, flown.tail(manoeuvre)))
+        imu = problem.aircraft.imu_x, problem.aircraft.imu_z
+        outputs = responses(flown.model, manoeuvre, forcing, imu)[:, problem.outputs]
+        columns.append(without_nuisances(piece.basis, outputs / deviation[:, None]))
+    rest = cleared(here.residuals, here.sensitivities, columns)
+    return Linearised(rest.residuals, rest.sensitivities, here.nuisances + rest.factors)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.results import Array
@@ -83,7 +84,7 @@ def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> M
             pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
-    return paired_mode(METHOD, kinds, pairs, covariance, degrees)
+    return paired_mode(METHOD, kinds, pairs, Spread(covariance, degrees))
 
 
 def _spacing(records: Sequence[Record], blur: float) -> int:

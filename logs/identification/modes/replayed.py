@@ -7,12 +7,13 @@ import numpy as np
 from logs.identification.modes.equation_error import DerivativeFit, signals
 from logs.identification.modes.filter_error import OUTPUTS as FORETOLD
 from logs.identification.modes.filter_error import PHASES, Filtered
+from logs.identification.modes.flown_again import OUTPUTS, Problem
 from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
 from logs.identification.modes.mode import ModesResult
-from logs.identification.modes.output_error import OUTPUTS, Problem, fitted_outputs, output_error
+from logs.identification.modes.output_error import fitted_outputs, output_error
 from logs.identification.modes.short_period import EQUATION_ERROR, FILTER_ERROR, OUTPUT_ERROR
 from logs.identification.preparing.manoeuvre import Manoeuvre, lagged
-from logs.identification.results import Array, FitSeries, Fitted, Unidentified, estimates
+from logs.identification.results import Array, FitSeries, Fitted, Unidentified
 
 OUTPUT_UNITS = ("rad/s", "m/s^2", "m/s^2", "rad")
 HELD = 3
@@ -124,10 +125,9 @@ def _filter_error(method: str, fit: DerivativeFit, filtered: Filtered | None) ->
             measured, model = stretch.averages[:, i], filtered.foretold[strokes, i]
             series.append(FitSeries(name, output, OUTPUT_UNITS[i], at, measured, model))
         done = strokes.stop
-    along, across = filtered.gusts
     told = (
-        f"Gusts of {along:.2g} m/s along and {across:.2g} m/s across (standard deviations) moved the aircraft beside"
-        " its inputs; the model shown foretells each stroke from those before."
+        "Gusts are states of the model: what is shown foretells each stroke from those before, so that it follows gusts"
+        " half a stroke late. How strong they were is not told: a gust and a stroke that differs look alike."
     )
     return _told(method, fit)._replace(series=tuple(series), notes=(told,))
 
@@ -142,9 +142,9 @@ def _name(manoeuvre: Manoeuvre) -> str:
 
 
 def _told(method: str, fit: DerivativeFit) -> Fitted:
-    found = estimates({n: UNITS[n] for n in fit.names}, fit.values, fit.covariance, fit.degrees)
-    spread = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
-    return Fitted(method, LINEAR_MODEL, found, (), fit.covariance / np.outer(spread, spread))
+    found = fit.spread.estimates({n: UNITS[n] for n in fit.names}, fit.values)
+    spread = np.sqrt(np.maximum(np.diag(fit.spread.covariance), 1e-300))
+    return Fitted(method, LINEAR_MODEL, found, (), fit.spread.covariance / np.outer(spread, spread))
 
 
 def _failed(method: str, fit: DerivativeFit) -> Fitted:

@@ -7,11 +7,13 @@ import numpy as np
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.agreement import agreement
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
+from logs.identification.modes.errors import LEAST_CLUSTERS
 from logs.identification.modes.experiments import modes_of_records
 from logs.identification.modes.filter_error import PHASES, Filtered, Task, filter_error
+from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.modes.output_error import Problem, flown_regressors, output_error, share_explained
+from logs.identification.modes.output_error import flown_regressors, lacking, output_error, share_explained
 from logs.identification.modes.records import averaged_records
 from logs.identification.preparing.manoeuvre import (
     Reference,
@@ -21,7 +23,7 @@ from logs.identification.preparing.manoeuvre import (
     reference_of,
 )
 from logs.identification.preparing.stretches import stretches
-from logs.identification.results import Array, estimates
+from logs.identification.results import SURE, Array, student_factor
 
 FITTED_OUTPUTS = (0, 1, 2)
 """-; of `output_error.OUTPUTS`: q, a_x and a_z. The AHRS's pitch is the gyro integrated: it adds nothing"""
@@ -42,8 +44,8 @@ def mode_of(method: str, fit: DerivativeFit, reference: Reference, aircraft: Air
     def system(values: Array) -> Array:
         return modes_matrix(matrices(fit.names, values, reference, aircraft), fit.names)
 
-    derivatives = estimates({n: UNITS[n] for n in fit.names}, fit.values, fit.covariance, fit.degrees)
-    return mode_of_system(method, system, fit.values, fit.covariance, fit.degrees, derivatives)
+    derivatives = fit.spread.estimates({n: UNITS[n] for n in fit.names}, fit.values)
+    return mode_of_system(method, system, fit.values, fit.spread, derivatives)
 
 
 def identify_modes(
@@ -113,11 +115,35 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     if not second.failure:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
+        first, second = _with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
     if share < (LEAST_EXPLAINED if second.failure else LEAST_WITH_INSTRUMENTS) and not first.failure:
         first = failed(first.names, _too_gusty(share))
     if share < LEAST_EXPLAINED and not second.failure:
         second = failed(second.names, _too_gusty(share))
     return first, second
+
+
+def _with_differences(
+    first: DerivativeFit, second: DerivativeFit, manoeuvres: int
+) -> tuple[DerivativeFit, DerivativeFit]:
+    """Both fits, and where they differ by more than their errors allow, each difference among the errors of both.
+
+    They weigh the same data differently: where the model is right they find the same but for noise (Hausman,
+    Econometrica 46, 1978). Where wings have an inertia that shakes the body they do not, and the frequency was 1 to
+    3 % off the truth in both. A derivative may be anywhere between the two, each on its own.
+    """
+    if first.failure or manoeuvres < LEAST_CLUSTERS:
+        return first, second
+    count = len(first.names)
+    errors = [fit.spread.standard_errors()[0][:count] for fit in (first, second)]
+    differences = first.values - second.values[:count]
+    least = student_factor(manoeuvres - 1.0, 1 - (1 - SURE) / count) * np.hypot(*errors)
+    if not np.any(np.abs(differences) > least):
+        return first, second
+    apart = np.append(differences, np.zeros(len(second.names) - count)) ** 2 / 12
+    both = [np.diag(apart[: len(fit.names)]) for fit in (first, second)]
+    wider = [fit._replace(spread=fit.spread.plus(more)) for fit, more in zip((first, second), both, strict=True)]
+    return wider[0], wider[1]
 
 
 def _too_gusty(share: float) -> str:

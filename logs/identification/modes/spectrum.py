@@ -68,7 +68,7 @@ def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode
         spread = _spread(fit)
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
-    return paired_mode(METHOD, kinds, fit.values, spread.covariance, spread.degrees)
+    return paired_mode(METHOD, kinds, fit.values, spread)
 
 
 def _rests(records: list[Record]) -> float:

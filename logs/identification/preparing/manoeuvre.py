@@ -37,6 +37,8 @@ class Manoeuvre(NamedTuple):
     """rad/s; (N,)"""
     tail_slope: Array
     """rad/s; (N,), change of the tail angle with the tail's time constant"""
+    strokes: Array
+    """-; (N,), of the wings, on the flight's count: the phase is what is behind the point"""
     held: bool
     """-; the tail angle jumps at the samples (no lag) and is held between them"""
     raw: Array
@@ -184,7 +186,7 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Ma
     number = int(data.manoeuvre[first])
     return Manoeuvre(
         number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
-        held, raw, at[:within] - zero, averaging, averaging @ raw, float(np.mean(period)),
+        data.strokes[reach], held, raw, at[:within] - zero, averaging, averaging @ raw, float(np.mean(period)),
         float(np.mean(data.airspeed[reach])), float(zero), to_end,
     )  # fmt: skip
 

@@ -12,8 +12,8 @@ import numpy as np
 from avionics.quantities import BadInput, counted
 from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.data import DriveData
+from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.mode import KINDS, Mode, ModesResult
-from logs.identification.modes.output_error import Problem
 from logs.identification.modes.replayed import fitted
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.report.coefficients import aero_chapter

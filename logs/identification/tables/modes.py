@@ -8,6 +8,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
 from logs.identification.output_error.problem import Fit
@@ -99,7 +100,7 @@ def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
     lost = [one for one in fit.unidentified if abs(_share(system, fit, one.name)) > 0]
     if lost:
         return nothing(method, f"{lost[0].name} is not identified: {lost[0].reason}")
-    return mode_of_system(method, system, fit.values, fit.covariance, fit.degrees, fit.estimates)
+    return mode_of_system(method, system, fit.values, Spread(fit.covariance, fit.degrees), fit.estimates)
 
 
 def _share(system: object, fit: Fit, name: str) -> float:

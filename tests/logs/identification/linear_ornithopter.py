@@ -1,4 +1,4 @@
-"""A flapping aircraft with known derivatives, flown in the tests: linear motion under the wing's shaking."""
+"""A flapping aircraft with known derivatives, flown in the tests: linear forces under the wing's shaking."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
+from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
 from logs.identification.modes.mode import Mode
-from logs.identification.modes.output_error import Problem
 from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, mode_of
 from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
 from logs.identification.results import Array
@@ -76,7 +76,7 @@ def wing_strokes(rng: np.random.Generator, count: int, jitter: float) -> Array:
 
 
 def fly(flight: Flight) -> FlightData:
-    """Fly it: the linear model, a shaking locked to the wing's phase, and sensors with noise and biases."""
+    """Fly it: linear forces and moments, a shaking locked to the wing's phase, and sensors with noise and biases."""
     rng = np.random.default_rng(flight.seed)
     excitation, active, number = doublets(flight)
     count = len(excitation)
@@ -117,6 +117,17 @@ def _shaking(phase: Array) -> Array:
     return np.column_stack((q, a_x, a_z, pitch))
 
 
+PITCH, GRAVITY = REFERENCE.pitch, STANDARD_GRAVITY
+
+
+@njit(cache=True)
+def _turned(x):  # type: ignore[no-untyped-def]
+    """What the kinematics as they are add to those of small motion: products with the pitch rate, gravity's turn."""
+    along_x = -x[1] * x[2] - GRAVITY * (np.sin(PITCH + x[3]) - np.sin(PITCH) - np.cos(PITCH) * x[3])
+    along_z = x[0] * x[2] + GRAVITY * (np.cos(PITCH + x[3]) - np.cos(PITCH) + np.sin(PITCH) * x[3])
+    return np.array([along_x, along_z, 0.0, 0.0])
+
+
 @njit(cache=True)
 def _integrate(a, b, command, strokes, start, constant, modulation, gust):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
@@ -133,9 +144,9 @@ def _integrate(a, b, command, strokes, start, constant, modulation, gust):  # ty
         now[2, 2] *= swing
         blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1])
         for _ in range(fine):
-            middle = x + dt / 2 * (now @ x + b * tail + blown)
+            middle = x + dt / 2 * (now @ x + b * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half
-            x = x + dt * (now @ middle + b * between + blown)
+            x = x + dt * (now @ middle + b * between + blown + _turned(middle))
             tail = command[k] + (tail - command[k]) * whole
     return states, tails
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from promised import SEEDS, covered, promise_kept
 
 from avionics.quantities import BadInput
 from logs.identification.drive.servo import ServoModel
@@ -108,10 +109,8 @@ def test_a_release_gives_frequency_and_damping(damping: float) -> None:
 
 @pytest.mark.validate
 def test_intervals_over_many_releases() -> None:
-    found = [by_name(identify_twist(release(seed))) for seed in range(300)]
-    for name, truth in (("twist_natural_frequency", NATURAL), ("twist_damping", 0.31)):
-        covered = float(np.mean([one[name].contains(truth) for one in found]))
-        assert 0.90 <= covered <= 0.985, (name, covered)
+    found = [identify_twist(release(seed)).estimates for seed in SEEDS]
+    promise_kept("twist", covered(found, {"twist_natural_frequency": NATURAL, "twist_damping": 0.31}))
 
 
 def test_what_was_not_measured_is_left_out() -> None:

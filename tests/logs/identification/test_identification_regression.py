@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from promised import promise_kept
 from scipy.signal import lfilter
 
 from logs.identification.accuracy.colour import parzen
@@ -30,8 +31,8 @@ def test_coverage(pole: float) -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
 def test_coverage_of_many(pole: float) -> None:
-    covered = sum(slope_covered(seed, pole) for seed in range(1000))
-    assert 890 <= covered <= 990
+    share = float(np.mean([slope_covered(seed, pole) for seed in range(1000)]))
+    promise_kept(f"regression on a slow regressor, pole {pole}", {"slope": share})
 
 
 def test_white_residuals_give_the_textbook_errors() -> None:

@@ -30,46 +30,6 @@ def identify(flight: Flight, aircraft: Aircraft = AIRCRAFT) -> ModesResult:
     return identify_modes(fly(flight), aircraft)
 
 
-class Study:
-    """Many flights: how often the truth lies within the interval, and how far the values are off."""
-
-    def __init__(self, results: list[ModesResult], flight: Flight, method: int) -> None:
-        modes = [result.modes[method] for result in results]
-        frequency, damping = true_mode(flight)
-        self.frequencies = [m.frequency for m in modes if m.frequency]
-        self.dampings = [m.damping for m in modes if m.damping]
-        assert len(self.frequencies) == len(results)
-        self.frequency_covered = sum(f.contains(frequency) for f in self.frequencies)
-        self.damping_covered = sum(d.contains(damping) for d in self.dampings)
-        self.frequency_error = float(np.median([abs(f.value / frequency - 1) for f in self.frequencies]))
-        self.damping_error = float(np.median([abs(d.value - damping) for d in self.dampings]))
-        self.width = float(np.median([(f.high - f.value) / f.value for f in self.frequencies]))
-
-
-@pytest.mark.validate
-def test_forty_flights_with_a_stroke_that_modulates_the_derivatives() -> None:
-    results = [identify(Flight(seed=seed, modulation=0.3)) for seed in range(40)]
-    assert sum(bool(result.agree) for result in results) >= 34
-    for method in (0, 1):
-        study = Study(results, Flight(), method)
-        assert study.frequency_covered >= 34
-        assert study.damping_covered >= 32
-        assert study.width < 0.05
-        assert study.frequency_error < 0.02
-        assert study.damping_error < 0.03
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize("width", [0.1, 0.2, 0.4])
-@pytest.mark.parametrize("modulation", [0.0, 0.3])
-def test_coverage_of_output_error(modulation: float, width: float) -> None:
-    flight = Flight(modulation=modulation, width=width)
-    study = Study([identify(flight._replace(seed=seed)) for seed in range(300)], flight, 0)
-    assert study.frequency_covered >= 0.88 * 300
-    assert study.damping_covered >= 0.80 * 300
-    assert study.width < 0.2
-
-
 def test_derivatives_lie_within_their_intervals() -> None:
     hits = total = 0
     for seed in range(10):
@@ -214,8 +174,6 @@ def test_in_strong_gusts_only_the_method_that_knows_of_gusts_gives_a_number(seed
     assert found.frequency.high < 1.4 * found.frequency.value
     assert found.damping is not None and found.damping.contains(damping)
     assert "gusts" in result.modes[1].unidentified[0].reason
-    assert result.filtered is not None
-    assert all(1.0 < gust < 4.0 for gust in result.filtered.gusts)
 
 
 @pytest.mark.validate
@@ -247,10 +205,9 @@ def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_mod
     frequency, damping = true_mode(Flight())
     for result in results:
         found = result.modes[2]
-        assert found.method == FILTER_ERROR and result.filtered is not None
+        assert found.method == FILTER_ERROR
         assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
         assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
-        assert max(result.filtered.gusts) < 0.2
 
 
 def test_a_tail_lag_that_is_not_known_is_found_by_filter_error_too() -> None:

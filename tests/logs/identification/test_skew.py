@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from promised import SEEDS, promise_kept
 from scipy.signal import lfilter
 
 from avionics.quantities import BadInput
@@ -41,9 +42,10 @@ def covered(seeds: range, noise: float) -> tuple[float, float]:
     for seed in seeds:
         first, second, truth = skewed(seed, noise)
         found = skew_between(first, second, STEP, 1.0)
-        assert isinstance(found, Estimate)
-        hits.append(found.contains(truth))
-        errors.append((found.value - truth) / STEP)
+        if isinstance(found, Estimate):
+            hits.append(found.contains(truth))
+            errors.append((found.value - truth) / STEP)
+    assert len(hits) >= 0.95 * len(seeds)  # in noise of 0.4 a few shifts do not converge and are refused
     return float(np.mean(hits)), float(np.sqrt(np.mean(np.square(errors))))
 
 
@@ -56,9 +58,8 @@ def test_the_skew_is_found_within_its_error() -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("noise", [0.02, 0.1, 0.4])
 def test_the_skew_of_many(noise: float) -> None:
-    share, error = covered(range(300), noise)
-    say(f"noise {noise}: intervals cover {share:.3f}, error {error:.3f} samples")
-    assert 0.90 <= share <= 0.99
+    share, error = covered(SEEDS, noise)
+    promise_kept(f"skew, noise {noise}, error {error:.3f} samples", {"skew": share})
 
 
 def test_without_noise_the_skew_is_exact_between_the_samples() -> None:

@@ -15,7 +15,6 @@ from avionics.quantities import BadInput
 from logs.identification.output_error.problem import Model, Named
 from logs.identification.preparing.lag import behind
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
 
 
 class Actuator(NamedTuple):

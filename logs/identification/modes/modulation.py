@@ -1,0 +1,76 @@
+"""A stroke that modulates the derivatives: forces and moments in step with the wing's phase times the motion.
+
+Over a stroke the air meets wings at other speeds and other angles: Z_w and its like swing about their means at the
+flapping frequency. To first order the swing adds forces (w, q) (sin, cos)(phase) with constant factors (the averaging
+of Bogoliubov & Mitropolsky, Asymptotic Methods in the Theory of Non-Linear Oscillations, 1961, ch. 5, carried to the
+first order). A stroke average does not take them out, the model of the mean derivatives has no place for them, and
+what they leave in the residuals is no noise: it depends on the phases at which the inputs came. So the factors are
+nuisances that all manoeuvres share.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.modes.longitudinal import Matrices, discretise, propagate
+from logs.identification.preparing.manoeuvre import Manoeuvre
+from logs.identification.results import Array
+
+LEAST_MANOEUVRES = 3
+"""-; from which on inputs came at phases enough for the factors to be told"""
+DEPENDENT = 1e-8
+"""-; squared length of a combination of factors that adds nothing to the others"""
+
+
+class Cleared(NamedTuple):
+    """What is left of residuals and sensitivities where the factors are at their best."""
+
+    residuals: list[Array]
+    """(M_i, m)"""
+    sensitivities: list[Array]
+    """(M_i, m, p)"""
+    factors: int
+    """-; how many were told from one another"""
+
+
+def products(manoeuvre: Manoeuvre, states: Array) -> Array:
+    """w sin, w cos, q sin, q cos (N, 4) of the wing's phase, of ``states`` (N, 4) u, w, q, theta."""
+    turn = 2 * np.pi * manoeuvre.strokes
+    waves = (np.sin(turn), np.cos(turn))
+    return np.column_stack([states[:, state] * wave for state in (1, 2) for wave in waves])
+
+
+def responses(model: Matrices, manoeuvre: Manoeuvre, forcing: Array, imu: tuple[float, float]) -> Array:
+    """Stroke-averaged outputs (M, 4, 3 k) of each ``forcing`` (N, k) along x, along z and in pitch.
+
+    ``imu`` is its place (x, z) in m, which the pitch acceleration moves.
+    """
+    step = float(manoeuvre.time[1] - manoeuvre.time[0])
+    directs = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, imu[1], -imu[0], 0]], dtype=float)
+    columns = []
+    for axis, direct in enumerate(directs):
+        exact = discretise(model._replace(b=np.eye(4)[axis]), step, False)
+        for force in forcing.T:
+            states = propagate(exact, np.zeros(4), force)
+            columns.append(manoeuvre.averaging @ (states @ model.c.T + np.outer(force, direct)))
+    return np.stack(columns, axis=2)
+
+
+def cleared(residuals: list[Array], sensitivities: list[Array], columns: list[Array]) -> Cleared:
+    """``residuals`` (M_i, m) and ``sensitivities`` (M_i, m, p) orthogonal to the factors' ``columns`` (M_i, m, f)."""
+    whole = np.vstack([piece.reshape(-1, piece.shape[2]) for piece in columns])
+    norms = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+    squared, vectors = np.linalg.eigh((whole / norms).T @ (whole / norms))
+    kept = squared > DEPENDENT * squared[-1]
+    basis = (whole / norms) @ (vectors[:, kept] / np.sqrt(squared[kept]))
+    ends = np.cumsum([piece.shape[0] * piece.shape[1] for piece in columns])[:-1]
+
+    def rest(values: list[Array]) -> list[Array]:
+        flat = np.vstack([piece.reshape(basis_rows, -1) for piece, basis_rows in zip(values, rows, strict=True)])
+        left = flat - basis @ (basis.T @ flat)
+        return [part.reshape(piece.shape) for part, piece in zip(np.split(left, ends), values, strict=True)]
+
+    rows = [piece.shape[0] * piece.shape[1] for piece in columns]
+    return Cleared(rest(residuals), rest(sensitivities), int(np.count_nonzero(kept)))

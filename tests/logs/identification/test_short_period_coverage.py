@@ -1,0 +1,66 @@
+"""What is promised of the short period: 300 flights a setting, each parameter of each method that gives a number."""
+
+from __future__ import annotations
+
+import pytest
+from linear_ornithopter import AIRCRAFT, TRUTH, Flight, fly, model_of
+from promised import SEEDS, modes_kept
+
+from logs.identification.modes.flown_again import Problem
+from logs.identification.modes.longitudinal import LONGITUDINAL
+from logs.identification.modes.mode import Mode, short_period_of
+from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes, mode_of
+from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
+
+PHYSICAL = ("output error", "equation error, frequency domain")
+LIGHT = Flight(truth=TRUTH | {"M_q": -0.5, "Z_w": -1.0}, settle=2.5)
+"""so lightly damped that methods without a physical model tell decay from drift"""
+
+
+def flown(flight: Flight) -> dict[str, list[Mode]]:
+    """Of every flight the mode by each method, refusals too."""
+    found = (identify_modes(fly(flight._replace(seed=seed)), AIRCRAFT).modes for seed in SEEDS)
+    return {row[0].method: list(row) for row in zip(*found, strict=True)}
+
+
+def physical(flight: Flight) -> dict[str, list[Mode]]:
+    """The same of the methods with a physical model alone, which takes a quarter of the time."""
+    found: dict[str, list[Mode]] = {method: [] for method in PHYSICAL}
+    for seed in SEEDS:
+        data = fly(flight._replace(seed=seed))
+        manoeuvres = find_manoeuvres(data, AIRCRAFT)
+        reference = reference_of(data, manoeuvres)
+        fits = fit_derivatives(Problem(manoeuvres, reference, AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS))
+        for method, fit in zip(PHYSICAL, reversed(fits), strict=True):
+            found[method].append(mode_of(method, fit, reference, AIRCRAFT))
+    return found
+
+
+def truth_of(flight: Flight) -> dict[str, float]:
+    frequency, damping = short_period_of(model_of(flight).a)
+    return flight.truth | {"short_period_frequency": frequency, "short_period_damping": damping}
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("width", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("modulation", [0.0, 0.3])
+def test_what_is_promised_of_a_well_damped_short_period(modulation: float, width: float) -> None:
+    """Doublets of three widths, by wings whose stroke modulates Z_w, M_w and M_q or does not."""
+    flight = Flight(modulation=modulation, width=width)
+    study = f"modulation {modulation}, doublets of {width} s"
+    for modes in physical(flight).values():
+        modes_kept(study, modes, truth_of(flight))
+
+
+@pytest.mark.validate
+def test_what_is_promised_of_a_lightly_damped_short_period() -> None:
+    """Every method that the records allow gives numbers."""
+    for method, modes in flown(LIGHT).items():
+        if method != "spectrum":
+            modes_kept("lightly damped", modes, truth_of(LIGHT))
+
+
+@pytest.mark.validate
+def test_methods_agree_on_a_stroke_that_modulates() -> None:
+    results = [identify_modes(fly(Flight(seed=seed, modulation=0.3)), AIRCRAFT) for seed in range(40)]
+    assert sum(bool(result.agree) for result in results) >= 34
