@@ -126,8 +126,8 @@ def _filter_error(method: str, fit: DerivativeFit, filtered: Filtered | None) ->
             series.append(FitSeries(name, output, OUTPUT_UNITS[i], at, measured, model))
         done = strokes.stop
     told = (
-        "Gusts are states of the model: what is shown foretells each stroke from those before, so that it follows gusts"
-        " half a stroke late. How strong they were is not told: a gust and a stroke that differs look alike."
+        "Gusts are states of the model: what is shown foretells each stroke from those before, so that it follows"
+        " gusts half a stroke late. How strong they were is not told: a gust and a stroke that differs look alike."
     )
     return _told(method, fit)._replace(series=tuple(series), notes=(told,))
 
