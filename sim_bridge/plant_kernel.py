@@ -318,7 +318,7 @@ def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch) -> 
 
     After `set_motion`.
     """
-    start = _aero_start(p.joints.kind.shape[0])
+    start = aero_start(p.joints.kind.shape[0])
     models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         s.rate[start + i] = s.wings.loads.rates[i]
@@ -342,7 +342,7 @@ def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
 
 
 @inlined
-def _aero_start(coordinates: int) -> int:
+def aero_start(coordinates: int) -> int:
     """Index of the aerodynamic model's state in the state vector."""
     return COORDINATES + 2 * coordinates + 3
 
@@ -534,7 +534,7 @@ def advance_memory(y: Floats, h: float, around: Surroundings, bound: Bound) -> N
     """Move what of the aerodynamic model's state has a clock of its own, at the end ``y`` of a step of ``h`` s."""
     p, s = bound_values(bound)
     set_motion(y, around, p, s)
-    memory = y[_aero_start(p.joints.kind.shape[0]) :]
+    memory = y[aero_start(p.joints.kind.shape[0]) :]
     models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
 
 

@@ -274,7 +274,7 @@ def test_a_part_on_the_body_is_a_part_of_what_loads_the_base(name: str, case: Ca
     for body in (told, 0.0 * told):
         evaluated(plant, y)
         s.wings.loads.body[:] = body
-        k.load_fuselage.py_func(DENSITY, plant.parameters, s)  # type: ignore[attr-defined]
+        k.load_fuselage.py_func(DENSITY, plant.parameters.drag_areas, s)  # type: ignore[attr-defined]
         loads.append((s.body_load.copy(), plant.part_loads().sum(axis=0)))
     for one, none in zip(*loads, strict=True):
         assert one - none == pytest.approx(told.sum(axis=0), abs=1e-12)
