@@ -43,16 +43,17 @@ BIASES = (0.3, 3.0, 3.0)
 LIFT_SLOPE = 4.5
 """1/rad; of lift over weight: that of a wing of aspect ratio 5 at a lift coefficient of 1"""
 NUISANCES = (
-    "gust along", "gust across", "duration along", "duration across", "turning", "push along", "push across", "turn",
-    "error of q", "error of a_x", "error of a_z",
+    "gust along", "gust across", "duration along", "duration across", "smoothing",
+    "push along", "push across", "turn", "error of q", "error of a_x", "error of a_z",
 )  # fmt: skip
-"""strengths (m/s) and durations (s) of the gusts; how much of a gust's slope along the flight turns the aircraft (1:
-all of it); what else moves it, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes
-that differ, say; standard deviations of the averages"""
-GUST, TURNING, PUSHES, AVERAGES = 0.5, 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
+"""strengths (m/s) and durations (s) of the gusts; for how long (s) the span smooths how the one across turns the air;
+what else moves the aircraft, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes that
+differ, say; standard deviations of the averages"""
+GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
-SCALES = (60.0, 15.0)
-"""m; of gusts along and across, likewise (MIL-F-8785C 15 m high, along: about the mean of 200 and 15 m)"""
+SCALES = (60.0, 15.0, 1.3)
+"""m; of gusts along and across and of the span's smoothing, likewise (MIL-F-8785C 15 m high, along: about the mean of
+200 and 15 m; 4 b / pi for a span b of 1 m)"""
 DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0))
 """-; standard deviation of the logarithms under the priors"""
 WIDEST = 6.0
@@ -100,11 +101,10 @@ class Likelihood(NamedTuple):
 
 
 def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
-    """Derivatives ``task.names`` by scoring with Levenberg's damping, from ``start`` (p,) and one likelier in gusts.
+    """Derivatives ``task.names`` by scoring with Levenberg's damping, from ``start`` (p,) and from `_starts`'s other.
 
-    Gusts hide in the speeds that equation error integrates, and it finds what depends on w too small, all of it
-    alike: the second start has the lift of a wing for Z_w, and the rest of w's column grown with it. The likelier
-    end counts.
+    Gusts hide in the speeds that equation error integrates: what it finds is a start that may lead to another optimum
+    than the likeliest. The likelier end counts.
     Errors are those of the likelihood's information, or of the scatter between manoeuvres where that is larger.
     """
     if not task.stretches:
@@ -136,15 +136,19 @@ class End(NamedTuple):
 
 
 def _starts(task: Task, start: Array) -> list[Array]:
-    """``start`` (p,) and, where it has a Z_w too small for a wing, another (p,)."""
-    lift = -LIFT_SLOPE * STANDARD_GRAVITY / task.reference.airspeed
-    found = start[task.names.index("Z_w")] if "Z_w" in task.names else lift
-    if found < lift / 2.0:
-        return [start]
-    column = np.array([name.endswith("_w") for name in task.names])
-    other = np.where(column, start * (lift / found if found < lift / 10.0 else 1.0), start)
-    other[task.names.index("Z_w")] = lift
-    return [start, other]
+    """``start`` (p,), and another (p,) that no gust has spoilt: a stable aircraft of this weight at this airspeed.
+
+    Its wing lifts as a wing does, and a short period as fast as its heave is damped by half and more; what the tail
+    does is that of ``start``, which tells it best.
+    """
+    fall = STANDARD_GRAVITY / task.reference.airspeed
+    heave = -LIFT_SLOPE * fall
+    stable = {
+        "X_u": -0.3, "X_w": -0.15 * heave, "X_q": 0.0, "Z_u": -fall, "Z_w": heave, "Z_q": 0.0,
+        "M_u": 0.0, "M_w": -(heave**2) / task.reference.airspeed, "M_q": heave,
+    }  # fmt: skip
+    pairs = zip(task.names, start, strict=True)
+    return [start, np.array([stable.get(name, value) for name, value in pairs])]
 
 
 def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], prior: Array) -> End:
@@ -199,7 +203,7 @@ def _updated(inverse: Array, step: Array, change: Array) -> Array:
 def _prior(reference: Reference) -> Array:
     """Logarithms (11,) on which the priors of `NUISANCES` are centred."""
     durations = (scale / reference.airspeed for scale in SCALES)
-    return np.log([GUST, GUST, *durations, TURNING, *PUSHES, *AVERAGES])
+    return np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES])
 
 
 def _averaged(task: Task, lag: float | None) -> Averaged:
@@ -220,30 +224,25 @@ def _averaged(task: Task, lag: float | None) -> Averaged:
 
 
 def _system(task: Task, values: Array) -> Driven:
-    """The aircraft and two gusts: states u, w, q, theta over ground, gust along, gust across.
+    """The aircraft and its gusts: states u, w, q, theta over ground, gust along, gust across, the latter smoothed.
 
-    Where the gust across changes along the flight the air turns, ``q_g = -dw_g/dx = -(dw_g/dt) / V``
-    (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it.
+    Where the gust across changes along the flight the air turns, ``q_g = -dw_g/dx``, as far as the span does not
+    smooth it (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it.
     """
     names, count = tuple(name for name in task.names if name != TAIL_LAG), len(OUTPUTS)
     model = matrices(names, values[: len(names)], task.reference, task.aircraft)
-    strengths, durations, turning, pushes, noise = np.split(np.exp(values[len(task.names) :]), (2, 4, 5, 8))
-    a, c = np.zeros((6, 6)), np.hstack((model.c[:count], -model.c[:count, :2]))
-    a[:4, :4], a[:4, 4:] = model.a, -model.a[:, :2]
-    a[4:, 4:] = np.diag(-1.0 / durations)
-    # What the air's turning does per m/s^2 of the gust across: on the rates of u, w, q and on the outputs.
-    turned = np.zeros(6 + count)
-    turned[:3] = turning / task.reference.airspeed * _by_pitch_rate(names, values)
-    turned[7:9] = turning / task.reference.airspeed * model.c[1:3, 2]
-    a[:4, 5] -= turned[:4] / durations[1]
-    c[:, 5] -= turned[6:] / durations[1]
-    turned[5] = 1.0
-    along, across = 2.0 * strengths**2 / durations
-    density = np.diag(np.concatenate((pushes**2, (0.0, along, 0.0), np.zeros(count)))) + across * np.outer(
-        turned, turned
-    )
-    start = np.concatenate((BEGIN, strengths))
-    return Driven(a, model.b, np.ascontiguousarray(c), model.d[:count], density, start, np.array(BIASES), noise)
+    strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(values[len(task.names) :]), (2, 4, 5, 8))
+    a, c = np.zeros((7, 7)), np.hstack((model.c[:count], -model.c[:count, :2], np.zeros((count, 1))))
+    a[:4, :4], a[:4, 4:6] = model.a, -model.a[:, :2]
+    a[4:6, 4:6] = np.diag(-1.0 / durations)
+    a[6, 5:] = 1.0 / smoothing, -1.0 / smoothing
+    turned = np.array([1.0, -1.0]) / (smoothing * task.reference.airspeed)
+    a[:3, 5:] += np.outer(_by_pitch_rate(names, values), turned)
+    c[1:, 5:] += np.outer(model.c[1:count, 2], turned)
+    density = np.zeros((7 + count, 7 + count))
+    density[range(6), range(6)] = (*pushes**2, 0.0, *(2.0 * strengths**2 / durations))
+    start = np.concatenate((BEGIN, strengths, strengths[1:]))
+    return Driven(a, model.b, c, model.d[:count], density, start, np.array(BIASES), noise)
 
 
 def _by_pitch_rate(names: tuple[str, ...], values: Array) -> Array:
@@ -358,8 +357,11 @@ def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared:
     count = len(task.names)
     inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
     nuisances = len(task.stretches) * (len(BEGIN) + len(OUTPUTS))
-    degrees = float(here.errors.size - nuisances) / len(PHASES) - len(values)
-    spread = with_scatter(Spread(inverse, max(degrees, 1.0)), inverse, _by_manoeuvre(task, scores))
+    count_of_all = here.errors.size / len(PHASES)
+    degrees = max(count_of_all - nuisances / len(PHASES) - len(values), 1.0)
+    # Strengths at their optimum are too small by what the parameters took, as a variance over all residuals is.
+    within = Spread(inverse * (count_of_all / degrees), degrees)
+    spread = with_scatter(within, inverse, _by_manoeuvre(task, scores))
     scatter: Array = np.std(here.errors, axis=0)
     return DerivativeFit(task.names, values[:count], spread.part(slice(count)), scatter)
 

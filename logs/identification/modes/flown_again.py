@@ -98,9 +98,10 @@ def flown_at(problem: Problem, values: Array) -> Flown:
 
 def _responses(problem: Problem, values: Array, starts: list[Array]) -> list[Array]:
     """Stroke-averaged outputs (M_i, m) of the model, manoeuvre by manoeuvre, from the initial states ``starts``."""
-    flown = flown_at(problem, values)
-    pairs = zip(problem.manoeuvres, starts, strict=True)
-    return [flown.driven(m, start)[:, problem.outputs] for m, start in pairs]
+    with np.errstate(over="ignore", invalid="ignore"):
+        flown = flown_at(problem, values)
+        pairs = zip(problem.manoeuvres, starts, strict=True)
+        return [flown.driven(m, start)[:, problem.outputs] for m, start in pairs]
 
 
 def _nuisance_columns(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Array) -> Array:
@@ -132,6 +133,8 @@ def project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Arr
     forced = flown.driven(manoeuvre, np.zeros(4))
     raw = (manoeuvre.averages - forced)[:, problem.outputs] / deviation
     columns = _nuisance_columns(problem, flown, manoeuvre, deviation)
+    if not (np.all(np.isfinite(raw)) and np.all(np.isfinite(columns))):  # a step so far off that the model diverges
+        return Projected(np.full_like(raw, np.inf), np.zeros((raw.size, 0)), np.zeros(4))
     norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0] = np.inf
     scaled = columns / norms
@@ -145,9 +148,10 @@ def project(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, deviation: Arr
 
 
 def projections(problem: Problem, values: Array, deviation: Array) -> list[Projected]:
-    """`project` of every manoeuvre at derivatives ``values`` (p,)."""
-    flown = flown_at(problem, values)
-    return [project(problem, flown, m, deviation) for m in problem.manoeuvres]
+    """`project` of every manoeuvre at derivatives ``values`` (p,); infinite residuals where the model diverges."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        flown = flown_at(problem, values)
+        return [project(problem, flown, m, deviation) for m in problem.manoeuvres]
 
 
 def residuals_of(problem: Problem, values: Array, deviation: Array) -> list[Array]:
@@ -181,7 +185,8 @@ def linearise(problem: Problem, values: Array, deviation: Array) -> Linearised:
 
 def squares_of(residuals: list[Array]) -> float:
     """Sum of the squares of all ``residuals`` (M_i, m)."""
-    return float(sum(np.sum(piece**2) for piece in residuals))
+    with np.errstate(over="ignore"):
+        return float(sum(np.sum(piece**2) for piece in residuals))
 
 
 def spread_of(residuals: list[Array]) -> Array:
