@@ -31,8 +31,8 @@ fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
 # What every worker would do for itself is done once before they start: one core compiles kernels and collects the tests
-# while the other installs the checks and makes the first of them. Three workers on two cores: tests of links wait over a minute in all
-# for an answer or for its absence, in which another can work.
+# while the other installs the checks and makes the first of them. Three workers on two cores: tests of links wait over
+# a minute in all for an answer or for its absence, in which another can work.
 test: $(VENV)/.installed
 	@$(MAKE) --no-print-directory -j 2 lint collected
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder

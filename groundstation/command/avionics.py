@@ -136,6 +136,8 @@ def run(arguments: Sequence[str]) -> int:
         put_right(path.parent)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
     if chosen.real_time:
+        # Before the recorder's thread begins: one that others could interrupt while it holds the interpreter's lock
+        # would keep the flight waiting for them.
         run_before_others()
     with contextlib.ExitStack() as stack:
         recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)

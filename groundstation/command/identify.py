@@ -93,7 +93,7 @@ def build_parser() -> options.Parser:
         "file",
         nargs="*",
         metavar="FILE",
-        help="an MCAP log, or several for their modes; with --map one table or several",
+        help=FILES,
     )
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
@@ -165,6 +165,9 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
         )
     if chosen.report is not None or chosen.model is not None:
         raise BadInput("--report and --model are of one log: several give the modes as a table, or with --json")
+    twice = [file for place, file in enumerate(files) if file.resolve() in {f.resolve() for f in files[:place]}]
+    if twice:
+        raise BadInput(f"{twice[0]} is named twice: one flight counts once")
     with contextlib.ExitStack() as stack:
         logs = [stack.enter_context(open_log(file)) for file in files]
         found = identified_together(logs, chosen.vehicle, chosen.elevator)

@@ -52,8 +52,8 @@ differ, say; standard deviations of the averages"""
 GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
 SCALES = (60.0, 15.0, 1.3)
-"""m; of gusts along and across and of the span's smoothing, likewise (MIL-F-8785C 15 m high, along: about the mean of
-200 and 15 m; 4 b / pi for a span b of 1 m)"""
+"""m; of gusts along and across and of the span's smoothing, likewise (MIL-F-8785C 15 m high has 94 and 15 m, a field
+low over the ground less along it; 4 b / pi for a span b of 1 m)"""
 DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0))
 """-; standard deviation of the logarithms under the priors"""
 WIDEST = 6.0
@@ -63,7 +63,7 @@ LONGEST = 1.0
 DIFFERENCE = 1e-5
 ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
 """-; gain of the likelihood's logarithm by a step of scoring that others follow, and what one more promises"""
-WORST_CONDITION = 1e14
+WORST_CONDITION, LEAST_DEGREES = 1e14, 10.0
 
 
 class Filtered(NamedTuple):
@@ -90,12 +90,12 @@ class Task(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """At one set of parameters, in standard deviations of each stroke's forecast."""
+    """At one set of parameters; where the cost is infinite there is nothing else."""
 
     cost: float
     """-; minus the logarithm of likelihood and prior"""
     errors: Array
-    """(K, m); of the forecasts"""
+    """rad/s, m/s^2, m/s^2; (K, m), of the forecasts"""
     root: Array
     """(K, m, m); Cholesky's of their covariance"""
 
@@ -115,6 +115,8 @@ def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | No
     likelihood = _likelihood(task, prior)
     ends = [_climb(task, np.concatenate((each, prior)), likelihood, prior) for each in _starts(task, start)]
     best = min(ends, key=lambda end: end.cost)
+    if _degrees(task, likelihood(best.values), len(best.values)) < LEAST_DEGREES:
+        return failed(task.names, "the flight holds too few strokes for the model's parameters"), None
     if not np.isfinite(best.cost):
         return failed(task.names, "filter error did not converge"), None
     scores, squared = _scores(task, best.values, likelihood)
@@ -239,8 +241,12 @@ def _system(task: Task, values: Array) -> Driven:
     turned = np.array([1.0, -1.0]) / (smoothing * task.reference.airspeed)
     a[:3, 5:] += np.outer(_by_pitch_rate(names, values), turned)
     c[1:, 5:] += np.outer(model.c[1:count, 2], turned)
-    density = np.zeros((7 + count, 7 + count))
-    density[range(6), range(6)] = (*pushes**2, 0.0, *(2.0 * strengths**2 / durations))
+    # A push is a force or a moment: the accelerometers feel it where they are.
+    felt = np.zeros((7 + count, 3))
+    felt[:3], felt[7 + 1, 0], felt[7 + 2, 1] = np.eye(3), 1.0, 1.0
+    felt[7 + 1 :, 2] = task.aircraft.imu_z, -task.aircraft.imu_x
+    density = (felt * pushes**2) @ felt.T
+    density[[4, 5], [4, 5]] = 2.0 * strengths**2 / durations
     start = np.concatenate((BEGIN, strengths, strengths[1:]))
     return Driven(a, model.b, c, model.d[:count], density, start, np.array(BIASES), noise)
 
@@ -286,6 +292,8 @@ def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]
         ahead = values.copy()
         ahead[index] += width
         there = likelihood(ahead)
+        if not np.isfinite(there.cost):
+            there = here
         moved.append(np.einsum("kij,kj->ki", factor, (there.errors - here.errors) / width))
         spread = there.root @ there.root.transpose(0, 2, 1) - here.root @ here.root.transpose(0, 2, 1)
         widened.append(factor @ (spread / width) @ factor.transpose(0, 2, 1))
@@ -356,14 +364,18 @@ def _along(
 def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared: Array) -> DerivativeFit:
     count = len(task.names)
     inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
-    nuisances = len(task.stretches) * (len(BEGIN) + len(OUTPUTS))
-    count_of_all = here.errors.size / len(PHASES)
-    degrees = max(count_of_all - nuisances / len(PHASES) - len(values), 1.0)
+    degrees = _degrees(task, here, len(values))
     # Strengths at their optimum are too small by what the parameters took, as a variance over all residuals is.
-    within = Spread(inverse * (count_of_all / degrees), degrees)
+    within = Spread(inverse * (here.errors.size / len(PHASES) / degrees), degrees)
     spread = with_scatter(within, inverse, _by_manoeuvre(task, scores))
     scatter: Array = np.std(here.errors, axis=0)
     return DerivativeFit(task.names, values[:count], spread.part(slice(count)), scatter)
+
+
+def _degrees(task: Task, here: Likelihood, parameters: int) -> float:
+    """Of freedom: averages of one phase less the parameters and, of each stretch, first state and biases."""
+    nuisances = len(task.stretches) * (len(BEGIN) + len(OUTPUTS))
+    return (here.errors.size - nuisances) / len(PHASES) - parameters
 
 
 def _by_manoeuvre(task: Task, scores: Array) -> list[Array]:

@@ -159,12 +159,17 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
     Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them.
     """
     for _ in range(MODULATED_STEPS):
-        wide = _without_modulation(problem, values, deviation, _with_delay(problem, values, deviation))
+        late = _with_delay(problem, values, deviation)
+        if not all(np.all(np.isfinite(s)) for s in (*late.residuals, *late.sensitivities)):
+            return failed(problem.names, "output error did not converge")
+        wide = _without_modulation(problem, values, deviation, late)
         here = _narrow(wide, len(values))
-        step, _ = _gauss_newton(here)
+        step, errors = _gauss_newton(here)
         if not np.all(np.isfinite(step)):
             return failed(problem.names, "the manoeuvres do not determine all derivatives")
         values = values + step
+    if np.max(np.abs(step) / errors) > 1.0:
+        return failed(problem.names, "output error did not converge")
     residuals = [r - s @ step for r, s in zip(here.residuals, here.sensitivities, strict=True)]
     spread = coloured_spread(residuals, here.sensitivities, _reach(problem), here.nuisances)
     return lacking(DerivativeFit(problem.names, values, spread, deviation), _lack(problem, wide, residuals))

@@ -116,9 +116,9 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
         first, second = _with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
-    if share < (LEAST_EXPLAINED if second.failure else LEAST_WITH_INSTRUMENTS) and not first.failure:
+    if not share >= (LEAST_EXPLAINED if second.failure else LEAST_WITH_INSTRUMENTS) and not first.failure:
         first = failed(first.names, _too_gusty(share))
-    if share < LEAST_EXPLAINED and not second.failure:
+    if not share >= LEAST_EXPLAINED and not second.failure:
         second = failed(second.names, _too_gusty(share))
     return first, second
 
@@ -147,7 +147,7 @@ def _with_differences(
 
 
 def _too_gusty(share: float) -> str:
-    return f"the elevator explains {max(share, 0.0):.0%} {GUSTY}"
+    return f"the elevator explains {max(share, 0.0) if np.isfinite(share) else 0.0:.0%} {GUSTY}"
 
 
 def _in_gusts(mode: Mode, fits: tuple[DerivativeFit, DerivativeFit]) -> Mode:

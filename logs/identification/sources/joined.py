@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.data import FlightData
+from logs.identification.preparing.stretches import LONGEST_CALM
 from logs.identification.results import Array
 
 UNEVEN = 1e-3
@@ -16,7 +20,7 @@ def joined_flights(flights: tuple[FlightData, ...]) -> FlightData:
     """The flights one behind the other, manoeuvres and strokes counted on.
 
     A manoeuvre that a flight's end cuts off ends a stroke before it, and one that its beginning cuts begins a stroke
-    later, so that nothing of one flight is in another's.
+    later, and a pause in which nothing moves is between two, so that nothing of one flight is in another's.
 
     Raises:
         BadInput: their samples are not equally far apart.
@@ -24,7 +28,7 @@ def joined_flights(flights: tuple[FlightData, ...]) -> FlightData:
     steps = [float(np.median(np.diff(flight.time))) for flight in flights]
     if max(steps) - min(steps) > UNEVEN * steps[0]:
         raise BadInput(f"the logs' IMUs sample every {min(steps):.4g} s and {max(steps):.4g} s: they must agree")
-    pieces = [_apart(flight) for flight in flights]
+    pieces = [_with_pause(_apart(flight), steps[0]) for flight in flights]
     columns = {name: [getattr(one, name) for one in pieces] for name in FlightData._fields if name != "notes"}
     for name in ("strokes", "manoeuvre"):
         columns[name] = _counted_on(columns[name])
@@ -39,6 +43,14 @@ def _apart(flight: FlightData) -> FlightData:
     """The flight without an input in its first and its last stroke."""
     inner = (flight.strokes > flight.strokes[0] + 1.0) & (flight.strokes < flight.strokes[-1] - 1.0)
     return flight._replace(active=np.where(inner, flight.active, 0.0))
+
+
+def _with_pause(flight: FlightData, step: float) -> FlightData:
+    """The flight, and behind it its last sample for longer than a stretch of strokes may be interrupted."""
+    still = math.ceil((LONGEST_CALM + 1.0) / step)
+    names = [name for name in FlightData._fields if name != "notes"]
+    longer: dict[str, Any] = {name: np.pad(getattr(flight, name), (0, still), mode="edge") for name in names}
+    return flight._replace(**longer)
 
 
 def _counted_on(parts: list[Array]) -> list[Array]:

@@ -162,4 +162,6 @@ def _mean(one: Experiment, values: Array, strokes: MeasuredStrokes) -> Array:
 
 def _bridged(values: Array) -> Array:
     known, places = np.isfinite(values), np.arange(len(values))
+    if not known.any():
+        raise BadInput("stroke: the angle of attack is missing all through a record")
     return np.interp(places, places[known], values[known])

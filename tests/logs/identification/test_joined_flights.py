@@ -9,6 +9,7 @@ from linear_ornithopter import AIRCRAFT, Flight, by_output_error, fly, model_of
 from avionics.quantities import BadInput
 from logs.identification.modes.mode import short_period_of
 from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.preparing.stretches import stretches
 from logs.identification.sources.joined import joined_flights
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
@@ -42,6 +43,16 @@ def test_a_manoeuvre_that_the_end_of_a_flight_cuts_holds_nothing_of_the_next() -
     for one, other in zip(calm[:6], kicked[:6], strict=True):
         np.testing.assert_array_equal(one.averages, other.averages)
         np.testing.assert_array_equal(one.averaging_to_end @ one.raw, other.averaging_to_end @ other.raw)
+
+
+def test_no_stretch_of_strokes_goes_from_one_flight_into_another() -> None:
+    """GIVEN flights that begin and end within a second of a manoeuvre."""
+    together = joined_flights(FLIGHTS)
+    found = stretches(together, find_manoeuvres(together, AIRCRAFT), 0.0)
+    alone = [stretches(one, find_manoeuvres(one, AIRCRAFT), 0.0) for one in FLIGHTS]
+    assert len(found) == sum(len(each) for each in alone) == 2
+    for one, other in zip(found, (each[0] for each in alone), strict=True):
+        assert abs(len(one.averages) - len(other.averages)) <= 1
 
 
 def test_flights_of_other_rates_are_not_joined() -> None:
