@@ -29,9 +29,9 @@ FITTED_OUTPUTS = (0, 1, 2)
 """-; of `output_error.OUTPUTS`: q, a_x and a_z. The AHRS's pitch is the gyro integrated: it adds nothing"""
 OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
 TAIL_PASSES = 3
-LEAST_EXPLAINED, LEAST_WITH_INSTRUMENTS = 0.85, 0.5
-"""-; of the pitch rate's power by the elevator, for output error and for equation error: gusts ring the aircraft too,
-and below it the frequency comes out too low, outside its interval"""
+LEAST_EXPLAINED = 0.85
+"""-; of the pitch rate's power by the elevator, for output error and equation error: gusts ring the aircraft too, and
+below it the frequency comes out too low, outside its interval"""
 GUSTY = "of the pitch rate, the rest is gusts or what the model lacks: fly larger inputs, or in calmer air"
 """how a refusal for gusts ends"""
 
@@ -116,7 +116,7 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
         first, second = _with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
-    if not share >= (LEAST_EXPLAINED if second.failure else LEAST_WITH_INSTRUMENTS) and not first.failure:
+    if not share >= LEAST_EXPLAINED and not first.failure:
         first = failed(first.names, _too_gusty(share))
     if not share >= LEAST_EXPLAINED and not second.failure:
         second = failed(second.names, _too_gusty(share))

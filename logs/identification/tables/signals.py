@@ -247,7 +247,12 @@ def _usual_step(time: Array) -> float:
     """The step that most rows are apart: the mean of those near the median, which is only as fine as the stamps."""
     steps = np.diff(time)
     median = float(np.median(steps))
-    return float(np.mean(steps[np.abs(steps - median) <= 0.5 * median]))
+    usual = steps[np.abs(steps - median) <= 0.5 * median]
+    if not len(usual):
+        raise BadInput(
+            f"[time]: its steps are from {steps.min():.3g} to {steps.max():.3g} s, none usual: is it a time?"
+        )
+    return float(np.mean(usual))
 
 
 def _places(time: Array, step: float) -> NDArray[np.int64]:
