@@ -7,6 +7,9 @@ from typing import NamedTuple
 from avionics.sensing import inertial
 from logs.identification.results import Array
 
+STROKES_GUESSED = "strokes: by the specific force"
+"""the note of a flight whose strokes nobody counted at the wing: their rate is right, where each begins is not"""
+
 
 class FlightData(NamedTuple):
     """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from logs.identification.data import Aircraft, FlightData
+from logs.identification.data import STROKES_GUESSED, Aircraft, FlightData
 from logs.identification.modes.agreement import agreement
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
 from logs.identification.modes.errors import LEAST_CLUSTERS
@@ -93,6 +93,8 @@ def _with_gusts(data: FlightData, problem: Problem, near: DerivativeFit) -> tupl
     asked = (*names, TAIL_LAG) if lag else names
     if start.failure:
         return failed(asked, f"no starting values: {start.failure}"), None
+    if STROKES_GUESSED in data.notes:
+        return failed(asked, "no wing's phase was measured: it follows the gusts from stroke to stroke"), None
     cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
     task = Task(cut, problem.reference, aircraft, asked)
     return filter_error(task, np.concatenate((start.values, lag)))

@@ -11,7 +11,7 @@ from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from logs.identification.data import DriveData, FlightData
+from logs.identification.data import STROKES_GUESSED, DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.flapping import strokes_in
@@ -155,7 +155,7 @@ def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
             strokes = strokes_in(time, accel_z)
         except BadInput as reason:
             raise BadInput(f"{missing}, and its specific force tells no strokes: {reason}") from None
-    return _Taken(strokes, "strokes: by the specific force")
+    return _Taken(strokes, STROKES_GUESSED)
 
 
 def drive_data(source: ColumnSource) -> DriveData:

@@ -205,6 +205,7 @@ def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(
     frequency, damping = short_period_of(model_of(flight).a)
     assert found is not None and [note.partition(":")[0] for note in found.notes] == notes
     assert all(mode.frequency is not None for mode in found.modes[:2])
+    assert (found.filtered is None) == ("strokes" in notes), "it goes by strokes that were measured"
     for mode in (mode for mode in found.modes if mode.short_period is not None):
         assert mode.frequency.contains(frequency)
         assert mode.damping.contains(damping)
