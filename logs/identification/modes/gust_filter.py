@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from logs.identification.modes.longitudinal import multiply
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
 
@@ -84,16 +85,6 @@ def innovations(system: Driven, averaged: Averaged) -> Innovations:
         covariance,
     )  # fmt: skip
     return Innovations(surprise, covariance)
-
-
-@njit(cache=True)
-def _product(a, b, out):  # type: ignore[no-untyped-def]
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            total = 0.0
-            for k in range(a.shape[1]):
-                total += a[i, k] * b[k, j]
-            out[i, j] = total
 
 
 @njit(cache=True)
@@ -190,19 +181,58 @@ def _gain(cross, covariance, root, gain):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _over_a_stroke(over, length, ahead, seen):  # type: ignore[no-untyped-def]
+    """What a stroke makes of the filter's state, ``ahead``, and what of it its averages show, ``seen``."""
+    n, m = over.shape[0] - seen.shape[0], seen.shape[0]
+    for j in range(n):
+        for i in range(n):
+            ahead[i, j] = over[i, j]
+        for i in range(m):
+            seen[i, j] = over[n + i, j] / length
+    for i in range(m):
+        ahead[n + i, n + i] = seen[i, n + i] = 1.0
+
+
+@njit(cache=True)
+def _foretell(measured, seen, sight, state, spread, length, surprise, covariance):  # type: ignore[no-untyped-def]
+    """What the averages ``measured`` (the input's share taken off) are beyond the foretold, and its covariance."""
+    m, size = seen.shape
+    n = size - m
+    for i in range(m):
+        surprise[i] = measured[i]
+        for j in range(size):
+            surprise[i] -= seen[i, j] * state[j]
+        for j in range(m):
+            covariance[i, j] += spread[n + i, n + j] / length**2
+            for s in range(size):
+                covariance[i, j] += sight[i, s] * seen[j, s]
+
+
+@njit(cache=True)
+def _settle(carried, spread, gain, cross, known):  # type: ignore[no-untyped-def]
+    """Covariance ``known`` of the state after a stroke: carried on, widened by the noise, less what was seen."""
+    size, m = gain.shape
+    for i in range(size):
+        for j in range(i + 1):
+            total = (carried[i, j] + carried[j, i]) / 2.0
+            if i < size - m:
+                total += (spread[i, j] + spread[j, i]) / 2.0
+            for s in range(m):
+                total -= (gain[i, s] * cross[j, s] + gain[j, s] * cross[i, s]) / 2.0
+            known[i, j] = known[j, i] = total
+
+
+@njit(cache=True)
 def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-def]
     """The filter's state is that of the system, and behind it the outputs' biases."""
     over, spread, steps, c, d, begin, noise = system
     lengths, which, first, tail, outputs = averaged
     n, m, moving = c.shape[1], c.shape[0], steps.shape[1]
     size = n + m
-    ahead, seen = np.zeros((size, size)), np.zeros((m, size))
-    state, foretold = np.zeros(size), np.zeros(size)
+    ahead, seen, state, foretold = np.zeros((size, size)), np.zeros((m, size)), np.zeros(size), np.zeros(size)
     known, spare, carried = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     sight, cross, gain, root = np.zeros((m, size)), np.zeros((size, m)), np.zeros((size, m)), np.zeros((m, m))
-    reached, after, sums = np.zeros(moving), np.zeros(moving), np.zeros(moving + 1)
-    for i in range(n, size):
-        ahead[i, i] = 1.0
+    reached, after, sums, measured = np.zeros(moving), np.zeros(moving), np.zeros(moving + 1), np.zeros(m)
     for k in range(len(which)):
         stroke = which[k]
         length = lengths[stroke]
@@ -211,49 +241,27 @@ def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-
                 state[i] = 0.0
                 for j in range(size):
                     known[i, j] = begin[i] if i == j else 0.0
-        for j in range(n):
-            for i in range(n):
-                ahead[i, j] = over[stroke, i, j]
-            for i in range(m):
-                seen[i, j] = over[stroke, n + i, j] / length
-        for i in range(m):
-            seen[i, n + i] = 1.0
+        _over_a_stroke(over[stroke], length, ahead, seen)
         _driven(steps[stroke], tail[k], reached, after, sums)
-        _product(seen, known, sight)
         for i in range(m):
-            value = outputs[k, i] - d[i] * sums[moving]
+            measured[i] = outputs[k, i] - d[i] * sums[moving]
             for j in range(moving):
-                value -= c[i, j] * sums[j]
-            for j in range(size):
-                value -= seen[i, j] * state[j]
-            surprise[k, i] = value
-            for j in range(m):
-                total = spread[stroke, n + i, n + j] / length**2
-                for s in range(size):
-                    total += sight[i, s] * seen[j, s]
-                covariance[k, i, j] = total
-            covariance[k, i, i] += noise[i]
+                measured[i] -= c[i, j] * sums[j]
+            covariance[k, i, i] = noise[i]
+        multiply(seen, known, sight)
+        _foretell(measured, seen, sight, state, spread[stroke], length, surprise[k], covariance[k])
         _product_transposed(ahead, sight, cross)
         for i in range(n):
             for j in range(m):
                 cross[i, j] += spread[stroke, i, n + j] / length
         _gain(cross, covariance[k], root, gain)
-        _product(ahead, known, spare)
+        multiply(ahead, known, spare)
         _product_transposed(spare, ahead, carried)
         for i in range(size):
-            total = reached[i] if i < moving else 0.0
+            foretold[i] = reached[i] if i < moving else 0.0
             for j in range(size):
-                total += ahead[i, j] * state[j]
+                foretold[i] += ahead[i, j] * state[j]
             for j in range(m):
-                total += gain[i, j] * surprise[k, j]
-            foretold[i] = total
-        for i in range(size):
-            state[i] = foretold[i]
-            for j in range(i + 1):
-                total = (carried[i, j] + carried[j, i]) / 2.0
-                if i < n and j < n:
-                    total += (spread[stroke, i, j] + spread[stroke, j, i]) / 2.0
-                for s in range(m):
-                    total -= (gain[i, s] * cross[j, s] + gain[j, s] * cross[i, s]) / 2.0
-                known[i, j] = total
-                known[j, i] = total
+                foretold[i] += gain[i, j] * surprise[k, j]
+        state[:] = foretold
+        _settle(carried, spread[stroke], gain, cross, known)

@@ -80,7 +80,8 @@ def matrices(names: tuple[str, ...], values: Array, reference: Reference, aircra
 
 
 @njit(cache=True)
-def _multiply(a: Array, b: Array, out: Array) -> None:
+def multiply(a: Array, b: Array, out: Array) -> None:
+    """``a b`` into ``out``, in compiled code and without BLAS."""
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             out[i, j] = 0.0
@@ -96,13 +97,13 @@ def _sum_series(small: Array, halvings: int, total: Array, term: Array, spare: A
     """
     n = small.shape[0]
     for order in range(1, 13):
-        _multiply(term, small, spare)
+        multiply(term, small, spare)
         for i in range(n):
             for j in range(n):
                 term[i, j] = spare[i, j] / order
                 total[i, j] += term[i, j]
     for _ in range(halvings):
-        _multiply(total, total, spare)
+        multiply(total, total, spare)
         for i in range(n):
             for j in range(n):
                 total[i, j] = spare[i, j]

@@ -183,7 +183,7 @@ def _reach(problem: Problem) -> tuple[int, int]:
 
 
 def _with_delay(problem: Problem, values: Array, deviation: Array) -> Linearised:
-    """`_linearise` with one sensitivity more, to a delay of the tail beyond what is known of it."""
+    """`linearise` with one sensitivity more, to a delay of the tail beyond what is known of it."""
     here, flown = linearise(problem, values, deviation), flown_at(problem, values)
     wider = []
     pieces = projections(problem, values, deviation)

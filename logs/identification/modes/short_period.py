@@ -54,7 +54,7 @@ def identify_modes(
     names: tuple[str, ...] = LONGITUDINAL,
     outputs: tuple[int, ...] = FITTED_OUTPUTS,
 ) -> ModesResult:
-    """The modes of a flight by output error, by equation error and by the methods without a physical model.
+    """The modes of a flight by output, equation and filter error and by the methods without a physical model.
 
     Raises:
         BadInput: no usable elevator manoeuvre.
