@@ -19,7 +19,7 @@ from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_wo
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler, rotation
+from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
 
 DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
@@ -172,8 +172,7 @@ class Plant:
         self._commanded = (controls.elevator, controls.rudder)
         steps = _steps(controls.duration)
         self.touching = k.advance(self.y, steps, controls, around, self._bound)
-        rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
-        means = Means(*self.scratch.means.tolist())
+        means = Means._make(self.scratch.means.tolist())
         return self._with_stalled_drives(means, controls) if self._stalled else means
 
     def jam_tail(self) -> None:
@@ -238,7 +237,6 @@ class Plant:
         commands = np.array([(*one, _steps(one.duration)) for one in controls], dtype=np.float64)
         history = np.zeros((len(controls), self.y.shape[0] + len(Means._fields)))
         self.touching = k.follow(self.y, commands, around, self._bound, history)
-        rotation(self.y[3], self.y[4], self.y[5], self.y[6], self.scratch.r)
         return history[:, : self.y.shape[0]], history[:, self.y.shape[0] :]
 
     def compile(self) -> None:

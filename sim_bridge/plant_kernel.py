@@ -543,7 +543,7 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
     """Advance ``y`` in place over ``c.duration`` in ``steps`` classical fourth-order Runge-Kutta steps.
 
     Leaves in ``Scratch.means``, over the interval: mean torque left and right in N m, current in A, electrical power
-    in W, specific force (3,) in m/s^2 at the IMU in body axes.
+    in W, specific force (3,) in m/s^2 at the IMU in body axes; in ``Scratch.r`` the attitude at the end.
 
     Returns:
         whether the ground was touched.
@@ -568,6 +568,7 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
             y[i] += h * s.total[i]
         if p.advances:
             advance_memory(y, h, around, bound)
+    rotation(y[3], y[4], y[5], y[6], s.r)
     return touching
 
 

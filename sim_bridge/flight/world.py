@@ -27,8 +27,9 @@ from sim_bridge.environment.atmosphere import Air, isa
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, FaultInjector
+from sim_bridge.flight.instant import Instant, Look
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
-from sim_bridge.observation import Observation
+from sim_bridge.observation import Observation, Vector
 from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import TICK_RATE, RawFrame
 from sim_bridge.sensors.power_sensor import mean_square
@@ -168,10 +169,13 @@ class SimulatedWorld:
         self.plant = _in_hand(vehicle, scenario)
         self.suite = _sensors(vehicle, scenario, rate)
         self._edge = vehicle.sections["power_sensor"].edge
+        self._look = Look(self.plant, vehicle.fuselage.contact_nose)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
         self._gust = STILL
+        self._v_ned = (0.0, 0.0, 0.0)
         self._publish = publish
+        self._recorded = publish is not publish_nothing
         self._tick = 0
         self._period = 1.0 / rate
         self._clock = StepClock(0.0, -1, self._period)
@@ -238,9 +242,12 @@ class SimulatedWorld:
         self._blow()
         self._watch_launcher(bool(command.armed))
         self._means = self.plant.advance(self._controls(command), self._surroundings(air))
-        self._watch_rest()
-        self._record()
-        return self._observe(air)
+        now = self._look.at(self._air_velocity())
+        self._v_ned = now.v_ned
+        self._watch_rest(now)
+        if self._recorded:
+            self._record(now)
+        return self._observe(air, now)
 
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors, one tick of theirs after the last time."""
@@ -250,39 +257,54 @@ class SimulatedWorld:
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
-        y = self.plant.y.tolist()
-        r = self._rotation()
-        wind = self._air_velocity()
-        breeze = _rotate_back(r, wind)
-        air = (y[7] - breeze[0], y[8] - breeze[1], y[9] - breeze[2])
-        v_ned = _rotate(r, y[7:10])
+        return self._truth(self._look.at(self._air_velocity()))
+
+    def _truth(self, now: Instant) -> TruthState:
+        y, air = now.y, now.v_air_frd
         speed = math.hypot(*air)
         grounded = self.plant.touching or self._launcher() != k.FREE
         flow = (speed, math.atan2(air[2], air[0]))
-        return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+        wind = self._air_velocity()
+        return TruthState._make(
+            (self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded))
+        )
 
     def truth_wing(self) -> TruthWing:
         """Wings and drives at the end of the last step; current and power averaged over it."""
-        y, means = self.plant.y.tolist(), self._means
-        torque_left, torque_right = self.plant.scratch.drive[:2].tolist()
-        at = self.plant.layout
-        flap, twist = [y[i] for i in at.flap], [y[i] if i >= 0 else 0.0 for i in at.twist]
-        rates = [y[at.rate(i)] for i in at.flap]
-        deflection = [y[i] if i >= 0 else 0.0 for i in (at.elevator, at.rudder)]
-        voltage, power = self._supply()
-        drives = (torque_left, torque_right, means.current, voltage, power)
-        return TruthWing._make((self.time_us, *flap, *rates, *twist, *drives, *deflection))
+        return self._truth_wing(self._look.at(self._air_velocity()))
+
+    def _truth_wing(self, now: Instant) -> TruthWing:
+        y, at = now.y, self.plant.layout
+        (left, right), (twist_left, twist_right) = at.flap, at.twist
+        voltage, power = self._supply(y)
+        return TruthWing._make(
+            (
+                self.time_us,
+                y[left],
+                y[right],
+                y[at.rate(left)],
+                y[at.rate(right)],
+                y[twist_left] if twist_left >= 0 else 0.0,
+                y[twist_right] if twist_right >= 0 else 0.0,
+                *self.plant.scratch.drive[:2].tolist(),
+                self._means.current,
+                voltage,
+                power,
+                y[at.elevator] if at.elevator >= 0 else 0.0,
+                y[at.rudder] if at.rudder >= 0 else 0.0,
+            )
+        )
 
     def truth_loads(self) -> TruthLoads:
         """Air loads of wings and tail near the end of the last step."""
         return TruthLoads(self.time_us, *self.plant.air_load().tolist(), *self.plant.scratch.plate_load.tolist())
 
-    def _record(self) -> None:
+    def _record(self, now: Instant) -> None:
         if self.time_us < self._next_record_us:
             return
         self._next_record_us = self.time_us + RECORD_PERIOD_US
-        self._publish(topics.STATE, self.truth())
-        self._publish(topics.WING, self.truth_wing())
+        self._publish(topics.STATE, self._truth(now))
+        self._publish(topics.WING, self._truth_wing(now))
         if self._records % 2 == 0:
             self._publish(topics.LOADS, self.truth_loads())
         self._records += 1
@@ -331,7 +353,7 @@ class SimulatedWorld:
     def _surroundings(self, air: Air) -> k.Surroundings:
         launch = self.vehicle.launch
         push = self.scenario.throw.speed * launch.speed / launch.duration
-        turn = _rotate_back(self._rotation(), self._gust.omega)
+        turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
         return k.Surroundings(*self._air_velocity(), air.density, self._launcher(), push, 0.0, 0.0, *turn)
 
     def _air_velocity(self) -> tuple[float, float, float]:
@@ -343,12 +365,10 @@ class SimulatedWorld:
         """The gust of the coming tick."""
         if self.scenario.turbulence == "none":
             return
-        y, wind = self.plant.y, self._wind
-        over_ground = _rotate(self._rotation(), y[7:10].tolist())
-        through = (over_ground[0] - wind[0], over_ground[1] - wind[1], over_ground[2] - wind[2])
-        self._gusts, self._gust = dryden.step(
-            self._turbulence, self._gusts, -float(y[2]), through, self._clock.length
-        )
+        (north, east, down), wind = self._v_ned, self._wind
+        through = (north - wind[0], east - wind[1], down - wind[2])
+        height = -float(self.plant.y[2])
+        self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, height, through, self._clock.length)
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
         travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
@@ -361,68 +381,53 @@ class SimulatedWorld:
             _clip(command.elevator, tail), _clip(command.rudder, tail), self._clock.length, 1.0,
         )  # fmt: skip
 
-    def _watch_rest(self) -> None:
-        y = self.plant.y
-        still = self.plant.touching and math.hypot(y[7], y[8], y[9]) < REST_SPEED
+    def _watch_rest(self, now: Instant) -> None:
+        still = self.plant.touching and math.hypot(*now.y[7:10]) < REST_SPEED
         if not still:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time_us * 1e-6
 
-    def _supply(self) -> tuple[float, float]:
+    def _supply(self, y: list[float]) -> tuple[float, float]:
         """Voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
 
         The plant's current is smooth; pulses of the same mean, with the edges that the ADC sees, lose more in the
         battery.
         """
         current, power, drive = self._means.current, self._means.electrical_power, self.vehicle.drive
-        open_circuit, resistance = self._open_circuit(), self.vehicle.battery.resistance
+        open_circuit, resistance = self._open_circuit(y), self.vehicle.battery.resistance
         if drive.pwm_frequency > 0.0 and 0.0 < current < drive.pulse_current:
             square = mean_square(current / drive.pulse_current, drive.pwm_frequency * self._edge)
             lost = resistance * drive.pulse_current * drive.pulse_current * square
             return open_circuit - resistance * current, open_circuit * current - lost
         return power / current if current else open_circuit, power
 
-    def _open_circuit(self) -> float:
+    def _open_circuit(self, y: list[float]) -> float:
         battery = self.vehicle.battery
-        drawn = min(float(self.plant.y[self.plant.layout.charge]) / battery.capacity, 1.2)
+        drawn = min(y[self.plant.layout.charge] / battery.capacity, 1.2)
         return battery.full_voltage + (battery.empty_voltage - battery.full_voltage) * drawn
 
-    def _rotation(self) -> list[list[float]]:
-        rows: list[list[float]] = self.plant.scratch.r.tolist()
-        return rows
-
-    def _observe(self, air: Air) -> Observation:
-        y = self.plant.y.tolist()
-        r, wind, means = self._rotation(), self._air_velocity(), self._means
-        v, w, x = y[7:10], y[10:13], self.vehicle.fuselage.contact_nose
-        turning = (0.0, w[2] * x, -w[1] * x)
-        breeze = _rotate_back(r, wind)
-        drive = self.vehicle.drive
+    def _observe(self, air: Air, now: Instant) -> Observation:
+        y, means, drive = now.y, self._means, self.vehicle.drive
+        left, right = self.plant.layout.flap
         return Observation(
-            time_us=self.time_us,
-            quaternion=(y[3], y[4], y[5], y[6]),
-            omega_frd=(w[0], w[1], w[2]),
-            specific_force_frd=(means.specific_force_x, means.specific_force_y, means.specific_force_z),
-            position_ned=(y[0], y[1], y[2]),
-            v_ned=_rotate(r, v),
-            v_air_frd=(
-                v[0] + turning[0] - breeze[0],
-                v[1] + turning[1] - breeze[1],
-                v[2] + turning[2] - breeze[2],
-            ),
-            static_pressure=air.pressure,
-            temperature=air.temperature,
-            density=air.density,
-            flap_left=y[self.plant.layout.flap[0]],
-            flap_right=y[self.plant.layout.flap[1]],
-            torque_left=means.torque_left,
-            torque_right=means.torque_right,
-            current=0.5 * (means.current + self._current_before),
-            open_circuit_voltage=self._open_circuit(),
-            battery_resistance=self.vehicle.battery.resistance,
-            pulse_current=drive.pulse_current,
-            pwm_frequency=drive.pwm_frequency,
+            self.time_us,
+            (y[3], y[4], y[5], y[6]),
+            (y[10], y[11], y[12]),
+            means[4:],
+            (y[0], y[1], y[2]),
+            now.v_ned,
+            now.v_pitot_frd,
+            *air,
+            y[left],
+            y[right],
+            means.torque_left,
+            means.torque_right,
+            0.5 * (means.current + self._current_before),
+            self._open_circuit(y),
+            self.vehicle.battery.resistance,
+            drive.pulse_current,
+            drive.pwm_frequency,
         )
 
 
@@ -444,19 +449,10 @@ def _clip(value: float, limit: float) -> float:
     return min(max(value, -limit), limit) if math.isfinite(value) else 0.0
 
 
-def _rotate_back(r: list[list[float]], v: tuple[float, float, float]) -> tuple[float, float, float]:
+def _rotate_back(r: list[list[float]], v: Vector) -> Vector:
     a, b, c = v
     return (
         r[0][0] * a + r[1][0] * b + r[2][0] * c,
         r[0][1] * a + r[1][1] * b + r[2][1] * c,
         r[0][2] * a + r[1][2] * b + r[2][2] * c,
-    )
-
-
-def _rotate(r: list[list[float]], v: list[float]) -> tuple[float, float, float]:
-    a, b, c = v
-    return (
-        r[0][0] * a + r[0][1] * b + r[0][2] * c,
-        r[1][0] * a + r[1][1] * b + r[1][2] * c,
-        r[2][0] * a + r[2][1] * b + r[2][2] * c,
     )

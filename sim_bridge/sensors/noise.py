@@ -85,18 +85,9 @@ def _rows(generator: np.random.Generator, width: int) -> list[list[float]]:
     return rows
 
 
-def _arrays(generator: np.random.Generator, width: int) -> list[NDArray[np.float64]]:
-    return list(generator.standard_normal((BLOCK, width)))
-
-
 def normal_rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
     """Endless rows of ``width`` standard normal numbers."""
     return _Endless(partial(_rows, generator, width))
-
-
-def normal_arrays(generator: np.random.Generator, width: int) -> Iterator[NDArray[np.float64]]:
-    """Endless arrays of ``width`` standard normal numbers."""
-    return _Endless(partial(_arrays, generator, width))
 
 
 def normal_vector(generator: UnitErrors, sigma: float) -> Vector:

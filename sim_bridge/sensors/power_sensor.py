@@ -15,19 +15,16 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from avionics.quantities import Quantity
+from sim_bridge.bound import Bound, bound_values
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.frame import BURST_LENGTH
-from sim_bridge.sensors.noise import SensorSeed, normal_arrays, split
-from sim_bridge.vectors import njit
+from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
+from sim_bridge.vectors import Floats, Integers, njit
 
 SAMPLE_RATE = 6000.0
 """Hz; of the ADC: three periods of 300 Hz in sixty samples"""
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class PowerSensorSpec(NamedTuple):
@@ -108,6 +105,18 @@ class Channels(NamedTuple):
     """counts; of the ADC"""
 
 
+class Burst(NamedTuple):
+    """What the kernel works on, burst after burst."""
+
+    channels: Channels
+    edge: float
+    """s; duration of an edge"""
+    normals: Floats
+    """(bursts, 2 n); standard normal numbers drawn ahead"""
+    counts: Integers
+    """(2, n) out; n samples of voltage and of current"""
+
+
 class PowerSensor:
     """One unit: call at the rate of the bursts."""
 
@@ -117,10 +126,10 @@ class PowerSensor:
         self.errors = PowerSensorErrors(
             spec.divider_sigma * a, spec.current_zero_sigma * b, spec.current_scale_sigma * c
         )
-        self._edge = spec.edge
-        self._channels = _channels(spec, self.errors)
-        self._normals = normal_arrays(flight, 2 * BURST_LENGTH)
+        self._generator, self._at = flight, BLOCK
+        self._normals = np.empty((BLOCK, 2 * BURST_LENGTH))
         self._counts = np.zeros((2, BURST_LENGTH), dtype=np.int64)
+        self._bound = Bound(Burst(_channels(spec, self.errors), spec.edge, self._normals, self._counts))
         self._phase = 0.0
         self._time_us: int | None = None
 
@@ -131,13 +140,11 @@ class PowerSensor:
             elapsed = (observation.time_us - self._time_us) * 1e-6
             self._phase = math.fmod(self._phase + frequency * elapsed, 1.0)
         self._time_us = observation.time_us
-        sample_burst(
-            np.array((self._phase, frequency / SAMPLE_RATE, frequency * self._edge)),
-            supply(observation),
-            self._channels,
-            next(self._normals),
-            self._counts,
-        )
+        if self._at == BLOCK:
+            self._generator.standard_normal(out=self._normals)
+            self._at = 0
+        _sample_burst(self._phase, frequency, *supply(observation), self._at, self._bound)
+        self._at += 1
         voltage, current = self._counts.tolist()
         return tuple(voltage), tuple(current)
 
@@ -192,17 +199,21 @@ def mean_square(duty: float, edge: float) -> float:
 
 
 @njit(cache=True)
-def sample_burst(modulation: Floats, supply: Supply, channels: Channels, normals: Floats, counts: Integers) -> None:
-    """Fill ``counts`` (2, n) with n samples of voltage and of current.
+def _sample_burst(
+    phase: float, frequency: float, duty: float, amplitude: float, open_circuit: float, resistance: float,
+    at: int, bound: Bound,
+) -> None:  # fmt: skip
+    """Fill the counts of a `Burst` with the row ``at`` of its noise.
 
-    ``modulation`` is the phase at the last sample, the phase from sample to sample and the duration of an edge,
-    all in periods; ``normals`` are 2 n standard normal numbers.
+    ``phase`` in periods is that of the modulation at the last sample, ``frequency`` in Hz its own; then the fields of
+    `Supply`.
     """
-    n = counts.shape[1]
+    burst = bound_values(bound)
+    counts, channels, normals = burst.counts, burst.channels, burst.normals[at]
+    step, edge, n = frequency / SAMPLE_RATE, frequency * burst.edge, burst.counts.shape[1]
     for i in range(n):
-        on = pulse(modulation[0] - (n - 1 - i) * modulation[1], supply.duty, modulation[2])
-        amperes = on * supply.amplitude
-        volts = supply.open_circuit_voltage - supply.resistance * amperes
+        amperes = pulse(phase - (n - 1 - i) * step, duty, edge) * amplitude
+        volts = open_circuit - resistance * amperes
         raw = volts * channels.voltage_gain + channels.voltage_noise * normals[i]
         counts[0, i] = round(min(max(raw, 0.0), channels.full_scale))
         raw = channels.current_zero + amperes * channels.current_gain + channels.current_noise * normals[n + i]

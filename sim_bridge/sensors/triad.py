@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.bound import Bound, bound_values
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
-from sim_bridge.sensors.noise import UnitErrors, normal_rows, normal_vector
+from sim_bridge.sensors.noise import BLOCK, UnitErrors, normal_vector
+from sim_bridge.vectors import Floats, njit
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -48,58 +50,93 @@ def draw_errors(
     )
 
 
+class Unit(NamedTuple):
+    """One three-axis sensor as the kernel takes it."""
+
+    rows: Floats
+    """(3, 4) counts; from SI in body axes: scale, small rotation, offset"""
+    noise: Floats
+    """(3,) counts; standard deviation of each axis"""
+    low_pass: LowPass
+    conversion: Floats
+    """(3,); counts per SI unit, and the counts where it saturates"""
+    normals: Floats
+    """(n, 3); standard normal numbers drawn ahead"""
+    memory: Floats
+    """(2, 3) SI; last input and last output of the low pass"""
+    begun: Floats
+    """(1,); 1 when there was an input"""
+
+
 class Triad:
     """One three-axis sensor; the driver divides its counts by the data sheet's sensitivity."""
 
     def __init__(
         self, conversion: Conversion, errors: TriadErrors, low_pass: LowPass, generator: np.random.Generator
     ) -> None:
-        self._lowest, self._highest = conversion.lowest, conversion.highest
-        self._sensitivity = conversion.sensitivity
-        self._resolution = 1.0 / conversion.sensitivity
-        self._noise = conversion.noise
-        self._rows = _counts_from_body(conversion.sensitivity, errors)
-        self._low_pass = low_pass
-        self._normals = normal_rows(generator, 3)
-        self._input: Vector | None = None
-        self._filtered: Vector = ZERO
+        self._generator = generator
+        self._normals = np.empty((BLOCK, 3))
+        self._at = BLOCK
+        self._bound = Bound(
+            Unit(
+                np.array(_counts_from_body(conversion.sensitivity, errors)),
+                np.array(conversion.noise),
+                low_pass,
+                np.array((conversion.sensitivity, conversion.lowest, conversion.highest), dtype=np.float64),
+                self._normals,
+                np.zeros((2, 3)),
+                np.zeros(1),
+            )
+        )
 
     def read(self, value: Vector, drift: Vector = ZERO) -> Vector:
         """Reading in SI of the true ``value`` in body axes; ``drift`` in SI is added to the sensor's offset."""
-        x, y, z = self._filter(value)
-        nx, ny, nz = next(self._normals)
-        sx, sy, sz = self._noise
-        s = self._sensitivity
-        (a, b, c, ox), (d, e, f, oy), (g, h, i, oz) = self._rows
-        return (
-            self._quantise(a * x + b * y + c * z + ox + s * drift[0] + sx * nx),
-            self._quantise(d * x + e * y + f * z + oy + s * drift[1] + sy * ny),
-            self._quantise(g * x + h * y + i * z + oz + s * drift[2] + sz * nz),
-        )
+        if self._at == BLOCK:
+            self._generator.standard_normal(out=self._normals)
+            self._at = 0
+        at = self._at
+        self._at = at + 1
+        return _read(value[0], value[1], value[2], drift[0], drift[1], drift[2], at, self._bound)
 
-    def _filter(self, value: Vector) -> Vector:
-        keep, before, now = self._low_pass
-        if self._input is None:
-            self._filtered = value
-        elif keep == 0.0:
-            return value
-        else:
-            (x, y, z), (px, py, pz), (fx, fy, fz) = value, self._input, self._filtered
-            self._filtered = (
-                keep * fx + before * px + now * x,
-                keep * fy + before * py + now * y,
-                keep * fz + before * pz + now * z,
-            )
-        self._input = value
-        return self._filtered
 
-    def _quantise(self, signal: float) -> float:
-        counts = round(signal)
-        if counts < self._lowest:
-            counts = self._lowest
-        elif counts > self._highest:
-            counts = self._highest
-        return counts * self._resolution
+@njit(cache=True)
+def _read(x: float, y: float, z: float, dx: float, dy: float, dz: float, at: int, bound: Bound) -> Vector:
+    unit = bound_values(bound)
+    x, y, z = _filtered(x, y, z, unit.low_pass, unit.memory, unit.begun)
+    return (
+        _reading(x, y, z, dx, 0, at, unit.rows, unit.noise, unit.conversion, unit.normals),
+        _reading(x, y, z, dy, 1, at, unit.rows, unit.noise, unit.conversion, unit.normals),
+        _reading(x, y, z, dz, 2, at, unit.rows, unit.noise, unit.conversion, unit.normals),
+    )
+
+
+@njit(cache=True)
+def _filtered(x: float, y: float, z: float, low_pass: LowPass, memory: Floats, begun: Floats) -> Vector:
+    keep, before, now = low_pass
+    if keep == 0.0:
+        return x, y, z
+    last, out = memory[0], memory[1]
+    if begun[0] == 0.0:
+        begun[0] = 1.0
+        out[0], out[1], out[2] = x, y, z
+    else:
+        out[0] = keep * out[0] + before * last[0] + now * x
+        out[1] = keep * out[1] + before * last[1] + now * y
+        out[2] = keep * out[2] + before * last[2] + now * z
+    last[0], last[1], last[2] = x, y, z
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True)
+def _reading(
+    x: float, y: float, z: float, drift: float, axis: int, at: int,
+    rows: Floats, noise: Floats, conversion: Floats, normals: Floats,
+) -> float:  # fmt: skip
+    """SI; of one axis, in whole counts within the sensor's range."""
+    row, sensitivity = rows[axis], conversion[0]
+    signal = row[0] * x + row[1] * y + row[2] * z + row[3] + sensitivity * drift + noise[axis] * normals[at, axis]
+    counts = np.rint(signal) + 0.0  # a count has no negative zero
+    return float(min(max(counts, conversion[1]), conversion[2]) * (1.0 / sensitivity))
 
 
 Row = tuple[float, float, float, float]
