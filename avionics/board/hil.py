@@ -19,7 +19,7 @@ from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
 from avionics.link.serial_line import SerialLine
-from avionics.link.transport import Stream, open_stream
+from avionics.link.transport import SocketStream, Stream, open_stream
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame
 
@@ -122,6 +122,11 @@ class HilBoard:
         """What the line lost since the start."""
         dropped = 0 if self._line is None else self._line.dropped
         return Losses(self.tally.lost, self.tally.late, self.bad_bytes, dropped)
+
+    def hurry(self) -> None:
+        """Wait for the world without sleeping: see `SocketStream.hurry`."""
+        if isinstance(self._stream, SocketStream):
+            self._stream.hurry()
 
     def read(self) -> SensorFrame | None:
         """Wait for the next sensor frame; None when the world ended or hung up.

@@ -90,6 +90,7 @@ def build_parser() -> options.Parser:
     options.add_json(parser)
     parser.add_argument("--fault", action="append", default=[], type=options.fault, help=argparse.SUPPRESS)
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
+    options.add_core(parser)
     return parser
 
 
@@ -236,7 +237,7 @@ def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
 def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account: Account) -> Outcome:
     """Fly; returns how far, and why it ended."""
     if not chosen.board.startswith(WITHOUT_LOCKSTEP):
-        pin_to_core()
+        pin_to_core(chosen.core)
 
     def idle() -> None:
         onboard.idle()
@@ -249,6 +250,8 @@ def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account
         board = boards.open_board(chosen.board, Surroundings(say, idle))
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
+    if chosen.core is not None and isinstance(board, HilBoard):
+        board.hurry()
     told = ToldBoard(board, onboard.view, account, link.announced)
     ended, silent = _flown(chosen, board, told, onboard, link)
     board.close()

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from rich.live import Live
 
+from avionics.board.cores import idle_pair
 from avionics.board.parameter_file import ParameterFile
 from avionics.link.key_file import load_signing
 from avionics.link.transport import open_transport
@@ -233,6 +234,8 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
 
 def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer: str) -> None:
     simulated, flown = options.vehicle_files(plan.vehicle)
+    cores = idle_pair() if math.isinf(chosen.speed) else None
+    own = [[], []] if cores is None else [["--core", str(core)] for core in cores]
     epoch = ["--epoch-ns", str(time.time_ns())]
     bridge = f"tcp:127.0.0.1:{_free_port()}"
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
@@ -243,7 +246,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
-    children.start("the world", ["sim", *world, *in_world])
+    children.start("the world", ["sim", *world, *own[0], *in_world])
     links = ["--identity", chosen.identity, *(word for url in chosen.gcs for word in ("--gcs", url))]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
@@ -252,7 +255,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     flight += ["--signing-key", chosen.signing_key or options.NO_KEY]
     flight += ["--parameters", chosen.parameters or options.NO_PARAMETERS]
     children.start(
-        "the flight computer", ["avionics", "--vehicle", flown, *epoch, *flight, *ours, *links, *in_flight]
+        "the flight computer", ["avionics", "--vehicle", flown, *epoch, *own[1], *flight, *ours, *links, *in_flight]
     )
 
 

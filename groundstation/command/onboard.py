@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from avionics import topics
 from avionics.board.board import Board
@@ -20,6 +21,7 @@ from avionics.messages import ChannelOverride, Command, Input, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.timebase import NOMINAL_US
+from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from avionics.view import FlightView
 from groundstation.command.waiting_inputs import SILENCE, WaitingInputs
@@ -59,7 +61,9 @@ class Onboard:
         self._waiting = WaitingInputs()
         self._ticked_at = float("-inf")
         self._unrecorded = False
-        self.view = FlightView(vehicle, mission, recorder.record, self._stopwatch.schedule)
+        self._thinking = False
+        self._said: list[tuple[Topic, Any]] = []
+        self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
         """Write changed parameters to ``file`` while disarmed, and at the end of the flight."""
@@ -77,16 +81,33 @@ class Onboard:
         try:
             while (frame := board.read()) is not None:
                 self._stopwatch.begin()
-                board.write(step(frame, [*self._due(frame.time_us), *self._arrived()]))
+                entering = [*self._due(frame.time_us), *self._arrived()]
+                self._thinking = True
+                board.write(step(frame, entering))
+                self._write_down()
                 self.idle()
                 self._stopwatch.tick(frame.time_us, self._recorder.record)
                 if self._file is not None:
                     self._keep(self._file, self.view.armed)
         finally:
+            self._write_down()
             if kept:
                 gc.unfreeze()
             if self._file is not None:
                 self._keep(self._file, armed=False)
+
+    def _publish(self, topic: Topic, message: Any) -> None:
+        """Record what was said: of a tick once it is answered, so that the servos do not wait for the log."""
+        if self._thinking:
+            self._said.append((topic, message))
+        else:
+            self._recorder.record(topic, message)
+
+    def _write_down(self) -> None:
+        self._thinking, record = False, self._recorder.record
+        said, self._said = self._said, []
+        for topic, message in said:
+            record(topic, message)
 
     def idle(self) -> None:
         """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""

@@ -137,6 +137,11 @@ def log_size(text: str) -> int:
     return size
 
 
+def add_core(parser: argparse.ArgumentParser) -> None:
+    """Accept ``--core``: of an end of a lockstep pair that has a core to itself, and waits there without sleeping."""
+    parser.add_argument("--core", type=int, metavar="N", help=argparse.SUPPRESS)
+
+
 def add_log_size(parser: argparse.ArgumentParser) -> None:
     """Offer ``--log-size``."""
     parser.add_argument(

@@ -67,6 +67,7 @@ def build_parser() -> options.Parser:
     foreign.add_foreign(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
+    options.add_core(parser)
     return parser
 
 
@@ -107,7 +108,7 @@ def run(arguments: Sequence[str]) -> int:
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
         if chosen.speed <= REAL_TIME:
             run_before_others()
-        ended = _serve(server, world)
+        ended = _serve(server, world, chosen.core)
         if alone:
             _say_end(world, ended, told_paths(recorder))
         elif recorder.failure:
@@ -219,10 +220,11 @@ def _server(address: str, speed: float | None) -> BridgeServer | SerialPeer:
     return BridgeServer(address, speed)
 
 
-def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld) -> str:
+def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld, core: int | None) -> str:
     """Serve one flight; returns why it ended."""
     if isinstance(server, BridgeServer):
-        pin_to_core()
+        pin_to_core(core)
+        server.hurried = core is not None
     try:
         return server.serve(world).ended
     except FlightComputerSilent as silence:

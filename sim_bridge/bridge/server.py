@@ -92,6 +92,8 @@ class BridgeServer:
         self._speed = speed
         self._patience = patience or Patience()
         self._clock = clock
+        self.hurried = False
+        """whether to wait for answers without sleeping: see `SocketStream.hurry`"""
 
     @property
     def port(self) -> int:
@@ -110,6 +112,8 @@ class BridgeServer:
             raise FlightComputerSilent(
                 f"no flight computer connected to {self._listener.url} for {self._patience.connect:g} s"
             )
+        if self.hurried:
+            stream.hurry()
         session = Session(stream, world, self._patience, Pacer(self._speed, self._clock), self._clock)
         try:
             return session.fly()
@@ -158,6 +162,8 @@ class Session:
                 return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
             self._pacer.hold(frame.time_us)
             self._send(frame)
+            # While the flight computer thinks.
+            self._world.record()
             command = self._await_answer(frame.time_us, command)
             if self._hung_up:
                 ended = "the flight computer hung up"

@@ -41,5 +41,11 @@ class World(Protocol):
             SimulationSilent: from now on it sends no more sensor frames.
         """
 
+    def record(self) -> None:
+        """Publish what is true at the end of the last step: nobody has to wait for that before the sensors are read.
+
+        A step that comes without it does so first.
+        """
+
     def truth(self) -> TruthState:
         """The vehicle's true state at the end of the last step."""

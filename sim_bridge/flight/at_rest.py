@@ -56,6 +56,9 @@ class AtRest:
         seen = self._still._replace(time_us=self.time_us)
         return sensor_frame(self.suite.sample(seen, self._ticks - 1))
 
+    def record(self) -> None:
+        """Nothing happens that were worth it."""
+
     def truth(self) -> TruthState:
         """Level, and still."""
         nothing = (0.0,) * 6

@@ -27,6 +27,7 @@ def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] =
             frame = world.step(command)
         except SimulationSilent:
             return
+        world.record()
         due = []
         while waiting and waiting[0].time_us <= frame.time_us:
             due.append(waiting.popleft())

@@ -176,6 +176,7 @@ class SimulatedWorld:
         self._v_ned = (0.0, 0.0, 0.0)
         self._publish = publish
         self._recorded = publish is not publish_nothing
+        self._unrecorded: Instant | None = None
         self._tick = 0
         self._period = 1.0 / rate
         self._clock = StepClock(0.0, -1, self._period)
@@ -220,7 +221,7 @@ class SimulatedWorld:
         self._launch_from = min(self._launch_from, self.time_us * 1e-6)
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """Advance one tick with ``command`` held, record the truth and read the sensors at its end.
+        """Advance one tick with ``command`` held and read the sensors at its end; `record` then tells the truth.
 
         Raises:
             SimulationSilent: from the time of that fault on.
@@ -228,11 +229,12 @@ class SimulatedWorld:
         return self.sample(self.advance(command, self._period))
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
-        """Advance ``duration`` s with ``command`` held and record the truth; what is there to be sensed at its end.
+        """Advance ``duration`` s with ``command`` held; what is there to be sensed at its end.
 
         Raises:
             SimulationSilent: from the time of that fault on.
         """
+        self.record()
         self._clock = self._clock.step(duration)
         self.time_us = round(self._clock.end * 1e6)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
@@ -245,8 +247,7 @@ class SimulatedWorld:
         now = self._look.at(self._air_velocity())
         self._v_ned = now.v_ned
         self._watch_rest(now)
-        if self._recorded:
-            self._record(now)
+        self._unrecorded = now if self._recorded else None
         return self._observe(air, now)
 
     def sample(self, observation: Observation) -> SensorFrame:
@@ -265,9 +266,7 @@ class SimulatedWorld:
         grounded = self.plant.touching or self._launcher() != k.FREE
         flow = (speed, math.atan2(air[2], air[0]))
         wind = self._air_velocity()
-        return TruthState._make(
-            (self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded))
-        )
+        return TruthState._make((self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
         """Wings and drives at the end of the last step; current and power averaged over it."""
@@ -299,8 +298,10 @@ class SimulatedWorld:
         """Air loads of wings and tail near the end of the last step."""
         return TruthLoads(self.time_us, *self.plant.air_load().tolist(), *self.plant.scratch.plate_load.tolist())
 
-    def _record(self, now: Instant) -> None:
-        if self.time_us < self._next_record_us:
+    def record(self) -> None:
+        """Publish what is true at the end of the last step, once; the next step does so where nobody did."""
+        now, self._unrecorded = self._unrecorded, None
+        if now is None or self.time_us < self._next_record_us:
             return
         self._next_record_us = self.time_us + RECORD_PERIOD_US
         self._publish(topics.STATE, self._truth(now))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import socket
+import threading
 import time
 import tty
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -18,12 +20,22 @@ from link_station import PATIENCE
 from link_vehicle import FakeVehicle
 from ports import free_port
 
-from avionics.link import dialect
+from avionics.link import dialect, transport
 from avionics.link.channel import PORTION
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
-from avionics.link.transport import GONE, HALF_OPEN, MOST_PEERS, Packet, Transport, open_stream, open_transport
+from avionics.link.transport import (
+    CREDIT,
+    GONE,
+    HALF_OPEN,
+    MOST_PEERS,
+    Packet,
+    SocketStream,
+    Transport,
+    open_stream,
+    open_transport,
+)
 from avionics.link.urls import FORMS, LinkUrl, parse_url
 from avionics.quantities import BadInput
 
@@ -322,3 +334,61 @@ def test_a_serial_peer_that_stops_reading_makes_nobody_wait() -> None:
         link.close()
         os.close(master)
         os.close(slave)
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[SocketStream, socket.socket]]:
+    """A lockstep stream, and the partner's bare socket."""
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as here:
+        there, _ = server.accept()
+        with there:
+            yield SocketStream(here, "partner"), there
+
+
+@pytest.mark.parametrize("hurried", [False, True])
+def test_a_stream_gives_what_comes_waits_no_longer_than_asked_and_knows_who_has_gone(
+    ends: tuple[SocketStream, socket.socket], hurried: bool
+) -> None:
+    stream, partner = ends
+    if hurried:
+        stream.hurry()
+    assert stream.read(0.001) == b""
+    partner.sendall(b"tick")
+    assert stream.read(PATIENCE) == b"tick"
+    assert stream.write(b"tock") and partner.recv(16) == b"tock"
+    partner.close()
+    assert stream.read(PATIENCE) is None
+
+
+def test_more_than_the_partner_has_room_for_is_written_as_it_reads(ends: tuple[SocketStream, socket.socket]) -> None:
+    stream, partner = ends
+    data = bytes(range(256)) * 65536
+    read = bytearray()
+
+    def reads() -> None:
+        while len(read) < len(data):
+            read.extend(partner.recv(1 << 20))
+
+    reader = threading.Thread(target=reads)
+    reader.start()
+    assert stream.write(data)
+    reader.join(PATIENCE)
+    assert read == data
+
+
+def test_who_reads_nothing_is_given_up(
+    ends: tuple[SocketStream, socket.socket], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transport, "WRITE_PATIENCE", 0.05)
+    assert not ends[0].write(bytes(1 << 26))
+
+
+def test_an_end_in_a_hurry_sleeps_again_when_answers_are_late(ends: tuple[SocketStream, socket.socket]) -> None:
+    """GIVEN a partner that does not answer WHEN it was waited for often THEN waiting costs no processor any more."""
+    stream, _ = ends
+    stream.hurry()
+    for _ in range(CREDIT):
+        stream.read(0.0)
+    begun = time.thread_time()
+    stream.read(0.1)
+    assert time.thread_time() - begun < 0.05

@@ -26,7 +26,7 @@ RAVEN = "robo_raven_ii_d"
 
 def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
     """The command on a world of 2.5 s; its exit code and the board's address."""
-    monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
+    monkeypatch.setattr(avionics, "pin_to_core", lambda core: None)
     server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     told: list[Tally] = []
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(duration=2.5))

@@ -29,7 +29,7 @@ def fly(url: str, heard: list[int]) -> None:
 def test_a_world_alone_says_what_the_launcher_does_and_when_a_fault_comes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sim, "pin_to_core", lambda: None)
+    monkeypatch.setattr(sim, "pin_to_core", lambda core: None)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         url = f"tcp:127.0.0.1:{probe.getsockname()[1]}"

@@ -81,6 +81,9 @@ class ToyWorld:
             (7.0, 0.0, 1.0), 95_000.0, 288.0, 1.2, *([0.0] * 9),
         )  # fmt: skip
 
+    def record(self) -> None:
+        """Nobody asks what is true here."""
+
     def sample(self, observation: Observation) -> SensorFrame:
         if self._frame is None:
             return SensorFrame(self.time_us, ImuSample(self.time_us, *([0.0] * 9)))

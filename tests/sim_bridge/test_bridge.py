@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+import os
 import random
 import socket
 import threading
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ports import free_port
 from pymavlink.dialects.v20 import common
 
+from avionics.board import cores
 from avionics.board.board import BoardSilent
-from avionics.board.cores import pin_to_core, run_before_others
+from avionics.board.cores import idle_pair, pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.hil import Patience as BoardPatience
 from avionics.link import codec
@@ -59,6 +62,9 @@ class ToyWorld:
     @property
     def finished(self) -> bool:
         return len(self.frames) >= self.ticks
+
+    def record(self) -> None:
+        """Nobody asks what is true here."""
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
         self.commands.append(command)
@@ -370,8 +376,6 @@ def test_the_pacer_holds_a_simulation_to_its_speed_and_forgives_a_long_stop() ->
 
 
 def test_pinning_keeps_this_process_on_one_core() -> None:
-    import os
-
     if not hasattr(os, "sched_getaffinity"):
         assert pin_to_core() is None
         return
@@ -383,10 +387,29 @@ def test_pinning_keeps_this_process_on_one_core() -> None:
         os.sched_setaffinity(0, before)
 
 
+@pytest.mark.parametrize(("running", "apart"), [(0.0, True), (0.4, True), (1.0, False), (3.0, False)])
+def test_a_pair_has_two_cores_where_nobody_else_wants_them(
+    running: float, apart: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5}, raising=False)
+    monkeypatch.setattr(cores, "_running", lambda: running)
+    assert idle_pair() == ((5, 3) if apart else None)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
+    assert idle_pair() is None
+
+
+def test_where_nobody_tells_what_runs_the_load_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = tmp_path / "loadavg"
+    told.write_text("0.10 0.20 0.30 2/345 678\n")
+    monkeypatch.setattr(cores, "_LOAD", told)
+    assert cores._running() == 1.0
+    monkeypatch.setattr(cores, "_LOAD", tmp_path / "none")
+    monkeypatch.setattr(os, "getloadavg", lambda: (1.25, 0.0, 0.0))
+    assert cores._running() == 1.25
+
+
 def test_a_flight_in_real_time_runs_before_others_where_that_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
     """GIVEN a system that allows it, or not THEN the schedule is the one of fixed priority, or unchanged."""
-    import os
-
     if not hasattr(os, "sched_setscheduler"):
         assert not run_before_others()
         return

@@ -51,6 +51,9 @@ class AlteredWorld:
     def step(self, command: ActuatorCommand) -> SensorFrame:
         return self._alter(self._world.step(command))
 
+    def record(self) -> None:
+        self._world.record()
+
 
 class Hold(NamedTuple):
     """What was kept from the capture of a HOLD to its end."""

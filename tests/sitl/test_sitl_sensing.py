@@ -49,6 +49,9 @@ class ErringWorld:
     def step(self, command: ActuatorCommand) -> SensorFrame:
         return self._happens(self._world, self._world.step(command))
 
+    def record(self) -> None:
+        self._world.record()
+
 
 class Failing:
     """Counts lost once by the left encoder, and counters that stop: the left one, or both."""

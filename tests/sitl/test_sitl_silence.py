@@ -31,7 +31,7 @@ def test_a_silent_simulator_is_named_the_log_is_whole_and_the_command_ends_with_
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(boards, "HilBoard", functools.partial(HilBoard, patience=Patience(frame=0.3)))
-    monkeypatch.setattr(avionics, "pin_to_core", lambda: None)
+    monkeypatch.setattr(avionics, "pin_to_core", lambda core: None)
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(faults=(parse_fault(f"sim_silent@{SILENT_AT}"),)))
     server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     told: list[Tally] = []

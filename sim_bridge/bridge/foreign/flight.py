@@ -95,6 +95,7 @@ class ForeignFlight:
         if ready:
             self.world.release()
         observation = self.world.advance(command, dt)
+        self.world.record()
         if observation.time_us >= self._next_record_us:
             self._next_record_us = observation.time_us + RECORD_PERIOD_US
             self._publish(topics.FLAP, flap)

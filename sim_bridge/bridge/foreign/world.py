@@ -40,6 +40,9 @@ class ForeignWorld(Protocol):
             SimulationSilent: from now on it sends no more sensor frames.
         """
 
+    def record(self) -> None:
+        """Publish what is true at the end of the last step."""
+
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors, one tick of theirs after the last time."""
 
