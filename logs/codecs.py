@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
@@ -52,8 +53,8 @@ class Stamped(NamedTuple):
 
     time_us: int
     """us; since boot"""
-    body: Protobuf
-    """-; the message"""
+    body: bytes
+    """-; the message, serialised: viewers' messages are built anew in the same place"""
 
 
 class Document(NamedTuple):
@@ -98,7 +99,7 @@ def _kind(topic: Topic) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
     if message is Event:
         return _protobuf(FoxgloveLog, _free(topic.channel, encode_event))
     if issubclass(message, Protobuf):
-        return _protobuf(message, _free(topic.channel, encode_stamped))
+        return _protobuf(message, _free(topic.channel, attrgetter("body")))
     layout = layout_of(topic.message)  # type: ignore[arg-type]
     encoder = fixed_encoder(layout, topic.channel)
     return "protobuf", "protobuf", layout.name, descriptor_set(layout), channel_metadata(layout), encoder
@@ -222,11 +223,6 @@ def _severity(log: FoxgloveLog) -> Severity:
         return Severity[log.file]
     levels = {level: severity for severity, level in reversed(_LEVELS.items())}
     return levels.get(log.level, Severity.CRITICAL if log.level == FoxgloveLog.FATAL else Severity.INFO)
-
-
-def encode_stamped(message: Stamped) -> bytes:
-    """Bytes of a protobuf message."""
-    return bytes(message.body.SerializeToString(deterministic=True))
 
 
 # --- messages of other writers --------------------------------------------------------------------------

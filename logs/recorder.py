@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import fcntl
+import math
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
@@ -56,6 +58,8 @@ class Writing(NamedTuple):
     """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
 
 
+BATCH, BATCH_US = 256, 100_000
+"""-, us; messages, and time on the vehicle's clock from the first to the last, that are encoded together"""
 LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
 """-, s; to lock a new file that another program looks into"""
 IN_FLIGHT = 16 * 1024 * 1024
@@ -68,9 +72,13 @@ class McapRecorder:
 
     A chunk is closed when it is full and 0.25 s after it was begun, in log time or on the wall clock, whichever is
     first: that much is lost when the machine dies. Where messages may wait for the disk (`Writing.queue`) the wall
-    clock is looked at though none comes, every 0.125 s; else it is the next message that closes a chunk. During a
-    flight nothing is raised. When the disk refuses, or writing fails in any other way, recording ends, what was
-    written stays readable without claiming to be whole, and `failure` says why; a message that does not fit its
+    clock is looked at though none comes, every 0.125 s; else it is the next message that closes a chunk.
+
+    Messages are encoded some at a time, so they may not change once they are here: one by one, between all else that
+    a flight does, each would find the processor's caches full of something else and take twice as long.
+
+    During a flight nothing is raised. When the disk refuses, or writing fails in any other way, recording ends, what
+    was written stays readable without claiming to be whole, and `failure` says why; a message that does not fit its
     declared layout is left out and `refusal` says which. Where the queue has no room for more, a chunk of messages
     is left out, counted in `dropped`, and the count is logged as soon as there is room. Threads may share a recorder.
     """
@@ -100,19 +108,18 @@ class McapRecorder:
         self.start_epoch_ns = time.time_ns() if start_epoch_ns is None else start_epoch_ns
         self.failure = ""
         """why recording ended early, one line"""
-        self.refused = 0
-        """messages left out"""
-        self.refusal = ""
-        """why the first of them was left out, one line"""
+        self._refused, self._refusal = 0, ""
         self.dropped = 0
         """messages for which the disk was too slow"""
         self._clock = clock
         self._lock = threading.RLock()
         self._streams: dict[int, _Stream] = {}
+        self._waiting: deque[tuple[Topic, Any]] = deque()
+        self._since = self._first_us = self._past_us = 0.0
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
         self._oldest_ns = self._youngest_ns = 0
-        self._flush_clock = self._patience = 0.0
+        self._flush_clock, self._patience = math.inf, 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
         self._writing, self._told = writing, (0, 0)
         self._open_for_writing, self._closed = True, False
@@ -128,52 +135,96 @@ class McapRecorder:
         """Of the files so far, in turn."""
         return list(self._volumes.paths)
 
+    @property
+    def refused(self) -> int:
+        """Messages left out."""
+        self._settle()
+        return self._refused
+
+    @property
+    def refusal(self) -> str:
+        """Why the first of them was left out, one line."""
+        self._settle()
+        return self._refusal
+
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
         if not topic.logged or not self._open_for_writing:
             return
         with self._lock:
-            stream = self._streams.get(topic.channel)
+            waiting = self._waiting
+            begun = len(waiting)
+            waiting.append((topic, message))
             try:
-                if stream is None or stream.topic is not topic:
-                    stream = self._open(topic)
-                log_ns = self.start_epoch_ns + message.time_us * 1000
-                record = stream.encode(message, log_ns, stream.sequence)
-            # A message of the wrong shape must cost that message alone, whatever is wrong with it.
-            except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
-                self._refuse(f"a message of {topic.name}", error)
-                return
-            buffer = self._buffer
-            if not buffer:
-                # Time that runs backwards closes the chunk too: its messages are then near each other.
-                self._oldest_ns, self._youngest_ns = log_ns - _FLUSH_NS, log_ns + _FLUSH_NS
-                self._flush_clock = self._clock() + FLUSH_S
-            if not stream.sequence:
-                # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
-                buffer += _declared(stream.codec)
-            offset = len(buffer)
-            stream.sequence += 1
-            # Ctrl-C may come between any two lines: an index must not name a message that is not there.
-            buffer += record
-            stream.index += (log_ns, offset)
-            self._last_ns = log_ns
-            if (
-                len(buffer) >= CHUNK_BYTES
-                or not self._oldest_ns < log_ns < self._youngest_ns
-                or self._clock() >= self._flush_clock
-            ):
-                self.flush()
+                time_us = message.time_us
+                if begun:
+                    due = begun >= BATCH or not self._first_us <= time_us < self._past_us
+                else:
+                    due = False
+                    self._since, self._first_us, self._past_us = self._clock(), time_us, time_us + BATCH_US
+                    if not self._buffer:
+                        self._flush_clock = self._since + FLUSH_S
+                # Without a thread that does it, it is a message that ends a chunk whose time is over.
+                due = due or (self._backlog is None and self._clock() >= self._flush_clock)
+            # What is wrong with it is told where it is encoded.
+            except (AttributeError, TypeError):
+                due = True
+            if due:
+                self._settle()
+
+    def _settle(self) -> None:
+        """Encode what waits into the open chunk."""
+        with self._lock:
+            waiting, stream_of, epoch = self._waiting, self._streams.get, self.start_epoch_ns
+            # Ctrl-C may come between any two lines: what was taken is not taken again.
+            while waiting:
+                topic, message = waiting.popleft()
+                stream = stream_of(topic.channel)
+                try:
+                    if stream is None or stream.topic is not topic:
+                        stream = self._open(topic)
+                    log_ns = epoch + message.time_us * 1000
+                    record = stream.encode(message, log_ns, stream.sequence)
+                # A message of the wrong shape must cost that message alone, whatever is wrong with it.
+                except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
+                    self._refuse(f"a message of {topic.name}", error)
+                    continue
+                buffer = self._buffer
+                if not buffer:
+                    self._begin_chunk(log_ns)
+                if not stream.sequence:
+                    # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
+                    buffer += _declared(stream.codec)
+                offset = len(buffer)
+                stream.sequence += 1
+                # An index must not name a message that is not there.
+                buffer += record
+                stream.index += (log_ns, offset)
+                self._last_ns = log_ns
+                if len(buffer) >= CHUNK_BYTES or not self._oldest_ns < log_ns < self._youngest_ns:
+                    self._close()
+            if self._buffer and self._clock() >= self._flush_clock:
+                self._close()
+
+    def _begin_chunk(self, log_ns: int) -> None:
+        # Time that runs backwards closes the chunk too: its messages are then near each other.
+        self._oldest_ns, self._youngest_ns = log_ns - _FLUSH_NS, log_ns + _FLUSH_NS
+        self._flush_clock = self._since + FLUSH_S
 
     def flush(self) -> None:
         """Close the open chunk and hand it to the operating system, or to the queue before it."""
         with self._lock:
-            if not self._buffer:
-                return
-            try:
-                self._close_chunk()
-            # Where there is no memory for another chunk, the flight goes on without its recording.
-            except Exception as error:
-                self._end(error)
+            self._settle()
+            self._close()
+
+    def _close(self) -> None:
+        if not self._buffer:
+            return
+        try:
+            self._close_chunk()
+        # Where there is no memory for another chunk, the flight goes on without its recording.
+        except Exception as error:
+            self._end(error)
 
     def _close_chunk(self) -> None:
         filled = [stream for stream in self._streams.values() if stream.index]
@@ -182,6 +233,7 @@ class McapRecorder:
         work, size = self._chunk(filled), len(self._buffer)
         # Emptied before it is handed over: whatever interrupts this, no message is written twice.
         self._buffer = bytearray()
+        self._flush_clock = math.inf
         for stream in filled:
             stream.index = []
         if not self._hand_over(work, size):
@@ -196,13 +248,14 @@ class McapRecorder:
         """
         if self._lock.acquire(blocking=False):
             try:
-                if self._buffer and self._clock() >= self._flush_clock:
+                if self._clock() >= self._flush_clock:
                     self.flush()
             finally:
                 self._lock.release()
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""
+        self._settle()
         log_ns = self._last_ns
         record = self._encode(f"attachment {name}", Attachment(0, log_ns, name, media_type, data))
         if record:
@@ -299,15 +352,15 @@ class McapRecorder:
             return b""
 
     def _refuse(self, what: str, error: Exception) -> None:
-        self.refused += 1
-        self.refusal = self.refusal or f"{what} was not recorded: {error}"
+        self._refused += 1
+        self._refusal = self._refusal or f"{what} was not recorded: {error}"
 
     def _keep(self, work: Work, what: str, size: int) -> None:
         """Write what every file of the recording has."""
         with self._lock:
             if not self._hand_over(work, size, everywhere=True):
-                self.refused += 1
-                self.refusal = self.refusal or f"{what} was not recorded: the disk is too slow"
+                self._refused += 1
+                self._refusal = self._refusal or f"{what} was not recorded: the disk is too slow"
 
     def _hand_over(self, work: Work, size: int, everywhere: bool = False) -> bool:
         """Write now, or queue to be written; False where there is no room."""
@@ -363,13 +416,13 @@ class McapRecorder:
 
     def _tell_drops(self) -> None:
         """Log what was left out, once after each time it was more."""
-        account, now = self._writing.account, (self.dropped, self.refused)
+        account, now = self._writing.account, (self.dropped, self._refused)
         if account is None or now == self._told:
             return
         self._told = now
         waiting = self._backlog.waiting if self._backlog else 0
         time_us = (self._last_ns - self.start_epoch_ns) // 1000
-        self.record(account, RecorderStatus(time_us, self.dropped, self.refused, waiting, self._volumes.written))
+        self.record(account, RecorderStatus(time_us, self.dropped, self._refused, waiting, self._volumes.written))
 
 
 def _declared(codec: Codec) -> bytes:

@@ -347,7 +347,7 @@ class SceneRecorder:
             self._add(self._topics[1], time_us, self.scene.update(pose))
 
     def _add(self, topic: Topic, time_us: int, body: Protobuf) -> None:
-        self.inner.record(topic, Stamped(time_us, body))
+        self.inner.record(topic, Stamped(time_us, body.SerializeToString(deterministic=True)))
         self.added[topic.name] = self.added.get(topic.name, 0) + 1
 
 
