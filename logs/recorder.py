@@ -58,7 +58,7 @@ class Writing(NamedTuple):
     """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
 
 
-BATCH, BATCH_US = 256, 100_000
+BATCH, BATCH_US = 256, 100_000.0
 """-, us; messages, and time on the vehicle's clock from the first to the last, that are encoded together"""
 LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
 """-, s; to lock a new file that another program looks into"""
@@ -162,7 +162,9 @@ class McapRecorder:
                 else:
                     due = False
                     self._since, self._first_us, self._past_us = self._clock(), time_us, time_us + BATCH_US
-                    if not self._buffer:
+                    if self._buffer:
+                        self._past_us = min(self._past_us, (self._youngest_ns - self.start_epoch_ns) / 1000)
+                    else:
                         self._flush_clock = self._since + FLUSH_S
                 # Without a thread that does it, it is a message that ends a chunk whose time is over.
                 due = due or (self._backlog is None and self._clock() >= self._flush_clock)
