@@ -1,4 +1,4 @@
-"""Names of new recordings, and of what stands in one beside the messages."""
+"""Names of new recordings, of what stands in one beside the messages, and of a vehicle's files."""
 
 from __future__ import annotations
 
@@ -42,3 +42,11 @@ def new_recording(vehicle: str, when: datetime | None = None, folder: Path = REC
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(vehicle).name.removesuffix(".toml")).strip("._-") or "flight"
     stamp = (when or datetime.now()).strftime("%Y%m%d-%H%M%S")
     return next(path for path in numbered(folder / f"{name}-{stamp}.mcap") if not path.exists())
+
+
+def vehicle_files(vehicle: str) -> tuple[str, str]:
+    """What the world and what the flight computer load: a name for both, or the two files of a folder."""
+    folder = Path(vehicle)
+    if folder.is_dir():
+        return str(folder / "world.toml"), str(folder / "avionics.toml")
+    return vehicle, vehicle

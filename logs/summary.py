@@ -126,7 +126,7 @@ class _Flight(NamedTuple):
         return (columns, inside) if inside.any() else None
 
 
-_NEEDED = (
+NEEDED = (
     topics.ATTITUDE, topics.POWER, topics.WING, topics.AIR_DATA, topics.ALTITUDE, topics.POSITION,
     topics.NAVIGATION, topics.ALTITUDE_LOOP, topics.HEADING_LOOP, topics.EXCITATION, truth_topics.STATE,
 )  # fmt: skip
@@ -138,14 +138,18 @@ def summarize(log: Log) -> FlightSummary:
     Raises:
         BadInput: a part of the file is damaged.
     """
-    present = [topic.name for topic in _NEEDED if topic.name in log.topics and log.topics[topic.name].messages]
-    tables = log.tables(present)
+    present = [topic.name for topic in NEEDED if topic.name in log.topics and log.topics[topic.name].messages]
+    return summary_of(log.tables(present), log.duration)
+
+
+def summary_of(tables: dict[str, Columns], duration: float) -> FlightSummary:
+    """Sum up what the ``tables`` of the topics `NEEDED` hold, by their names; ``duration`` s is that of the log."""
     launch, end = _airborne(tables)
     flight = _Flight(tables, launch, end)
     truth = flight.get(truth_topics.STATE)
     return FlightSummary(
         against_truth=truth is not None,
-        log_duration=log.duration,
+        log_duration=duration,
         launch=launch,
         airtime=None if launch is None or end is None else end - launch,
         hold=_longest_hold(flight),

@@ -10,10 +10,10 @@ from avionics.messages import ChannelOverride, Command, CommandKind, PilotInput,
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle
-from groundstation.command.avionics import note_inputs
 from logs.container import Container
 from logs.copying import Part, copy
 from logs.index import read_index
+from logs.noted import note_inputs
 from logs.recorder import McapRecorder
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics import parameters, topics
+from avionics import topics
 from avionics.board import boards
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.cores import pin_to_core, run_before_others
@@ -20,7 +18,6 @@ from avionics.board.line_watch import Losses
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
 from avionics.board.razor import RazorBoard
 from avionics.board.razor_protocol import Angles
-from avionics.guidance.mission import Mission
 from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import load_signing
 from avionics.link.vehicle import load_identity
@@ -37,10 +34,10 @@ from groundstation.command.onboard import Onboard
 from groundstation.command.recordings import put_right, told_paths
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
-from logs.names import FLIGHT_VEHICLE, MISSION, PARAMETERS, new_recording
+from logs.names import new_recording
+from logs.noted import note_inputs
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import FLOWN, PLAIN_BIRD, SceneRecorder
-from logs.settings import mission_document
 from sim_bridge.flight.faults import fault_commands
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -276,12 +273,3 @@ def _flown(
         except KeyboardInterrupt as stop:
             return str(stop) or STOPPED, False
         return bounded.ended or board.ended, False
-
-
-def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:
-    """Store what the flight begins with: vehicle file, mission, parameters, version."""
-    recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
-    recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
-    recorder.attach(MISSION, "application/json", json.dumps(mission_document(mission), indent=1).encode())
-    table = parameters.parameter_table(vehicle.gains)
-    recorder.note(PARAMETERS, {name: repr(parameters.get(vehicle.gains, p)) for name, p in table.items()})

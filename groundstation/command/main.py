@@ -39,6 +39,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
     "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
     "design": Subcommand("groundstation.command.design", "plan an identification input and the errors it will leave"),
+    "campaign": Subcommand("groundstation.command.campaign", "thousands of flights, and what they say together"),
     "validate": Subcommand("groundstation.command.validate", "every published figure beside ours"),
     "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
 }

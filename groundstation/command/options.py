@@ -15,6 +15,7 @@ from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
 from avionics.quantities import BadInput
+from logs.names import vehicle_files as vehicle_files
 
 if TYPE_CHECKING:
     from sim_bridge.flight.faults import Fault
@@ -90,14 +91,6 @@ def add_aerodynamics(parser: argparse.ArgumentParser) -> None:
         metavar="MODEL",
         help="of the wings, one that the vehicle's file has a section of (default: what the file chooses)",
     )
-
-
-def vehicle_files(vehicle: str) -> tuple[str, str]:
-    """What the world and what the flight computer load: a name for both, or the two files of a folder."""
-    folder = Path(vehicle)
-    if folder.is_dir():
-        return str(folder / "world.toml"), str(folder / "avionics.toml")
-    return vehicle, vehicle
 
 
 def add_mission(parser: argparse.ArgumentParser) -> None:
@@ -281,8 +274,9 @@ def fault_name(one: Fault) -> str:
 
 def fault_words(faults: Iterable[Fault]) -> list[str]:
     """The command line that gives ``faults`` to another process."""
-    ends = ((one, f"-{one.until!r}" if math.isfinite(one.until) else "") for one in faults)
-    return [word for one, end in ends for word in ("--fault", f"{one.name}@{one.at!r}{end}")]
+    from logs.noted import exact_fault
+
+    return [word for one in faults for word in ("--fault", exact_fault(one))]
 
 
 def positive(text: str) -> float:

@@ -7,7 +7,6 @@ import contextlib
 import math
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,8 @@ from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
 from groundstation.command.recordings import put_right, told_paths
-from logs.names import AERODYNAMICS, STICKS, WORLD, WORLD_VEHICLE, new_recording
+from logs.names import STICKS, new_recording
+from logs.noted import note_scenario
 from logs.outline import shape_of
 from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
@@ -242,23 +242,3 @@ def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
         loaded = with_model(loaded, model)
     build_mechanism(loaded)
     return loaded
-
-
-def note_scenario(recorder: McapRecorder, vehicle: SimulatedVehicle, scenario: Scenario) -> None:
-    """Store what the world is made of: vehicle file, aerodynamic model, seed, wind, home, version."""
-    recorder.attach(WORLD_VEHICLE, "application/toml", vehicle.text.encode())
-    values = {
-        "version": version("wingbeat"),
-        "vehicle": vehicle.name,
-        AERODYNAMICS: vehicle.aerodynamics.model,
-        "seed": str(scenario.seed),
-        "wind_speed": repr(scenario.wind_speed),
-        "wind_from": repr(scenario.wind_from),
-        "turbulence": scenario.turbulence,
-        "duration": repr(scenario.duration),
-        "faults": " ".join(options.fault_words(scenario.faults)[1::2]),
-        "home_latitude": repr(scenario.home.latitude),
-        "home_longitude": repr(scenario.home.longitude),
-        "home_altitude": repr(scenario.home.altitude),
-    }
-    recorder.note(WORLD, values)

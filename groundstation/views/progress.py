@@ -20,11 +20,16 @@ LINE_EVERY = 1.0
 class ProgressBar:
     """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself.
 
-    ``quiet`` draws no bar; who is ``telling`` prints lines where there is none.
+    ``quiet`` draws no bar; who is ``telling`` prints lines where there is none, no two within ``every`` s.
     """
 
     def __init__(
-        self, label: str, quiet: bool = False, telling: bool = False, clock: Callable[[], float] = time.monotonic
+        self,
+        label: str,
+        quiet: bool = False,
+        telling: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        every: float = LINE_EVERY,
     ) -> None:
         self._label = label
         self._clock = clock
@@ -33,6 +38,7 @@ class ProgressBar:
         self._telling = telling
         self._told = ""
         self._told_at = self._began
+        self._every = every
         self._bar: Progress | None = None
         self._task = TaskID(0)
 
@@ -62,6 +68,6 @@ class ProgressBar:
     def _tell(self, note: str) -> None:
         """A line where a bar cannot be: only what is new, and not too often."""
         now = self._clock()
-        if self._telling and note and note != self._told and now - self._told_at >= LINE_EVERY:
+        if self._telling and note and note != self._told and now - self._told_at >= self._every:
             self._told, self._told_at = note, now
             print(note, file=sys.stderr, flush=True)

@@ -25,6 +25,9 @@ from groundstation.command.main import main
 from groundstation.command.recordings import COMPUTER, WORLD, put_right
 from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
+from logs.campaigns.campaign import load_campaign
+from logs.campaigns.flown import Recording, flown
+from logs.campaigns.run import order_of
 from logs.info import summary
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -156,6 +159,19 @@ def payloads(path: Path) -> dict[str, str]:
     return {name: digest.hexdigest() for name, digest in digests.items()}
 
 
+def in_one_process(folder: Path, text: str) -> dict[str, str]:
+    """Digests as of `payloads`, of the flight that a campaign's file means, without a socket."""
+    (folder / "one.toml").write_text(text)
+    flown(order_of(load_campaign(folder / "one.toml"), 1, Recording(folder / "one.mcap")))
+    return payloads(folder / "one.mcap")
+
+
+def test_the_same_flight_in_one_process_is_the_same_to_the_bit(recorded: Recorded, tmp_path: Path) -> None:
+    alone = in_one_process(tmp_path, "seed = 5\n[flight]\nduration = 11.0\n")
+    assert alone == payloads(recorded.folder / "flight.mcap")
+    assert {topic.name for topic in (STATE, topics.IMU, topics.ACTUATORS, topics.SNAPSHOTS)} <= set(alone)
+
+
 STICKS = "time,arm,throttle,roll,mode\n4,1,0,0,0\n8.2,1,1,0,0\n14,1,0.6,0.3,0\n18,1,0.6,0,2\n"
 
 
@@ -170,6 +186,8 @@ def test_a_transmitter_moved_by_a_table_arms_flies_hands_over_and_is_lost(tmp_pa
         said = {event.text: event.time_us * 1e-6 for event in log.events()}
         truth, mode = log.columns("/truth/state"), log.columns("/guidance/navigation")["mode"]
         assert log.attachment("sticks.csv").decode() == STICKS
+    text = 'seed = 1\n[flight]\nduration = 25.0\nsticks = "sticks.csv"\nfaults = "receiver_lost@22"\n'
+    assert in_one_process(tmp_path, text) == payloads(tmp_path / "flight.mcap")
     assert said["armed"] == pytest.approx(4.0, abs=0.1)
     assert said["mode AUTO"] == pytest.approx(18.0, abs=0.1)
     assert said["failsafe: receiver lost"] == pytest.approx(22.5, abs=0.2)

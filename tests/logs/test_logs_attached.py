@@ -10,10 +10,10 @@ from avionics import parameters
 from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.vehicles import load_vehicle
-from groundstation.command.avionics import note_inputs
 from groundstation.command.identify import identified
 from logs.attached import aircraft_of, flight_vehicle
 from logs.names import FLIGHT_VEHICLE, PARAMETERS
+from logs.noted import note_inputs
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 

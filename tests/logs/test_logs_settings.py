@@ -19,8 +19,8 @@ from avionics.messages import Command, CommandKind, Event, ImuSample, SensorFram
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS, INPUTS, SNAPSHOTS, Topic
 from avionics.vehicles import load_vehicle
-from groundstation.command.avionics import note_inputs
 from logs.names import MISSION, PARAMETERS
+from logs.noted import note_inputs
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder
 from logs.settings import Change, mission_document

@@ -1,0 +1,251 @@
+"""``wingbeat campaign``: thousands of flights over a grid or a draw, on all cores or on a cluster, in one table."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from groundstation.command import options
+from groundstation.command.steady import load_physics
+from groundstation.views import campaign as words
+from groundstation.views.json_document import print_document
+from groundstation.views.progress import ProgressBar
+from groundstation.views.terminal import open_console
+from logs.campaigns.campaign import Campaign, flight_values, load_campaign
+from logs.campaigns.cluster import existing_cluster, local_cluster
+from logs.campaigns.flown import Recording, Row, flown
+from logs.campaigns.journal import ENDING, Journal
+from logs.campaigns.outcome import Outcome
+from logs.campaigns.run import LOGS, Logs, fly_campaign, order_of
+from logs.campaigns.table import arrow, read_table, write_table
+from logs.names import RECORDINGS
+
+EXAMPLES = (
+    "wingbeat campaign docs/examples/gusts.toml",
+    "wingbeat campaign my_sweep.toml --workers 8 --logs failed",
+    "wingbeat campaign my_sweep.toml --scheduler tcp://10.0.0.5:8786",
+    "wingbeat campaign my_sweep.toml --flight 17 --log flight-17.mcap",
+    "wingbeat campaign report recordings/my_sweep.parquet --out my_sweep.html",
+)
+JSON_KEYS = {
+    "name, file": "of the campaign; its file",
+    "table": "path of the Parquet table, a row for each flight",
+    "logs": "folder of the recordings, null without --logs",
+    "flights, flown, failed": "how many there are, how many of them this run has flown, how many failed in all",
+    "outcomes": f"how many of each: {', '.join(outcome.value for outcome in Outcome)}",
+    "wall_time": "s; of this run",
+    "with --flight": "file, flight, values (what entered it), row (as in the table), log",
+}
+
+
+LINE_EVERY = 10.0
+"""s; between two lines where there is no terminal"""
+
+
+class _Places(NamedTuple):
+    """Where a campaign's files go."""
+
+    table: Path
+    journal: Path
+    logs: Path
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = (
+        "Fly every flight of a campaign, a TOML file with a grid or a draw over vehicle values, gains, wind, faults"
+        " and more (logs/campaigns/README.md), into a Parquet table. Stopped on the way, the same command goes on."
+        " wingbeat campaign report TABLE says what came of it."
+    )
+    parser = options.build_parser("campaign", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("file", type=Path, metavar="FILE.toml", help="the campaign")
+    parser.add_argument(
+        "--out", type=Path, metavar="TABLE.parquet", help="a new table (default: recordings/NAME.parquet)"
+    )
+    parser.add_argument("--workers", type=_count, metavar="N", help="processes on this machine (its cores)")
+    parser.add_argument("--scheduler", metavar="URL", help="fly on the Dask cluster of this scheduler instead")
+    parser.add_argument("--logs", choices=LOGS, default="none", help="which flights leave a recording (none)")
+    parser.add_argument("--flight", type=_count, metavar="N", help="fly this one alone, in this process")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="a new recording of --flight (default: none)")
+    options.add_json(parser)
+    return parser
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1")
+    return int(text)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Fly a campaign, or one flight of it, or report on one.
+
+    Raises:
+        BadInput: a campaign that cannot be flown, a table of another one in the way, a missing package, no cluster.
+    """
+    if arguments and arguments[0] == "report":
+        from groundstation.command import campaign_report
+
+        return campaign_report.run(arguments[1:])
+    chosen = build_parser().parse_args(arguments)
+    _check_options(chosen)
+    campaign = load_campaign(chosen.file)
+    if chosen.flight is not None:
+        return _fly_one(chosen, campaign)
+    arrow()
+    places = _places(chosen, campaign)
+    if not places.table.exists():
+        places.table.parent.mkdir(parents=True, exist_ok=True)
+        return _fly(chosen, campaign, places)
+    if read_table(places.table).about.digest != campaign.digest():
+        raise BadInput(f"{places.table} is the table of another campaign, or of this one before its files changed:"
+                       " name another --out")  # fmt: skip
+    return _tell_done(chosen, campaign, places)
+
+
+def _check_options(chosen: argparse.Namespace) -> None:
+    if chosen.workers is not None and chosen.scheduler is not None:
+        raise BadInput("--workers are of this machine, --scheduler is another's: give one of them")
+    if chosen.flight is None and chosen.log is not None:
+        raise BadInput("--log goes with --flight; --logs keeps those of a whole campaign")
+    if chosen.flight is not None and (chosen.workers or chosen.scheduler or chosen.out or chosen.logs != "none"):
+        raise BadInput("--workers, --scheduler, --out and --logs are for a whole campaign, not for --flight")
+
+
+def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
+    table = chosen.out or RECORDINGS / f"{campaign.name}.parquet"
+    if table.suffix != ".parquet":
+        raise BadInput(f"--out {table} must end in .parquet")
+    return _Places(table, table.with_name(table.name + ENDING), table.with_suffix(""))
+
+
+# --- all flights --------------------------------------------------------------------------------------------
+
+
+def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
+    began, console = time.monotonic(), open_console(quiet=chosen.json)
+    with Journal(places.journal, campaign.digest()) as journal:
+        before = len(journal.rows)
+        logs = _logs(chosen, places, fresh=not before)
+        if before:
+            console.print(words.going_on(before, campaign.size), markup=False)
+        load_physics(_first_vehicle(campaign))
+        try:
+            _fly_rest(chosen, campaign, journal, logs)
+        except KeyboardInterrupt:
+            print(words.stopped(len(journal.rows), campaign.size), file=sys.stderr)
+            raise
+        write_table(places.table, campaign, journal.rows)
+        journal.remove()
+    rows = list(journal.rows.values())
+    _tell(chosen, campaign, places, rows, (len(rows) - before, time.monotonic() - began))
+    return 0
+
+
+def _logs(chosen: argparse.Namespace, places: _Places, fresh: bool) -> Logs:
+    """Where recordings go.
+
+    Raises:
+        BadInput: those of another campaign lie there.
+    """
+    if chosen.logs != "none":
+        if fresh and places.logs.exists():
+            raise BadInput(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
+        places.logs.mkdir(exist_ok=True)
+    return Logs(chosen.logs, places.logs)
+
+
+def _first_vehicle(campaign: Campaign) -> Any:
+    return next(iter(campaign.stock.vehicles.values())).world
+
+
+def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, logs: Logs) -> None:
+    """Fly what is not done yet, keeping each flight as it ends."""
+    left = [number for number in range(1, campaign.size + 1) if number not in journal.rows]
+    if not left:
+        return
+    failed = sum(row["failed"] for row in journal.rows.values())
+    with contextlib.ExitStack() as stack:
+        bar = stack.enter_context(ProgressBar("flying", quiet=chosen.json, telling=not chosen.json, every=LINE_EVERY))
+        bar.show(0, 0, "starting the workers")
+        client = stack.enter_context(_cluster(chosen, len(left)))
+        began, already = time.monotonic(), len(journal.rows)
+
+        def show() -> None:
+            done = len(journal.rows)
+            pace = (time.monotonic() - began) / max(done - already, 1)
+            remaining = pace * (campaign.size - done) if done > already else None
+            bar.show(done, campaign.size, words.progress(done, campaign.size, failed, remaining))
+
+        show()
+        for row in fly_campaign(campaign, left, client, logs):
+            journal.add(row)
+            failed += row["failed"]
+            show()
+
+
+def _cluster(chosen: argparse.Namespace, flights: int) -> Any:
+    if chosen.scheduler is not None:
+        return existing_cluster(chosen.scheduler)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return local_cluster(min(chosen.workers or cores, flights))
+
+
+def _tell_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
+    """Say what the table holds that is there already."""
+    columns = read_table(places.table).columns
+    names = ("flight", "failed", "outcome", "reason")
+    rows = [dict(zip(names, row, strict=True)) for row in zip(*(columns[n] for n in names), strict=True)]
+    _tell(chosen, campaign, places, rows, (0, 0.0))
+    return 0
+
+
+def _tell(
+    chosen: argparse.Namespace, campaign: Campaign, places: _Places, rows: Sequence[Row], done: tuple[int, float]
+) -> None:
+    outcomes = Counter(row["outcome"] for row in rows)
+    failed = [row for row in rows if row["failed"]]
+    if not chosen.json:
+        console = open_console()
+        console.print(words.summary(campaign.name, places.table, outcomes, done))
+        console.print(words.failures(failed), markup=False, end="")
+        return
+    print_document(
+        {
+            "name": campaign.name,
+            "file": campaign.path,
+            "table": places.table,
+            "logs": places.logs if places.logs.exists() else None,
+            "flights": campaign.size,
+            "flown": done[0],
+            "failed": len(failed),
+            "outcomes": {outcome.value: outcomes[outcome.value] for outcome in Outcome},
+            "wall_time": done[1],
+        }
+    )
+
+
+# --- one flight ---------------------------------------------------------------------------------------------
+
+
+def _fly_one(chosen: argparse.Namespace, campaign: Campaign) -> int:
+    """Fly one flight again, bit for bit, and show its row."""
+    values = flight_values(campaign, chosen.flight)
+    if chosen.log is not None and chosen.log.exists():
+        raise BadInput(f"{chosen.log} exists: it is not overwritten")
+    load_physics(_first_vehicle(campaign))
+    row = flown(order_of(campaign, chosen.flight, chosen.log and Recording(chosen.log)))
+    if chosen.json:
+        told = {"file": campaign.path, "flight": chosen.flight, "values": values, "row": row, "log": chosen.log}
+        print_document(told)
+    else:
+        open_console().print(words.one_flight(campaign.swept, values, row, chosen.log))
+    return 0

@@ -1,0 +1,106 @@
+"""``wingbeat campaign report``: what a campaign's table says, on the terminal and as a page."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from avionics.quantities import BadInput
+from groundstation.command import options
+from groundstation.views import campaign_report as words
+from groundstation.views.json_document import print_document
+from groundstation.views.terminal import open_console
+from logs.campaigns.campaign import load_campaign
+from logs.campaigns.page import write
+from logs.campaigns.statistics import Worst, chosen_metric, sensitivities, spreads, worst
+from logs.campaigns.table import Table, read_table
+from logs.placing import numbered
+
+EXAMPLES = (
+    "wingbeat campaign report recordings/gusts.parquet",
+    "wingbeat campaign report recordings/gusts.parquet --by touchdown_sink --worst 20 --out gusts.html",
+    "wingbeat campaign report recordings/gusts.parquet --json",
+)
+JSON_KEYS = {
+    "name, title, file": "of the campaign, and of its file",
+    "flights, failed": "how many there are, and how many of them failed",
+    "outcomes, reasons": "how many flights ended so; how many failed for each reason",
+    "metrics": "list of {name, unit, flights, mean, sigma, least, low (5 %), median, high (95 %), greatest}",
+    "sensitivities": "list of {input, metric, rank_correlation, flights, beyond_chance}, the strongest first",
+    "worst": "list of {flight, why, value, command}: failed ones, then by the metric; command flies it again",
+    "by": "the metric by which flights are ordered, null where there is none",
+    "changed": "why the commands would fly other flights now, empty if they would not",
+    "page": "path of the page",
+}
+
+
+def build_parser() -> options.Parser:
+    """The subcommand's parser."""
+    summary = (
+        "What a campaign's table says: outcomes, spreads, what matters, the worst flights and how to fly them again."
+    )
+    parser = options.build_parser("campaign report", summary, EXAMPLES, JSON_KEYS)
+    parser.add_argument("table", type=Path, metavar="TABLE.parquet", help="written by wingbeat campaign")
+    parser.add_argument("--out", type=Path, metavar="PAGE.html", help="a new page (default: beside the table)")
+    parser.add_argument("--by", metavar="METRIC", help="orders the flights that did not fail (the first there is)")
+    parser.add_argument("--worst", type=_count, default=10, metavar="N", help="flights that are listed (10)")
+    options.add_json(parser)
+    return parser
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or int(text) > 10_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 10000")
+    return int(text)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Print what a table says, and write the page.
+
+    Raises:
+        BadInput: no such table or metric, or the page exists.
+    """
+    chosen = build_parser().parse_args(arguments)
+    if chosen.out is not None and chosen.out.exists():
+        raise BadInput(f"{chosen.out} exists: it is not overwritten")
+    table = read_table(chosen.table)
+    by = chosen_metric(table, chosen.by)
+    found = worst(table, by, chosen.worst)
+    page = chosen.out or next(p for p in numbered(chosen.table.with_suffix(".html")) if not p.exists())
+    write(page, table, found)
+    changed = _changed(table)
+    if chosen.json:
+        print_document(_document(table, by, found) | {"changed": changed, "page": page})
+    else:
+        open_console().print(words.report(table, by, found, changed, page))
+    return 0
+
+
+def _changed(table: Table) -> str:
+    """Why the campaign's file would now fly other flights than those of the table; empty where it would not."""
+    try:
+        same = load_campaign(Path(table.about.file)).digest() == table.about.digest
+    except BadInput as error:
+        return f"the flights cannot be flown again: {error}"
+    return "" if same else f"{table.about.file}, or a file that it names, has changed: the commands fly other flights"
+
+
+def _document(table: Table, by: str | None, found: Sequence[Worst]) -> dict[str, Any]:
+    columns = table.columns
+    pairs = zip(columns["failed"], columns["reason"], strict=True)
+    return {
+        "name": table.about.name,
+        "title": table.about.title,
+        "file": table.about.file,
+        "flights": table.size,
+        "failed": sum(columns["failed"]),
+        "outcomes": Counter(columns["outcome"]),
+        "reasons": Counter(reason for failed, reason in pairs if failed),
+        "metrics": spreads(table),
+        "sensitivities": [one._asdict() | {"beyond_chance": one.beyond_chance} for one in sensitivities(table)],
+        "worst": found,
+        "by": by,
+    }

@@ -1,0 +1,105 @@
+"""What is said of a campaign: how far it is, what came of it, one flight of it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from avionics.quantities import counted
+from groundstation.views.tables import plain_table
+from logs.campaigns.metrics import METRICS
+
+SHOWN = 5
+"""-; reasons of failures that are told, the most frequent first"""
+
+
+def progress(done: int, size: int, failed: int, remaining: float | None) -> str:
+    """How far a campaign is; ``remaining`` in s, None while that cannot be told."""
+    failures = f", {failed} failed" if failed else ""
+    left = "" if remaining is None or done == size else f", {duration(remaining)} left"
+    return f"{done} of {counted(size, 'flight')}{failures}{left}"
+
+
+def duration(seconds: float) -> str:
+    """Time for people: 8 s, 2 min 5 s, 3 h 10 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def going_on(done: int, size: int) -> str:
+    """Said when a campaign was begun before."""
+    return f"going on: {done} of {counted(size, 'flight')} were flown before"
+
+
+def stopped(done: int, size: int) -> str:
+    """Said when a campaign is stopped on the way."""
+    return f"stopped: {done} of {counted(size, 'flight')} are flown and kept; the same command goes on"
+
+
+def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int, float]) -> RenderableType:
+    """What came of all flights; ``done`` is how many were flown now, and in how many s."""
+    rows = Table.grid(padding=(0, 3))
+    rows.add_column(style="dim", min_width=9)
+    rows.add_column()
+    now, wall_time = done
+    pace = f"   {now} flown in {duration(wall_time)}" if now else "   all flown before"
+    rows.add_row("campaign", Text(f"{name}   {counted(sum(outcomes.values()), 'flight')}{pace}"))
+    told = (f"{count} {outcome}" for outcome, count in sorted(outcomes.items(), key=lambda item: -item[1]) if count)
+    rows.add_row("outcomes", Text("   ".join(told)))
+    rows.add_row("table", Text(str(table)))
+    hint = Text(f"\nwingbeat campaign report {table} shows distributions, the worst flights and what matters", "dim")
+    return Group(rows, hint)
+
+
+def failures(failed: Sequence[Mapping[str, Any]]) -> str:
+    """The reasons of failures that came most often, a line each."""
+    if not failed:
+        return ""
+    counts = Counter(row["reason"] for row in failed)
+    first = {row["reason"]: row["flight"] for row in reversed(failed)}
+    lines = [
+        f"  {count} ×  {reason}  (flight {first[reason]}{' and others' if count > 1 else ''})"
+        for reason, count in counts.most_common(SHOWN)
+    ]
+    more = len(counts) - len(lines)
+    rest = [f"  {counted(more, 'other reason')}"] if more > 0 else []
+    return "\n".join([f"\n{len(failed)} failed:", *lines, *rest]) + "\n"
+
+
+def one_flight(
+    swept: Sequence[str], values: Mapping[str, Any], row: Mapping[str, Any], log: Path | None
+) -> RenderableType:
+    """A flight by itself: what entered it, what came of it."""
+    table = plain_table(("", ""), ("", "right"), ("", ""))
+    table.show_header = False
+    table.add_row("flight", str(row["flight"]), "")
+    for key in dict.fromkeys((*swept, *values)):
+        table.add_row(key, _written(values[key]), "" if key in swept else "of every flight")
+    table.add_row("outcome", row["outcome"], row["reason"])
+    for name, metric in METRICS.items():
+        if row[name] is not None:
+            unit = "" if metric.unit == "-" else metric.unit
+            table.add_row(name, *_value(row[name], unit))
+    if log is not None:
+        table.add_row("log", "", str(log))
+    return table
+
+
+def _value(value: float, unit: str) -> tuple[str, str]:
+    """A number and its unit, angles in degrees."""
+    return (f"{math.degrees(value):.4g}", "°") if unit == "rad" else (f"{value:.4g}", unit)
+
+
+def _written(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

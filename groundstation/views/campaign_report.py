@@ -1,0 +1,82 @@
+"""What a campaign's table says, for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from avionics.quantities import counted
+from groundstation.views.tables import plain_table
+from logs.campaigns.metrics import METRICS
+from logs.campaigns.statistics import Sensitivity, Worst, sensitivities, spreads
+from logs.campaigns.table import Table
+
+STRONGEST = 10
+"""-; pairs of an input and a metric that are told"""
+
+
+def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, page: Path) -> RenderableType:
+    """Outcomes, spreads, what matters, the worst flights, and where the page is."""
+    parts: list[RenderableType] = [_heading(table), Text(), _spreads(table)]
+    strong = [one for one in sensitivities(table) if one.beyond_chance]
+    if strong:
+        parts += [Text(), _matters(strong)]
+    if worst:
+        parts += [Text(), Text(_worst_title(table, by), "bold"), *map(_worst, worst)]
+    if changed:
+        parts.append(Text(changed, "yellow"))
+    return Group(*parts, Text(), Text.assemble(("page".ljust(12), "dim"), str(page)))
+
+
+def _heading(table: Table) -> Text:
+    told = ", ".join(f"{count} {outcome}" for outcome, count in Counter(table.columns["outcome"]).most_common())
+    name = f"{table.about.name}: {table.about.title}" if table.about.title else table.about.name
+    return Text.assemble((name, "bold"), f"\n{counted(table.size, 'flight')}: {told}")
+
+
+def _spreads(table: Table) -> RenderableType:
+    rows = plain_table(
+        ("metric", ""), ("", ""), ("flights", "right"), ("mean", "right"), ("sigma", "right"), ("least", "right"),
+        ("5 %", "right"), ("median", "right"), ("95 %", "right"), ("greatest", "right"),
+    )  # fmt: skip
+    for one in spreads(table):
+        numbers = (_number(value, one.unit) for value in one[3:])
+        rows.add_row(one.name, _unit(one.unit), str(one.flights), *numbers)
+    return rows
+
+
+def _matters(strong: Sequence[Sensitivity]) -> RenderableType:
+    rows = plain_table(("what matters most", ""), ("for", ""), ("rank correlation", "right"))
+    for one in strong[:STRONGEST]:
+        rows.add_row(one.input, one.metric, f"{one.rank_correlation:+.2f}")
+    return rows
+
+
+def _worst_title(table: Table, by: str | None) -> str:
+    failed = "failed flights" if any(table.columns["failed"]) else ""
+    ordered = f"worst by {by}" if by else ""
+    return ", then ".join(word for word in (failed, ordered) if word)
+
+
+def _worst(one: Worst) -> Text:
+    """A line that says why, and the command below it."""
+    if one.value is None:
+        why = one.why
+    else:
+        unit = METRICS[one.why].unit
+        why = f"{one.why} {_number(one.value, unit)} {_unit(unit)}".rstrip()
+    return Text.assemble((f"{one.flight:6d}  ", "dim"), why, (f"\n        {one.command}", "cyan"))
+
+
+def _number(value: float, unit: str) -> str:
+    shown = math.degrees(value) if unit == "rad" else value
+    return "" if math.isnan(shown) else f"{shown:.4g}"
+
+
+def _unit(unit: str) -> str:
+    return {"rad": "°", "-": ""}.get(unit, unit)

@@ -1,0 +1,103 @@
+"""Where a campaign is flown: processes of this machine, or a Dask cluster that is there already."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+from avionics.quantities import BadInput
+from logs.campaigns.table import INSTALL
+from logs.extras import load_extra
+
+CONNECTING = 10.0
+"""s; for a scheduler and its first worker to answer"""
+SETTINGS = {
+    # A flight whose process ends is told in its row, and not tried on every other worker.
+    "distributed.scheduler.allowed-failures": 0,
+    # It looks at every thread a hundred times a second, and a flight is all that a worker does.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.log-length": 0,
+    "distributed.worker.daemon": True,
+}
+
+
+@contextlib.contextmanager
+def local_cluster(workers: int) -> Iterator[Any]:
+    """A client of ``workers`` new processes with a thread each, gone when the block ends.
+
+    Raises:
+        BadInput: Dask is not installed.
+    """
+    dask, distributed = _dask(), _distributed()
+    _silence()
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(SETTINGS))
+        cluster = distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+        stack.callback(cluster.close, timeout=5)
+        client = distributed.Client(cluster)
+        stack.callback(client.close, timeout=5)
+        yield client
+
+
+@contextlib.contextmanager
+def existing_cluster(address: str) -> Iterator[Any]:
+    """A client of the cluster whose scheduler listens at ``address``; the cluster stays.
+
+    Raises:
+        BadInput: Dask is not installed, nobody answers, or a worker cannot fly our flights.
+    """
+    distributed = _distributed()
+    _silence()
+    try:
+        client = distributed.Client(address, timeout=CONNECTING)
+    except (OSError, ValueError, ImportError) as error:
+        raise BadInput(f"no Dask scheduler answers at {address}: {' '.join(str(error).split())}") from None
+    try:
+        _check_workers(client, address)
+        yield client
+    finally:
+        client.close(timeout=5)
+
+
+def workers_of(client: Any) -> int:
+    """How many processes fly for a client now."""
+    return len(client.nthreads())
+
+
+def _check_workers(client: Any, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=CONNECTING)
+    except TimeoutError:
+        raise BadInput(f"the scheduler at {address} has no workers: dask worker {address} --nthreads 1") from None
+    try:
+        client.run(_ready)
+    except Exception as error:
+        raise BadInput(f"a worker of {address} cannot fly: {type(error).__name__}: {error}") from None
+
+
+def _ready() -> str:
+    """Whether a worker has what a flight needs; where it has not, the import says so."""
+    from logs.campaigns.flown import flown
+
+    return flown.__name__
+
+
+def _dask() -> Any:
+    return load_extra("dask", "Dask", "a campaign", INSTALL)
+
+
+def _distributed() -> Any:
+    return load_extra("distributed", "Dask", "a campaign", INSTALL)
+
+
+def _silence() -> None:
+    """What Dask logs of its own housekeeping is for nobody here: a flight that fails has its row."""
+    for name in ("distributed", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -1,0 +1,149 @@
+"""One flight of a campaign in one process: put together, flown, measured, judged; a row comes of it in any case."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.autopilot import Autopilot
+from avionics.quantities import BadInput
+from avionics.topics import Publish
+from logs.campaigns.keys import Values
+from logs.campaigns.memory import Memory
+from logs.campaigns.metrics import METRICS, measured
+from logs.campaigns.outcome import Judged, Landing, Outcome, Verdict, verdict
+from logs.campaigns.prepared import Prepared, prepare
+from logs.campaigns.stock import Stock
+from logs.names import STICKS
+from logs.noted import note_inputs, note_scenario
+from logs.outline import shape_of
+from logs.recorder import McapRecorder
+from logs.scene import SceneRecorder
+from logs.summary import summary_of
+from sim_bridge.flight.flight import fly
+from sim_bridge.flight.world import SimulatedWorld, publish_nothing
+
+UNFINISHED = ".part"
+"""how the name of a log ends while it is recorded"""
+
+Row = dict[str, Any]
+"""one flight of the table: ``flight``, ``failed``, ``outcome``, ``reason``, ``log`` and the metrics"""
+
+
+class Recording(NamedTuple):
+    """Whether a flight leaves a log."""
+
+    path: Path
+    failed_only: bool = False
+
+
+class Order(NamedTuple):
+    """What one flight is to be."""
+
+    number: int
+    """-; from 1"""
+    values: Values
+    stock: Stock
+    landing: Landing
+    recording: Recording | None = None
+
+
+class _World(SimulatedWorld):
+    """Ends when the vehicle is nowhere: what comes then would be no numbers either."""
+
+    def __init__(self, flight: Prepared, memory: Memory) -> None:
+        self._memory = memory
+        super().__init__(flight.vehicle, flight.scenario, memory.publish)
+
+    @property
+    def finished(self) -> bool:
+        return self._memory.broken or super().finished
+
+
+def flown(order: Order) -> Row:
+    """Fly one flight and measure it; nothing is raised but what ends the whole process."""
+    recording = order.recording
+    row = row_of(order.number, *_flown(order))
+    if recording is None:
+        return row
+    unfinished = recording.path.with_name(recording.path.name + UNFINISHED)
+    kept = unfinished.exists() and (row["failed"] or not recording.failed_only)
+    if kept:
+        os.replace(unfinished, recording.path)  # noqa: PTH105 (an earlier try of the same flight may lie there)
+    unfinished.unlink(missing_ok=True)
+    return row | {"log": recording.path.name if kept else ""}
+
+
+def row_of(number: int, judged: Verdict, metrics: dict[str, float | None] | None = None) -> Row:
+    """A flight's row; without metrics where there are none."""
+    told = {"failed": judged.failed, "outcome": judged.outcome.value, "reason": judged.reason, "log": ""}
+    return {"flight": number, **told, **(metrics or dict.fromkeys(METRICS))}
+
+
+def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
+    try:
+        flight = prepare(order.stock, order.values)
+    except BadInput as reason:
+        return Verdict(Outcome.REFUSED, str(reason)), None
+    memory = Memory()
+    try:
+        with _recorded(order, flight) as publish:
+            memory = Memory(publish)
+            autopilot = Autopilot(flight.computer, flight.plan.mission, memory.publish)
+            fly(_World(flight, memory), autopilot, flight.commands)
+    except Exception as error:
+        if not memory.broken:
+            return _raised(error), None
+    if memory.broken:
+        return Verdict(Outcome.NOT_A_NUMBER, "the vehicle's place was no number"), None
+    return _judged(order, flight, memory)
+
+
+def _raised(error: Exception) -> Verdict:
+    """An exception as a row tells it: in one line."""
+    if isinstance(error, BadInput):
+        return Verdict(Outcome.REFUSED, str(error))
+    text = " ".join(str(error).split())
+    return Verdict(Outcome.ERROR, f"{type(error).__name__}: {text}" if text else type(error).__name__)
+
+
+def _judged(order: Order, flight: Prepared, memory: Memory) -> tuple[Verdict, dict[str, float | None] | None]:
+    tables = memory.tables()
+    times = [columns.time for columns in tables.values()]
+    if not times:
+        return Verdict(Outcome.NOT_LAUNCHED, "it ended before it began"), None
+    summary = summary_of(tables, float(max(time[-1] for time in times)))
+    by_hand = flight.sticks is not None
+    found = verdict(Judged(summary, tables, flight.computer.gains.modes, order.landing, by_hand))
+    return found, measured(summary, tables)
+
+
+@contextmanager
+def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
+    """Where messages go: to the flight's log, or nowhere.
+
+    Raises:
+        BadInput: the log cannot be written.
+    """
+    if order.recording is None:
+        yield publish_nothing
+        return
+    path = order.recording.path
+    unfinished = path.with_name(path.name + UNFINISHED)
+    unfinished.unlink(missing_ok=True)
+    with McapRecorder(unfinished) as recorder:
+        note_flight(recorder, flight)
+        yield SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns).record
+    if recorder.failure:
+        raise BadInput(recorder.failure)
+
+
+def note_flight(recorder: McapRecorder, flight: Prepared) -> None:
+    """Store all that entered the flight, as its two processes do in ``wingbeat fly``."""
+    note_scenario(recorder, flight.vehicle, flight.scenario)
+    note_inputs(recorder, flight.computer, flight.plan.mission)
+    if flight.sticks is not None:
+        recorder.attach(STICKS, "text/csv", flight.sticks.text.encode())

@@ -1,0 +1,148 @@
+"""What a campaign may set in a flight, by name: a table of plain keys, and families of values by place in a file.
+
+An angle's key may end in ``_deg``; everything else is SI and radians.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+
+Values = Mapping[str, Any]
+"""what enters one flight, by key"""
+
+
+class Key(NamedTuple):
+    """One row of the table of plain keys."""
+
+    kind: type
+    unit: str
+    text: str
+    low: float = -math.inf
+    high: float = math.inf
+
+
+class Family(NamedTuple):
+    """Keys that begin with a word and go on with a place."""
+
+    form: str
+    text: str
+
+
+KEYS: dict[str, Key] = {
+    "vehicle": Key(str, "-", "name or folder of a vehicle"),
+    "aerodynamics": Key(str, "-", "model of the wings' air loads"),
+    "mission": Key(str, "-", "name or file of a mission"),
+    "sticks": Key(str, "-", "table by which a transmitter is moved, instead of the scripted start"),
+    "faults": Key(str, "-", "what fails: NAME@T or NAME@T-T2, several with spaces between, empty for nothing"),
+    "turbulence": Key(str, "-", "Dryden gusts: none, light, moderate or severe"),
+    "seed": Key(int, "-", "of sensor noise and gusts", 0, 2**63 - 1),
+    "duration": Key(float, "s", "the flight ends then at the latest", math.ulp(0.0)),
+    "wind.speed": Key(float, "m/s", "steady wind", 0.0),
+    "wind.from": Key(float, "rad", "where it comes from, clockwise from north", -2 * math.pi, 2 * math.pi),
+    "throw.speed": Key(float, "-", "times the launch speed", 0.0, 10.0),
+    "throw.pitch": Key(float, "rad", "added to the launch pitch", -math.pi / 2, math.pi / 2),
+    "throw.bank": Key(float, "rad", "of the launch, right wing down positive", -math.pi, math.pi),
+    "sensors.corner": Key(float, "-", "standard deviations by which every fixed error of the sensors is off", 0.0),
+}
+FAMILIES: dict[str, Family] = {
+    "vehicle": Family("vehicle.SECTION.KEY", "a value of the world's vehicle file"),
+    "gains": Family("gains.SECTION.KEY", "a gain of the flight computer, or gains.PARAMETER"),
+    "scale": Family("scale.vehicle.SECTION.KEY", "a factor on a value of the file; also scale.gains.SECTION.KEY"),
+    "fault": Family("fault.NAME.at", "s; when a fault begins; fault.NAME.until or .lasting ends it"),
+}
+DEGREES = "_deg"
+
+
+def check_key(key: str) -> None:
+    """Refuse a key that means nothing.
+
+    Raises:
+        BadInput: it is none; one line with those that are.
+    """
+    if plain_name(key) is not None:
+        return
+    family, _, place = key.partition(".")
+    scaled = family != "scale" or place.partition(".")[0] in ("vehicle", "gains")
+    if (family in FAMILIES and "." in place and scaled) or (family == "gains" and place):
+        return
+    near = difflib.get_close_matches(key, KEYS, 1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    forms = (family.form for family in FAMILIES.values())
+    raise BadInput(f"unknown key {key}{meant} (known: {', '.join((*KEYS, *forms))})")
+
+
+def plain_name(key: str) -> str | None:
+    """The row of `KEYS` that a key is, with or without ``_deg``; None where it is none."""
+    if key in KEYS:
+        return key
+    name = key.removesuffix(DEGREES)
+    return name if name in KEYS and KEYS[name].unit == "rad" else None
+
+
+def unit_of(key: str) -> str:
+    """Of a plain key's values; ``-`` where the key itself does not tell."""
+    if key.endswith(DEGREES):
+        return "deg"
+    if key.startswith("fault."):
+        return "s"
+    return KEYS[key].unit if key in KEYS else "-"
+
+
+def check_value(key: str, value: Any) -> None:
+    """Refuse a value that a key cannot have, as far as the key itself tells.
+
+    Raises:
+        BadInput: see above.
+    """
+    name = plain_name(key)
+    row = Key(float, unit_of(key), "") if name is None else KEYS[name]
+    if row.kind is str:
+        if not isinstance(value, str):
+            raise BadInput(f"{key} must be text in quotes, not {value!r}")
+        return
+    if name is None and isinstance(value, list):
+        for one in value:
+            check_value(key, one)
+        return
+    if key.startswith("vehicle.") and isinstance(value, str | bool):
+        return  # a word or a switch of the file, which its reader knows
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if not (whole or (row.kind is float and isinstance(value, float) and math.isfinite(value))):
+        raise BadInput(f"{key} must be {'a whole' if row.kind is int else 'a finite'} number, not {value!r}")
+    _check_range(key, row, value)
+
+
+def _check_range(key: str, row: Key, value: float) -> None:
+    shown = math.radians(value) if key.endswith(DEGREES) else value
+    if row.low <= shown <= row.high:
+        return
+    ends = [math.degrees(end) if key.endswith(DEGREES) else end for end in (row.low, row.high)]
+    if row.low == math.ulp(0.0):
+        bounds = "above 0"
+    elif math.isinf(row.high):
+        bounds = f"{ends[0]:g} or more"
+    else:
+        bounds = f"{ends[0]:g} to {ends[1]:g}"
+    raise BadInput(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}")
+
+
+def plain(values: Values, name: str, default: Any) -> Any:
+    """The value of a plain key, in rad where it is an angle."""
+    if name + DEGREES in values:
+        return math.radians(values[name + DEGREES])
+    return values.get(name, default)
+
+
+def of_family(values: Values, family: str) -> dict[str, Any]:
+    """The values of a family by their place, the family's word left out."""
+    head = f"{family}."
+    return {key.removeprefix(head): value for key, value in values.items() if _is_of(key, head)}
+
+
+def _is_of(key: str, head: str) -> bool:
+    return key.startswith(head) and plain_name(key) is None

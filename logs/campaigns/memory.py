@@ -1,0 +1,74 @@
+"""The few columns of a flight that its metrics need, kept as numbers while it is flown: no file, little memory."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from avionics import topics
+from avionics.topics import Publish, Topic
+from logs.columns import Columns
+from sim_bridge import topics as truth_topics
+from sim_bridge.flight.world import publish_nothing
+
+KEPT: dict[Topic, tuple[str, ...]] = {
+    topics.ATTITUDE: ("roll", "pitch", "yaw"),
+    topics.POWER: ("power", "energy"),
+    topics.WING: ("frequency", "flapping"),
+    topics.AIR_DATA: ("airspeed",),
+    topics.ALTITUDE: ("altitude",),
+    topics.POSITION: ("north", "east"),
+    topics.NAVIGATION: ("stage", "mode", "frozen", "item", "altitude_setpoint", "heading_setpoint"),
+    topics.HEADING_LOOP: ("heading",),
+    topics.EXCITATION: ("active", "manoeuvre"),
+    truth_topics.STATE: (
+        "north", "east", "down", "v_north", "v_east", "v_down", "airspeed", "on_ground",
+        "quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z",
+    ),
+}  # fmt: skip
+"""fields by topic, beside the time: what `logs.summary.summary_of` and the metrics read"""
+
+
+class _Kept:
+    """One topic's numbers, message after message."""
+
+    def __init__(self, topic: Topic, fields: tuple[str, ...]) -> None:
+        self.topic = topic
+        self.fields = ("time_us", *fields)
+        self.numbers = array("d")
+        self.chosen: Callable[[Any], tuple[Any, ...]] = itemgetter(*map(topic.message._fields.index, self.fields))
+
+    def columns(self) -> Columns:
+        """As a log's reader gives them."""
+        table = np.frombuffer(self.numbers, dtype=np.float64).reshape(-1, len(self.fields))
+        time_ns = (table[:, 0] * 1000.0).astype(np.int64)
+        columns = {name: table[:, i] for i, name in enumerate(self.fields)}
+        return Columns(self.topic.name, columns, dict.fromkeys(self.fields, "-"), time_ns, 0)
+
+
+class Memory:
+    """Takes every message of a flight, keeps what `KEPT` names and hands all on to a recorder."""
+
+    def __init__(self, onward: Publish = publish_nothing) -> None:
+        self._onward = onward
+        self._kept = {topic.name: _Kept(topic, fields) for topic, fields in KEPT.items()}
+        self.broken = False
+        """whether the vehicle's place was no number"""
+
+    def publish(self, topic: Topic, message: Any) -> None:
+        """Keep one message and hand it on."""
+        kept = self._kept.get(topic.name)
+        if kept is not None:
+            kept.numbers.extend(kept.chosen(message))
+            if topic is truth_topics.STATE and not math.isfinite(message.north + message.east + message.down):
+                self.broken = True
+        self._onward(topic, message)
+
+    def tables(self) -> dict[str, Columns]:
+        """What was kept, by the topic's name; without topics that said nothing."""
+        return {name: kept.columns() for name, kept in self._kept.items() if kept.numbers}

@@ -1,0 +1,115 @@
+"""What became of a flight, in a word and a reason: the same judgement for every campaign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from avionics import topics
+from avionics.guidance.modes import Gains
+from avionics.messages import Stage
+from logs.columns import Columns
+from logs.summary import FlightSummary
+from sim_bridge.topics import STATE
+
+
+class Outcome(StrEnum):
+    """How a flight ended."""
+
+    LANDED = "landed"
+    AIRBORNE = "airborne"
+    """its time was over before it touched the ground"""
+    CRASHED = "crashed"
+    ASTRAY = "astray"
+    """out of the flight computer's fence"""
+    NOT_LAUNCHED = "not launched"
+    NOT_A_NUMBER = "not a number"
+    REFUSED = "refused"
+    """its values cannot be flown together"""
+    ERROR = "error"
+    """the simulation raised an exception"""
+    KILLED = "killed"
+    """the process that flew it was ended from outside"""
+
+
+FINE = (Outcome.LANDED, Outcome.AIRBORNE)
+"""every other is a failed flight"""
+
+
+class Verdict(NamedTuple):
+    """The judgement."""
+
+    outcome: Outcome
+    reason: str = ""
+    """one line; empty where the flight did not fail"""
+
+    @property
+    def failed(self) -> bool:
+        """Whether the flight counts as failed."""
+        return self.outcome not in FINE
+
+
+class Landing(NamedTuple):
+    """A touchdown beyond these is a crash."""
+
+    sink: float = 2.0
+    """m/s"""
+    bank: float = math.radians(30.0)
+    """rad; either way"""
+
+
+class Judged(NamedTuple):
+    """What a flight is judged by."""
+
+    summary: FlightSummary
+    tables: Mapping[str, Columns]
+    fence: Gains
+    """the flight computer's"""
+    landing: Landing
+    by_hand: bool
+    """whether a transmitter flew it: then it may come down in any stage"""
+
+
+def verdict(flight: Judged) -> Verdict:
+    """What became of a flight whose numbers are finite."""
+    summary = flight.summary
+    if summary.launch is None:
+        return Verdict(Outcome.NOT_LAUNCHED, f"not launched within {summary.log_duration:.0f} s")
+    away, fence = farthest(flight.tables[STATE.name]), flight.fence
+    if away > fence.fence_radius or (summary.highest or 0.0) > fence.fence_altitude:
+        return Verdict(Outcome.ASTRAY, f"out of the fence, {away:.0f} m away, up to {summary.highest or 0.0:.0f} m")
+    if summary.touchdown is None:
+        return Verdict(Outcome.AIRBORNE)
+    reason = _crash(flight)
+    return Verdict(Outcome.CRASHED, reason) if reason else Verdict(Outcome.LANDED)
+
+
+def farthest(truth: Columns) -> float:
+    """m; from the launch place, over ground."""
+    return float(np.hypot(truth["north"], truth["east"]).max())
+
+
+def _crash(flight: Judged) -> str:
+    """Why a touchdown was a crash; empty where it was a landing."""
+    touchdown = flight.summary.touchdown
+    assert touchdown is not None
+    stage = _stage(flight.tables, touchdown.time)
+    if stage not in (None, Stage.APPROACH, Stage.FLARE) and not flight.by_hand:
+        return f"on the ground in {Stage(stage).name}"
+    bank = abs(touchdown.bank)
+    if touchdown.sink > flight.landing.sink or bank > flight.landing.bank:
+        return f"touchdown with {touchdown.sink:.1f} m/s sink and {math.degrees(bank):.0f} deg bank"
+    return ""
+
+
+def _stage(tables: Mapping[str, Columns], time: float) -> int | None:
+    """The stage of the flight before ``time`` s; None where nothing was said of it."""
+    navigation: Any = tables.get(topics.NAVIGATION.name)
+    if navigation is None:
+        return None
+    row = int(np.searchsorted(navigation.time, time - 1e-6)) - 1
+    return int(navigation["stage"][max(row, 0)])

@@ -1,0 +1,99 @@
+"""Flies the flights of a campaign on a cluster, as many at a time as it has processes, and takes their rows."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from avionics.quantities import BadInput
+from logs.campaigns.campaign import Campaign
+from logs.campaigns.cluster import workers_of
+from logs.campaigns.flown import UNFINISHED, Order, Recording, Row, flown, row_of
+from logs.campaigns.outcome import Outcome, Verdict
+from logs.campaigns.table import INSTALL
+from logs.extras import load_extra
+
+LOGS = ("none", "failed", "all")
+"""which flights leave a log"""
+LOOK = 1.0
+"""s; between two looks whether the cluster is still there"""
+PATIENCE = 60
+"""looks without any worker, until the campaign is given up for now"""
+
+
+class Logs(NamedTuple):
+    """Which flights leave a log, and where."""
+
+    keep: str
+    """-; one of `LOGS`"""
+    folder: Path
+
+    def of(self, number: int) -> Recording | None:
+        """Whether and where a flight is recorded."""
+        if self.keep == "none":
+            return None
+        return Recording(self.folder.absolute() / f"flight-{number:05d}.mcap", self.keep == "failed")
+
+
+def order_of(campaign: Campaign, number: int, recording: Recording | None = None) -> Order:
+    """What flight ``number`` is to be."""
+    return Order(number, campaign.values(number), campaign.stock, campaign.landing, recording)
+
+
+def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: Logs) -> Iterator[Row]:
+    """The rows of flights ``numbers`` in the order in which they end.
+
+    Raises:
+        BadInput: the cluster has gone.
+    """
+    wait_for = load_extra("distributed", "Dask", "a campaign", INSTALL).wait
+    left, flying, alone = list(reversed(numbers)), dict[Any, int](), 0
+    try:
+        while left or flying:
+            while left and len(flying) < max(workers_of(client), 1):
+                number = left.pop()
+                order = order_of(campaign, number, logs.of(number))
+                flying[client.submit(flown, order, key=f"{campaign.name}-{number}", pure=False, retries=0)] = number
+            with contextlib.suppress(TimeoutError):
+                wait_for(list(flying), timeout=LOOK, return_when="FIRST_COMPLETED")
+            for future in [one for one in flying if one.done()]:
+                yield _row(future, flying.pop(future), logs)
+            alone = 0 if workers_of(client) else alone + 1
+            if alone > PATIENCE or client.status != "running":
+                raise BadInput("the cluster has gone; the same command goes on where it ended")
+    finally:
+        with contextlib.suppress(Exception):
+            client.cancel(list(flying))
+
+
+def _row(future: Any, number: int, logs: Logs) -> Row:
+    """What a finished future holds: a row, or why there is none.
+
+    Raises:
+        BadInput: the cluster gave the flight back unflown.
+    """
+    if future.status == "finished":
+        row: Row = future.result()
+        return row
+    if future.status == "cancelled":
+        raise BadInput("the cluster has gone; the same command goes on where it ended")
+    error = future.exception()
+    if type(error).__name__ == "KilledWorker":
+        judged = Verdict(Outcome.KILLED, "the process that flew it was ended from outside")
+    else:
+        judged = Verdict(Outcome.ERROR, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return row_of(number, judged) | {"log": _kept(number, logs)}
+
+
+def _kept(number: int, logs: Logs) -> str:
+    """The name of what a flight had recorded when its process ended; such a log can be repaired."""
+    recording = logs.of(number)
+    if recording is None:
+        return ""
+    unfinished = recording.path.with_name(recording.path.name + UNFINISHED)
+    if not unfinished.exists():
+        return ""
+    unfinished.replace(recording.path)
+    return recording.path.name

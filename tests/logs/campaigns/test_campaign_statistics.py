@@ -1,0 +1,97 @@
+"""What a table says: spreads, rank correlations, the worst flights; and the page with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from avionics.quantities import BadInput
+from logs.campaigns.metrics import METRICS
+from logs.campaigns.page import write
+from logs.campaigns.statistics import chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
+from logs.campaigns.table import OWN, About, Table
+
+FLIGHTS = 60
+GENERATOR = np.random.default_rng(5)
+WIND = GENERATOR.uniform(0, 5, FLIGHTS)
+SINK = 0.5 + 0.2 * WIND + GENERATOR.normal(0, 0.05, FLIGHTS)
+POWER = GENERATOR.normal(20, 1, FLIGHTS)
+
+
+def table() -> Table:
+    """Sixty flights in which wind makes the sink and has nothing to do with the power; the hardest five crash."""
+    failed = (np.sort(SINK)[-6] < SINK).tolist()
+    columns: dict[str, list[object]] = {name: [None] * FLIGHTS for name in METRICS}
+    columns |= {
+        "flight": list(range(1, FLIGHTS + 1)),
+        "wind.speed": WIND.tolist(),
+        "mission": ["circuit", "triangle"] * (FLIGHTS // 2),
+        "seed": list(range(FLIGHTS)),
+        "failed": failed,
+        "outcome": ["crashed" if one else "landed" for one in failed],
+        "reason": ["too hard" if one else "" for one in failed],
+        "log": [""] * FLIGHTS,
+        "touchdown_sink": SINK.tolist(),
+        "power": [*POWER.tolist()[:-1], None],
+    }
+    units = {name: metric.unit for name, metric in METRICS.items()} | dict.fromkeys(OWN, "-") | {"wind.speed": "m/s"}
+    about = About("made", "up", "made.toml", "0", ("wind.speed", "mission", "seed"))
+    return Table(about, columns, units)
+
+
+def test_ranks_are_those_of_scipy() -> None:
+    values = np.round(GENERATOR.normal(0, 2, 200))
+    assert np.array_equal(ranks(values) + 1, stats.rankdata(values))
+
+
+def test_what_matters_is_found_and_what_does_not_is_chance() -> None:
+    found = {(one.input, one.metric): one for one in sensitivities(table())}
+    assert inputs_of(table()) == ["wind.speed"]
+    sink, power = found["wind.speed", "touchdown_sink"], found["wind.speed", "power"]
+    assert sink.rank_correlation == pytest.approx(stats.spearmanr(WIND, SINK).statistic)
+    assert power.rank_correlation == pytest.approx(stats.spearmanr(WIND[:-1], POWER[:-1]).statistic)
+    assert (sink.beyond_chance, power.beyond_chance, power.flights) == (True, False, FLIGHTS - 1)
+    assert found["wind.speed", "failed"].rank_correlation > 0.3
+
+
+def test_spreads_are_over_the_flights_that_have_a_number() -> None:
+    told = {one.name: one for one in spreads(table())}
+    assert set(told) == {"touchdown_sink", "power"}
+    power = told["power"]
+    assert (power.flights, power.mean, power.sigma) == pytest.approx(
+        (FLIGHTS - 1, POWER[:-1].mean(), POWER[:-1].std(ddof=1))
+    )
+    assert power.least <= power.low <= power.median <= power.high <= power.greatest
+
+
+def test_the_worst_are_those_that_failed_and_then_the_worst_by_a_metric() -> None:
+    found = worst(table(), "touchdown_sink", 3)
+    assert [one.why for one in found] == ["crashed: too hard"] * 3 + ["touchdown_sink"] * 3
+    hardest = np.sort(SINK)[-8:-5][::-1]
+    assert [one.value for one in found[3:]] == hardest.tolist()
+    assert found[3].flight == int(np.argwhere(hardest[0] == SINK)[0, 0]) + 1
+    assert (
+        found[3].command
+        == f"wingbeat campaign made.toml --flight {found[3].flight} --log flight-{found[3].flight}.mcap"
+    )
+
+
+def test_a_metric_that_nobody_has_is_refused() -> None:
+    assert chosen_metric(table(), None) == "touchdown_sink"
+    with pytest.raises(BadInput, match="metrics: power, touchdown_sink"):
+        chosen_metric(table(), "hold_altitude_rms")
+
+
+def test_the_page_holds_everything_and_needs_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    assert write(path, table(), worst(table(), "touchdown_sink", 3)) == path.stat().st_size
+    text = path.read_text()
+    for words in ("Campaign made", "5 flights of 60 failed", "too hard", "failed by wind.speed", "median by mission"):
+        assert words in text
+    assert "--flight" in text and "http" not in text.replace("http-equiv", "")
+    assert text.count("<svg") >= 4
+    with pytest.raises(BadInput, match="exists"):
+        write(path, table(), ())
