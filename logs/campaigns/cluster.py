@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import signal
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -34,16 +36,30 @@ def local_cluster(workers: int) -> Iterator[Any]:
     _silence()
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set(SETTINGS))
-        cluster = distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
-        stack.callback(cluster.close, timeout=5)
-        client = distributed.Client(cluster)
-        stack.callback(client.close, timeout=5)
+        with _undisturbed():
+            cluster = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+            )
+            stack.callback(cluster.close, timeout=5)
+            client = distributed.Client(cluster)
+            stack.callback(client.close, timeout=5)
         yield client
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Processes started in this block never hear a Ctrl-C of the terminal: who started them ends them.
+
+    They inherit that it is ignored, so that for these two or three seconds it is ignored here too.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextlib.contextmanager

@@ -104,7 +104,7 @@ def _spread_row(one: Spread) -> tuple[Cell, ...]:
 
 def _histogram(table: Table, name: str) -> Plot:
     column = shown(table, name)
-    failed = np.array(table.columns["failed"], dtype=bool)
+    failed = np.array(table.columns["failed"], dtype=bool) & np.isfinite(column.values)
     edges = _edges(finite(column.values))
     groups = ((OTHER, "not failed", ~failed), (MODEL, "failed", failed))
     series = tuple(
@@ -141,11 +141,10 @@ def _sensitivity(table: Table) -> Chapter:
     plots = [_scatter(table, one) for one in strong[:MOST_PLOTS]]
     if any(table.columns["failed"]):
         plots = [*(_failures(table, name) for name in inputs_of(table)), *plots]
-    return Chapter("What matters", notes, (_correlations(found), *_groups(table)), tuple(plots))
+    return Chapter("What matters", notes, (_correlations(inputs_of(table), found), *_groups(table)), tuple(plots))
 
 
-def _correlations(found: Sequence[Sensitivity]) -> Rows:
-    inputs = list(dict.fromkeys(one.input for one in found))
+def _correlations(inputs: Sequence[str], found: Sequence[Sensitivity]) -> Rows:
     metrics = [name for name in ("failed", *METRICS) if any(one.metric == name for one in found)]
     known = {(one.input, one.metric): one for one in found}
     rows = tuple((metric, *(_correlation(known.get((name, metric))) for name in inputs)) for metric in metrics)
@@ -187,8 +186,9 @@ def _medians(table: Table, name: str, choices: Sequence[str]) -> Rows:
 def _scatter(table: Table, one: Sensitivity) -> Plot:
     x, y = shown(table, one.input), shown(table, one.metric)
     failed = np.array(table.columns["failed"], dtype=bool)
+    failed &= np.isfinite(y.values)
     series = [Series("not failed" if failed.any() else "", x.values[~failed], y.values[~failed], OTHER, POINTS)]
-    if np.isfinite(y.values[failed]).any():
+    if failed.any():
         series.append(Series("failed", x.values[failed], y.values[failed], MODEL, POINTS))
     title = f"{one.metric} by {one.input}, {_correlation(one)}"
     return Plot(title, one.input, x.unit, one.metric, y.unit, tuple(series))
