@@ -20,7 +20,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.campaigns.campaign import Campaign, flight_values, load_campaign
-from logs.campaigns.cluster import existing_cluster, local_cluster
+from logs.campaigns.cluster import dask, existing_cluster, local_cluster
 from logs.campaigns.flown import Recording, Row, flown
 from logs.campaigns.journal import ENDING, Journal
 from logs.campaigns.outcome import Outcome
@@ -101,6 +101,7 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.flight is not None:
         return _fly_one(chosen, campaign)
     arrow()
+    dask()
     places = _places(chosen, campaign)
     if not places.table.exists():
         places.table.parent.mkdir(parents=True, exist_ok=True)

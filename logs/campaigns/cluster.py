@@ -32,10 +32,10 @@ def local_cluster(workers: int) -> Iterator[Any]:
     Raises:
         BadInput: Dask is not installed.
     """
-    dask, distributed = _dask(), _distributed()
+    distributed = dask("distributed")
     _silence()
     with contextlib.ExitStack() as stack:
-        stack.enter_context(dask.config.set(SETTINGS))
+        stack.enter_context(dask().config.set(SETTINGS))
         with _undisturbed():
             cluster = distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
@@ -69,7 +69,7 @@ def existing_cluster(address: str) -> Iterator[Any]:
     Raises:
         BadInput: Dask is not installed, nobody answers, or a worker cannot fly our flights.
     """
-    distributed = _distributed()
+    distributed = dask("distributed")
     _silence()
     try:
         client = distributed.Client(address, timeout=CONNECTING)
@@ -105,12 +105,13 @@ def _ready() -> str:
     return flown.__name__
 
 
-def _dask() -> Any:
-    return load_extra("dask", "Dask", "a campaign", INSTALL)
+def dask(module: str = "dask") -> Any:
+    """A module of Dask.
 
-
-def _distributed() -> Any:
-    return load_extra("distributed", "Dask", "a campaign", INSTALL)
+    Raises:
+        BadInput: it is not installed.
+    """
+    return load_extra(module, "Dask", "a campaign", INSTALL)
 
 
 def _silence() -> None:

@@ -9,11 +9,9 @@ from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
 from logs.campaigns.campaign import Campaign
-from logs.campaigns.cluster import workers_of
+from logs.campaigns.cluster import dask, workers_of
 from logs.campaigns.flown import UNFINISHED, Order, Recording, Row, flown, row_of
 from logs.campaigns.outcome import Outcome, Verdict
-from logs.campaigns.table import INSTALL
-from logs.extras import load_extra
 
 LOGS = ("none", "failed", "all")
 """which flights leave a log"""
@@ -48,7 +46,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
     Raises:
         BadInput: the cluster has gone.
     """
-    wait_for = load_extra("distributed", "Dask", "a campaign", INSTALL).wait
+    wait_for = dask("distributed").wait
     left, flying, alone = list(reversed(numbers)), dict[Any, int](), 0
     try:
         while left or flying:

@@ -1,0 +1,272 @@
+"""``wingbeat campaign``: a table, going on after an interruption, one flight again, the report, what is refused."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from groundstation.command import campaign, campaign_report
+from groundstation.command.main import main
+from logs import extras
+from logs.campaigns.run import fly_campaign
+from logs.campaigns.table import read_table
+from logs.reader import open_log
+
+distributed = pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+
+Capture = pytest.CaptureFixture[str]
+WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
+SHORT = """
+flights = 2
+[flight]
+duration = 0.4
+[grid]
+"scale.gains.pitch.damping" = [1, 2]
+[draw]
+"wind.speed" = { uniform = [0, 3] }
+"""
+LAUNCHED = SHORT.replace("0.4", "9.0").replace("[1, 2]", "[1]")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a campaign's file to be in, and a cluster in this process instead of new ones."""
+
+    @contextlib.contextmanager
+    def in_process(*arguments: Any) -> Iterator[Any]:
+        with distributed.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+            yield client
+
+    monkeypatch.setattr(campaign, "_cluster", in_process)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(SHORT)
+    return tmp_path
+
+
+def document(capsys: Capture, *words: str) -> dict[str, Any]:
+    assert main(list(words)) == 0
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return told
+
+
+def refused(capsys: Capture, *words: str) -> str:
+    assert main(list(words)) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and len(said.err.splitlines()) == 1
+    return said.err
+
+
+def test_a_campaign_is_a_table_and_the_same_command_flies_nothing_again(folder: Path, capsys: Capture) -> None:
+    told = document(capsys, "campaign", "short.toml", "--json")
+    assert told["table"] == "recordings/short.parquet" and told["logs"] is None
+    assert (told["flights"], told["flown"], told["failed"], told["outcomes"]["not launched"]) == (4, 4, 4, 4)
+    assert [path.name for path in (folder / "recordings").iterdir()] == ["short.parquet"]
+    keys = {word for key in campaign.JSON_KEYS for word in key.split(", ")}
+    assert set(told) <= keys
+    before = (folder / "recordings/short.parquet").stat()
+    again = document(capsys, "campaign", "short.toml", "--json")
+    assert again == told | {"flown": 0, "wall_time": 0.0}
+    assert (folder / "recordings/short.parquet").stat().st_mtime_ns == before.st_mtime_ns
+
+
+def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
+    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: Any) -> Iterator[dict[str, Any]]:
+        yield from list(fly_campaign(*arguments))[:3]
+        raise KeyboardInterrupt
+
+    assert main(["campaign", "short.toml", "--out", "whole.parquet"]) == 0
+    monkeypatch.setattr(campaign, "fly_campaign", interrupted)
+    assert main(["campaign", "short.toml", "--out", "parts.parquet"]) == 130
+    assert "stopped: 3 of 4 flights are flown and kept; the same command goes on" in capsys.readouterr().err
+    assert not (folder / "parts.parquet").exists()
+    monkeypatch.setattr(campaign, "fly_campaign", fly_campaign)
+    assert main(["campaign", "short.toml", "--out", "parts.parquet"]) == 0
+    said = capsys.readouterr().out
+    assert "going on: 3 of 4 flights were flown before" in said and "1 flown in" in said
+    assert (folder / "parts.parquet").read_bytes() == (folder / "whole.parquet").read_bytes()
+    assert not (folder / "parts.parquet.flights").exists()
+
+
+def test_a_table_or_journal_of_another_campaign_is_left_alone(folder: Path, capsys: Capture) -> None:
+    assert main(["campaign", "short.toml"]) == 0
+    capsys.readouterr()
+    table = (folder / "recordings/short.parquet").read_bytes()
+    (folder / "short.toml").write_text(SHORT.replace("[0, 3]", "[0, 4]"))
+    assert "table of another campaign" in refused(capsys, "campaign", "short.toml")
+    assert (folder / "recordings/short.parquet").read_bytes() == table
+    (folder / "recordings/short").mkdir()
+    assert "name another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
+
+
+def test_the_report_names_the_worst_flights_and_its_commands_fly_them_again(folder: Path, capsys: Capture) -> None:
+    (folder / "launched.toml").write_text(LAUNCHED)
+    assert main(["campaign", "launched.toml"]) == 0
+    capsys.readouterr()
+    told = document(capsys, "campaign", "report", "recordings/launched.parquet", "--by", "bank", "--json")
+    assert {word for key in campaign_report.JSON_KEYS for word in key.split(", ")} == set(told)
+    assert told["changed"] == "" and told["page"] == "recordings/launched.html"
+    assert [one["why"] for one in told["worst"]] == ["bank", "bank"]
+    columns = read_table(folder / "recordings/launched.parquet").columns
+    for one in told["worst"]:
+        program, *words = shlex.split(one["command"])
+        again = document(capsys, *words, "--json")
+        row = {name: values[one["flight"] - 1] for name, values in columns.items()}
+        assert program == "wingbeat" and again["values"]["wind.speed"] == row["wind.speed"]
+        assert again["row"] | {"log": ""} == {name: row[name] for name in again["row"]}
+        assert again["row"]["bank"] == one["value"]
+        with open_log(Path(again["log"])) as log:
+            assert log.duration == pytest.approx(9.0, abs=0.1)
+
+
+def test_a_report_for_people(folder: Path, capsys: Capture) -> None:
+    assert main(["campaign", "short.toml"]) == 0
+    said = capsys.readouterr().out
+    assert "4 ×  not launched within 0 s  (flight 1 and others)" in said
+    assert main(["campaign", "report", "recordings/short.parquet", "--worst", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "4 flights: 4 not launched" in said
+    assert "wingbeat campaign short.toml --flight 1 --log flight-1.mcap" in said
+    (folder / "short.toml").write_text(SHORT + "[landing]\nsink = 1\n")
+    assert main(["campaign", "report", "recordings/short.parquet", "--out", "again.html"]) == 0
+    assert "has changed" in capsys.readouterr().out
+    assert sorted(path.name for path in folder.rglob("*.html")) == ["again.html", "short.html"]
+    assert "exists" in refused(capsys, "campaign", "report", "recordings/short.parquet", "--out", "again.html")
+    assert "metrics" in refused(capsys, "campaign", "report", "recordings/short.parquet", "--by", "beauty")
+
+
+def test_one_flight_for_people(folder: Path, capsys: Capture) -> None:
+    assert main(["campaign", "short.toml", "--flight", "4"]) == 0
+    said = capsys.readouterr().out
+    assert "not launched" in said and "scale.gains.pitch.damping" in said and "of every flight" in said
+    assert "flights 1 to 4, not 5" in refused(capsys, "campaign", "short.toml", "--flight", "5")
+    (folder / "mine.mcap").write_text("mine")
+    assert "exists" in refused(capsys, "campaign", "short.toml", "--flight", "1", "--log", "mine.mcap")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--workers", "0"), "whole number from 1"),
+        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "give one of them"),
+        (("--log", "x.mcap"), "--log goes with --flight"),
+        (("--flight", "1", "--workers", "2"), "not for --flight"),
+        (("--out", "table.csv"), "must end in .parquet"),
+        (("--logs", "some"), "invalid choice"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    folder: Path, capsys: Capture, words: tuple[str, ...], line: str
+) -> None:
+    assert line in refused(capsys, "campaign", "short.toml", *words)
+    assert not (folder / "recordings").exists()
+
+
+def test_what_is_not_installed_is_named_with_the_command_that_installs_it(
+    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(extras, "importlib", SimpleNamespace(import_module=missing))
+    said = refused(capsys, "campaign", "short.toml")
+    assert "which is not installed: pip install 'wingbeat[campaign]'" in said
+    assert not (folder / "recordings").exists()
+
+
+def test_a_scheduler_that_is_not_there_is_told_in_a_line(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "short.toml").write_text(SHORT)
+    from logs.campaigns import cluster
+
+    before, cluster.CONNECTING = cluster.CONNECTING, 0.5
+    try:
+        said = refused(
+            capsys, "campaign", str(tmp_path / "short.toml"), "--out", str(tmp_path / "t.parquet"),
+            "--scheduler", "tcp://127.0.0.1:9",
+        )  # fmt: skip
+    finally:
+        cluster.CONNECTING = before
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said
+
+
+LONGER = 'flights = 6\n[flight]\nduration = 20.0\n[draw]\n"wind.speed" = { uniform = [0, 2] }\n'
+
+
+def workers_of(parent: int) -> list[int]:
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == parent:
+                words = (stat.parent / "cmdline").read_bytes()
+                if b"spawn_main" in words:
+                    found.append(int(stat.parent.name))
+    return found
+
+
+def flown_until(process: subprocess.Popen[bytes], journal: Path, flights: int) -> None:
+    deadline = time.monotonic() + 120.0
+    while not journal.exists() or len(journal.read_bytes().splitlines()) <= flights:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the workers in /proc")
+def test_a_campaign_that_is_killed_goes_on_with_other_workers_to_the_same_bytes(tmp_path: Path) -> None:
+    (tmp_path / "longer.toml").write_text(LONGER)
+    command = [*WINGBEAT, "campaign", "longer.toml", "--logs", "all"]
+    subprocess.run([*command, "--workers", "2", "--out", "whole.parquet"], cwd=tmp_path, check=True)
+    command += ["--out", "parts.parquet"]
+    journal = tmp_path / "parts.parquet.flights"
+    for flights, by in ((1, signal.SIGINT), (2, signal.SIGKILL)):
+        process = subprocess.Popen([*command, "--workers", "1"], cwd=tmp_path)
+        flown_until(process, journal, flights)
+        left = workers_of(process.pid)
+        process.send_signal(by)
+        assert process.wait(30.0) == (130 if by == signal.SIGINT else -by)
+        time.sleep(3.0)
+        assert left and not [pid for pid in left if Path(f"/proc/{pid}").exists()]
+    subprocess.run([*command, "--workers", "2"], cwd=tmp_path, check=True)
+    assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    names = [f"flight-{number:05d}.mcap" for number in range(1, 7)]
+    assert sorted(path.name for path in (tmp_path / "parts").iterdir()) == names
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the workers in /proc")
+def test_a_worker_that_is_killed_costs_its_flight_alone(tmp_path: Path) -> None:
+    (tmp_path / "longer.toml").write_text(LONGER)
+    command = [*WINGBEAT, "campaign", "longer.toml", "--workers", "1", "--json"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE)
+    flown_until(process, tmp_path / "recordings" / "longer.parquet.flights", 2)
+    (worker,) = workers_of(process.pid)
+    os.kill(worker, signal.SIGKILL)
+    out, _ = process.communicate(timeout=120.0)
+    outcomes = json.loads(out)["outcomes"]
+    assert (outcomes["killed"], outcomes["airborne"], process.returncode) == (1, 5, 0)
+
+
+@pytest.mark.validate
+def test_a_campaign_on_a_cluster_that_is_there_already(tmp_path: Path) -> None:
+    (tmp_path / "longer.toml").write_text(LONGER)
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        words = ["--scheduler", cluster.scheduler_address, "--json"]
+        ran = subprocess.run(
+            [*WINGBEAT, "campaign", "longer.toml", *words], cwd=tmp_path, check=True, capture_output=True
+        )
+        assert cluster.status.name == "running"
+    assert json.loads(ran.stdout)["outcomes"]["airborne"] == 6
