@@ -1,0 +1,47 @@
+"""How long commands take before they do anything: processor time, the least of several (``make bench``)."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from logs.campaigns.campaign import load_campaign
+from logs.campaigns.flown import Recording, flown
+from logs.campaigns.run import order_of
+
+TIMES = 7
+"""-; that each is started: what the machine does beside it only ever adds"""
+
+
+def started(*words: str) -> float:
+    """s; of the processor, for the whole command as a user starts it."""
+    least = float("inf")
+    for _ in range(TIMES):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [sys.executable, "-m", "groundstation.command.main", *words]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        least = min(least, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return least
+
+
+def tell(command: str, spent: float, asked: float) -> None:
+    sys.stdout.write(f"{command:24} {spent:6.3f} s of the processor (asked: {asked:g})\n")
+    assert spent < asked
+
+
+@pytest.mark.bench
+def test_the_list_of_commands() -> None:
+    tell("wingbeat --help", started("--help"), 0.3)
+
+
+@pytest.mark.bench
+def test_a_look_into_a_log(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text("[flight]\nduration = 60.0\n")
+    log = tmp_path / "flight.mcap"
+    assert not flown(order_of(load_campaign(tmp_path / "one.toml"), 1, Recording(log)))["failed"]
+    tell("wingbeat log info", started("log", "info", str(log)), 0.6)
