@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
 from groundstation.command import options
-from groundstation.command.steady import load_physics
+from groundstation.command.compiling import load_physics
 from groundstation.views import campaign as words
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -138,7 +138,7 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
         logs = _logs(chosen, places, fresh=not before)
         if before:
             console.print(words.going_on(before, campaign.size), markup=False)
-        load_physics(_first_vehicle(campaign))
+        load_physics(_first_vehicle(campaign), chosen.json)
         try:
             _fly_rest(chosen, campaign, journal, logs)
         except KeyboardInterrupt:
@@ -242,7 +242,7 @@ def _fly_one(chosen: argparse.Namespace, campaign: Campaign) -> int:
     values = flight_values(campaign, chosen.flight)
     if chosen.log is not None and chosen.log.exists():
         raise BadInput(f"{chosen.log} exists: it is not overwritten")
-    load_physics(_first_vehicle(campaign))
+    load_physics(_first_vehicle(campaign), chosen.json)
     row = flown(order_of(campaign, chosen.flight, chosen.log and Recording(chosen.log)))
     if chosen.json:
         told = {"file": campaign.path, "flight": chosen.flight, "values": values, "row": row, "log": chosen.log}

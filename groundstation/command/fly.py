@@ -26,9 +26,10 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
+from groundstation.command.compiling import announced, load_physics
 from groundstation.command.live import add_live, shown_live
 from groundstation.command.recordings import COMPUTER, WORLD, put_right
-from groundstation.command.sim import COMPILING, REAL_TIME, simulated
+from groundstation.command.sim import REAL_TIME, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection, listen_locally
@@ -45,7 +46,7 @@ from logs.summary import FlightSummary, summarize
 from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, divided, mission_faults
-from sim_bridge.plant import Plant, physics_compiled
+from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
@@ -146,7 +147,7 @@ def run(arguments: Sequence[str]) -> int:
         put_right(plan.log.parent)
     try:
         with shown_live(chosen.live, plan.parts):
-            _prepare(plan, console)
+            _prepare(plan, chosen.json)
             began = time.monotonic()
             _fly(plan, chosen, console)
     except KeyboardInterrupt:
@@ -200,17 +201,10 @@ def _check_flown(name: str) -> None:
         )
 
 
-def _prepare(plan: Plan, console: Console) -> None:
+def _prepare(plan: Plan, quiet: bool) -> None:
     """Compile the physics before the clocks of the flight's waits begin to run."""
-    if physics_compiled():
-        return
-    vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
-    if console.is_terminal:
-        with console.status(COMPILING):
-            Plant(vehicle).compile()
-    else:
-        console.print(COMPILING, markup=False, highlight=False)
-        Plant(vehicle).compile()
+    if not physics_compiled():
+        load_physics(simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics), quiet)
 
 
 def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
@@ -381,7 +375,8 @@ def _end(log: Log) -> float:
 def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
         kept = _joined(plan)
-        summary, found, speed, end = _read(plan.log, wall_time)
+        with announced(chosen.json):
+            summary, found, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)
     _tell_kept(kept)
     if chosen.json:

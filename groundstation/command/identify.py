@@ -16,6 +16,7 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
+from groundstation.command.compiling import announced
 from groundstation.command.identify_out import add_outputs, check_outputs, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
@@ -140,7 +141,7 @@ def run(arguments: Sequence[str]) -> int:
     if what not in SUBJECTS:
         raise BadInput(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
-    with open_log(files[0]) as log:
+    with open_log(files[0]) as log, announced(chosen.json):
         found = identified(log, what, chosen.vehicle, chosen.elevator)
         written = write_outputs(chosen, log, found)
     if chosen.json:
@@ -169,6 +170,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     if twice:
         raise BadInput(f"{twice[0]} is named twice: one flight counts once")
     with contextlib.ExitStack() as stack:
+        stack.enter_context(announced(chosen.json))
         logs = [stack.enter_context(open_log(file)) for file in files]
         found = identified_together(logs, chosen.vehicle, chosen.elevator)
     if chosen.json:

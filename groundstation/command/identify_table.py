@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from avionics.quantities import BadInput
+from groundstation.command.compiling import announced
 from groundstation.command.identify_out import base_of, check_outputs, sha256
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -28,7 +29,8 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
         BadInput: a table or map that cannot be used, an option of logs, or a file that exists or cannot be written.
     """
     _check(what, chosen)
-    found = identify_tables(files, chosen.map, what)
+    with announced(chosen.json):
+        found = identify_tables(files, chosen.map, what)
     written = _written(files, what, chosen, found)
     if chosen.json:
         print_document(table_document(found))

@@ -14,6 +14,7 @@ from avionics.board.cores import pin_to_core, run_before_others
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
+from groundstation.command.compiling import COMPILING, load_physics
 from groundstation.command.recordings import put_right, told_paths
 from logs.names import STICKS, new_recording
 from logs.noted import note_scenario
@@ -41,7 +42,6 @@ EXAMPLES = (
     "wingbeat sim --px4 --speed 1",
     "wingbeat sim --ardupilot --channels aileron=0",
 )
-COMPILING = "compiling the physics, once: about half a minute"
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
 REAL_TIME = 1.0
 """-; a flight up to that speed leaves room for other programs though it runs before them"""
@@ -95,9 +95,7 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(recorder.close)
         if alone:
             print(f"{vehicle.title}, waiting for a flight computer on {listening}", file=sys.stderr, flush=True)
-        if not physics_compiled():
-            print(COMPILING, file=sys.stderr, flush=True)
-            Plant(vehicle).compile()
+        load_physics(vehicle)
         note_scenario(recorder, vehicle, scenario)
         if sticks is not None:
             recorder.attach(STICKS, "text/csv", sticks.text.encode())

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 
 from groundstation.command import options
-from groundstation.command.sim import COMPILING, simulated
+from groundstation.command.compiling import load_physics
+from groundstation.command.sim import simulated
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.steady_flight import flight_heading
 from groundstation.views.terminal import open_console
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
-from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
 
 STEADY_KEYS = {
@@ -84,19 +83,6 @@ def asked(chosen: argparse.Namespace) -> Asked:
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     airspeed = vehicle.cruise.airspeed if chosen.airspeed is None else chosen.airspeed
     return Asked(vehicle, airspeed, vehicle.cruise.climb_rate if chosen.climb is None else chosen.climb)
-
-
-def load_physics(vehicle: SimulatedVehicle) -> None:
-    """Compile the physics where that has not been done, telling so on a terminal.
-
-    Raises:
-        BadInput: the vehicle's bodies make no vehicle.
-    """
-    plant = Plant(vehicle)
-    if not physics_compiled():
-        console = Console(stderr=True)
-        with console.status(COMPILING) if console.is_terminal else nullcontext():
-            plant.compile()
 
 
 def trimmed(flight: Asked) -> Orbit:

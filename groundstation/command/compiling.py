@@ -1,0 +1,65 @@
+"""What is compiled at its first use and kept for every later run, and what is said before that."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any
+
+from numba.core.event import Listener, install_listener
+from rich.console import Console
+
+from sim_bridge.plant import Plant, physics_compiled
+from sim_bridge.vehicles import SimulatedVehicle
+
+COMPILING = "compiling the physics, once: about half a minute"
+COMPILING_METHODS = "compiling the methods, once: up to half a minute"
+
+
+def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
+    """Compile the physics where that has not been done, saying so on stderr unless ``quiet``.
+
+    Raises:
+        BadInput: the vehicle's bodies make no vehicle.
+    """
+    plant = Plant(vehicle)
+    if not physics_compiled():
+        with _telling(COMPILING, quiet):
+            plant.compile()
+
+
+@contextmanager
+def announced(quiet: bool = False) -> Iterator[None]:
+    """Say on stderr, once, that a kernel is compiled for which the cache has nothing yet, when that begins."""
+    if quiet:
+        yield
+        return
+    with install_listener("numba:compile", _Teller()):
+        yield
+
+
+class _Teller(Listener):
+    """What numba tells of each compilation."""
+
+    def __init__(self) -> None:
+        self._said = False
+
+    def on_start(self, event: Any) -> None:
+        """One begins."""
+        if not self._said:
+            self._said = True
+            print(COMPILING_METHODS, file=sys.stderr, flush=True)
+
+    def on_end(self, event: Any) -> None:
+        """One is over."""
+
+
+def _telling(words: str, quiet: bool) -> AbstractContextManager[Any]:
+    """While the block lasts ``words`` stand on a terminal; elsewhere they are a line."""
+    console = Console(stderr=True, quiet=quiet)
+    if console.is_terminal:
+        return console.status(words)
+    if not quiet:
+        print(words, file=sys.stderr, flush=True)
+    return nullcontext()

@@ -1,0 +1,39 @@
+"""The first compilation is announced, once; what the cache has is not."""
+
+from __future__ import annotations
+
+import numba
+import pytest
+
+from groundstation.command import compiling
+from groundstation.command.compiling import COMPILING, COMPILING_METHODS, announced, load_physics
+from sim_bridge.plant import Plant
+from sim_bridge.vehicles import load_vehicle
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_a_compilation_is_announced_once_when_it_begins(capsys: Capture) -> None:
+    one, other = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
+    with announced():
+        assert capsys.readouterr().err == ""
+        assert one(1) == 2
+        assert capsys.readouterr().err == f"{COMPILING_METHODS}\n"
+        assert other(1) == 3 and one(2) == 3
+    assert numba.njit(lambda x: x + 3)(1) == 4
+    assert capsys.readouterr() == ("", "")
+    with announced(quiet=True):
+        assert numba.njit(lambda x: x + 4)(1) == 5
+    assert capsys.readouterr() == ("", "")
+
+
+def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle, compiled = load_vehicle("robo_raven_ii_d"), []
+    monkeypatch.setattr(Plant, "compile", lambda plant: compiled.append(plant))
+    monkeypatch.setattr(compiling, "physics_compiled", lambda: False)
+    load_physics(vehicle)
+    assert capsys.readouterr().err == f"{COMPILING}\n" and len(compiled) == 1
+    load_physics(vehicle, quiet=True)
+    monkeypatch.setattr(compiling, "physics_compiled", lambda: True)
+    load_physics(vehicle)
+    assert capsys.readouterr().err == "" and len(compiled) == 2
