@@ -34,7 +34,7 @@ from sim_bridge.plant import Means, Plant
 from sim_bridge.sensors.frame import TICK_RATE, RawFrame
 from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
-from sim_bridge.sensors.suite import SensorSuite, sensor_spec
+from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
 from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -225,8 +225,14 @@ class SimulatedWorld:
 
         Raises:
             SimulationSilent: from the time of that fault on.
+            SimulationDiverged: it came to no numbers; what was true of them is recorded.
         """
-        return self.sample(self.advance(command, self._period))
+        observation = self.advance(command, self._period)
+        try:
+            return self.sample(observation)
+        except SimulationDiverged:
+            self.record()
+            raise
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
         """Advance ``duration`` s with ``command`` held; what is there to be sensed at its end.
