@@ -21,6 +21,13 @@ SETTINGS = {
     # It looks at every thread a hundred times a second, and a flight is all that a worker does.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.log-length": 0,
+    # Its housekeeping, fifty times a second in each process by default, is taken from the flights.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.limit": "60s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
     "distributed.worker.daemon": True,
 }
 

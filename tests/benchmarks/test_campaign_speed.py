@@ -20,7 +20,7 @@ pytest.importorskip("pyarrow")
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "gusts.toml"
 FASTER = 1.8
 """-; asked of two workers against one"""
-MANY = "flights = 500\n[flight]\nduration = 10.0\n[draw]\n'wind.speed' = { uniform = [0.0, 3.0] }\n"
+MANY = "flights = 500\n[flight]\nduration = 3.0\n[draw]\n'wind.speed' = { uniform = [0.0, 3.0] }\n"
 SETTLED = 100
 """-; flights, after which nothing is new to a process any more"""
 GROWTH = 0.05
