@@ -20,7 +20,9 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
     # It looks at every thread a hundred times a second, and a flight is all that a worker does.
     "distributed.worker.profile.enabled": False,
+    # The last thousand messages would be kept, with all that each flight is made of in them.
     "distributed.admin.log-length": 0,
+    "distributed.admin.low-level-log-length": 4,
     # Its housekeeping, fifty times a second in each process by default, is taken from the flights.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.tick.limit": "60s",
