@@ -52,7 +52,7 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
 
 
 def aircraft_of(log: Log) -> Aircraft:
-    """Place and calibration of the IMU, lag of the tail, accuracy of the gauges; not known without a vehicle file.
+    """Place and calibration of the IMU, the tail's lag, the gauges' accuracy, the span; unknown without a vehicle file.
 
     Raises:
         BadInput: the attached vehicle file cannot be used.
@@ -61,8 +61,14 @@ def aircraft_of(log: Log) -> Aircraft:
     if vehicle is None:
         return Aircraft()
     known = vehicle.airframe
-    gauges = gauges_of(simulated_vehicle(log))
-    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu, gauges=gauges)
+    world = simulated_vehicle(log)
+    told = Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu)
+    return told._replace(gauges=gauges_of(world), span=span_of(world))
+
+
+def span_of(vehicle: SimulatedVehicle | None) -> float | None:
+    """From wing tip to wing tip in m; None without a vehicle."""
+    return None if vehicle is None else 2.0 * vehicle.wing.semispan
 
 
 def gauges_of(vehicle: SimulatedVehicle | None) -> GaugeErrors:

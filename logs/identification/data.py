@@ -106,3 +106,5 @@ class Aircraft(NamedTuple):
     """calibration of the IMU; a log holds its samples as they came"""
     gauges: GaugeErrors = GaugeErrors()
     """accuracy of torque cells and power sensors, none where it is not known"""
+    span: float | None = None
+    """m; from wing tip to wing tip, over which gusts are smoothed; None where it is not known"""

@@ -3,9 +3,9 @@
 Output error takes every motion for the answer to the input. In turbulence the air moves the aircraft as well; a
 Kalman filter that knows of gusts foretells each stroke from those before, and the derivatives are those whose
 forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
-Identification, 2006, ch. 6). A gust along and one across, each of first order, move the air under the linear model
-of `longitudinal.py`: ``x' = A x + B delta - A_uw gust``. Their strengths and durations and the errors of the averages
-are found with the derivatives; what is known of those before is a wide log-normal prior.
+Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
+their change does and the errors of the averages are found with the derivatives; what is known of those before is a
+wide prior.
 
 Where derivatives swing with the wing, an average that always begins at one phase of the stroke sees them with the
 motion's trend: the damping came out a tenth too high. Every stretch is therefore cut at two opposite phases, which
@@ -19,43 +19,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread, with_scatter
 from logs.identification.modes.gust_filter import Averaged, Driven, innovations
-from logs.identification.modes.longitudinal import TAIL_LAG, matrices
+from logs.identification.modes.gusts import BEGIN, DOUBT, LIFT_SLOPE, OUTPUTS, Flown, heave, prior, system
+from logs.identification.modes.longitudinal import TAIL_LAG
 from logs.identification.preparing.manoeuvre import Reference, tail_angle
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array
 
-OUTPUTS = ("q", "a_x", "a_z")
 PHASES = (0.0, 0.5)
 """-; of a stroke, at which the averages of the same flight begin"""
 STEPS = 32
 """-; of the tail's angle through a stroke"""
 LENGTH_STEP = 5e-3
 """-; of a mean stroke: lengths of strokes that differ by less share a transition"""
-BEGIN = (3.0, 3.0, 1.0, 0.5)
-"""m/s, m/s, rad/s, rad; standard deviation of the first state about the reference"""
-BIASES = (0.3, 3.0, 3.0)
-"""rad/s, m/s^2, m/s^2; of q, a_x and a_z, the trim's difference from the reference included"""
-LIFT_SLOPE = 4.5
-"""1/rad; of lift over weight: that of a wing of aspect ratio 5 at a lift coefficient of 1"""
-NUISANCES = (
-    "gust along", "gust across", "duration along", "duration across", "smoothing",
-    "push along", "push across", "turn", "error of q", "error of a_x", "error of a_z",
-)  # fmt: skip
-"""strengths (m/s) and durations (s) of the gusts; for how long (s) the span smooths how the one across turns the air;
-what else moves the aircraft, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes that
-differ, say; standard deviations of the averages"""
-GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
-"""where the priors of the strengths are centred"""
-SCALES = (60.0, 15.0, 1.3)
-"""m; of gusts along and across and of the span's smoothing, likewise (MIL-F-8785C 15 m high has 94 and 15 m, a field
-low over the ground less along it; 4 b / pi for a span b of 1 m)"""
-DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0))
-"""-; standard deviation of the logarithms under the priors"""
 WIDEST = 6.0
 """-; of those deviations: nothing further out is tried"""
 LONGEST = 1.0
@@ -111,9 +90,9 @@ def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | No
         return failed(
             task.names, "the strokes are too few or too uneven to follow the gusts from one to the next"
         ), None
-    prior = _prior(task.reference)
-    likelihood = _likelihood(task, prior)
-    ends = [_climb(task, np.concatenate((each, prior)), likelihood, prior) for each in _starts(task, start)]
+    centre = prior(task.reference, task.aircraft)
+    likelihood = _likelihood(task, centre)
+    ends = [_climb(task, np.concatenate((each, centre)), likelihood, centre) for each in _starts(task, start)]
     best = min(ends, key=lambda end: end.cost)
     if _degrees(task, likelihood(best.values), len(best.values)) < LEAST_DEGREES:
         return failed(task.names, "the flight holds too few strokes for the model's parameters"), None
@@ -132,7 +111,7 @@ class End(NamedTuple):
     """Where a search ended."""
 
     values: Array
-    """(p + 11,)"""
+    """(p + 14,)"""
     cost: float
     """-; infinite where it did not converge"""
 
@@ -143,17 +122,16 @@ def _starts(task: Task, start: Array) -> list[Array]:
     Its wing lifts as a wing does, and a short period as fast as its heave is damped by half and more; what the tail
     does is that of ``start``, which tells it best.
     """
-    fall = STANDARD_GRAVITY / task.reference.airspeed
-    heave = -LIFT_SLOPE * fall
+    damped = heave(task.reference)
     stable = {
-        "X_u": -0.3, "X_w": -0.15 * heave, "X_q": 0.0, "Z_u": -fall, "Z_w": heave, "Z_q": 0.0,
-        "M_u": 0.0, "M_w": -(heave**2) / task.reference.airspeed, "M_q": heave,
+        "X_u": -0.3, "X_w": 0.15 * damped, "X_q": 0.0, "Z_u": -damped / LIFT_SLOPE, "Z_w": -damped, "Z_q": 0.0,
+        "M_u": 0.0, "M_w": -(damped**2) / task.reference.airspeed, "M_q": -damped,
     }  # fmt: skip
     pairs = zip(task.names, start, strict=True)
     return [start, np.array([stable.get(name, value) for name, value in pairs])]
 
 
-def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], prior: Array) -> End:
+def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], centre: Array) -> End:
     """Scoring as long as it gains much, then `_settled`."""
     here, damping = likelihood(values), 1e-3
     for _ in range(ITERATIONS):
@@ -162,14 +140,14 @@ def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood],
         scores, squared = _scores(task, values, likelihood)
         if not _determined(squared):
             break
-        gradient, before = _gradient(scores, values, prior), here.cost
+        gradient, before = _gradient(scores, values, centre), here.cost
         values, here, damping = _advanced(likelihood, values, here, (gradient, squared), damping)
         if before - here.cost < LITTLE:
-            return _settled(task, values, likelihood, prior)
+            return _settled(task, values, likelihood, centre)
     return End(values, np.inf)
 
 
-def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], prior: Array) -> End:
+def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], centre: Array) -> End:
     """The last part of the way by quasi-Newton steps (Broyden, Fletcher, Goldfarb, Shanno) that begin with scoring.
 
     In calm air the information of the gusts' parameters is not the likelihood's curvature: scoring goes to and fro.
@@ -177,7 +155,7 @@ def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood
     here = likelihood(values)
     scores, squared = _scores(task, values, likelihood)
     inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
-    gradient = _gradient(scores, values, prior)
+    gradient = _gradient(scores, values, centre)
     for _ in range(ITERATIONS):
         if float(gradient @ inverse @ gradient) < CONVERGED:
             return End(values, here.cost)
@@ -186,7 +164,7 @@ def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood
         moved, there = _along(likelihood, values, here, (step, there, float(gradient @ step)))
         if not there.cost < here.cost:
             break
-        after = _gradient(_scores(task, moved, likelihood)[0], moved, prior)
+        after = _gradient(_scores(task, moved, likelihood)[0], moved, centre)
         inverse = _updated(inverse, moved - values, after - gradient)
         values, here, gradient = moved, there, after
     return End(values, np.inf)
@@ -200,12 +178,6 @@ def _updated(inverse: Array, step: Array, change: Array) -> Array:
     turn = np.eye(len(step)) - np.outer(step, change) / along
     new: Array = turn @ inverse @ turn.T + np.outer(step, step) / along
     return new
-
-
-def _prior(reference: Reference) -> Array:
-    """Logarithms (11,) on which the priors of `NUISANCES` are centred."""
-    durations = (scale / reference.airspeed for scale in SCALES)
-    return np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES])
 
 
 def _averaged(task: Task, lag: float | None) -> Averaged:
@@ -226,44 +198,18 @@ def _averaged(task: Task, lag: float | None) -> Averaged:
 
 
 def _system(task: Task, values: Array) -> Driven:
-    """The aircraft and its gusts: states u, w, q, theta over ground, gust along, gust across, the latter smoothed.
-
-    Where the gust across changes along the flight the air turns, ``q_g = -dw_g/dx``, as far as the span does not
-    smooth it (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it.
-    """
-    names, count = tuple(name for name in task.names if name != TAIL_LAG), len(OUTPUTS)
-    model = matrices(names, values[: len(names)], task.reference, task.aircraft)
-    strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(values[len(task.names) :]), (2, 4, 5, 8))
-    a, c = np.zeros((7, 7)), np.hstack((model.c[:count], -model.c[:count, :2], np.zeros((count, 1))))
-    a[:4, :4], a[:4, 4:6] = model.a, -model.a[:, :2]
-    a[4:6, 4:6] = np.diag(-1.0 / durations)
-    a[6, 5:] = 1.0 / smoothing, -1.0 / smoothing
-    turned = np.array([1.0, -1.0]) / (smoothing * task.reference.airspeed)
-    a[:3, 5:] += np.outer(_by_pitch_rate(names, values), turned)
-    c[1:, 5:] += np.outer(model.c[1:count, 2], turned)
-    # A push is a force or a moment: the accelerometers feel it where they are.
-    felt = np.zeros((7 + count, 3))
-    felt[:3], felt[7 + 1, 0], felt[7 + 2, 1] = np.eye(3), 1.0, 1.0
-    felt[7 + 1 :, 2] = task.aircraft.imu_z, -task.aircraft.imu_x
-    density = (felt * pushes**2) @ felt.T
-    density[[4, 5], [4, 5]] = 2.0 * strengths**2 / durations
-    start = np.concatenate((BEGIN, strengths, strengths[1:]))
-    return Driven(a, model.b, c, model.d[:count], density, start, np.array(BIASES), noise)
+    names = tuple(name for name in task.names if name != TAIL_LAG)
+    flown = Flown(names, task.reference, task.aircraft)
+    return system(flown, values[: len(names)], values[len(task.names) :])
 
 
-def _by_pitch_rate(names: tuple[str, ...], values: Array) -> Array:
-    """X_q, Z_q and M_q (3,); 0 for what is not named."""
-    given = dict(zip(names, values, strict=False))
-    return np.array([given.get(f"{axis}_q", 0.0) for axis in "XZM"])
-
-
-def _likelihood(task: Task, prior: Array) -> Callable[[Array], Likelihood]:
-    """The likelihood of parameters (p + 11,): derivatives, and the logarithms of the nuisances."""
+def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
+    """The likelihood of parameters (p + 14,): derivatives and `gusts.NUISANCES`."""
     count = len(task.names)
     fixed = _averaged(task, None) if task.known_lag else None
 
     def at(values: Array) -> Likelihood:
-        beyond = (values[count:] - prior) / DOUBT
+        beyond = (values[count:] - centre) / DOUBT
         if np.max(np.abs(beyond)) > WIDEST:
             return Likelihood(np.inf, np.empty(0), np.empty(0))
         averaged = fixed or _averaged(task, float(values[task.names.index(TAIL_LAG)]))
@@ -309,9 +255,9 @@ def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]
     return scores, squared
 
 
-def _gradient(scores: Array, values: Array, prior: Array) -> Array:
+def _gradient(scores: Array, values: Array, centre: Array) -> Array:
     gradient: Array = np.sum(scores, axis=0)
-    gradient[-len(prior) :] += (values[-len(prior) :] - prior) / DOUBT**2
+    gradient[-len(centre) :] += (values[-len(centre) :] - centre) / DOUBT**2
     return gradient
 
 

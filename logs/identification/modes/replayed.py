@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from logs.identification.modes.equation_error import DerivativeFit, signals
-from logs.identification.modes.filter_error import OUTPUTS as FORETOLD
 from logs.identification.modes.filter_error import PHASES, Filtered
 from logs.identification.modes.flown_again import OUTPUTS, Problem
+from logs.identification.modes.gusts import OUTPUTS as FORETOLD
 from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
 from logs.identification.modes.mode import ModesResult
 from logs.identification.modes.output_error import fitted_outputs, output_error

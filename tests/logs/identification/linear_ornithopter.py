@@ -44,6 +44,8 @@ class Flight(NamedTuple):
     truth: dict[str, float] = TRUTH
     gust: float = 0.0
     """m/s; standard deviation along and across"""
+    change: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """-, -, rad/m; what a gust across takes off u', w' and q' by its own change (wings' apparent mass and twist)"""
 
 
 def model_of(flight: Flight) -> Matrices:
@@ -87,7 +89,7 @@ def fly(flight: Flight) -> FlightData:
     states, tail, gust = _motion(flight, command - trim, strokes)
     model = model_of(flight)
     through_air = states - np.pad(gust, ((0, 0), (0, 2)))
-    outputs = through_air @ model.c.T + np.outer(tail, model.d)
+    outputs = through_air @ model.c.T + np.outer(tail, model.d) - np.outer(_change(gust), _felt_change(flight))
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
     noise = flight.noise * rng.normal(size=(4, count))
     return FlightData(
@@ -105,6 +107,18 @@ def fly(flight: Flight) -> FlightData:
         excitation,
         np.zeros(count),
     )  # fmt: skip
+
+
+def _change(gust: Array) -> Array:
+    """By how much the gust across changes until the next sample, m/s^2."""
+    change: Array = np.diff(gust[:, 1], append=gust[-1, 1]) / STEP
+    return change
+
+
+def _felt_change(flight: Flight) -> Array:
+    """Of the four outputs, by a change of the gust across of 1 m/s^2."""
+    along, across, turn = flight.change
+    return np.array([0.0, along + flight.aircraft.imu_z * turn, across - flight.aircraft.imu_x * turn, 0.0])
 
 
 def _shaking(phase: Array) -> Array:
@@ -129,7 +143,7 @@ def _turned(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _integrate(a, b, command, strokes, start, constant, modulation, gust):  # type: ignore[no-untyped-def]
+def _integrate(a, b, command, strokes, start, constant, modulation, gust, change):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
     fine = 10
     dt = STEP / fine
@@ -142,7 +156,7 @@ def _integrate(a, b, command, strokes, start, constant, modulation, gust):  # ty
         now = a.copy()
         now[1:3, 1] *= swing
         now[2, 2] *= swing
-        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1])
+        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - change[k]
         for _ in range(fine):
             middle = x + dt / 2 * (now @ x + b * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half
@@ -167,7 +181,8 @@ def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Arra
     model = model_of(flight)
     constant = flight.aircraft.tail_time_constant
     gust = gusts(flight, len(command))
-    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust)
+    change = np.outer(_change(gust), (*flight.change, 0.0))
+    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust, change)
     return states, tails, gust
 
 

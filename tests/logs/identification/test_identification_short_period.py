@@ -12,11 +12,12 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
-from logs.identification.modes.equation_error import signals
-from logs.identification.modes.filter_error import Task, filter_error
+from logs.identification.modes.equation_error import equation_error, signals
+from logs.identification.modes.filter_error import PHASES, Task, filter_error
+from logs.identification.modes.gusts import NUISANCES, prior
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.modes.mode import ModesResult, short_period_of
-from logs.identification.modes.short_period import FILTER_ERROR, identify_modes
+from logs.identification.modes.mode import Mode, ModesResult, short_period_of
+from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
@@ -203,6 +204,38 @@ def test_filter_error_in_gusts(gust: float, modulation: float) -> None:
     assert all(count >= 0.85 * len(pairs) for count in held)
 
 
+def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping() -> None:
+    """GIVEN wings whose apparent mass and twist feel the air's change as those of the multibody aircraft do.
+
+    Without effects of its own for that change the damping came out 0.09 too high: one of six intervals held it.
+    """
+    flights = [Flight(seed=seed, gust=0.7, change=(0.05, -0.35, 0.7)) for seed in range(5000, 5006)]
+    truth = true_mode(Flight())[1]
+    found = [filtered(flight) for flight in flights]
+    assert sum(mode.damping is not None and mode.damping.contains(truth) for mode in found) >= 5
+    dampings = [mode.damping.value for mode in found if mode.damping is not None]
+    assert np.median(dampings) == pytest.approx(truth, abs=0.06)
+
+
+def filtered(flight: Flight) -> Mode:
+    """By filter error alone."""
+    data = fly(flight)
+    manoeuvres = find_manoeuvres(data, flight.aircraft)
+    reference = reference_of(data, manoeuvres)
+    cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
+    start = equation_error(manoeuvres, reference, flight.aircraft, LONGITUDINAL)
+    fit, _ = filter_error(Task(cut, reference, flight.aircraft, LONGITUDINAL), start.values)
+    return mode_of(FILTER_ERROR, fit, reference, flight.aircraft)
+
+
+def test_a_wider_span_smooths_gusts_for_longer() -> None:
+    """GIVEN a span THEN what the gusts' turning is smoothed by is centred on 4 b / pi of it."""
+    usual, wide = (prior(REFERENCE, AIRCRAFT._replace(span=span)) for span in (None, 3.0))
+    place = NUISANCES.index("smoothing")
+    assert np.exp(wide[place]) * REFERENCE.airspeed == pytest.approx(4.0 * 3.0 / np.pi)
+    np.testing.assert_array_equal(np.delete(wide, place), np.delete(usual, place))
+
+
 def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
     """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
     results = [identify(Flight(seed=seed, modulation=0.3)) for seed in range(3)]
@@ -222,14 +255,13 @@ def test_a_tail_lag_that_is_not_known_is_found_by_filter_error_too() -> None:
 
 
 def test_where_strokes_are_too_uneven_filter_error_says_so() -> None:
-    """GIVEN strokes that were counted at half their rate every other second."""
+    """GIVEN strokes that were counted at half their rate for 0.6 s of every 1.2."""
     data = fly(Flight(seed=1, doublets=2))
-    slow = np.where(np.floor(data.time) % 2 == 0, 1.0, 0.5)
+    slow = np.where(np.floor(data.time / 0.6) % 2 == 0, 1.0, 0.5)
     strokes = data.strokes[0] + np.cumsum(np.gradient(data.strokes) * slow)
-    manoeuvres = find_manoeuvres(data, AIRCRAFT)
-    assert not [s for s in stretches(data._replace(strokes=strokes), manoeuvres, 0.0) if len(s.averages) > 8]
-    fit, found = filter_error(Task((), REFERENCE, AIRCRAFT, LONGITUDINAL), np.array(list(TRUTH.values())))
-    assert found is None and "strokes" in fit.failure
+    result = identify_modes(data._replace(strokes=strokes), AIRCRAFT)
+    assert result.modes[2].frequency is None and result.filtered is None
+    assert "strokes are too few or too uneven" in result.modes[2].unidentified[0].reason
 
 
 @pytest.mark.validate
