@@ -52,7 +52,7 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
 
 
 def aircraft_of(log: Log) -> Aircraft:
-    """Place and calibration of the IMU, the tail's lag, the gauges' accuracy, the span; unknown without a vehicle file.
+    """Place and calibration of the IMU, the tail's lag, the gauges' accuracy, span; unknown without a vehicle file.
 
     Raises:
         BadInput: the attached vehicle file cannot be used.
