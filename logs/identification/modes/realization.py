@@ -50,6 +50,9 @@ SEED = 1
 """of the bootstrap: the same data give the same errors"""
 LEAST_EXPLAINED = 0.8
 """-; of a free motion's power, by the oscillations, of the output where it is largest"""
+LEAST_DRIVEN = 0.5
+"""-; of driven records' power, by the last `MEMORY` of the input, of the output where it is largest: of white noise
+that no input moved 3 of 40 gave a frequency, with a tight interval"""
 WIDEST = 0.25
 """-; standard error of a frequency over it, and of a damping: noise alone passed above it once in 12 records"""
 HIGHEST_TURN = 0.6
@@ -110,7 +113,10 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
     if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in records):
         raise ValueError("an output is constant: it tells no motion")
     lags = max(math.ceil(STATES / outputs), 2)
-    fit = _observer(records, Lags(lags, every), _filtered(records, max(int(MEMORY / step), lags * every)))
+    clean = _filtered(records, max(int(MEMORY / step), lags * every))
+    if _share_of_input(records, clean) < LEAST_DRIVEN:
+        raise ValueError("the input explains too little of the records: noise, turbulence, or nothing that it moves")
+    fit = _observer(records, Lags(lags, every), clean)
     total = fit.squares.sum(axis=0), fit.products.sum(axis=0)
 
     def pairs(squares: Array, products: Array, order: int | None, near: Array | None = None) -> tuple[Array, int]:
@@ -176,6 +182,13 @@ def _filtered(records: list[Record], memory: int) -> list[Record]:
     ridge = RIDGE * float(np.trace(squares)) / memory * np.eye(memory)
     values = np.linalg.solve(squares + ridge, np.sum([d.T @ y for d, y in about], axis=0))
     return [r._replace(outputs=d @ values) for r, (d, _) in zip(records, about, strict=True)]
+
+
+def _share_of_input(records: list[Record], clean: list[Record]) -> float:
+    """Share of the outputs' power that their past input tells (``clean``), of the output where it is largest."""
+    about = [one.outputs - one.outputs.mean(axis=0) for one in records]
+    left = sum(np.sum((y - one.outputs) ** 2, axis=0) for y, one in zip(about, clean, strict=True))
+    return float(np.max(1.0 - left / sum(np.sum(y**2, axis=0) for y in about)))
 
 
 def _later(values: Array, by: int) -> Array:

@@ -135,6 +135,8 @@ def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
         assert np.all(np.isfinite(autocovariance(np.array([-1.0]), 8)))
 
 
-def test_realization_of_noise_that_once_passed_for_a_mode() -> None:
-    records = records_of((noise(3, 0.0),), "delta_e", ("alpha", "q"))
-    assert "parts of the records tell different" in realization(records).unidentified[0].reason
+@pytest.mark.parametrize("seeds", [(3,), tuple(range(9, 12)), tuple(range(24, 27))])
+def test_realization_of_noise_that_no_input_moves_is_refused(seeds: tuple[int, ...]) -> None:
+    """One record that once passed for a mode, and three at a time."""
+    records = records_of(tuple(noise(seed, 0.0) for seed in seeds), "delta_e", ("alpha", "q"))
+    assert "explains too little" in realization(records).unidentified[0].reason
