@@ -26,6 +26,10 @@ from sim_bridge.aerodynamics.stroke_averages import (
 
 LEAST_STROKES = 3
 HALVES = ("up", "down")
+INTERCEPTS = ("stiffness", "0", "min")
+"""terms that are constant where nothing varies with them"""
+LEAST_VARIED = 1e-6
+"""-; of a regressor's largest value"""
 LIFT_UNITS = {"alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad", "stiffness": "per unit of E"}
 MOMENT_UNITS = {"0": "-", "alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad"}
 
@@ -148,6 +152,10 @@ def _regressed(units: dict[str, str], columns: Array, response: Array) -> Deriva
     return Derivatives(found, refused)
 
 
+def _is_constant(column: Array) -> bool:
+    return bool(np.ptp(column) < LEAST_VARIED * np.max(np.abs(column)))
+
+
 def _independent(columns: Array, names: list[str]) -> tuple[list[int], tuple[Unidentified, ...]]:
     """Columns each of which is not made of those before it, and what is said of the others."""
     kept: list[int] = []
@@ -159,6 +167,8 @@ def _independent(columns: Array, names: list[str]) -> tuple[list[int], tuple[Uni
             rest = rest - columns[:, kept] @ np.linalg.lstsq(columns[:, kept], rest, rcond=None)[0]
         if size == 0.0:
             refused.append(Unidentified(name, "its regressor is zero in all strokes"))
+        elif not name.endswith(INTERCEPTS) and _is_constant(columns[:, index]):
+            refused.append(Unidentified(name, "its regressor is the same in all strokes"))
         elif float(np.linalg.norm(rest)) < size / WORST_CONDITION:
             others = ", ".join(names[i] for i in kept)
             refused.append(Unidentified(name, f"its regressor varies as those of {others} do"))

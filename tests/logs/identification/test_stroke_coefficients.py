@@ -125,3 +125,13 @@ def test_what_did_not_vary_is_not_told() -> None:
     assert "varies as" in moment_derivatives(np.ones(30), tied).unidentified[0].reason
     few = Attitude(*(column[:3] for column in attitudes(5)))
     assert "too few" in moment_derivatives(np.ones(3), few).unidentified[0].reason
+
+
+def test_an_angle_of_attack_that_never_changed_gives_no_slope() -> None:
+    """GIVEN strokes at one angle THEN their lift is a constant, and C_L_alpha is not that over the angle."""
+    lift, alpha = 0.8 + 0.01 * np.random.default_rng(1).normal(size=12), np.full(12, 0.12)
+    found = lift_derivatives("up", lift, Attitude(alpha, np.zeros(12), np.zeros(12)))
+    assert [one.name for one in found.estimates] == ["C_L_up_stiffness"]
+    assert found.estimates[0].contains(0.8)
+    refused = {one.name: one.reason for one in found.unidentified}
+    assert refused["C_L_up_alpha"] == "its regressor is the same in all strokes"
