@@ -46,6 +46,7 @@ def modes_fit(
         raise BadInput("modes.outputs names no signal")
     if not asked.inputs:
         _must_be_free(found.fitted, asked.outputs)
+    _must_move(found.fitted, asked.inputs)
     fits: list[TableFit] = []
     known: tuple[Mode, ...] = ()
     model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
@@ -62,6 +63,19 @@ def modes_fit(
         if not known:
             raise
         return fits, ModesResult(known, None, f"no comparison: {error}", None, len(found.fitted), None)
+
+
+def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> None:
+    """Refuse a response to inputs none of which moves: what derivatives it gave would be those of a free motion.
+
+    Raises:
+        BadInput: no input moves in any manoeuvre.
+    """
+    measured = [one.signals[name] for one in experiments for name in inputs]
+    moved = [one[np.isfinite(one)] for one in measured]
+    if inputs and not any(len(one) and np.ptp(one) > 0.0 for one in moved):
+        said = "do" if len(inputs) > 1 else "does"
+        raise BadInput(f"modes: {', '.join(inputs)} {said} not move; a free motion has inputs = []")
 
 
 def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> None:

@@ -182,7 +182,7 @@ def test_a_model_that_was_not_identified_is_not_written(files: tuple[Path, Path]
     lines = files[0].read_text().splitlines()
     still = [f"{row.rpartition(',')[0]},0.05" for row in lines[1:]]
     files[0].write_text("\n".join((lines[0], *still)) + "\n")
-    with pytest.raises(BadInput, match=r"^no model is written: "):
+    with pytest.raises(BadInput, match=r"^modes: delta_e does not move"):
         run(files, "--model", str(tmp_path / "bird.toml"))
     assert not (tmp_path / "bird.toml").exists()
 
