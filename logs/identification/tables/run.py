@@ -16,10 +16,11 @@ from logs.identification.tables.experiments import Cut, cut
 from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.plausible import check_plausible
 from logs.identification.tables.regressions import regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
-from logs.identification.tables.subjects import AERO, ALL, MODES, SECTIONS, STAND, SUBJECTS
+from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
 from logs.identification.tables.table import Columns, read_columns
 
 T = TypeVar("T")
@@ -65,6 +66,8 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
         BadInput: none of them can be had.
     """
     constants = read_constants(chosen.constants)
+    if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
+        check_plausible((*found.fitted, *found.held_out), constants)
     missing: list[Unidentified] = []
     fits: list[TableFit] = []
     modes: ModesResult | None = None

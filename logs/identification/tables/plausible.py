@@ -1,0 +1,145 @@
+"""Signals of a table that contradict one another: another sign than body axes have, degrees or g taken for SI.
+
+A fit follows such signals as well as right ones and is sure of its wrong numbers. The kinematics tell: what gravity
+leaves in a_z, and that angles are what the rates add up to (Klein & Morelli, Aircraft System Identification, 2006,
+ch. 10: data compatibility). Only what a known mistake explains is refused; any other factor may be a sensor's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from avionics.constants import STANDARD_GRAVITY
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.results import Array
+
+UPRIGHT = (0.7, 1.4)
+"""-; mean of a_z over g, of which a flight's is -1 and an a_z that counts upward's +1"""
+LEAST_EXPLAINED = 0.9
+"""-; of an angle, by what the rates add up to: below it nothing is concluded"""
+NEAR = 1.3
+"""-; factor within which a known mistake explains another one"""
+LEAST_RUN = 20
+"""-; samples on end in which all was measured"""
+DEGREES = math.degrees(1.0)
+ANGLE_RATES = (("theta", "q"), ("phi", "p"))
+HINT = "body axes are x forward, y right, z down"
+
+
+def check_plausible(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
+    """Refuse signals that cannot all be what the map calls them.
+
+    Raises:
+        BadInput: a_z is positive on the mean as one that counts upward is; or an angle changes against the rates, or
+            57 times as fast or as slowly as they say; or a_z is against alpha and q, or in g.
+    """
+    _check_gravity(experiments)
+    for angle, rate in ANGLE_RATES:
+        shares = _shares(experiments, angle, (rate,), constants)
+        if shares is not None:
+            _check_share(shares[0], angle, rate)
+    shares = _shares(experiments, "alpha", ("q", "a_z"), constants)
+    if shares is not None:
+        _check_share(shares[0], "alpha", "q")
+        _check_force(shares[1])
+
+
+def _check_gravity(experiments: Sequence[Experiment]) -> None:
+    values = [one.signals["a_z"] for one in experiments if "a_z" in one.signals]
+    measured = np.concatenate([one[np.isfinite(one)] for one in values]) if values else np.zeros(0)
+    if not len(measured):
+        return
+    mean = float(measured.mean())
+    if UPRIGHT[0] < mean / STANDARD_GRAVITY < UPRIGHT[1]:
+        raise BadInput(
+            f"signals.a_z is {mean:+.1f} m/s^2 on the mean where a flight has -9.8 ({HINT}): scale = -1.0 is missing"
+        )
+    if UPRIGHT[0] < abs(mean) / STANDARD_GRAVITY**2 < UPRIGHT[1]:
+        raise BadInput(f"signals.a_z is {mean:.3g} m/s^2 on the mean: it is in m/s^2 already, not in g")
+
+
+def _check_share(share: float, angle: str, rate: str) -> None:
+    """``share`` is how fast the angle changes over what the rate says."""
+    if _is(share, -1.0):
+        raise BadInput(f"{angle} changes against {rate}: the sign of one of them is wrong ({HINT})")
+    for factor, fast in ((DEGREES, "as fast"), (1.0 / DEGREES, "as slowly")):
+        if _is(share, factor):
+            raise BadInput(f"{angle} changes 57 times {fast} as {rate} says: the unit of one of them is wrong")
+
+
+def _check_force(share: float) -> None:
+    """``share`` is how much of alpha's change a_z makes over what it should."""
+    if _is(share, -1.0):
+        raise BadInput(f"a_z is against the changes of alpha and q: its sign is wrong ({HINT}; scale = -1.0)")
+    for factor, unit in ((STANDARD_GRAVITY, "in g, not in m/s^2"), (1.0 / STANDARD_GRAVITY, "in m/s^2, not in g")):
+        if _is(share, factor):
+            raise BadInput(f"a_z does not fit the changes of alpha and q: it is {unit}, or V is wrong")
+
+
+def _is(share: float, factor: float) -> bool:
+    return share / factor > 0 and abs(math.log(share / factor)) < math.log(NEAR)
+
+
+def _shares(
+    experiments: Sequence[Experiment], angle: str, rates: tuple[str, ...], constants: Mapping[str, float]
+) -> Array | None:
+    """By what factor the angle follows the integral of each of ``rates``; None where it follows none, or lacks one.
+
+    A line of each record stands for biases and start, the last rate's own value for an accelerometer off the centre.
+    """
+    names = (angle, *rates)
+    pieces = [piece for one in experiments if set(names) <= set(one.signals) for piece in _run(one, names, constants)]
+    if not pieces:
+        return None
+    design, response = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    if not np.all(np.ptp(design, axis=0) > 0) or not np.ptp(response) > 0:
+        return None
+    values = np.linalg.lstsq(design, response, rcond=None)[0]
+    left = float(np.sum((response - design @ values) ** 2) / np.sum(response**2))
+    return values[: len(rates)] if 1.0 - left >= LEAST_EXPLAINED else None
+
+
+def _run(one: Experiment, names: tuple[str, ...], constants: Mapping[str, float]) -> list[tuple[Array, Array]]:
+    """Integrals of the rates and, beside them, the pitch rate; the angle; each without its line."""
+    columns = np.column_stack([one.signals[name] for name in names])
+    speed = _speed(one, constants)
+    if "a_z" in names and speed is None:
+        return []
+    start, stop = _longest(np.all(np.isfinite(columns), axis=1))
+    if stop - start < LEAST_RUN:
+        return []
+    columns = columns[start:stop]
+    columns[:, 0] = np.unwrap(columns[:, 0])
+    rates = columns[:, 1:] / np.array([speed if name == "a_z" else 1.0 for name in names[1:]])
+    middle = (rates[1:] + rates[:-1]) / 2.0 * one.step
+    summed = np.vstack((np.zeros(middle.shape[1]), np.cumsum(middle, axis=0)))
+    beside = columns[:, 1:2] if "a_z" in names else np.zeros((len(columns), 0))
+    return [(_level(np.hstack((summed, beside))), _level(columns[:, :1])[:, 0])]
+
+
+def _speed(one: Experiment, constants: Mapping[str, float]) -> float | None:
+    """Mean airspeed in m/s; None where neither a signal nor the constants tell it."""
+    told = next((one.signals[name] for name in ("V", "airspeed") if name in one.signals), np.zeros(0))
+    speed = float(np.nanmean(told)) if np.any(np.isfinite(told)) else constants.get("V", 0.0)
+    return speed if speed > 0 else None
+
+
+def _longest(known: Array) -> tuple[int, int]:
+    """Ends of the longest run of samples that are ``known``."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(int), [0]))))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        return 0, 0
+    longest = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+    return int(longest[0]), int(longest[1])
+
+
+def _level(columns: Array) -> Array:
+    """Without their mean and slope."""
+    line = np.vander(np.linspace(-1.0, 1.0, len(columns)), 2)
+    level: Array = columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0]
+    return level
