@@ -79,6 +79,8 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     """
     setup, notes = _setup(asked, tuple(found.fitted[0].signals), constants)
     fitted = _records(found.fitted, setup.longitudinal, fill, notes)
+    if not fitted:
+        raise BadInput("path: " + "; ".join(notes))
     held = _records(found.held_out, setup.longitudinal, fill, notes)
     result = reconstruct(fitted, setup)
     told = fitted_path(fitted, result, setup, held)
@@ -127,7 +129,11 @@ def _records(
     for one in map(_named, experiments):
         names, gap = input_names(longitudinal), LONGEST_FILL * one.step if fill is None else fill
         lost = int(np.count_nonzero(~np.all([np.isfinite(one.signals[name]) for name in names], axis=0)))
-        pieces = whole_records(one, names, gap, (LEAST_SAMPLES - 1) * one.step)
+        try:
+            pieces = whole_records(one, names, gap, (LEAST_SAMPLES - 1) * one.step)
+        except BadInput as reason:
+            notes.append(f"left out: {reason}")
+            continue
         left = len(one.time) - sum(len(piece.time) for piece in pieces)
         if lost:
             said = f"{counted(lost, 'sample')} without {', '.join(names)}"

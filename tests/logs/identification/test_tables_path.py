@@ -96,6 +96,23 @@ def test_a_table_tells_its_sensors_errors_and_predicts_the_flight_held_out(
         assert f">{title}</h" in page
 
 
+def test_a_manoeuvre_without_a_whole_piece_is_left_out_and_the_others_are_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = tables(tmp_path, validate="[]")
+    lines = (tmp_path / "run2.csv").read_text().splitlines()
+    for at in range(3, len(lines), 20):
+        for row in range(at, min(at + 10, len(lines))):
+            cells = lines[row].split(",")
+            lines[row] = ",".join((*cells[:1], "", *cells[2:]))
+    (tmp_path / "run2.csv").write_text("\n".join(lines))
+    assert main(["identify", *words]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "left out: manoeuvre 2 of run2.csv: q, a_x, a_z are nowhere measured together" in said
+    assert main(["identify", words[1], *words[2:]]) == 2
+    assert "left out: manoeuvre 1 of run2.csv" in capsys.readouterr().err
+
+
 def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
