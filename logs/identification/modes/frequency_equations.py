@@ -54,6 +54,8 @@ class Asked(NamedTuple):
     """m; of the accelerometers forward of the centre of mass"""
     delay: float = 0.0
     """s; by which the inputs act later than they are told"""
+    delay_error: float = 0.0
+    """s; standard error of that delay"""
     frequencies: Array | None = None
     """Hz; (F,), by the regressors when None"""
 
@@ -119,24 +121,41 @@ def _by_force(experiments: tuple[Experiment, ...], asked: Asked) -> bool:
 
 
 def _solved(records: tuple[Experiment, ...], asked: Asked) -> Mode:
-    force = _by_force(records, asked)
-    frequencies = _frequencies(records, asked)
+    found = _both(records, asked)
+    if isinstance(found, str):
+        return nothing(METHOD, found)
+    names, values, covariance = tuple(n for one in found for n in one.names), _values(found), _joint(found)
+    if asked.delay_error > 0:
+        later = _both(records, asked._replace(delay=asked.delay + asked.delay_error))
+        if isinstance(later, str):
+            return nothing(METHOD, f"the delay is not sure enough: {asked.delay_error:.2g} s later {later}")
+        moved = _values(later) - values
+        covariance = covariance + np.outer(moved, moved)
+    spread = Spread(covariance, min(one.degrees for one in found))
+    told = spread.estimates({name: _unit(name) for name in names}, values)
+    return mode_of_system(METHOD, lambda v: _system(names, v, asked), values, spread, told)
+
+
+def _both(records: tuple[Experiment, ...], asked: Asked) -> tuple[_Equation, _Equation] | str:
+    """Both equations with their own motion as instruments, or why they give nothing."""
+    force, frequencies = _by_force(records, asked), _frequencies(records, asked)
     flown: list[Array] | None = None
     for _ in range(PASSES):
         tried = tuple(_equation(axis, records, asked, frequencies, flown, "white") for axis in "ZM")
         flown = _flown(records, asked, tried) or flown
-    pair = tuple(_equation(axis, records, asked, frequencies, flown, "parzen") for axis in "ZM")
+    if flown is None:
+        return "the motion of its equations runs away: nothing takes the noise of alpha and q out of them"
+    first, second = (_equation(axis, records, asked, frequencies, flown, "parzen") for axis in "ZM")
     sides = ("force" if force else "slope of alpha", "pitch acceleration")
-    for side, one in zip(sides, pair, strict=True):
+    for side, one in zip(sides, (first, second), strict=True):
         if one.explained < LITTLE:
-            return nothing(METHOD, f"its equation explains less than half of the {side} in the band")
-    names = (*pair[0].names, *pair[1].names)
-    values, covariance = np.concatenate([one.values for one in pair]), _joint(pair)
-    degrees = min(one.degrees for one in pair)
-    units = {name: _unit(name) for name in names}
-    spread = Spread(covariance, degrees)
-    told = spread.estimates(units, values)
-    return mode_of_system(METHOD, lambda v: _system(names, v, asked), values, spread, told)
+            return f"its equation explains less than half of the {side} in the band"
+    return first, second
+
+
+def _values(pair: tuple[_Equation, _Equation]) -> Array:
+    """Derivatives (k,) of both equations."""
+    return np.concatenate([one.values for one in pair])
 
 
 def _unit(name: str) -> str:

@@ -29,14 +29,15 @@ def by_equations(
     constants: Mapping[str, float],
     fits: Sequence[TableFit],
 ) -> Mode:
-    """The short period by its two equations; with output error's delay where that is free.
+    """The short period by its two equations; with output error's delay, and its error, where that is free.
 
     Raises:
         BadInput: a band without a frequency.
     """
-    delay = asked.delay.fixed
+    delay, error = asked.delay.fixed, 0.0
     if delay is None:
-        delay = next((one.value for fit in fits for one in fit.fitted.estimates if one.name == DELAY), None)
+        found = next((one for fit in fits for one in fit.fitted.estimates if one.name == DELAY), None)
+        delay, error = (None, 0.0) if found is None else (found.value, found.standard_error)
     if delay is None:
         return nothing(METHOD, "the delay is free, and output error did not find it: hold it")
     frequencies = None if asked.band is None else band_frequencies(asked.band, experiments, "modes")
@@ -44,7 +45,8 @@ def by_equations(
     named = tuple(_renamed(one, asked.inputs, inputs) for one in experiments)
     speed = with_speed(constants, experiments).get("V")
     arm = float(constants.get("imu_x", 0.0))
-    return frequency_equation_error(named, Asked(inputs, _held(asked, inputs), speed, arm, delay, frequencies))
+    equations = Asked(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies)
+    return frequency_equation_error(named, equations)
 
 
 def _renamed(one: Experiment, names: tuple[str, ...], inputs: tuple[str, ...]) -> Experiment:

@@ -1,0 +1,50 @@
+"""Equation error on plain records: what is not sure of the delay is in its intervals, and no plain least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from logs.identification.experiment import Experiment
+from logs.identification.modes.frequency_equations import Asked, frequency_equation_error
+
+STEP, TIME = 0.02, np.arange(0.0, 16.0, 0.02)
+UNITS = {"alpha": "rad", "q": "rad/s", "delta": "rad"}
+
+
+def flown(seed: int, z_alpha: float = -1.2, m_q: float = -1.5, m_alpha: float = -6.0) -> Experiment:
+    """A short period after a 3-2-1-1, with noise."""
+    given = np.zeros(len(TIME))
+    for start, end, size in ((1.0, 2.8, 0.05), (2.8, 4.0, -0.05), (4.0, 4.6, 0.05), (4.6, 5.2, -0.05)):
+        given[(start <= TIME) & (end > TIME)] = size
+    a, b = np.array([[z_alpha, 1.0], [m_alpha, m_q]]), np.array([[-0.15], [-8.0]])
+    f, g, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), STEP, "foh")
+    states, x = [], np.zeros(2)
+    for value in given:
+        x = f @ x + g[:, 0] * value
+        states.append(x)
+    noise = np.random.default_rng(seed).normal(size=(len(TIME), 2)) * [5e-4, 1e-3]
+    alpha, q = (np.array(states) + noise).T
+    return Experiment(f"flight {seed}", TIME, {"alpha": alpha, "q": q, "delta": given}, UNITS)
+
+
+def test_the_error_of_a_delay_that_was_found_is_in_the_intervals() -> None:
+    """GIVEN a delay that another method found to 30 ms THEN M_q is as unsure as 30 ms move it, at the least."""
+    records, sure = (flown(1), flown(2)), Asked(("delta",), {"Z_q": 0.0})
+    exact = frequency_equation_error(records, sure)
+    unsure = frequency_equation_error(records, sure._replace(delay_error=0.03))
+    later = frequency_equation_error(records, sure._replace(delay=0.03))
+    found, wider, moved = (next(e for e in mode.derivatives if e.name == "M_q") for mode in (exact, unsure, later))
+    assert found.value == wider.value
+    assert wider.standard_error == pytest.approx(np.hypot(found.standard_error, moved.value - found.value), rel=1e-6)
+    assert wider.standard_error > 2.0 * found.standard_error
+
+
+def test_equations_whose_own_motion_runs_away_give_nothing() -> None:
+    """GIVEN a motion that doubles in a third of a second THEN noise in the regressors has no instrument."""
+    short = flown(1, m_alpha=8.0)
+    kept = TIME < 4.0
+    signals = {name: values[kept] for name, values in short.signals.items()}
+    mode = frequency_equation_error((short._replace(time=TIME[kept], signals=signals),), Asked(("delta",)))
+    assert mode.frequency is None and "runs away" in mode.unidentified[0].reason
