@@ -26,6 +26,8 @@ DRIFT_ORDER = 2
 SPEED_PASSES = 3
 """-; of putting the speeds found into the products that they were found with: a fourth changes 1e-4 of their range"""
 WORST_CONDITION = 1e3
+WEAKEST = 0.1
+"""-; least correlation of what instruments tell with what regressors do: with less, noise makes the estimate"""
 UNEXCITED = "the manoeuvres do not excite all of the model's states"
 
 
@@ -170,6 +172,8 @@ def _regressed(rows: _Rows, count: int) -> DerivativeFit | None:
     scale = np.linalg.norm(design, axis=0)
     if degrees < 1 or not np.all(scale > 0) or np.linalg.cond(design / scale) > WORST_CONDITION:
         return None
+    if clean is not design and not _least_correlation(clean, design) > WEAKEST:
+        return None
     inverse = np.linalg.inv(clean.T @ design)
     values = inverse @ clean.T @ rows.response
     residuals = rows.response - design @ values
@@ -179,6 +183,19 @@ def _regressed(rows: _Rows, count: int) -> DerivativeFit | None:
     spread = with_scatter(within, np.kron(np.eye(axes), weights), scores)
     scatter: Array = np.sqrt(np.sum(residuals**2, axis=0) / degrees)
     return DerivativeFit((), values[:count].T.ravel(), spread, scatter)
+
+
+def _least_correlation(clean: Array, design: Array) -> float:
+    """The least canonical correlation of instruments and regressors, (N, r) each; NaN where an instrument is nothing.
+
+    Instruments that lack a direction of the regressors divide their noise by nearly nothing (Staiger & Stock,
+    Econometrica 65, 1997).
+    """
+    sizes = np.linalg.norm(clean, axis=0)
+    if not np.all(np.isfinite(clean)) or not np.all(sizes > 0):
+        return float("nan")
+    bases = [np.linalg.qr(part / np.linalg.norm(part, axis=0))[0] for part in (clean, design)]
+    return float(np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)[-1])
 
 
 def _uneven(weights: Array, residuals: Array) -> Array:

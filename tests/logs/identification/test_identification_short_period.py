@@ -12,12 +12,13 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
-from logs.identification.modes.equation_error import equation_error, signals
+from logs.identification.modes.equation_error import DerivativeFit, equation_error, signals
+from logs.identification.modes.errors import Spread
 from logs.identification.modes.filter_error import PHASES, Task, filter_error
 from logs.identification.modes.gusts import NUISANCES, prior
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.modes.mode import Mode, ModesResult, short_period_of
-from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of
+from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of, with_differences
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
@@ -202,6 +203,35 @@ def test_filter_error_in_gusts(gust: float, modulation: float) -> None:
     assert len(pairs) >= 0.95 * len(modes)
     assert abs(medians[0]) < 0.1 and off < 0.1
     assert all(count >= 0.85 * len(pairs) for count in held)
+
+
+def test_where_two_methods_differ_either_may_be_a_whole_difference_off() -> None:
+    """GIVEN a truth anywhere between two sure values THEN the standard error is what it misses either by, d/3^0.5."""
+    rng, names = np.random.default_rng(1), ("M_w", "M_q")
+    ends = (np.array([-9.0, -7.0]), np.array([-10.0, -7.0]))
+    sure = Spread(np.diag([1e-8, 1e-8]), 50.0)
+    fits = [DerivativeFit(names, end, sure, np.zeros(1)) for end in ends]
+    for fit in with_differences(*fits, 6):
+        errors = fit.spread.standard_errors()[0]
+        missed = rng.uniform(-10.0, -9.0, 20_000) - fit.values[0]
+        assert errors[0] == pytest.approx(np.sqrt(np.mean(missed**2)), rel=0.02)
+        assert errors[1] == pytest.approx(1e-4)
+
+
+def test_weak_instruments_are_refused() -> None:
+    """GIVEN instruments that tell next to nothing of w THEN what noise makes of M_w is no number."""
+    data = fly(Flight(seed=1, doublets=4))
+    manoeuvres = find_manoeuvres(data, AIRCRAFT)
+    reference = reference_of(data, manoeuvres)
+    pieces = [signals(m, reference, AIRCRAFT).regressors for m in manoeuvres]
+    rng = np.random.default_rng(2)
+    strong = [np.hstack((piece, 0.01 * rng.normal(size=(len(piece), 4)))) for piece in pieces]
+    weak = [columns.copy() for columns in strong]
+    for columns in weak:
+        columns[:, 1] = columns[:, 0] + 1e-3 * rng.normal(size=len(columns))
+    given, lost = (equation_error(manoeuvres, reference, AIRCRAFT, LONGITUDINAL, z) for z in (strong, weak))
+    assert not given.failure
+    assert lost.failure
 
 
 def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping() -> None:
