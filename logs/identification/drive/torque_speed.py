@@ -46,16 +46,21 @@ def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: f
             f"torque, rate and voltage have {int(good.sum())} samples together; {LEAST_SAMPLES} are needed"
         )
     torque, rate, voltage = (np.where(good, values, 0.0) for values in columns)
-    turning = np.where(rate < 0, -1.0, np.where(rate > 0, 1.0, np.sign(torque)))
     about = float(np.mean(voltage[good])) if nominal is None else nominal
     if about <= 0.0 or np.ptp(np.abs(rate[good])) < LEAST_SPREAD * np.max(np.abs(rate[good])):
         return _refused("the rate does not vary", torque[good])
     design = np.column_stack((voltage / about, -np.abs(rate)))
     try:
-        fit = regress(design, torque * turning, good.astype(float))
+        fit = regress(design, torque * turning(torque, rate), good.astype(float))
     except np.linalg.LinAlgError:
         return _refused("voltage and rate do not vary apart", torque[good])
     return _constants(fit, int(good.sum()))
+
+
+def turning(torque: Array, rate: Array) -> Array:
+    """-; (N,), 1 or -1: which way a servo turns at ``rate`` (N,) in rad/s, or pulls where it stands."""
+    sign: Array = np.where(rate < 0, -1.0, np.where(rate > 0, 1.0, np.sign(torque)))
+    return sign
 
 
 def _constants(fit: Fit, samples: int) -> ServoModel:

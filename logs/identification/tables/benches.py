@@ -10,7 +10,7 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.chapter import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.torque_speed import identify_torque_speed
+from logs.identification.drive.torque_speed import identify_torque_speed, turning
 from logs.identification.drive.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array, FitSeries, Fitted
@@ -124,17 +124,17 @@ def _line(one: Experiment, bench: _Bench, model: ServoModel, volts: float, held_
     values = {found.name: found.value for found in model.estimates}
     told = np.full(len(bench.torque), np.nan)
     if values:
-        turning = np.where(bench.speed < 0, -1.0, np.where(bench.speed > 0, 1.0, np.sign(bench.torque)))
         bound = values["stall_torque"] * bench.voltage / volts - values["torque_speed_slope"] * np.abs(bench.speed)
-        told = np.asarray(turning * bound, dtype=np.float64)
+        told = np.asarray(turning(bench.torque, bench.speed) * bound, dtype=np.float64)
     return FitSeries(one.name, "torque", "N m", one.time, bench.torque, told, held_out)
 
 
 def _bounding(bench: _Bench, model: ServoModel, volts: float) -> Chapter:
     """Torque at the nominal voltage over the speed."""
     values = {found.name: found.value for found in model.estimates}
-    turning = np.where(bench.speed < 0, -1.0, np.where(bench.speed > 0, 1.0, np.sign(bench.torque)))
-    nominal = bench.torque * turning + values["stall_torque"] * (1.0 - bench.voltage / volts)
+    nominal = bench.torque * turning(bench.torque, bench.speed) + values["stall_torque"] * (
+        1.0 - bench.voltage / volts
+    )
     across = np.array([0.0, values["no_load_speed"]])
     lines = (
         Series("measured, for the nominal voltage", np.abs(bench.speed), nominal, MEASURED, POINTS),
