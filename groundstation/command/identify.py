@@ -77,7 +77,10 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = "an MCAP log, or several of one aircraft for their modes; with --map one table or several"
+FILES = (
+    "an MCAP log, or several of one aircraft for their modes (without --report and --model);"
+    " with --map one table or several"
+)
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -99,9 +102,7 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
     )
-    parser.add_argument(
-        "--map-example", action="store_true", help=f"print a map to begin with, of {', '.join(TABLE_SUBJECTS[:-1])}"
-    )
+    parser.add_argument("--map-example", action="store_true", help=f"print a map to begin with, of {', '.join(MAPS)}")
     parser.add_argument(
         "--vehicle",
         metavar="V|PATH",
