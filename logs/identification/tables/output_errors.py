@@ -16,7 +16,7 @@ from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
-from logs.identification.results import Estimate, FitSeries, Fitted
+from logs.identification.results import Array, Estimate, FitSeries, Fitted
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import DELAY, OutputError
@@ -34,6 +34,8 @@ LEAST_RUN = 16
 """-; samples on end with every input"""
 LONGEST_DELAY = 1.0
 """s"""
+JUMP, STILL = 0.2, 0.03
+"""-; of an input's range: what it changes by from one sample to the next, and beside that, where it was held"""
 
 
 class Driven(NamedTuple):
@@ -67,7 +69,7 @@ def output_error_fit(
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
-        fit.unidentified, correlation, series, (*fitted.notes, *held.notes),
+        fit.unidentified, correlation, series, (*fitted.notes, *held.notes, *_jumping(asked, found.fitted)),
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
@@ -75,6 +77,34 @@ def output_error_fit(
         subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model
     )
     return table, fit, chosen
+
+
+def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
+    """What is said of inputs that jump between samples, while no delay is given: they are flown as lines.
+
+    A command that is held from its sample on acts half a sample later than the line to the next one.
+    """
+    names = [
+        name for name in asked.inputs if any(name in one.signals and jumps(one.signals[name]) for one in experiments)
+    ]
+    if asked.delay.fixed != 0.0 or not names:
+        return ()
+    half, one = experiments[0].step / 2.0, len(names) == 1
+    flown = "and was flown as a line" if one else "and were flown as lines"
+    return (
+        f"{', '.join(names)} {'jumps' if one else 'jump'} from one sample to the next, {flown} between them;"
+        f' if held, give delay = {half:.3g} (s, half a sample) or "free"',
+    )
+
+
+def jumps(values: Array) -> bool:
+    """Whether an input (N,) changes between two samples and rests beside, as one that is held and not moved does."""
+    known = values[np.isfinite(values)]
+    if len(known) < LEAST_RUN or not np.ptp(known) > 0:
+        return False
+    changes = np.abs(np.diff(known)) / float(np.ptp(known))
+    places = np.flatnonzero(changes[1:-1] > JUMP) + 1
+    return len(places) > 0 and bool(np.all(changes[places - 1] < STILL) and np.all(changes[places + 1] < STILL))
 
 
 def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | None) -> Driven:

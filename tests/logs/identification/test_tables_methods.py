@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_tables_identified import BASE, TRUTH, flight, write
+from scipy.signal import cont2discrete
+from test_tables_identified import BASE, TRUTH, flight, identified, write
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
+from logs.identification.tables.output_errors import jumps
 
 
 def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
@@ -114,3 +116,38 @@ def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -
             identify.run(moments(tmp_path, ORTHOGONAL + line + "\n"))
     with pytest.raises(BadInput, match=r"method = 'orthogonl' is not known; known: least squares, orthogonal"):
         identify.run(moments(tmp_path, ORTHOGONAL.replace('"orthogonal"', '"orthogonl"')))
+
+
+def held_flight() -> dict[str, np.ndarray]:
+    """The flight of an elevator that is held from each sample to the next, exact."""
+    columns = flight()
+    a = np.array([[TRUTH["Z_alpha"], 1.0], [TRUTH["M_alpha"], TRUTH["M_q"]]])
+    b = np.array([[TRUTH["Z_delta"]], [TRUTH["M_delta"]]])
+    f, g, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), float(columns["t"][1] - columns["t"][0]))
+    delta = columns["delta_e"] + 0.02
+    states = np.zeros((len(delta), 2))
+    for k in range(len(delta) - 1):
+        states[k + 1] = f @ states[k] + g[:, 0] * delta[k]
+    # the force answers the elevator as it was until the sample
+    force = TRUTH["Z_alpha"] * states[:, 0] + TRUTH["Z_delta"] * np.concatenate(([0.0], delta[:-1]))
+    noise = np.random.default_rng(3).normal(size=(len(delta), 3)) * [2e-4, 3e-4, 1e-2]
+    alpha, q, a_z = np.column_stack((states[:, 0] + 0.05, states[:, 1], 100.0 * force - 9.80665)).T + noise.T
+    return {**columns, "alpha": alpha, "q": q, "a_z": a_z}
+
+
+def test_an_input_that_was_held_is_told_with_the_delay_that_mends_it(tmp_path: Path) -> None:
+    """GIVEN samples 40 ms apart THEN a line between them puts M_q off by per cents, half a sample later by less."""
+    plain, late = (identified(tmp_path, held_flight(), BASE + more).fits[0].fitted for more in ("", "delay = 0.02\n"))
+    (said,) = [note for note in plain.notes if "jumps" in note]
+    assert said.startswith("delta_e jumps from one sample to the next") and "delay = 0.02 (s" in said
+    assert not [note for note in late.notes if "jumps" in note]
+    off = [abs({e.name: e.value for e in one.estimates}["M_q"] / TRUTH["M_q"] - 1.0) for one in (plain, late)]
+    assert off[0] > 0.01
+    assert off[1] < off[0] / 3.0
+
+
+def test_a_moved_control_does_not_jump() -> None:
+    time = np.arange(0.0, 10.0, 0.04)
+    smooth = np.sin(2.0 * time)
+    assert not jumps(smooth) and not jumps(np.zeros(100)) and not jumps(np.random.default_rng(1).normal(size=200))
+    assert jumps(np.sign(np.sin(2.0 * time + 0.1)))
