@@ -40,6 +40,7 @@ SECOND_ORDER_PASSES = 2
 MODULATED_STEPS = 2
 """-; of Gauss-Newton with the stroke's modulation, from the optimum without it"""
 LAG_STROKES = 2.0
+LOST = "output error did not converge"
 WORST_CONDITION = 1e5
 
 
@@ -84,7 +85,7 @@ def _fitted(problem: Problem, start: Array) -> DerivativeFit:
         if advanced is None:
             break
         values, deviation = advanced
-    return failed(problem.names, "output error did not converge")
+    return failed(problem.names, LOST)
 
 
 def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
@@ -161,7 +162,7 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
     for _ in range(MODULATED_STEPS):
         late = _with_delay(problem, values, deviation)
         if not all(np.all(np.isfinite(s)) for s in (*late.residuals, *late.sensitivities)):
-            return failed(problem.names, "output error did not converge")
+            return failed(problem.names, LOST)
         wide = _without_modulation(problem, values, deviation, late)
         here = _narrow(wide, len(values))
         step, errors = _gauss_newton(here)
@@ -169,7 +170,7 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
             return failed(problem.names, "the manoeuvres do not determine all derivatives")
         values = values + step
     if np.max(np.abs(step) / errors) > 1.0:
-        return failed(problem.names, "output error did not converge")
+        return failed(problem.names, LOST)
     residuals = [r - s @ step for r, s in zip(here.residuals, here.sensitivities, strict=True)]
     spread = coloured_spread(residuals, here.sensitivities, _reach(problem), here.nuisances)
     return lacking(DerivativeFit(problem.names, values, spread, deviation), _lack(problem, wide, residuals))
