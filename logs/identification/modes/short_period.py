@@ -34,6 +34,7 @@ LEAST_EXPLAINED = 0.85
 below it the frequency comes out too low, outside its interval"""
 GUSTY = "of the pitch rate, the rest is gusts or what the model lacks: fly larger inputs, or in calmer air"
 """how a refusal for gusts ends"""
+ELSEWHERE = "the motion of the fitted model is not the measured one: gusts, or a model that is not the aircraft's"
 UNTOLD = f"{LOST}: nothing tells how much of the motion is gusts or noise, nor takes it out"
 """why no other method that knows of no gusts is believed then: in light turbulence on the multibody aircraft plain
 equation error gave 6.1 rad/s (5.1 to 7.0) and a free response 20.7 (18.9 to 22.5) where 10.6 was true"""
@@ -120,6 +121,8 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     if not second.failure and share >= LEAST_EXPLAINED:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
+        if first.failure:
+            return first, failed(problem.names, ELSEWHERE)
         first, second = with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
     if second.failure == LOST and not first.failure:
         first = failed(first.names, UNTOLD)

@@ -12,12 +12,15 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
-from logs.identification.modes.equation_error import DerivativeFit, equation_error, signals
+from logs.identification.modes import short_period
+from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.filter_error import PHASES, Task, filter_error
+from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gusts import NUISANCES, prior
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.modes.mode import Mode, ModesResult, short_period_of
+from logs.identification.modes.output_error import LOST, flown_regressors
 from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of, with_differences
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.preparing.stretches import stretches
@@ -232,6 +235,32 @@ def test_weak_instruments_are_refused() -> None:
     given, lost = (equation_error(manoeuvres, reference, AIRCRAFT, LONGITUDINAL, z) for z in (strong, weak))
     assert not given.failure
     assert lost.failure
+
+
+def test_a_model_whose_motion_is_not_the_measured_one_gives_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a fit whose own motion has no w THEN neither method is believed."""
+
+    def strange(problem: Problem, fit: DerivativeFit) -> list[Array]:
+        flown = flown_regressors(problem, fit)
+        return [columns * (np.arange(columns.shape[1]) != 1) for columns in flown]
+
+    monkeypatch.setattr(short_period, "flown_regressors", strange)
+    first, second = identify(Flight(seed=1)).modes[:2]
+    assert first.frequency is None and "is not the measured one" in first.unidentified[0].reason
+    assert second.frequency is None
+
+
+def test_where_output_error_is_lost_no_method_that_knows_of_no_gusts_is_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """GIVEN an output error that did not converge THEN only filter error, which has its own start, gives a number."""
+
+    def lost(problem: Problem, start: Array) -> DerivativeFit:
+        return failed(problem.names, LOST)
+
+    monkeypatch.setattr(short_period, "output_error", lost)
+    given = {mode.method for mode in identify(Flight(seed=1)).modes if mode.frequency is not None}
+    assert given == {FILTER_ERROR}
 
 
 def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping() -> None:
