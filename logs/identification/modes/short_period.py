@@ -123,7 +123,7 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
         if first.failure:
             return first, failed(problem.names, ELSEWHERE)
-        first, second = with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
+        first, second = _with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
     if second.failure == LOST and not first.failure:
         first = failed(first.names, UNTOLD)
     if not share >= LEAST_EXPLAINED and not first.failure:
@@ -133,15 +133,15 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     return first, second
 
 
-def with_differences(
+def _with_differences(
     first: DerivativeFit, second: DerivativeFit, manoeuvres: int
 ) -> tuple[DerivativeFit, DerivativeFit]:
     """Both fits, and where they differ by more than their errors allow, each difference among the errors of both.
 
     They weigh the same data differently: where the model is right they find the same but for noise (Hausman,
     Econometrica 46, 1978). Where wings have an inertia that shakes the body they do not, and the frequency was 1 to
-    3 % off the truth in both. A derivative may be anywhere between the two, each alone. Neither value is moved to
-    the middle: what an even spread over the difference d leaves about an end counts, d^2/3, not d^2/12.
+    3 % off the truth in both. A derivative may be anywhere between the two, each alone;
+    the variance is that about the middle (about either end it would be d^2/3).
     """
     if first.failure or manoeuvres < LEAST_CLUSTERS:
         return first, second
@@ -151,7 +151,7 @@ def with_differences(
     least = student_factor(manoeuvres - 1.0, 1 - (1 - SURE) / count) * np.hypot(*errors)
     if not np.any(np.abs(differences) > least):
         return first, second
-    apart = np.append(differences, np.zeros(len(second.names) - count)) ** 2 / 3
+    apart = np.append(differences, np.zeros(len(second.names) - count)) ** 2 / 12
     both = [np.diag(apart[: len(fit.names)]) for fit in (first, second)]
     wider = [fit._replace(spread=fit.spread.plus(more)) for fit, more in zip((first, second), both, strict=True)]
     return wider[0], wider[1]

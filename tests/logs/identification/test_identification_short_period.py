@@ -14,14 +14,13 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes import short_period
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
-from logs.identification.modes.errors import Spread
 from logs.identification.modes.filter_error import PHASES, Task, filter_error
 from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gusts import NUISANCES, prior
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.modes.mode import Mode, ModesResult, short_period_of
 from logs.identification.modes.output_error import LOST, flown_regressors
-from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of, with_differences
+from logs.identification.modes.short_period import FILTER_ERROR, identify_modes, mode_of
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
@@ -206,19 +205,6 @@ def test_filter_error_in_gusts(gust: float, modulation: float) -> None:
     assert len(pairs) >= 0.95 * len(modes)
     assert abs(medians[0]) < 0.1 and off < 0.1
     assert all(count >= 0.85 * len(pairs) for count in held)
-
-
-def test_where_two_methods_differ_either_may_be_a_whole_difference_off() -> None:
-    """GIVEN a truth anywhere between two sure values THEN the standard error is what it misses either by, d/3^0.5."""
-    rng, names = np.random.default_rng(1), ("M_w", "M_q")
-    ends = (np.array([-9.0, -7.0]), np.array([-10.0, -7.0]))
-    sure = Spread(np.diag([1e-8, 1e-8]), 50.0)
-    fits = [DerivativeFit(names, end, sure, np.zeros(1)) for end in ends]
-    for fit in with_differences(*fits, 6):
-        errors = fit.spread.standard_errors()[0]
-        missed = rng.uniform(-10.0, -9.0, 20_000) - fit.values[0]
-        assert errors[0] == pytest.approx(np.sqrt(np.mean(missed**2)), rel=0.02)
-        assert errors[1] == pytest.approx(1e-4)
 
 
 def test_weak_instruments_are_refused() -> None:
