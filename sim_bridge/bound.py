@@ -7,6 +7,7 @@ given to kernels by its address.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -88,6 +89,46 @@ def _loaded(builder: ir.IRBuilder, place: Any, kind: ir.Type) -> Any:
     for i, member in enumerate(members):
         whole = builder.insert_value(whole, _loaded(builder, cgutils.gep_inbounds(builder, place, 0, i), member), i)
     return whole
+
+
+@intrinsic
+def _call(typing: Any, function: types.Type, parameters: types.Type, values: types.Type, number: types.Type) -> Any:
+    def write(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        place = cgutils.alloca_once(builder, context.get_value_type(values))
+        builder.store(arguments[2], place)
+        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer, ir.DoubleType()])
+        called = builder.inttoptr(arguments[0], kind.as_pointer())
+        builder.call(called, [builder.inttoptr(arguments[1], pointer), builder.bitcast(place, pointer), arguments[3]])
+        return context.get_dummy_value()
+
+    return types.void(function, parameters, values, types.float64), write
+
+
+call_far: Callable[[int, int, Any, float], None] = cast(Any, _call)
+"""In a kernel: call the `far_kernel` at an address, with a `Bound`'s address, a tuple and a number."""
+
+FAR = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double)
+"""what a `far_kernel` is to Python"""
+
+
+def far_kernel(function: Callable[[Any, Any, float], None], parameters: Bound, values: Bound) -> int:
+    """Address of ``function`` compiled on its own, for `call_far`: who calls it neither compiles nor contains it.
+
+    Its arguments are two `Bound`, of tuples of the same types as ``parameters`` and ``values``, and a number.
+    """
+    kinds = parameters._numba_type_, values._numba_type_
+    if (function, kinds) not in _far:
+        options: dict[str, Any] = {
+            "_nrt": False,
+            "error_model": "numpy",
+            "fastmath": {"contract", "arcp", "nsz", "reassoc", "afn"},
+        }
+        _far[function, kinds] = numba.cfunc(types.void(*kinds, types.float64), cache=True, **options)(function)
+    return int(_far[function, kinds].address)
+
+
+_far: dict[Any, Any] = {}
 
 
 @intrinsic

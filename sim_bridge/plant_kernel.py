@@ -534,6 +534,7 @@ def advance_memory(y: Floats, h: float, around: Surroundings, bound: Bound) -> N
     """Move what of the aerodynamic model's state has a clock of its own, at the end ``y`` of a step of ``h`` s."""
     p, s = bound_values(bound)
     set_motion(y, around, p, s)
+    wing_places(s.tree, p.wings, s.wings)
     memory = y[aero_start(p.joints.kind.shape[0]) :]
     models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
 

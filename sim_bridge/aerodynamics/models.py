@@ -16,14 +16,18 @@ from sim_bridge.aerodynamics.protocol import MODELS, AerodynamicModel, Motion, S
 from sim_bridge.aerodynamics.quasi_steady import QuasiSteadyParameters
 from sim_bridge.aerodynamics.regression import RegressionParameters
 from sim_bridge.aerodynamics.strip_theory import StripParameters
+from sim_bridge.aerodynamics.vortex_lattice import coupled as vortex_lattice
+from sim_bridge.aerodynamics.vortex_lattice.coupled import FarLattice, far_lattice
+from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
+from sim_bridge.bound import call_far
 from sim_bridge.vectors import Floats, kernel
 
 __all__ = ["MODELS", "Air", "advance", "air_of", "find_model", "loads"]
 
-for _model in (strip_theory.MODEL, quasi_steady.MODEL, blade_element.MODEL, regression.MODEL, derivatives.MODEL):
-    MODELS[_model.name] = _model
+for _module in (strip_theory, quasi_steady, blade_element, regression, derivatives, vortex_lattice):
+    MODELS[_module.MODEL.name] = _module.MODEL
 
-STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION, DERIVATIVES = range(len(MODELS))
+STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION, DERIVATIVES, VORTEX_LATTICE = range(len(MODELS))
 
 
 class Air(NamedTuple):
@@ -36,6 +40,7 @@ class Air(NamedTuple):
     blade_element: BladeParameters
     regression: RegressionParameters
     derivatives: DerivativesParameters
+    vortex_lattice: FarLattice
 
 
 def find_model(name: str) -> AerodynamicModel:
@@ -51,11 +56,15 @@ def find_model(name: str) -> AerodynamicModel:
 
 def air_of(model: AerodynamicModel, parameters: Any) -> Air:
     """What the compiled `loads` takes for ``parameters`` that the ``model`` has built."""
-    blanks = {other.name: _blank(other.parameters) for other in MODELS.values()}
-    return Air(list(MODELS).index(model.name), **(blanks | {model.name: parameters}))
+    kinds = get_type_hints(Air)
+    blanks = {name: _blank(kinds[name]) for name in MODELS}
+    told = far_lattice(parameters) if isinstance(parameters, VortexLatticeParameters) else parameters
+    return Air(list(MODELS).index(model.name), **(blanks | {model.name: told}))
 
 
 def _blank(kind: type[Any]) -> Any:
+    if hasattr(kind, "blank"):
+        return kind.blank()
     if not hasattr(kind, "_fields"):
         return kind()
     return kind(*(_blank(hint) for hint in get_type_hints(kind).values()))
@@ -74,6 +83,9 @@ def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Float
         regression.loads(air.regression, strips, motion, density, state, out)
     elif air.which == DERIVATIVES:
         derivatives.loads(air.derivatives, strips, motion, density, state, out)
+    elif air.which == VORTEX_LATTICE:
+        far = air.vortex_lattice
+        call_far(far.loads, far.parameters, (strips, motion, state, out), density)
 
 
 @kernel
@@ -89,3 +101,6 @@ def advance(air: Air, strips: Strips, motion: Motion, density: float, state: Flo
         regression.advance(air.regression, strips, motion, density, state, dt)
     elif air.which == DERIVATIVES:
         derivatives.advance(air.derivatives, strips, motion, density, state, dt)
+    elif air.which == VORTEX_LATTICE:
+        far = air.vortex_lattice
+        call_far(far.advance, far.parameters, (strips, motion, state), dt)

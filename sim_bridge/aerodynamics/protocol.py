@@ -142,9 +142,9 @@ class AerodynamicModel(NamedTuple):
     loads: Callable[..., None]
     advance: Callable[..., None]
     needs_places: bool = False
-    """the model asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
+    """``loads`` asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
     advances: bool = False
-    """there is something for ``advance`` to move: the plant evaluates the motion once more a step"""
+    """there is something for ``advance`` to move: the plant evaluates the motion once more a step, places too"""
     with_fuselage: bool = False
     """the loads have the fuselage's drag in them: the plant adds none"""
     with_tail: bool = False

@@ -51,6 +51,7 @@ CASES = [
     *(Case(name, {}) for name in MODELS),
     Case("strip_theory", {"wake_lag": 1.0}),
     Case("strip_theory", {"dynamic_stall": "fixed"}),
+    Case("vortex_lattice", {"free_wake": True, "rate": 1000.0}),
 ]
 
 

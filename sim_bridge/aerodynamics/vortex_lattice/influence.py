@@ -23,7 +23,9 @@ FILAMENT = 8
 """rows of a table of filaments: start (3) m, end (3) m, strength over 4 pi in m^2/s, (core length)^2 in m^4"""
 OVER_4_PI = 0.25 / math.pi
 LEAST = 1e-60
-"""m^6; keeps a filament of no length from dividing by 0"""
+"""m^6; keeps a filament at whose end the point lies from dividing by 0"""
+IN_LINE = 1e-24
+"""-; square of the angle in rad between both ends below which a filament is none: rounding leaves 1e-16"""
 
 
 def reflections(symmetric: bool, ground: float | None) -> Floats:
@@ -68,7 +70,7 @@ def _sum(table: Floats, count: int, x: float, y: float, z: float) -> tuple[float
         cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         a, b = math.sqrt(ax * ax + ay * ay + az * az), math.sqrt(bx * bx + by * by + bz * bz)
         both = a * b
-        around = both * (cx * cx + cy * cy + cz * cz + table[7, k]) + LEAST
+        around = both * (cx * cx + cy * cy + cz * cz + table[7, k] + IN_LINE * both * both) + LEAST
         share = table[6, k] * (a + b) * (both - (ax * bx + ay * by + az * bz)) / around
         u += share * cx
         v += share * cy
@@ -109,6 +111,6 @@ def row_influence(a: Floats, b: Floats, core: float, p: Floats, n: Floats, out: 
         cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         one, other = math.sqrt(ax * ax + ay * ay + az * az), math.sqrt(bx * bx + by * by + bz * bz)
         both, inside = one * other, core * core * (lx * lx + ly * ly + lz * lz)
-        around = both * (cx * cx + cy * cy + cz * cz + inside) + LEAST
+        around = both * (cx * cx + cy * cy + cz * cz + inside + IN_LINE * both * both) + LEAST
         share = OVER_4_PI * (one + other) * (both - (ax * bx + ay * by + az * bz)) / around
         out[k] += share * (n0 * cx + n1 * cy + n2 * cz)

@@ -92,7 +92,7 @@ def set_influence(
         for image in range(images.shape[0]):
             _image(images[image], panels, k, work[0, 0], work[0, 1])
             for s in range(layout.rows.shape[0]):
-                _surface_influence(layout, s, panels.rings, cores[s], work, matrix[k])
+                _surface_influence(layout, s, panels.rings, cores[s], work, matrix[k], True)
 
 
 @kernel
@@ -107,8 +107,13 @@ def _image(r: Floats, panels: Panels, k: int, point: Floats, normal: Floats) -> 
 
 
 @kernel
-def _surface_influence(layout: Layout, s: int, rings: Floats, core: float, work: Floats, row: Floats) -> None:
-    """Add one surface's rings to a ``row`` of the matrix, leg by leg: each is shared by two rings."""
+def _surface_influence(
+    layout: Layout, s: int, rings: Floats, core: float, work: Floats, row: Floats, whole: bool
+) -> None:
+    """Add one surface's rings to a ``row`` of the matrix, leg by leg: each is shared by two rings.
+
+    Without its legs across where it is not the ``whole`` that is asked for.
+    """
     columns, rows = layout.columns[s], layout.rows[s]
     width, point, normal = columns + 1, work[0, 0], work[0, 1]
     first, panel = layout.first_node[s], layout.first_panel[s]
@@ -116,7 +121,8 @@ def _surface_influence(layout: Layout, s: int, rings: Floats, core: float, work:
         at = first + i * width
         across = work[1, 0, :columns]
         across[:] = 0.0
-        row_influence(rings[:, at : at + columns], rings[:, at + 1 : at + width], core, point, normal, across)
+        if whole:
+            row_influence(rings[:, at : at + columns], rings[:, at + 1 : at + width], core, point, normal, across)
         for j in range(columns):
             if i < rows:
                 row[panel + i * columns + j] += across[j]
@@ -129,6 +135,19 @@ def _surface_influence(layout: Layout, s: int, rings: Floats, core: float, work:
             row_influence(rings[:, at:end], rings[:, end : end + width], core, point, normal, along)
             for j in range(columns):
                 row[panel + i * columns + j] += along[j + 1] - along[j]
+
+
+@kernel
+def set_downwash(layout: Layout, own: int, rings: Floats, cores: Floats, work: Floats, row: Floats) -> None:
+    """Fill a ``row`` of normal velocities by each ring of unit strength at a point on the surface ``own``.
+
+    Without the legs across of the surface itself, which act on each other alone. ``work`` as in `set_influence`, the
+    point in ``work[0, 0, :3]``, the normal in ``work[0, 1, :3]``.
+    """
+    for n in range(row.shape[0]):
+        row[n] = 0.0
+    for s in range(layout.rows.shape[0]):
+        _surface_influence(layout, s, rings, cores[s], work, row, s != own)
 
 
 @kernel

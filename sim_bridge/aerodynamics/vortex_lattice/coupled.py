@@ -1,0 +1,260 @@
+"""The lattice as a model of the table: any vehicle flies with it, wings, tail and wake in one flow.
+
+It has a rate of its own below the integrator's. ``advance`` keeps account of how the body moves through the air and,
+a lattice step having passed, carries the wake, sheds a row and computes the influences of the lattice's new shape.
+``loads`` lets the strengths follow the motion of every stage by these (`response`), and tells
+
+* *circulatory* and *suction*: along the normal and forward along the chord what the legs across bear by Joukowski, in
+  the air that their motion, the wake and the other strips let meet them;
+* the air's apparent mass, which the mechanism solves for with the accelerations. What else the strengths' rates do,
+  the wake's share above all, is a difference of two lattice steps, held to the next: light wings stay stable, because
+  nothing in it answers to their acceleration at once;
+* *separated* and *friction*: those of the strip theory, with its limits for the stall, by the share of
+  ``correction``; the section's angle of attack is that which would give its circulation in two dimensions;
+* *tail*: tailplane and fin in the wings' wake, on the body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    INERTIA,
+    MASS,
+    NOSE_UP,
+    UPWARD,
+    AerodynamicModel,
+    Motion,
+    SectionLoads,
+    Strips,
+    blank_loads,
+    blank_motion,
+)
+from sim_bridge.aerodynamics.strip_theory import (
+    KINEMATIC_VISCOSITY,
+    SLOWEST,
+    SectionMotion,
+    friction_coefficient,
+    stalled_share,
+)
+from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of
+from sim_bridge.aerodynamics.vortex_lattice.response import set_strengths
+from sim_bridge.aerodynamics.vortex_lattice.settings import (
+    VortexLattice,
+    VortexLatticeParameters,
+    parameters_of,
+)
+from sim_bridge.aerodynamics.vortex_lattice.shedding import lattice_step, move_pose, set_level, start
+from sim_bridge.aerodynamics.vortex_lattice.tail import load_tail
+from sim_bridge.bound import FAR, Bound, bound_values, far_kernel
+from sim_bridge.vectors import Floats, kernel
+
+PARTS = ("circulatory", "suction", "separated", "friction", "tail")
+STARTS = -1.0
+"""s; the time step that begins a memory"""
+CIRCULATORY, SUCTION, SEPARATED, FRICTION, TAIL = range(len(PARTS))
+_built: dict[tuple[VortexLattice, bytes], VortexLatticeParameters] = {}
+_bound: dict[int, tuple[VortexLatticeParameters, Bound]] = {}
+
+
+class FarLattice(NamedTuple):
+    """The lattice as the plant's kernel has it: addresses, so that it is compiled for those alone who fly with it."""
+
+    loads: int
+    advance: int
+    parameters: int
+
+    @staticmethod
+    def blank() -> FarLattice:
+        """What stands in the place of a lattice that is not flown."""
+        return FarLattice(0, 0, 0)
+
+
+def far_lattice(parameters: VortexLatticeParameters) -> FarLattice:
+    """The compiled lattice of ``parameters``, which are kept."""
+    bound, some = bound_parameters(parameters), np.zeros(2 * parameters.half)
+    strips, state = Strips(some, some, some, some, some), np.zeros(parameters.memory.size)
+    values = strips, blank_motion(strips, 2), state
+    out = blank_loads(len(PARTS), strips, parameters.memory.size)
+    return FarLattice(
+        far_kernel(_loads_far, bound, Bound((*values, out))),
+        far_kernel(_advance_far, bound, Bound(values)),
+        bound.address,
+    )
+
+
+def bound_parameters(parameters: VortexLatticeParameters) -> Bound:
+    """The parameters with an address, kept with them."""
+    if id(parameters) not in _bound:
+        _bound[id(parameters)] = parameters, Bound((parameters,))
+    return _bound[id(parameters)][1]
+
+
+def _loads_far(parameters: Bound, values: Bound, density: float) -> None:
+    (p,), (strips, motion, state, out) = bound_values(parameters), bound_values(values)
+    loads(p, strips, motion, density, state, out)
+
+
+def _advance_far(parameters: Bound, values: Bound, dt: float) -> None:
+    (p,), (strips, motion, state) = bound_values(parameters), bound_values(values)
+    advance(p, strips, motion, 0.0, state, dt)
+
+
+def build(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
+    """The model's parameters for the wings of a vehicle; the same for the same wings, their room with them.
+
+    Raises:
+        BadInput: see `parameters_of`.
+    """
+    key = settings, b"".join(column.tobytes() for column in strips)
+    if key not in _built:
+        _built[key] = parameters_of(settings, strips)
+    return _built[key]
+
+
+def initial(parameters: VortexLatticeParameters, strips: Strips) -> Floats:
+    """The memory of flat wings in still air: the response of a lattice whose wake is straight, of no strength."""
+    p, state = parameters, np.zeros(parameters.memory.size)
+    motion = blank_motion(strips, 2)
+    set_level(strips, motion)
+    bound, values = bound_parameters(p), Bound((strips, motion, state))
+    FAR(far_kernel(_advance_far, bound, values))(bound.address, values.address, STARTS)
+    return state
+
+
+@kernel
+def loads(
+    parameters: VortexLatticeParameters,
+    strips: Strips,
+    motion: Motion,
+    density: float,
+    state: Floats,
+    out: SectionLoads,
+) -> None:
+    """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
+    p, found = parameters, parameters.room.found
+    set_strengths(p, strips, motion, state, found)
+    for column in range(2 * p.half):
+        _load_strip(p, strips, motion, column, density, state, out)
+    load_tail(p, motion, density, state, found, out.body[TAIL])
+
+
+@kernel
+def induced_on_strip(p: VortexLatticeParameters, column: int, state: Floats, strengths: Floats) -> float:
+    """m/s; along the normal at a strip's quarter chord by the wake and all legs but those across of its surface."""
+    n, m = p.panel_at.shape[0], p.memory
+    total, row = state[m.strip_wake + column], m.downwash + column * n
+    for k in range(n):
+        total += state[row + k] * strengths[k]
+    return float(total)
+
+
+@kernel
+def _load_strip(
+    p: VortexLatticeParameters,
+    strips: Strips,
+    motion: Motion,
+    column: int,
+    density: float,
+    state: Floats,
+    out: SectionLoads,
+) -> None:
+    s, columns, found = strip_of(column, p.half), 2 * p.half, p.room.found
+    chord, width, along, turn = strips.chord[s], strips.width[s], motion.along[s], motion.pitch_rate[s]
+    wash, before = induced_on_strip(p, column, state, found), 0.0
+    upward = forward = nose_up = 0.0
+    for row in range(p.rows):
+        strength = found[row * columns + column]
+        ahead = (0.5 - (row + 0.25) / p.rows) * chord
+        push = density * width * (strength - before)
+        upward += push * along
+        forward += push * (motion.down[s] - ahead * turn + wash)
+        nose_up += ahead * push * along
+        before = strength
+    stalled = p.correction * stall_of(p, chord, motion, s, before)
+    _fill(p, s, (upward, forward, nose_up), stalled, out)
+    _separate(p, strips, motion, s, density, stalled, out)
+    residual = (1.0 - stalled) * density
+    out.parts[CIRCULATORY, UPWARD, s] += residual * state[p.memory.residual + column]
+    out.parts[CIRCULATORY, NOSE_UP, s] += residual * state[p.memory.residual + p.trailing.shape[0] + column]
+    apparent = density * apparent_area(p, chord) * width * (1.0 - 0.5 * stalled)
+    out.apparent[MASS, s] = apparent
+    out.apparent[INERTIA, s] = apparent * chord * chord / 32.0
+
+
+@kernel
+def apparent_area(p: VortexLatticeParameters, chord: float) -> float:
+    """m^2; the apparent mass of a section a unit span over the density, of wings of a finite span."""
+    return 0.25 * math.pi * chord * chord * p.thickness
+
+
+@kernel
+def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int, circulation: float) -> float:
+    """Share 0 to 1 of a section that is stalled, by its ``circulation`` in m^2/s and the strip theory's limits."""
+    along, turn = motion.along[s], motion.pitch_rate[s]
+    section = SectionMotion(along, motion.plunge[s], motion.down[s], turn, chord)
+    across = circulation / (math.pi * chord) - 0.75 * chord * turn
+    return stalled_share(across, section, max(abs(along), SLOWEST), p.strip)
+
+
+@kernel
+def _fill(
+    p: VortexLatticeParameters, s: int, attached: tuple[float, float, float], stalled: float, out: SectionLoads
+) -> None:
+    upward, forward, nose_up = attached
+    efficiency = 1.0 - p.correction * (1.0 - p.strip.suction_efficiency)
+    out.parts[CIRCULATORY, UPWARD, s] = (1.0 - stalled) * upward
+    out.parts[CIRCULATORY, NOSE_UP, s] = (1.0 - stalled) * nose_up
+    out.parts[SUCTION, FORWARD, s] = (1.0 - stalled) * efficiency * forward
+
+
+@kernel
+def _separate(
+    p: VortexLatticeParameters,
+    strips: Strips,
+    motion: Motion,
+    s: int,
+    density: float,
+    stalled: float,
+    out: SectionLoads,
+) -> None:
+    """The loads that an ideal flow has not, as `strip_theory.section_loads` has them."""
+    along, down, chord = motion.along[s], motion.down[s], strips.chord[s]
+    pressure = 0.5 * density * chord * strips.width[s]
+    skin = friction_coefficient(max(abs(along), SLOWEST) * chord / KINEMATIC_VISCOSITY)
+    out.parts[SEPARATED, UPWARD, s] = stalled * 1.98 * pressure * math.sqrt(along * along + down * down) * down
+    out.parts[FRICTION, FORWARD, s] = -p.correction * (1.0 - stalled) * pressure * skin * along * abs(along)
+
+
+@kernel
+def advance(
+    parameters: VortexLatticeParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
+) -> None:
+    """Keep account of the body's way and take a lattice step where one is due; with a ``dt`` below 0 begin."""
+    p, m = parameters, parameters.memory
+    if dt < 0.0:
+        start(p, strips, motion, state)
+        return
+    move_pose(motion.body, state[m.pose : m.pose + 7], dt)
+    state[m.clock] += dt
+    if state[m.clock] > p.dt - 0.5 * dt:
+        lattice_step(p, strips, motion, state)
+
+
+MODEL = AerodynamicModel(
+    name="vortex_lattice",
+    title="Unsteady vortex lattice of wings and tail with a wake shed in time (Katz and Plotkin 2001)",
+    settings=VortexLattice,
+    parameters=VortexLatticeParameters,
+    parts=PARTS,
+    build=build,
+    initial=initial,
+    loads=loads,
+    advance=advance,
+    advances=True,
+    with_tail=True,
+)

@@ -1,0 +1,133 @@
+"""What the coupled lattice keeps between its steps: how its strengths answer the motion, what its wake induces.
+
+At a step the rings' places are those of the instant. Between two steps they move on with the body, their influence on
+one another unchanged, and each strength follows the motion of the moment: strengths = response (flow + by wake).
+The newest row of the wake has the strength of the trailing edge at any moment, so that circulation that a step brings
+on is not bound alone; the older rows have what they had when they were shed.
+"""
+
+from __future__ import annotations
+
+from sim_bridge.aerodynamics.protocol import Motion, Strips
+from sim_bridge.aerodynamics.vortex_lattice.influence import induced
+from sim_bridge.aerodynamics.vortex_lattice.panels import (
+    Panels,
+    factorize,
+    set_downwash,
+    set_influence,
+    set_panels,
+    substitute,
+)
+from sim_bridge.aerodynamics.vortex_lattice.placing import set_flow, set_nodes, set_strips
+from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
+from sim_bridge.vectors import Floats, kernel
+
+
+@kernel
+def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
+    """Fill ``edges`` (3, E) with the trailing edges of ``nodes`` (3, nodes)."""
+    layout = p.layout
+    for s in range(layout.rows.shape[0]):
+        last = layout.first_node[s] + layout.rows[s] * (layout.columns[s] + 1)
+        for j in range(layout.columns[s] + 1):
+            for c in range(3):
+                edges[c, layout.first_edge[s] + j] = nodes[c, last + j]
+
+
+@kernel
+def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
+    """Put the lattice of the instant into the room, but for the wake's row."""
+    room = p.room
+    set_nodes(p, strips, motion, room.nodes)
+    set_panels(p.layout, room.nodes, room.panels)
+    set_strips(p, strips, motion)
+    set_edges(p, room.nodes, room.edges)
+
+
+@kernel
+def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
+    """Put the rings into the room, the last row between the trailing edges and ``ends`` (3, E)."""
+    nodes, out = p.room.nodes, p.room.rings
+    for s in range(p.layout.rows.shape[0]):
+        rows, width = p.layout.rows[s], p.layout.columns[s] + 1
+        first, to, edge = p.layout.first_node[s], p.wider.first_node[s], p.layout.first_edge[s]
+        for c in range(3):
+            for j in range(width):
+                for i in range(rows):
+                    here, there = nodes[c, first + i * width + j], nodes[c, first + (i + 1) * width + j]
+                    out[c, to + i * width + j] = 0.75 * here + 0.25 * there
+                out[c, to + rows * width + j] = nodes[c, first + rows * width + j]
+                out[c, to + (rows + 1) * width + j] = ends[c, edge + j]
+
+
+@kernel
+def respond(p: VortexLatticeParameters, state: Floats) -> None:
+    """Put response and downwash of the rings in the room into ``state``."""
+    room, m, n = p.room, p.memory, p.panel_at.shape[0]
+    wide = Panels(room.rings, room.panels.collocation, room.panels.normal, room.panels.area)
+    set_influence(p.wider, wide, p.images, room.cores, room.scratch, room.full)
+    for k in range(n):
+        _fold(p, room.full[k], room.matrix[k])
+    solvable = factorize(room.matrix, room.pivots)
+    for k in range(n):
+        for i in range(n):
+            room.unit[i] = -1.0 if i == k else 0.0
+        if solvable:
+            substitute(room.matrix, room.pivots, room.unit)
+        for i in range(n):
+            state[m.response + i * n + k] = room.unit[i]
+    for s in range(room.points.shape[1]):
+        for c in range(3):
+            room.scratch[0, 0, c], room.scratch[0, 1, c] = room.points[c, s], room.normals[c, s]
+        set_downwash(p.wider, _surface(p, s), room.rings, room.cores, room.scratch, room.full[0])
+        _fold(p, room.full[0], state[m.downwash + s * n : m.downwash + (s + 1) * n])
+
+
+@kernel
+def _surface(p: VortexLatticeParameters, strip: int) -> int:
+    if strip >= p.layout.first_strip[FIN]:
+        return FIN
+    return TAILPLANE if strip >= p.layout.first_strip[TAILPLANE] else 0
+
+
+@kernel
+def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
+    """The wake's newest row has the strength of the trailing edge."""
+    for i in range(out.shape[0]):
+        out[i] = wide[p.panel_at[i]]
+    for s in range(p.wake_at.shape[0]):
+        out[p.trailing[s]] += wide[p.wake_at[s]]
+
+
+@kernel
+def feel_wake(p: VortexLatticeParameters, count: int, state: Floats) -> None:
+    """Put what the first ``count`` filaments of the room's table induce on panels and strips into ``state``."""
+    room, m, n = p.room, p.memory, p.panel_at.shape[0]
+    _along(p, count, room.panels.collocation, room.panels.normal, state[m.by_wake : m.by_wake + n])
+    strips = room.points.shape[1]
+    _along(p, count, room.points, room.normals, state[m.strip_wake : m.strip_wake + strips])
+
+
+@kernel
+def _along(p: VortexLatticeParameters, count: int, points: Floats, normals: Floats, out: Floats) -> None:
+    velocity = p.room.velocity
+    for c in range(3):
+        for k in range(out.shape[0]):
+            velocity[c, k] = 0.0
+    induced(p.room.table, count, p.images, points, velocity)
+    for k in range(out.shape[0]):
+        out[k] = velocity[0, k] * normals[0, k] + velocity[1, k] * normals[1, k] + velocity[2, k] * normals[2, k]
+
+
+@kernel
+def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, found: Floats) -> None:
+    """Fill ``found`` (N,) m^2/s for the motion of the moment."""
+    m, n, flow = p.memory, p.panel_at.shape[0], p.room.unit
+    set_flow(p, strips, motion, flow)
+    for k in range(n):
+        flow[k] += state[m.by_wake + k]
+    for i in range(n):
+        total, row = 0.0, m.response + i * n
+        for k in range(n):
+            total += state[row + k] * flow[k]
+        found[i] = total
