@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_bridge.validation import gerdes, grauer, han, malladi, sibilski, slow_hawk, yeo
+from sim_bridge.validation import gerdes, grauer, han, lattice, malladi, sibilski, slow_hawk, yeo
 from sim_bridge.validation.row import Paper
 
 PAPERS: dict[str, Paper] = {
@@ -11,5 +11,6 @@ PAPERS: dict[str, Paper] = {
     "grauer": Paper("Grauer, Ulrich, Hubbard, Pines, Humbert 2011: Slow Hawk", grauer.CHECKS + slow_hawk.CHECKS),
     "malladi": Paper("Malladi, Krashanitsa, Silin, Shkarayev 2007: Arizona 100 cm ornithopter", malladi.CHECKS),
     "han": Paper("Han et al. 2017: insect wings in forward flight", han.CHECKS),
+    "lattice": Paper("Vortex lattice: XFLR5, Wagner, Theodorsen, measured lift", lattice.CHECKS),
     "sibilski": Paper("Sibilski: entomopter", sibilski.CHECKS),
 }

@@ -10,7 +10,7 @@ a lattice step having passed, carries the wake, sheds a row and computes the inf
   the wake's share above all, is a difference of two lattice steps, held to the next: light wings stay stable, because
   nothing in it answers to their acceleration at once;
 * *separated* and *friction*: those of the strip theory, with its limits for the stall, by the share of
-  ``correction``; the section's angle of attack is that which would give its circulation in two dimensions;
+  ``correction``, and with its quasi-steady incidence, for which its limits are told;
 * *tail*: tailplane and fin in the wings' wake, on the body.
 """
 
@@ -175,7 +175,7 @@ def _load_strip(
         forward += push * (motion.down[s] - ahead * turn + wash)
         nose_up += ahead * push * along
         before = strength
-    stalled = p.correction * stall_of(p, chord, motion, s, before)
+    stalled = p.correction * stall_of(p, chord, motion, s)
     _fill(p, s, (upward, forward, nose_up), stalled, out)
     _separate(p, strips, motion, s, density, stalled, out)
     residual = (1.0 - stalled) * density
@@ -193,11 +193,11 @@ def apparent_area(p: VortexLatticeParameters, chord: float) -> float:
 
 
 @kernel
-def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int, circulation: float) -> float:
-    """Share 0 to 1 of a section that is stalled, by its ``circulation`` in m^2/s and the strip theory's limits."""
+def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -> float:
+    """Share 0 to 1 of a section that is stalled, by the strip theory's incidence (quasi-steady) and limits."""
     along, turn = motion.along[s], motion.pitch_rate[s]
     section = SectionMotion(along, motion.plunge[s], motion.down[s], turn, chord)
-    across = circulation / (math.pi * chord) - 0.75 * chord * turn
+    across = p.strip.lift_factor * (motion.down[s] + 0.25 * chord * turn) - 0.75 * chord * turn
     return stalled_share(across, section, max(abs(along), SLOWEST), p.strip)
 
 
