@@ -106,7 +106,7 @@ def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, sta
     wake, first = wake_of(p, state), state[m.clock + STEPPED] == 0.0
     _turn_into_body(p, wake, state[m.pose : m.pose + 7])
     place(p, strips, motion)
-    core = Core(p.bound_core, p.wake_core, 1.46e-5, 1e-4)
+    core = Core(p.bound_core, 1, p.wake_core, 1.46e-5, 1e-4)
     if first:
         _begin(p, motion, wake, dt)
     else:

@@ -223,7 +223,7 @@ def _work(lattice: Lattice, scheme: Scheme, air: Air) -> _Work:
         scratch=np.zeros((5, 3, int(layout.columns.max()) + 3)),
         table=blank_table(wake_filaments(layout, kept) + len(legs.start)),
         wake=blank_wake(layout, kept),
-        core=Core(scheme.bound_core * mean, scheme.wake_core * mean, scheme.viscosity, scheme.squire),
+        core=Core(scheme.bound_core * mean, 0, scheme.wake_core * mean, scheme.viscosity, scheme.squire),
         loads=blank_loads_of(n),
         trailing=trailing_panels(layout),
     )

@@ -37,7 +37,9 @@ class Core(NamedTuple):
     """How thick the wake's vortices are."""
 
     bound: float
-    """m; of the newest row's front legs, which cancel the bound vortices at the trailing edge"""
+    """m; of the front legs of the row ``newest``, which cancel the bound vortices where these end"""
+    newest: int
+    """0 where the bound vortices end at the trailing edge, 1 where the newest row is counted among them"""
     radius: float
     """m; at birth"""
     viscosity: float
@@ -127,7 +129,7 @@ def _across(layout: Layout, wake: Wake, core: Core, dt: float, table: Floats, k:
     for j in range(layout.columns[s]):
         here = wake.strengths[i, strip + j]
         ahead = wake.strengths[i - 1, strip + j] if i > 0 else 0.0
-        square = _core(max(abs(here), abs(ahead)), i * dt, core) if i > 0 else core.bound * core.bound
+        square = _core(max(abs(here), abs(ahead)), i * dt, core) if i > core.newest else core.bound * core.bound
         _set(table, k, wake.nodes[:, i, edge + j], wake.nodes[:, i, edge + j + 1], here - ahead, square)
         k += 1
     return k
