@@ -51,7 +51,7 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import (
 from sim_bridge.aerodynamics.vortex_lattice.shedding import lattice_step, move_pose, set_level, start
 from sim_bridge.aerodynamics.vortex_lattice.tail import load_tail
 from sim_bridge.bound import FAR, Bound, bound_values, far_kernel
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inner, kernel
 
 PARTS = ("circulatory", "suction", "separated", "friction", "tail")
 STARTS = -1.0
@@ -143,7 +143,7 @@ def loads(
     load_tail(p, motion, density, state, found, out.body[TAIL])
 
 
-@kernel
+@inner
 def induced_on_strip(p: VortexLatticeParameters, column: int, state: Floats, strengths: Floats) -> float:
     """m/s; along the normal at a strip's quarter chord by the wake and all legs but those across of its surface."""
     n, m = p.panel_at.shape[0], p.memory
@@ -186,13 +186,13 @@ def _load_strip(
     out.apparent[INERTIA, s] = apparent * chord * chord / 32.0
 
 
-@kernel
+@inner
 def apparent_area(p: VortexLatticeParameters, chord: float) -> float:
     """m^2; the apparent mass of a section a unit span over the density, of wings of a finite span."""
     return 0.25 * math.pi * chord * chord * p.thickness
 
 
-@kernel
+@inner
 def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -> float:
     """Share 0 to 1 of a section that is stalled, by the strip theory's incidence (quasi-steady) and limits."""
     along, turn = motion.along[s], motion.pitch_rate[s]
@@ -201,7 +201,7 @@ def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -
     return stalled_share(across, section, max(abs(along), SLOWEST), p.strip)
 
 
-@kernel
+@inner
 def _fill(
     p: VortexLatticeParameters, s: int, attached: tuple[float, float, float], stalled: float, out: SectionLoads
 ) -> None:
@@ -212,7 +212,7 @@ def _fill(
     out.parts[SUCTION, FORWARD, s] = (1.0 - stalled) * efficiency * forward
 
 
-@kernel
+@inner
 def _separate(
     p: VortexLatticeParameters,
     strips: Strips,

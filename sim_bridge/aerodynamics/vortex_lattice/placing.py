@@ -16,19 +16,19 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import (
     TAILPLANE,
     VortexLatticeParameters,
 )
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inner
 
 TAIL_ROWS, TAIL_COLUMNS = TAIL_SHAPE
 FIN_ROWS, FIN_COLUMNS = FIN_SHAPE
 
 
-@kernel
+@inner
 def strip_of(column: int, half: int) -> int:
     """The protocol's strip in a column from the left tip to the right."""
     return half - 1 - column if column < half else column
 
 
-@kernel
+@inner
 def set_nodes(p: VortexLatticeParameters, strips: Strips, motion: Motion, nodes: Floats) -> None:
     """Fill ``nodes`` (3, nodes) m with the corners of all panels."""
     width = 2 * p.half + 1
@@ -48,7 +48,7 @@ def set_nodes(p: VortexLatticeParameters, strips: Strips, motion: Motion, nodes:
     _set_tail_nodes(p, motion, nodes)
 
 
-@kernel
+@inner
 def _set_tail_nodes(p: VortexLatticeParameters, motion: Motion, nodes: Floats) -> None:
     t, first = p.tail, p.layout.first_node[TAILPLANE]
     for row in range(TAIL_ROWS + 1):
@@ -62,7 +62,7 @@ def _set_tail_nodes(p: VortexLatticeParameters, motion: Motion, nodes: Floats) -
             fin_point(p, motion, row / FIN_ROWS, j / FIN_COLUMNS * t.height, nodes[:, k])
 
 
-@kernel
+@inner
 def tail_point(p: VortexLatticeParameters, motion: Motion, back: float, right: float, out: Floats) -> None:
     """A point of the tailplane, ``back`` chords behind its leading edge and ``right`` m of its middle."""
     t, angle = p.tail, p.tail.incidence - motion.tail[0]
@@ -70,7 +70,7 @@ def tail_point(p: VortexLatticeParameters, motion: Motion, back: float, right: f
     out[0], out[1], out[2] = t.x + ahead * math.cos(angle), t.y + right, t.z - ahead * math.sin(angle)
 
 
-@kernel
+@inner
 def fin_point(p: VortexLatticeParameters, motion: Motion, back: float, above: float, out: Floats) -> None:
     """A point of the fin, ``back`` chords behind its leading edge and ``above`` m its foot."""
     t, angle = p.tail, motion.tail[1]
@@ -78,20 +78,20 @@ def fin_point(p: VortexLatticeParameters, motion: Motion, back: float, above: fl
     out[0], out[1], out[2] = t.fin_x + ahead * math.cos(angle), t.fin_y - ahead * math.sin(angle), t.fin_z - above
 
 
-@kernel
+@inner
 def tail_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
     """Of the tailplane, up."""
     angle = p.tail.incidence - motion.tail[0]
     out[0], out[1], out[2] = -math.sin(angle), 0.0, -math.cos(angle)
 
 
-@kernel
+@inner
 def fin_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
     """Of the fin, to the left."""
     out[0], out[1], out[2] = -math.sin(motion.tail[1]), -math.cos(motion.tail[1]), 0.0
 
 
-@kernel
+@inner
 def _through(motion: Motion, point: Floats, normal: Floats) -> float:
     """m/s; of the air along ``normal`` at a ``point`` that moves with the fuselage."""
     b, total = motion.body, 0.0
@@ -101,7 +101,7 @@ def _through(motion: Motion, point: Floats, normal: Floats) -> float:
     return float(total)
 
 
-@kernel
+@inner
 def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, flow: Floats) -> None:
     """Fill ``flow`` (N,) m/s with what blows through each panel along its normal for its motion alone."""
     columns, work = 2 * p.half, p.room.scratch
@@ -125,7 +125,7 @@ def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, flow: F
             flow[p.layout.first_panel[FIN] + row * FIN_COLUMNS + j] = _through(motion, point, normal)
 
 
-@kernel
+@inner
 def set_strips(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     """Fill the room's points and normals (3, S): a quarter of the chord of each strip of the lattice."""
     points, normals, columns, work = p.room.points, p.room.normals, 2 * p.half, p.room.scratch

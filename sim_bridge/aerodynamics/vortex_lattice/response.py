@@ -20,10 +20,10 @@ from sim_bridge.aerodynamics.vortex_lattice.panels import (
 )
 from sim_bridge.aerodynamics.vortex_lattice.placing import set_flow, set_nodes, set_strips
 from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inner, kernel
 
 
-@kernel
+@inner
 def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
     """Fill ``edges`` (3, E) with the trailing edges of ``nodes`` (3, nodes)."""
     layout = p.layout
@@ -34,7 +34,7 @@ def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
                 edges[c, layout.first_edge[s] + j] = nodes[c, last + j]
 
 
-@kernel
+@inner
 def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     """Put the lattice of the instant into the room, but for the wake's row."""
     room = p.room
@@ -44,7 +44,7 @@ def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     set_edges(p, room.nodes, room.edges)
 
 
-@kernel
+@inner
 def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
     """Put the rings into the room, the last row between the trailing edges and ``ends`` (3, E)."""
     nodes, out = p.room.nodes, p.room.rings
@@ -60,7 +60,7 @@ def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
                 out[c, to + (rows + 1) * width + j] = ends[c, edge + j]
 
 
-@kernel
+@inner
 def respond(p: VortexLatticeParameters, state: Floats) -> None:
     """Put response and downwash of the rings in the room into ``state``."""
     room, m, n = p.room, p.memory, p.panel_at.shape[0]
@@ -83,14 +83,14 @@ def respond(p: VortexLatticeParameters, state: Floats) -> None:
         _fold(p, room.full[0], state[m.downwash + s * n : m.downwash + (s + 1) * n])
 
 
-@kernel
+@inner
 def _surface(p: VortexLatticeParameters, strip: int) -> int:
     if strip >= p.layout.first_strip[FIN]:
         return FIN
     return TAILPLANE if strip >= p.layout.first_strip[TAILPLANE] else 0
 
 
-@kernel
+@inner
 def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
     """The wake's newest row has the strength of the trailing edge."""
     for i in range(out.shape[0]):
@@ -99,7 +99,7 @@ def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
         out[p.trailing[s]] += wide[p.wake_at[s]]
 
 
-@kernel
+@inner
 def feel_wake(p: VortexLatticeParameters, count: int, state: Floats) -> None:
     """Put what the first ``count`` filaments of the room's table induce on panels and strips into ``state``."""
     room, m, n = p.room, p.memory, p.panel_at.shape[0]
@@ -108,7 +108,7 @@ def feel_wake(p: VortexLatticeParameters, count: int, state: Floats) -> None:
     _along(p, count, room.points, room.normals, state[m.strip_wake : m.strip_wake + strips])
 
 
-@kernel
+@inner
 def _along(p: VortexLatticeParameters, count: int, points: Floats, normals: Floats, out: Floats) -> None:
     velocity = p.room.velocity
     for c in range(3):

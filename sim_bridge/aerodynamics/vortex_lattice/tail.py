@@ -11,7 +11,7 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import (
     TAILPLANE,
     VortexLatticeParameters,
 )
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inner, kernel
 
 TAIL_ROWS, TAIL_COLUMNS = TAIL_SHAPE
 FIN_ROWS, FIN_COLUMNS = FIN_SHAPE
@@ -29,7 +29,7 @@ def load_tail(
         _load_strip(p, motion, FIN, j, density, state, strengths, out)
 
 
-@kernel
+@inner
 def _load_strip(
     p: VortexLatticeParameters,
     motion: Motion,
@@ -65,7 +65,7 @@ def _load_strip(
         before = strength
 
 
-@kernel
+@inner
 def _add(push: float, air: Floats, span: Floats, point: Floats, out: Floats) -> None:
     """Add the force of a leg ``span`` (3,) m at ``point`` in ``air`` (3,) m/s, and its moment."""
     f0 = push * (air[1] * span[2] - air[2] * span[1])
