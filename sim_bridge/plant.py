@@ -151,6 +151,7 @@ class Plant:
         self.parameters = plant_parameters(vehicle, self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.touching = False
+        self._order = np.zeros(k.ORDER.size // 8)
         self._commanded = (0.0, 0.0)
         self._tail: tuple[float, float] | None = None
         self._stalled: dict[int, float] = {}
@@ -171,7 +172,8 @@ class Plant:
             controls = controls._replace(elevator=self._tail[0], rudder=self._tail[1])
         self._commanded = (controls.elevator, controls.rudder)
         steps = _steps(controls.duration)
-        self.touching = k.advance(self.y, steps, controls, around, self._bound)
+        k.ORDER.pack_into(self._order.data, 0, *controls, *around)
+        self.touching = k.advance_ordered(self.y, steps, self._order, self._bound)
         means = Means._make(self.scratch.means.tolist())
         return self._with_stalled_drives(means, controls) if self._stalled else means
 
