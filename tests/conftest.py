@@ -31,6 +31,10 @@ LONG = (
 )
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--bench-table", metavar="FILE", help="replace the table of benchmarks in this file")
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first where workers share the tests, so that none is left alone with one at the end."""
     if hasattr(config, "workerinput"):
