@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,7 @@ def pytest_terminal_summary(config: pytest.Config) -> None:
         table.add_column(heading, justify="right" if heading in HEADINGS[1:3] else "left")
     for row in ROWS:
         table.add_row(*cells(row))
-    console = Console()
-    console.print(table, width=None if console.is_terminal else 150)
+    Console(width=None if sys.stdout.isatty() else 150).print(table)
     kept = config.getoption("--bench-table")
     if kept:
         replace_table(Path(kept), ROWS)
