@@ -2,7 +2,7 @@
 
 All get the same samples in sensor axes one after the other, with their default gains, no alignment or offset fitted.
 Their earths differ: NWU (Madgwick of `ahrs`, `imufusion` by default), ENU (Mahony of `ahrs`, `vqf`), NED (ours). Each
-is turned to ENU; that this is understood rightly is asserted on a slow motion of known attitude before it is measured.
+is turned to ENU; that this is understood rightly is asserted on a slow motion of known attitude before it is told.
 """
 
 from __future__ import annotations
@@ -34,6 +34,14 @@ ROOT = Path(__file__).parents[2]
 TRIAL = ROOT / "tests" / "data" / "broad" / "trial_16_fast_translation_25_to_75_s.npz"
 SHARED = Path(os.environ.get("WINGBEAT_SHARED", ROOT.parent / "shared")) / "data" / "imu"
 """the four whole trials, where they are"""
+FUSION = {
+    "gain": 0.5,
+    "gyroscope_range": 2000.0,
+    "acceleration_rejection": 10.0,
+    "magnetic_rejection": 10.0,
+    "rejection_timeout": 5.0,
+}
+"""`imufusion` with its rejection of disturbances on, which it is by default without, and worse"""
 Filter = Callable[[imu.Recording], imu.Array]
 ENU_FROM_NWU = np.array([[sqrt(0.5), 0.0, 0.0, sqrt(0.5)]])
 SETTLED, FLIGHT = 20.0, 60.0
@@ -65,7 +73,7 @@ def fusion(recording: imu.Recording) -> imu.Array:
     import imufusion
 
     acc, gyr, mag = np.split(recording.sensors, 3, axis=1)
-    settings = imufusion.AhrsSettings(sample_rate=recording.rate, convention=imufusion.CONVENTION_NWU)
+    settings = imufusion.AhrsSettings(**FUSION, sample_rate=recording.rate)
     ahrs = imufusion.Ahrs().set_settings(settings).set_sample_period(1.0 / recording.rate)
     out = np.zeros((len(acc), 4))
     for i, (g, a, m) in enumerate(zip(np.degrees(gyr), acc / 9.80665, mag * 100.0, strict=True)):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rows import Row, leave
 
 from avionics.autopilot import Autopilot
 from avionics.messages import ActuatorCommand, Command, SensorFrame
@@ -36,6 +37,9 @@ REAL_TIME = 12.0
 """-; what the lockstep flight with logging must reach"""
 LOGGED_TIME, UNLOGGED_TIME = 18.0, 22.0
 """-; what a flight in one process must reach on its core, with logging and without"""
+
+
+REALTIME = "times real time"
 
 
 def say(line: str) -> None:
@@ -105,6 +109,8 @@ def test_the_parts_of_a_tick() -> None:
     tell("world, 5 steps of 1 ms", [flight.worlds for flight in flights])
     tell("flight computer, with it", [flight.computers for flight in flights])
     median, late = tell("flight computer alone", alone, f" (asked: {MEDIAN_TICK:g}, {LATE_TICK:g})")
+    leave(Row("flight computer's tick, median", median, None, "us", asked=f"at most {MEDIAN_TICK:g}"))
+    leave(Row("flight computer's tick, 99th percentile", late, None, "us", asked=f"at most {LATE_TICK:g}"))
     assert median <= MEDIAN_TICK
     assert late <= LATE_TICK
 
@@ -131,6 +137,8 @@ def test_the_coupled_physics_alone(model: str) -> None:
         best = min(best, time.perf_counter() - begun)
     needed = f" (needed: {PLANT_REAL_TIME:g})" if model == "strip_theory" else ""
     say(f"physics, {model:15} {2.0 / best:6.1f} times real time on one core{needed}")
+    asked = f"at least {PLANT_REAL_TIME:g}" if needed else ""
+    leave(Row(f"physics alone, {model}", 2.0 / best, None, REALTIME, asked=asked))
     assert np.all(np.isfinite(plant.y))
     assert model != "strip_theory" or 2.0 / best >= PLANT_REAL_TIME
 
@@ -155,6 +163,7 @@ def test_the_physics_with_gusts_and_sensors() -> None:
         best = min(best, time.process_time() - begun)
         assert np.all(np.isfinite(world.plant.y))
     say(f"physics, gusts, sensors {4.0 / best:6.1f} times real time on one core (needed: {SENSED_REAL_TIME:g})")
+    leave(Row("physics with gusts and sensors", 4.0 / best, None, REALTIME, asked=f"at least {SENSED_REAL_TIME:g}"))
     assert 4.0 / best >= SENSED_REAL_TIME
 
 
@@ -167,8 +176,9 @@ def test_a_flight_in_one_process(logged: bool, tmp_path: Path) -> None:
         begun = time.process_time()
         fly_once(tmp_path / f"{turn}.mcap" if logged else None)
         best = min(best, time.process_time() - begun)
-    what = "in one process, logging" if logged else "in one process, not"
+    what = "in one process, logging" if logged else "in one process, no log"
     say(f"{what:24} {PART / best:6.1f} times real time (needed: {needed:g})")
+    leave(Row(f"flight {what}", PART / best, None, REALTIME, asked=f"at least {needed:g}"))
     assert PART / best >= needed
 
 
@@ -202,4 +212,5 @@ def test_the_lockstep_flight_with_logging(tmp_path: Path) -> None:
     speed = (whole - short) / (wall - starting)
     say(f"lockstep pair, logging   {speed:6.1f} times real time (needed: {REAL_TIME:g})")
     say(f"  with starting          {whole / wall:6.1f}")
+    leave(Row("lockstep pair over MAVLink, logging", speed, None, REALTIME, asked=f"at least {REAL_TIME:g}"))
     assert speed >= REAL_TIME

@@ -18,6 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
+from rows import Row, leave, peer
 
 from avionics import messages as m
 from avionics import topics
@@ -142,7 +143,12 @@ def test_messages_are_written_fast_enough_on_one_core(flight: Flight, tmp_path: 
     say(f"\nwriting {len(messages)} messages on {len(FIXED)} topics, queue of {writing.queue} bytes, processor time")
     tell("quickest round", len(messages), spent[0])
     tell("median round", len(messages), spent[ROUNDS // 2])
-    tell("mcap package's writer, messages encoded before", len(messages), mcap_seconds(messages, tmp_path / "mcap"))
+    package = mcap_seconds(messages, tmp_path / "mcap")
+    tell("mcap package's writer, messages encoded before", len(messages), package)
+    ours, theirs = (len(messages) / seconds / 1e3 for seconds in (spent[0], package))
+    asked = f"at least {WRITTEN_PER_SECOND / 1e3:g}"
+    what = f"writing a log, queue of {writing.queue} bytes"
+    leave(Row(what, ours, theirs, "1000 messages/s", f"{peer('mcap')}, messages encoded before", asked))
     assert len(messages) / spent[0] >= WRITTEN_PER_SECOND
 
 
@@ -279,6 +285,8 @@ def test_a_flight_becomes_columns_fast_enough(recorded: Recorded) -> None:
     tell(f"mcap and mcap-protobuf-support, {part} of them", part, plain)
     times = count / whole / (part / plain)
     say(f"{times:.0f} times the plain reader")
+    name, asked = f"{peer('mcap')}, {peer('mcap-protobuf-support')}", f"at least {READ_PER_SECOND / 1e3:g}"
+    leave(Row("reading a log to columns", count / whole / 1e3, part / plain / 1e3, "1000 messages/s", name, asked))
     assert count / whole >= READ_PER_SECOND and times >= TIMES_THE_PLAIN_READER
 
 
