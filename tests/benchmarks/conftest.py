@@ -10,6 +10,9 @@ from rich.console import Console
 from rich.table import Table
 from rows import HEADINGS, ROWS, cells, machine, replace_table
 
+# The mechanism as MuJoCo is told it lies with the tests of the physics.
+sys.path.append(str(Path(__file__).parents[1] / "sim_bridge"))
+
 
 def pytest_terminal_summary(config: pytest.Config) -> None:
     if not ROWS:

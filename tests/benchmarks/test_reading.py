@@ -1,4 +1,4 @@
-"""Reading the log of another program: a ROS 2 file of IMU samples to columns, ours beside `rosbags` (``make bench``)."""
+"""Reading a log of another program: a ROS 2 file of IMU samples, ours beside `rosbags` (``make bench``)."""
 
 from __future__ import annotations
 
