@@ -1,8 +1,7 @@
 """Lift of the wing that Yeo et al. measured: strip theory beside PteraSoftware's vortex lattice (``make bench``).
 
 Ring vortices with the wake of two beats as they leave the edge, without separation and without a profile's drag; the
-motion is the same, the planform the same outline without its
-outermost 3 %, where the chord ends.
+motion is the same, the outline too, without its outermost 3 %, where the chord ends.
 """
 
 from __future__ import annotations
