@@ -116,7 +116,10 @@ def slow_motion() -> imu.Recording:
 
 @cache
 def flapping_flight() -> imu.Recording:
-    """Raw samples of the simulated sensors and the truth, from a second after the throw on."""
+    """Raw samples of the simulated sensors and the truth, from a second after the throw on.
+
+    Without what the flight computer has besides: the stroke's period, the airspeed, a calibration before the flight.
+    """
     world, autopilot = SimulatedWorld(load_vehicle(VEHICLE), Scenario(duration=FLIGHT)), computer()
     script, command, sensors, truth, flying = list(scripted_start()), NEUTRAL, [], [], []
     while not world.finished:
@@ -160,7 +163,7 @@ def of_ours(name: str) -> tuple[float, float, float]:
 
 @cache
 def motions() -> dict[str, list[imu.Recording]]:
-    named = {"BROAD, shaken": [imu.load_recording(TRIAL)], "flapping flight": [flapping_flight()]}
+    named = {"BROAD, shaken": [imu.load_recording(TRIAL)], "flapping flight, IMU alone": [flapping_flight()]}
     if SHARED.is_dir():
         named["BROAD, mean of four"] = [imu.load_recording(path) for path in imu.recordings([SHARED])]
     return named
