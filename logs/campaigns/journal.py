@@ -22,6 +22,8 @@ class Journal:
     def __init__(self, path: Path, digest: str) -> None:
         """Open the journal of the campaign with that ``digest``, or begin one; a torn last line is cut off.
 
+        One of another campaign that was stopped before its first flight ended holds nothing, and is begun anew.
+
         Raises:
             BadInput: it is another campaign's, another command has it open, or it cannot be written.
         """
@@ -59,18 +61,23 @@ class Journal:
 
     def _read(self, digest: str) -> None:
         self._file.seek(0)
-        whole = self._file.read()
+        try:
+            whole = self._file.read()
+        except UnicodeDecodeError:
+            raise _damaged(self.path) from None
         if not whole.endswith("\n"):
             whole = whole[: whole.rfind("\n") + 1]
             self._file.truncate(len(whole.encode()))
         head, *lines = whole.splitlines() or [""]
-        if not head:
+        begun = _parsed(self.path, head, "campaign")["campaign"] if head else None
+        if begun != digest:
+            if lines:
+                raise BadInput(
+                    f"{self.path} is of another campaign, or of this one before its files changed: name another --out"
+                )
+            self._file.truncate(0)
             self._write({"campaign": digest})
-        elif _parsed(self.path, head).get("campaign") != digest:
-            raise BadInput(
-                f"{self.path} is of another campaign, or of this one before its files changed: name another --out"
-            )
-        rows = [_parsed(self.path, line) for line in lines]
+        rows = [_parsed(self.path, line, "flight") for line in lines]
         self.rows = {row["flight"]: row for row in rows}
 
     def __enter__(self) -> Self:
@@ -82,10 +89,16 @@ class Journal:
         self._file.close()
 
 
-def _parsed(path: Path, line: str) -> Row:
+def _parsed(path: Path, line: str, key: str) -> Row:
+    """A line of the journal, which has a ``key``."""
     try:
         row: Row = json.loads(line)
-        row.get("flight")
-    except (ValueError, AttributeError):
-        raise BadInput(f"{path} is damaged, or no journal of a campaign: name another --out") from None
+    except ValueError:
+        raise _damaged(path) from None
+    if not isinstance(row, dict) or key not in row:
+        raise _damaged(path)
     return row
+
+
+def _damaged(path: Path) -> BadInput:
+    return BadInput(f"{path} is damaged, or no journal of a campaign: name another --out")

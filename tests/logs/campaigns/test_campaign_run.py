@@ -107,13 +107,33 @@ def test_a_journal_keeps_rows_and_forgets_a_torn_last_line(tmp_path: Path) -> No
     assert path.read_bytes() == whole + b'{"flight": 3}\n'
 
 
-@pytest.mark.parametrize("content", [json.dumps({"campaign": "other"}) + "\n", "no journal\n", "[1]\n"])
-def test_a_journal_of_something_else_is_refused_and_left_alone(tmp_path: Path, content: str) -> None:
+OTHERS = (
+    b'{"campaign": "other"}\n{"flight": 1}\n',
+    b"no journal\n",
+    b"[1]\n",
+    b'{"flight": 1}\n',
+    b"\xff\xfe\n",
+    b'{"campaign": "abc"}\n{"height": 1}\n',
+)
+
+
+@pytest.mark.parametrize("content", OTHERS)
+def test_a_journal_of_something_else_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "table.parquet.flights"
-    path.write_text(content)
+    path.write_bytes(content)
     with pytest.raises(BadInput, match="name another --out"):
         Journal(path, "abc")
-    assert path.read_text() == content
+    assert path.read_bytes() == content
+
+
+def test_a_journal_without_flights_is_in_nobodys_way(tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet.flights"
+    with Journal(path, "other"):
+        pass
+    with Journal(path, "abc") as journal:
+        assert journal.rows == {}
+        journal.add({"flight": 1})
+    assert path.read_text() == json.dumps({"campaign": "abc"}) + "\n" + json.dumps({"flight": 1}) + "\n"
 
 
 def test_a_table_is_never_overwritten_and_another_file_is_none(tmp_path: Path) -> None:
