@@ -133,9 +133,10 @@ def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
 
 def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
     began, console = time.monotonic(), open_console(quiet=chosen.json)
+    _check_folder(chosen, places)
     with Journal(places.journal, campaign.digest()) as journal:
         before = len(journal.rows)
-        logs = _logs(chosen, places, fresh=not before)
+        logs = _logs(chosen, places)
         if before:
             console.print(words.going_on(before, campaign.size), markup=False)
         load_physics(_first_vehicle(campaign), chosen.json)
@@ -151,15 +152,19 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
     return 0
 
 
-def _logs(chosen: argparse.Namespace, places: _Places, fresh: bool) -> Logs:
-    """Where recordings go.
+def _check_folder(chosen: argparse.Namespace, places: _Places) -> None:
+    """Refuse a folder for recordings that is there before the campaign's journal is.
 
     Raises:
-        BadInput: those of another campaign lie there.
+        BadInput: recordings of another campaign may lie in it.
     """
+    if chosen.logs != "none" and not places.journal.exists() and places.logs.exists():
+        raise BadInput(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
+
+
+def _logs(chosen: argparse.Namespace, places: _Places) -> Logs:
+    """Where recordings go."""
     if chosen.logs != "none":
-        if fresh and places.logs.exists():
-            raise BadInput(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
         places.logs.mkdir(exist_ok=True)
     return Logs(chosen.logs, places.logs)
 

@@ -102,6 +102,27 @@ def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
     assert not (folder / "parts.parquet.flights").exists()
 
 
+def test_a_campaign_stopped_before_its_first_flight_ended_goes_on_with_its_logs(
+    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*arguments: Any) -> Iterator[dict[str, Any]]:
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(campaign, "fly_campaign", stopped)
+    assert main(["campaign", "short.toml", "--logs", "all"]) == 130
+    monkeypatch.setattr(campaign, "fly_campaign", fly_campaign)
+    assert main(["campaign", "short.toml", "--logs", "all"]) == 0
+    assert len(list((folder / "recordings/short").glob("*.mcap"))) == 4
+
+
+def test_logs_never_go_to_a_folder_that_was_there_before(folder: Path, capsys: Capture) -> None:
+    (folder / "recordings/short").mkdir(parents=True)
+    for _ in range(2):
+        assert "name another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
+    assert [path.name for path in (folder / "recordings").iterdir()] == ["short"]
+
+
 def test_a_table_or_journal_of_another_campaign_is_left_alone(folder: Path, capsys: Capture) -> None:
     assert main(["campaign", "short.toml"]) == 0
     capsys.readouterr()
