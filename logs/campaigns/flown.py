@@ -51,6 +51,10 @@ class Order(NamedTuple):
     recording: Recording | None = None
 
 
+class CannotRecord(BadInput):
+    """A flight's log cannot be written: nothing that the flight itself could help."""
+
+
 class _World(SimulatedWorld):
     """Ends when the vehicle is nowhere: what comes then would be no numbers either."""
 
@@ -64,7 +68,11 @@ class _World(SimulatedWorld):
 
 
 def flown(order: Order) -> Row:
-    """Fly one flight and measure it; nothing is raised but what ends the whole process."""
+    """Fly one flight and measure it.
+
+    Raises:
+        CannotRecord: its log cannot be written; all else that goes wrong is a row.
+    """
     recording = order.recording
     row = row_of(order.number, *_flown(order))
     if recording is None:
@@ -94,6 +102,8 @@ def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
             memory = Memory(publish)
             autopilot = Autopilot(flight.computer, flight.plan.mission, memory.publish)
             fly(_World(flight, memory), autopilot, flight.commands)
+    except CannotRecord:
+        raise
     except Exception as error:
         if not memory.broken:
             return _raised(error), None
@@ -126,19 +136,27 @@ def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
     """Where messages go: to the flight's log, or nowhere.
 
     Raises:
-        BadInput: the log cannot be written.
+        CannotRecord: the log cannot be written.
     """
     if order.recording is None:
         yield publish_nothing
         return
-    path = order.recording.path
-    unfinished = path.with_name(path.name + UNFINISHED)
-    unfinished.unlink(missing_ok=True)
-    with McapRecorder(unfinished) as recorder:
+    with _recorder(order.recording.path) as recorder:
         note_flight(recorder, flight)
         yield SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns).record
     if recorder.failure:
-        raise BadInput(recorder.failure)
+        raise CannotRecord(recorder.failure)
+
+
+def _recorder(path: Path) -> McapRecorder:
+    unfinished = path.with_name(path.name + UNFINISHED)
+    try:
+        unfinished.unlink(missing_ok=True)
+        return McapRecorder(unfinished)
+    except OSError as error:
+        raise CannotRecord(f"cannot record to {path}: {error.strerror or error}") from None
+    except BadInput as error:
+        raise CannotRecord(str(error)) from None
 
 
 def note_flight(recorder: McapRecorder, flight: Prepared) -> None:

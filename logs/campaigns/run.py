@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from avionics.quantities import BadInput
 from logs.campaigns.campaign import Campaign
 from logs.campaigns.cluster import dask, workers_of
-from logs.campaigns.flown import UNFINISHED, Order, Recording, Row, flown, row_of
+from logs.campaigns.flown import UNFINISHED, CannotRecord, Order, Recording, Row, flown, row_of
 from logs.campaigns.outcome import Outcome, Verdict
 
 LOGS = ("none", "failed", "all")
@@ -44,7 +44,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
     """The rows of flights ``numbers`` in the order in which they end.
 
     Raises:
-        BadInput: the cluster has gone.
+        BadInput: the cluster has gone, or a log cannot be written.
     """
     wait_for = dask("distributed").wait
     left, flying, alone = list(reversed(numbers)), dict[Any, int](), 0
@@ -70,7 +70,7 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
     """What a finished future holds: a row, or why there is none.
 
     Raises:
-        BadInput: the cluster gave the flight back unflown.
+        BadInput: the cluster gave the flight back unflown, or its log cannot be written.
     """
     if future.status == "finished":
         row: Row = future.result()
@@ -78,6 +78,8 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
     if future.status == "cancelled":
         raise BadInput("the cluster has gone; the same command goes on where it ended")
     error = future.exception()
+    if isinstance(error, CannotRecord):
+        raise BadInput(f"{error}; the same command goes on when it can be")
     if type(error).__name__ == "KilledWorker":
         judged = Verdict(Outcome.KILLED, "the process that flew it was ended from outside")
     else:

@@ -12,12 +12,13 @@ from avionics import topics
 from avionics.messages import Stage
 from avionics.vehicles import load_vehicle
 from logs.campaigns import flown as module
-from logs.campaigns.flown import Recording, flown
+from logs.campaigns.flown import CannotRecord, Recording, flown
 from logs.campaigns.metrics import METRICS, measured
 from logs.campaigns.outcome import Judged, Landing, Outcome, Verdict, verdict
 from logs.campaigns.run import order_of
 from logs.columns import Columns
 from logs.reader import open_log
+from logs.recorder import McapRecorder
 from logs.replay.flight import replay_flight
 from logs.summary import NEEDED, FlightSummary, Touchdown, summarize
 from sim_bridge.flight.world import SimulatedWorld
@@ -50,6 +51,25 @@ def test_a_log_is_kept_of_failed_flights_alone_where_that_was_asked(tmp_path: Pa
     row = flown(order_of(fine, 1, Recording(tmp_path / "fine.mcap", failed_only=True)))
     assert (row["failed"], row["log"]) == (False, "")
     assert sorted(path.name for path in tmp_path.glob("*.mcap*")) == ["failed.mcap"]
+
+
+class FullDisk(McapRecorder):
+    """A recorder whose disk is full in the end."""
+
+    def close(self) -> None:
+        super().close()
+        self.failure = "recording ended: No space left on device"
+
+
+def test_a_log_that_cannot_be_written_is_no_fault_of_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = campaign_of(tmp_path, SHORT)
+    with pytest.raises(CannotRecord, match="cannot record to .*: Not a directory"):
+        flown(order_of(campaign, 1, Recording(tmp_path / "short.toml" / "flight.mcap")))
+    monkeypatch.setattr(module, "McapRecorder", FullDisk)
+    with pytest.raises(CannotRecord, match="No space left"):
+        flown(order_of(campaign, 1, Recording(tmp_path / "flight.mcap")))
 
 
 def test_a_flight_that_is_never_launched_fails_and_says_so(tmp_path: Path) -> None:

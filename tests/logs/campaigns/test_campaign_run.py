@@ -76,6 +76,12 @@ class KillingClient:
         assert futures == []
 
 
+def test_a_log_that_cannot_be_written_stops_the_campaign(tmp_path: Path) -> None:
+    campaign, logs = campaign_of(tmp_path, FIVE), Logs("all", tmp_path / "short.toml")
+    with cluster_in_process() as client, pytest.raises(BadInput, match="Not a directory; the same command goes on"):
+        list(fly_campaign(campaign, [1, 2], client, logs))
+
+
 def test_a_killed_worker_is_a_row_and_what_it_had_recorded_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
