@@ -131,7 +131,8 @@ def _bars(edges: Array, values: Array, label: str, role: str) -> Series:
 def _sensitivity(table: Table) -> Chapter:
     found = sensitivities(table)
     if not found:
-        return Chapter("What matters", ("Too few flights, or no number was swept: nothing can be said.",))
+        note = "Too few flights, or no number was swept: no rank correlations."
+        return Chapter("What matters", (note,), tuple(_groups(table)))
     strong = [one for one in found if one.beyond_chance and one.metric != "failed"]
     notes = (
         "Spearman's rank correlation of each swept number with each metric: 1 where more of one always goes with more"

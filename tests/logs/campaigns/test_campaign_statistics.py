@@ -85,6 +85,13 @@ def test_a_metric_that_nobody_has_is_refused() -> None:
         chosen_metric(table(), "hold_altitude_rms")
 
 
+def test_where_words_alone_were_swept_the_page_still_compares_them(tmp_path: Path) -> None:
+    made = table()
+    write(tmp_path / "page.html", made._replace(about=made.about._replace(swept=("mission", "seed"))), ())
+    text = (tmp_path / "page.html").read_text()
+    assert "no rank correlations" in text and "median by mission" in text
+
+
 def test_the_page_holds_everything_and_needs_nothing(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     assert write(path, table(), worst(table(), "touchdown_sink", 3)) == path.stat().st_size
