@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -62,7 +63,7 @@ class Onboard:
         self._ticked_at = float("-inf")
         self._unrecorded = False
         self._thinking = False
-        self._said: list[tuple[Topic, Any]] = []
+        self._said: deque[tuple[Topic, Any]] = deque()
         self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -104,10 +105,10 @@ class Onboard:
             self._recorder.record(topic, message)
 
     def _write_down(self) -> None:
-        self._thinking, record = False, self._recorder.record
-        said, self._said = self._said, []
-        for topic, message in said:
-            record(topic, message)
+        self._thinking, said, record = False, self._said, self._recorder.record
+        # Ctrl-C may come between any two lines: what is left then is recorded at the end.
+        while said:
+            record(*said.popleft())
 
     def idle(self) -> None:
         """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""

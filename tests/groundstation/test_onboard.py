@@ -129,6 +129,22 @@ def test_a_recording_that_has_ended_is_told_once_and_the_flight_goes_on(link: An
     assert len(board.answers) == 50
 
 
+def test_a_tick_that_is_interrupted_while_it_is_written_down_is_recorded_whole() -> None:
+    """GIVEN Ctrl-C between two messages of the last tick THEN what came behind it is in the log all the same."""
+
+    class Interrupted(Memory):
+        def record(self, topic: Any, message: Any) -> None:
+            super().record(topic, message)
+            if topic is topics.IMU and message.time_us == 3 * TICK_US:
+                raise KeyboardInterrupt
+
+    whole, memory = fly(Rest(3)), Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        Onboard(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(Rest(10))
+    told = [(topic.name, m.time_us) for topic, m in memory.kept]
+    assert told == [(topic.name, m.time_us) for topic, m in whole.kept]
+
+
 def test_run_times_are_recorded_once_a_second() -> None:
     memory = fly(Rest(450))
     timings = [message for topic, message in memory.kept if topic is topics.TIMING]
