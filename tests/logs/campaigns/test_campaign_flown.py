@@ -65,7 +65,7 @@ def test_a_log_that_cannot_be_written_is_no_fault_of_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     campaign = campaign_of(tmp_path, SHORT)
-    with pytest.raises(CannotRecord, match="cannot record to .*: Not a directory"):
+    with pytest.raises(CannotRecord, match=r"cannot record to .*: Not a directory"):
         flown(order_of(campaign, 1, Recording(tmp_path / "short.toml" / "flight.mcap")))
     monkeypatch.setattr(module, "McapRecorder", FullDisk)
     with pytest.raises(CannotRecord, match="No space left"):
