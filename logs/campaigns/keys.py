@@ -128,7 +128,8 @@ def _check_range(key: str, row: Key, value: float) -> None:
         bounds = f"{ends[0]:g} or more"
     else:
         bounds = f"{ends[0]:g} to {ends[1]:g}"
-    raise BadInput(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}")
+    angle = f"; {key}{DEGREES} is in degrees" if unit_of(key) == "rad" else ""
+    raise BadInput(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}{angle}")
 
 
 def plain(values: Values, name: str, default: Any) -> Any:

@@ -116,6 +116,7 @@ REFUSED = {
         'flights = 2\n[draw]\n"wind.speed" = { normal = [2, 0.01], within = [8, 9] }', "nothing of the distribution",
     ),
     "a wind of no sense": ('[grid]\n"wind.speed" = [1, -2]', "wind.speed = -2 must be 0 or more m/s"),
+    "degrees for an angle": ('[grid]\n"wind.from" = [90]', "rad; wind.from_deg is in degrees"),
     "text for a number": ('[grid]\n"wind.speed" = ["strong"]', "must be a finite number, not 'strong'"),
     "no gain": ('[grid]\n"gains.pitch.kp" = [1]', "gains.pitch.kp: the flight computer has no such gain; pitch has"),
     "a gain beyond its range": ('[grid]\n"gains.pitch.damping" = [1e9]', "gains.pitch.damping"),
