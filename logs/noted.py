@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 from avionics import parameters
 from avionics.guidance.mission import Mission
@@ -13,8 +14,11 @@ from avionics.vehicles import FlightVehicle
 from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, MISSION, PARAMETERS, WORLD, WORLD_VEHICLE
 from logs.settings import mission_document
 from sim_bridge.flight.faults import Fault
-from sim_bridge.flight.world import Scenario
-from sim_bridge.vehicles import SimulatedVehicle
+
+if TYPE_CHECKING:
+    # A flight computer notes its inputs without the physics and their compiler.
+    from sim_bridge.flight.world import Scenario
+    from sim_bridge.vehicles import SimulatedVehicle
 
 
 def exact_fault(fault: Fault) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 LOOKS, PAUSE = 20, 0.003
 """-, s; at what runs, to tell whether cores are idle"""
-_LOAD = Path("/proc/loadavg")
+_LOAD, _CORES = Path("/proc/loadavg"), Path("/proc/stat")
 
 
 def pin_to_core(core: int | None = None) -> int | None:
@@ -27,7 +27,7 @@ def pin_to_core(core: int | None = None) -> int | None:
 
 
 def idle_pair() -> tuple[int, int] | None:
-    """Two cores that this process may use and that nobody else seems to want; None where there are none.
+    """The two of the cores that this process may use that were idle longest; None where others want them.
 
     A lockstep pair on cores of their own, neither end of which sleeps, does a tick in three quarters of the time that
     it takes on a shared one, where each finds the caches full of the other's. That costs the waiting end's core.
@@ -35,9 +35,21 @@ def idle_pair() -> tuple[int, int] | None:
     if not hasattr(os, "sched_getaffinity"):
         return None
     cores = sorted(os.sched_getaffinity(0))
+    before = _idled()
     if len(cores) < 2 or _running() > len(cores) - 1.5:
         return None
-    return cores[-1], cores[-2]
+    after = _idled()
+    *_, second, first = sorted(cores, key=lambda core: (after.get(core, 0) - before.get(core, 0), core))
+    return first, second
+
+
+def _idled() -> dict[int, int]:
+    """For how long each core has had nothing to do, in ticks of the system; none where that is not told."""
+    try:
+        rows = [line.split() for line in _CORES.read_text(encoding="ascii").splitlines() if line[:3] == "cpu"]
+        return {int(row[0][3:]): int(row[4]) + int(row[5]) for row in rows if row[0] != "cpu"}
+    except (OSError, ValueError, IndexError):
+        return {}
 
 
 def _running() -> float:

@@ -316,7 +316,7 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     told = capsys.readouterr().out
     assert re.search(r"bodies\.fuselage\.mass +[0-9.]+ kg ", told)
     assert re.search(r"fuselage\.imu_position +0\.02 0 0 m ", told)
-    assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element too" in told
+    assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element, vortex_lattice too" in told
 
 
 @pytest.mark.parametrize("name", [[], ["robo_raven_ii_a"], ["hawkmoth"]])

@@ -393,9 +393,28 @@ def test_a_pair_has_two_cores_where_nobody_else_wants_them(
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5}, raising=False)
     monkeypatch.setattr(cores, "_running", lambda: running)
+    monkeypatch.setattr(cores, "_CORES", Path("nowhere"))
     assert idle_pair() == ((5, 3) if apart else None)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
     assert idle_pair() is None
+
+
+def test_a_pair_takes_the_cores_that_were_idle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN four cores, the two highest of which another pair has THEN ours takes the two lowest."""
+    told = tmp_path / "stat"
+
+    def runs() -> float:
+        told.write_text("cpu 1 0 0 9 0\ncpu0 1 0 0 17 0\ncpu1 1 0 0 15 1\ncpu2 6 0 0 10 0\ncpu3 6 0 0 11 0\nintr 7\n")
+        return 2.0
+
+    told.write_text("cpu 1 0 0 8 0\ncpu0 1 0 0 10 0\ncpu1 1 0 0 10 0\ncpu2 1 0 0 10 0\ncpu3 1 0 0 10 0\nintr 6\n")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2, 3}, raising=False)
+    monkeypatch.setattr(cores, "_CORES", told)
+    monkeypatch.setattr(cores, "_running", runs)
+    assert idle_pair() == (0, 1)
+    told.unlink()
+    monkeypatch.setattr(cores, "_running", lambda: 2.0)
+    assert idle_pair() == (3, 2)
 
 
 def test_where_nobody_tells_what_runs_the_load_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
