@@ -11,9 +11,9 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import FITTED, SHORT, UNREPRODUCIBLE, VERDICTS, WITHIN, Figure, Row, nearest
+from sim_bridge.validation.row import COMPARED, FITTED, SHORT, UNREPRODUCIBLE, VERDICTS, WITHIN, Figure, Row, nearest
 
-STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim"}
+STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim", COMPARED: "dim"}
 
 
 def validation_table(found: Mapping[str, Sequence[Row]]) -> RenderableType:

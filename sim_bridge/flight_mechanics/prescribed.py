@@ -330,6 +330,18 @@ def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: i
     )
 
 
+def wing_points(motion: PrescribedStroke, phases: Floats, span: Floats, behind: Floats) -> Floats:
+    """(N, n, 3) m; points of the right wing in body axes at ``phases`` (N,) of a stroke, counted in strokes.
+
+    Each point lies ``span`` (n,) m from the hinge and ``behind`` (n,) m behind the feathering axis, both in the wing.
+    Twist is that of a wing whose outermost point is its tip.
+    """
+    told = (motion.stroke, motion.deviation, motion.feathering, motion.twist)
+    joints = _Joints(motion.stroke_plane, *(series(harmonics, phases, motion.frequency) for harmonics in told))
+    wing = _wing(joints, np.asarray(span / span.max()))
+    return np.asarray(np.array(motion.hinge) + span[:, None] * wing.span[:, None] - behind[:, None] * wing.chord)
+
+
 def protocol_motions(wing: Wing, motion: WingMotion) -> list[Motion]:
     """The protocol's motion of both wings at each instant."""
     joints = _recorded(motion)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sim_bridge.validation.hawkmoth_lattice import hawkmoth_rows
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure
 from sim_bridge.validation.straight_wing import straight_wing
 from sim_bridge.validation.thin_aerofoil import heaving, pitching, started, wagner
@@ -61,4 +62,5 @@ CHECKS = (
     Check("an impulsive start", start_rows),
     Check("heave and pitch", oscillation_rows, slow=True),
     Check("lift over a stroke (Yeo, Atkins, Shyy 2011)", lattice_rows, slow=True),
+    Check("a hawkmoth's stroke beside the quasi-steady model", hawkmoth_rows, slow=True),
 )

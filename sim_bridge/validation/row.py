@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-WITHIN, SHORT, FITTED, UNREPRODUCIBLE = "within", "falls short", "fitted", "not reproducible"
+WITHIN, SHORT, FITTED, UNREPRODUCIBLE, COMPARED = "within", "falls short", "fitted", "not reproducible", "compared"
 VERDICTS = {
     WITHIN: "within its limit",
     SHORT: "farther off than its limit",
     FITTED: "a chosen value was fitted to it: no validation",
     UNREPRODUCIBLE: "the paper does not print what it hangs on, or contradicts itself",
+    COMPARED: "two models of ours beside each other, neither measured: no validation",
 }
 
 
@@ -106,3 +107,8 @@ def fitted(printed: Figure, ours: float, why: str) -> Row:
 def unreproducible(printed: Figure, ours: float | None, why: str) -> Row:
     """A row that cannot follow from what the paper prints; ours, if any, is for comparison."""
     return Row(printed, ours, None, UNREPRODUCIBLE, why)
+
+
+def compared(other: Figure, ours: float, why: str) -> Row:
+    """A row that sets one model of ours beside an ``other`` one, with no limit that either would have to meet."""
+    return Row(other, ours, None, COMPARED, why)

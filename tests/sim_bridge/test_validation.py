@@ -10,6 +10,7 @@ import pytest
 
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import (
+    COMPARED,
     FITTED,
     SHORT,
     UNREPRODUCIBLE,
@@ -18,6 +19,7 @@ from sim_bridge.validation.row import (
     Row,
     compare,
     compare_share,
+    compared,
     figure,
     fitted,
     unreproducible,
@@ -56,6 +58,8 @@ def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
     assert fitted(number, 1.0, "to it").verdict == FITTED
     row = unreproducible(number, None, "it is not printed")
     assert (row.verdict, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
+    other = compared(number, 1.5, "two models")
+    assert (other.verdict, other.difference, other.limit) == (COMPARED, 0.5, None)
     blank = figure("Fig. 1", "a curve", "m", math.nan)
     assert unreproducible(blank, 1.0, "it has no scale").difference is None
 

@@ -104,6 +104,8 @@ class History(NamedTuple):
     """(n, N, 3) N m; about the axes' origin"""
     pressure_force: Floats
     """(n, N, 3) N; by Katz and Plotkin's pressures"""
+    rate_force: Floats
+    """(n, N, 3) N; of ``force`` what the strengths' rates bear: apparent mass and the rest of the unsteadiness"""
     power: Floats
     """(n, N) W"""
     wake: Wake
@@ -177,14 +179,14 @@ def run(
         count = set_wake_filaments(lattice.layout, work.wake, work.core, scheme.dt, work.table, 0)
         met = _met(lattice, work, at, count)
         strengths = [*strengths[-2:], _solve(lattice, work, met[0] - met[1], step)]
-        _load(lattice, work, at, met, strengths, (scheme, air.density, step))
-        rows.append(_row(work, strengths[-1]))
+        pushed = _load(lattice, work, at, met, strengths, (scheme, air.density, step))
+        rows.append(_row(work, strengths[-1], pushed))
         if scheme.wake == "free" and step + 1 < scheme.steps:
             _carried(lattice, work, strengths[-1], scheme.dt, velocity)
         progress((step + 1) / scheme.steps)
-    strength, force, moment, pressed, power = (np.array(column) for column in zip(*rows, strict=True))
+    strength, force, moment, pressed, by_rate, power = (np.array(column) for column in zip(*rows, strict=True))
     time, end = np.asarray(np.arange(scheme.steps) * scheme.dt), lattice._replace(nodes=at.nodes)
-    return History(time, strength, force, moment, pressed, power, work.wake, end)
+    return History(time, strength, force, moment, pressed, by_rate, power, work.wake, end)
 
 
 def _check(lattice: Lattice, motion: NodeMotion, scheme: Scheme) -> None:
@@ -254,10 +256,11 @@ def _shed(work: _Work, at: _Instant, velocity: Floats, strengths: Floats | None,
         shed(work.wake, at.behind, strengths[work.trailing])
 
 
-def _row(work: _Work, strengths: Floats) -> tuple[Floats, ...]:
-    """What `History` keeps of a step."""
-    loads, pressed = work.loads, work.loads.pressure * work.panels.area * work.panels.normal
-    return strengths, loads.force.T.copy(), loads.moment.T.copy(), pressed.T, loads.power.copy()
+def _row(work: _Work, strengths: Floats, pushed: Floats) -> tuple[Floats, ...]:
+    """What `History` keeps of a step; ``pushed`` (N,) N, along the normals, by the strengths' rates."""
+    loads, normal = work.loads, work.panels.normal
+    pressed = loads.pressure * work.panels.area * normal
+    return strengths, loads.force.T.copy(), loads.moment.T.copy(), pressed.T, (pushed * normal).T, loads.power.copy()
 
 
 def _met(lattice: Lattice, work: _Work, at: _Instant, count: int) -> tuple[Floats, Floats]:
@@ -287,8 +290,11 @@ def _load(
     panels: tuple[Floats, Floats],
     strengths: list[Floats],
     how: tuple[Scheme, float, int],
-) -> None:
-    """Fill ``work.loads``; ``strengths`` are those of up to three steps, the last one now."""
+) -> Floats:
+    """Fill ``work.loads``; ``strengths`` are those of up to three steps, the last one now.
+
+    Returns what their rates push along the normals, (N,) N.
+    """
     (scheme, density, step), layout = how, lattice.layout
     trailing = work.trailing
     places, flow = np.zeros((3, len(work.legs.start))), np.zeros((3, len(work.legs.start)))
@@ -305,6 +311,7 @@ def _load(
         ring_areas(layout, work.panels.area, areas)
     met = Flow(flow, motion, *panels, shed_now, rates, areas)
     set_loads(layout, work.legs, work.panels, strengths[-1], met, density, work.loads)
+    return np.asarray(density * rates * areas)
 
 
 def _rates(strengths: list[Floats], scheme: Scheme, step: int) -> Floats:
