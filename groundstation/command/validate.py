@@ -7,8 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.views.json_document import print_document
+from groundstation.views.lattice_pictures import draw_lattice
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from groundstation.views.validation import summary_line, validation_table
@@ -21,9 +23,15 @@ EXAMPLES = (
     "wingbeat validate --only yeo",
     "wingbeat validate --only gerdes --studies",
     "wingbeat validate --only grauer --plots pictures",
+    "wingbeat validate --only lattice --plots pictures",
     "wingbeat validate --json",
 )
 Told = Callable[[float, str], None]
+PICTURES: dict[str, Callable[[Path, Callable[[float], None]], list[Path]]] = {
+    "grauer": lambda folder, told: draw_plots(folder),
+    "lattice": draw_lattice,
+}
+"""of papers by name: what draws them into a folder, telling which share is done"""
 JSON_KEYS = {
     "papers": "list of {name, title, rows}",
     "rows": "of a paper: list of {where, quantity, unit, published [least, greatest], ours, difference, limit,"
@@ -44,7 +52,7 @@ def build_parser() -> options.Parser:
         "--plots",
         type=Path,
         metavar="DIR",
-        help="also draw the polar plots of Grauer Fig. 8 into DIR",
+        help="also draw pictures into DIR: grauer, the polar plots of Fig. 8; lattice, a wake and lift over a stroke",
     )
     options.add_json(parser)
     return parser
@@ -54,11 +62,11 @@ def run(arguments: Sequence[str]) -> int:
     """Compute the rows, print the table.
 
     Raises:
-        BadInput: no such paper, a picture that exists, matplotlib missing for pictures.
+        BadInput: no such paper or one without pictures, a picture that exists, matplotlib missing for pictures.
     """
     chosen = build_parser().parse_args(arguments)
-    plots = [] if chosen.plots is None else draw_plots(chosen.plots)
     names = list(PAPERS) if chosen.only is None else [chosen.only]
+    plots = [] if chosen.plots is None else drawn(names, chosen.plots)
     found = computed(names, chosen.studies, announce=not chosen.json)
     missing = [] if chosen.studies else left_out(names)
     if chosen.json:
@@ -73,6 +81,23 @@ def run(arguments: Sequence[str]) -> int:
     for path in plots:
         console.print(f"drawn: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def drawn(names: Sequence[str], folder: Path) -> list[Path]:
+    """Paths of the pictures of papers by name, drawn into ``folder``.
+
+    Raises:
+        BadInput: none of them has any, a picture exists, or matplotlib is missing.
+    """
+    having = [name for name in names if name in PICTURES]
+    if not having:
+        raise BadInput(f"{names[0]} has no pictures to draw; {' and '.join(PICTURES)} have")
+    with ProgressBar("drawing") as bar:
+        return [
+            path
+            for name in having
+            for path in PICTURES[name](folder, lambda share: bar.show(share, 1.0, "drawing the wake"))
+        ]
 
 
 class Task(NamedTuple):

@@ -13,6 +13,7 @@ measured lift is 0.995 or more each time.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -20,7 +21,15 @@ import numpy as np
 
 from sim_bridge.aerodynamics.strip_theory import SectionMotion, stalled_share
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, lattice_of
-from sim_bridge.aerodynamics.vortex_lattice.unsteady import Air, History, Scheme, run
+from sim_bridge.aerodynamics.vortex_lattice.unsteady import (
+    Air,
+    History,
+    Scheme,
+    Snapshot,
+    run,
+    unheard,
+    unseen,
+)
 from sim_bridge.validation.row import Row, compare, compare_share, figure
 from sim_bridge.validation.yeo import (
     AIRSPEED,
@@ -71,6 +80,13 @@ def wing() -> Lattice:
 @cache
 def lattice_stroke(wake: str = "free") -> Stroke:
     """The third stroke of the wing, with a prescribed or a free wake."""
+    return _stroke_of(flapped(wake))
+
+
+def flapped(
+    wake: str, progress: Callable[[float], None] = unheard, watch: Callable[[Snapshot], None] = unseen
+) -> History:
+    """`STROKES` strokes of the right wing and its mirror image, x back, y right, z up, in air at rest."""
     lattice, period = wing(), 1.0 / FREQUENCY
     x, y, _ = lattice.nodes
 
@@ -79,7 +95,25 @@ def lattice_stroke(wake: str = "free") -> Stroke:
         return np.stack((x - AIRSPEED * t, y * math.cos(angle), y * math.sin(angle)))
 
     scheme = Scheme(period / STEPS, STROKES * STEPS, wake, rows=2 * STEPS)
-    history = run(lattice, moved, scheme, Air(DENSITY, True))
+    return run(lattice, moved, scheme, Air(DENSITY, True), progress, watch)
+
+
+def wake_course(every: int = 1, progress: Callable[[float], None] = unheard) -> list[Snapshot]:
+    """Lattice and free wake at each ``every``-th step of `flapped`, and at the last one."""
+    seen: list[Snapshot] = []
+    last = STROKES * STEPS - 1
+
+    def watch(at: Snapshot) -> None:
+        step = round(at.time * FREQUENCY * STEPS)
+        if step % every == 0 or step == last:
+            seen.append(at)
+
+    flapped("free", progress, watch)
+    return seen
+
+
+def _stroke_of(history: History) -> Stroke:
+    lattice = wing()
     angle, rate, _ = flap(np.arange(STEPS) / STEPS).T
     strips = history.strip_force(0)[-STEPS:]
     normal = strips[:, :, 2] * np.cos(angle)[:, None] - strips[:, :, 1] * np.sin(angle)[:, None]

@@ -95,11 +95,19 @@ def test_an_unknown_paper_is_one_line(capsys: Capture) -> None:
     assert said.out == "" and "lilienthal" in said.err and said.err.count("\n") == 1
 
 
-def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture) -> None:
+def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
-    words = ["validate", "--only", "sibilski", "--json", "--plots", str(tmp_path / "new")]
+    monkeypatch.setitem(PAPERS, "grauer", PAPERS["grauer"]._replace(checks=()))
+    words = ["validate", "--only", "grauer", "--json", "--plots", str(tmp_path / "new")]
     assert main(words) == 0
     (path,) = json.loads(capsys.readouterr().out)["plots"]
     assert Path(path).read_bytes().startswith(b"\x89PNG")
     assert main(words) == 2
     assert "exists: it is not overwritten" in capsys.readouterr().err
+
+
+def test_a_paper_without_pictures_says_which_have_some(tmp_path: Path, capsys: Capture) -> None:
+    assert main(["validate", "--only", "sibilski", "--plots", str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert said.err.endswith("sibilski has no pictures to draw; grauer and lattice have\n") and not said.out
+    assert list(tmp_path.iterdir()) == []

@@ -129,6 +129,21 @@ class History(NamedTuple):
         return slice(first, first + int(layout.rows[surface] * layout.columns[surface]))
 
 
+class Snapshot(NamedTuple):
+    """Lattice and wake at one step; R rows of the wake so far, E edge nodes, S strips, N panels."""
+
+    time: float
+    """s"""
+    nodes: Floats
+    """(3, nodes) m; of the lattice"""
+    strengths: Floats
+    """(N,) m^2/s"""
+    wake_nodes: Floats
+    """(3, R + 1, E) m; the newest row first"""
+    wake_strengths: Floats
+    """(R, S) m^2/s"""
+
+
 class _Work(NamedTuple):
     panels: Panels
     legs: Legs
@@ -157,10 +172,19 @@ def unheard(share: float) -> None:
     """Nobody asks how far a run is."""
 
 
+def unseen(at: Snapshot) -> None:
+    """Nobody looks."""
+
+
 def run(
-    lattice: Lattice, motion: NodeMotion, scheme: Scheme, air: Air, progress: Callable[[float], None] = unheard
+    lattice: Lattice,
+    motion: NodeMotion,
+    scheme: Scheme,
+    air: Air,
+    progress: Callable[[float], None] = unheard,
+    watch: Callable[[Snapshot], None] = unseen,
 ) -> History:
-    """Move the ``lattice`` from time 0 on; ``progress`` hears which share is done.
+    """Move the ``lattice`` from time 0 on; ``progress`` hears which share is done, ``watch`` sees every step.
 
     The nodes of ``lattice`` are those of ``motion(0)``.
 
@@ -181,6 +205,8 @@ def run(
         strengths = [*strengths[-2:], _solve(lattice, work, met[0] - met[1], step)]
         pushed = _load(lattice, work, at, met, strengths, (scheme, air.density, step))
         rows.append(_row(work, strengths[-1], pushed))
+        if watch is not unseen:
+            watch(_snapshot(work.wake, at.nodes, strengths[-1], step * scheme.dt))
         if scheme.wake == "free" and step + 1 < scheme.steps:
             _carried(lattice, work, strengths[-1], scheme.dt, velocity)
         progress((step + 1) / scheme.steps)
@@ -254,6 +280,11 @@ def _shed(work: _Work, at: _Instant, velocity: Floats, strengths: Floats | None,
     else:
         carry(work.wake, velocity, dt)
         shed(work.wake, at.behind, strengths[work.trailing])
+
+
+def _snapshot(wake: Wake, nodes: Floats, strengths: Floats, time: float) -> Snapshot:
+    rows = int(wake.rows[0])
+    return Snapshot(time, nodes, strengths, wake.nodes[:, : rows + 1].copy(), wake.strengths[:rows].copy())
 
 
 def _row(work: _Work, strengths: Floats, pushed: Floats) -> tuple[Floats, ...]:
