@@ -14,9 +14,11 @@ from groundstation.views.lattice_pictures import draw_lattice
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from groundstation.views.validation import summary_line, validation_table
+from logs.wake_scene import write_wake
 from sim_bridge.validation.grauer import draw_plots
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import VERDICTS, Check, Row
+from sim_bridge.validation.yeo_lattice import wake_course, wing
 
 EXAMPLES = (
     "wingbeat validate",
@@ -24,9 +26,12 @@ EXAMPLES = (
     "wingbeat validate --only gerdes --studies",
     "wingbeat validate --only grauer --plots pictures",
     "wingbeat validate --only lattice --plots pictures",
+    "wingbeat validate --only lattice --scene wake.mcap",
     "wingbeat validate --json",
 )
 Told = Callable[[float, str], None]
+SCENE_EVERY = 4
+"""steps of the lattice, of which the scene has one: 82 a second"""
 PICTURES: dict[str, Callable[[Path, Callable[[float], None]], list[Path]]] = {
     "grauer": lambda folder, told: draw_plots(folder),
     "lattice": draw_lattice,
@@ -39,6 +44,7 @@ JSON_KEYS = {
     "left_out": "list of {paper, study}: rows that take minutes and are computed with --studies alone",
     "counts": "of rows by verdict: " + "; ".join(f"{name}: {text}" for name, text in VERDICTS.items()),
     "plots": "with --plots: paths of the pictures",
+    "scene": "with --scene: path of the recording, else null",
 }
 
 
@@ -54,6 +60,12 @@ def build_parser() -> options.Parser:
         metavar="DIR",
         help="also draw pictures into DIR: grauer, the polar plots of Fig. 8; lattice, a wake and lift over a stroke",
     )
+    parser.add_argument(
+        "--scene",
+        type=Path,
+        metavar="FILE",
+        help="with lattice: also record the flapping wing's wake for Foxglove or Lichtblick in a new FILE.mcap",
+    )
     options.add_json(parser)
     return parser
 
@@ -62,15 +74,18 @@ def run(arguments: Sequence[str]) -> int:
     """Compute the rows, print the table.
 
     Raises:
-        BadInput: no such paper or one without pictures, a picture that exists, matplotlib missing for pictures.
+        BadInput: no such paper or one without pictures, a picture or scene that exists, matplotlib missing for
+            pictures.
     """
     chosen = build_parser().parse_args(arguments)
     names = list(PAPERS) if chosen.only is None else [chosen.only]
+    if chosen.scene is not None:
+        record_scene(names, chosen.scene)
     plots = [] if chosen.plots is None else drawn(names, chosen.plots)
     found = computed(names, chosen.studies, announce=not chosen.json)
     missing = [] if chosen.studies else left_out(names)
     if chosen.json:
-        print_document(document(found) | {"left_out": missing, "plots": plots})
+        print_document(document(found) | {"left_out": missing, "plots": plots, "scene": chosen.scene})
         return 0
     console = open_console()
     console.print(validation_table(found))
@@ -80,6 +95,8 @@ def run(arguments: Sequence[str]) -> int:
         console.print(f"not computed, minutes: {named} (--studies)", style="dim", highlight=False)
     for path in plots:
         console.print(f"drawn: {path}", markup=False, highlight=False, soft_wrap=True)
+    if chosen.scene is not None:
+        console.print(f"recorded: {chosen.scene}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -98,6 +115,21 @@ def drawn(names: Sequence[str], folder: Path) -> list[Path]:
             for name in having
             for path in PICTURES[name](folder, lambda share: bar.show(share, 1.0, "drawing the wake"))
         ]
+
+
+def record_scene(names: Sequence[str], path: Path) -> None:
+    """Record the wake of Yeo's wing into a new file.
+
+    Raises:
+        BadInput: the lattice is not among the papers, or the file exists or cannot be written.
+    """
+    if "lattice" not in names:
+        raise BadInput(f"{names[0]} has no scene to record; lattice has")
+    if path.exists():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    with ProgressBar("recording") as bar:
+        course = wake_course(SCENE_EVERY, lambda share: bar.show(share, 1.0, "recording the wake"))
+    write_wake(path, wing(), course)
 
 
 class Task(NamedTuple):

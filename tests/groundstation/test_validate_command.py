@@ -6,14 +6,18 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from groundstation.command import validate
 from groundstation.command.main import main
 from groundstation.views.validation import validation_table
+from logs.reader import open_log
+from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import VERDICTS, Study
+from sim_bridge.validation.yeo_lattice import wing
 
 Capture = pytest.CaptureFixture[str]
 
@@ -111,3 +115,24 @@ def test_a_paper_without_pictures_says_which_have_some(tmp_path: Path, capsys: C
     said = capsys.readouterr()
     assert said.err.endswith("sibilski has no pictures to draw; grauer and lattice have\n") and not said.out
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_wake_is_recorded_once_and_with_the_lattice_alone(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "wake.mcap"
+    assert main(["validate", "--only", "sibilski", "--scene", str(path)]) == 2
+    assert "sibilski has no scene to record; lattice has" in capsys.readouterr().err and not path.exists()
+    monkeypatch.setitem(PAPERS, "lattice", PAPERS["lattice"]._replace(checks=()))
+    begun = wing()._replace(nodes=wing().nodes + 1.0)
+    blank = np.zeros((3, 1, 13)), np.zeros((0, 12))
+    monkeypatch.setattr(
+        validate, "wake_course", lambda every, told: [Snapshot(0.0, begun.nodes, np.zeros(72), *blank)]
+    )
+    words = ["validate", "--only", "lattice", "--json", "--scene", str(path)]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["scene"] == str(path)
+    with open_log(path) as log:
+        assert log.topics["/view/wake"].messages == 1
+    assert main(words) == 2
+    assert "exists: it is not overwritten" in capsys.readouterr().err
