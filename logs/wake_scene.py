@@ -1,8 +1,8 @@
 """For eyes: a prescribed motion's lattice and its wake over time, for Foxglove, Lichtblick or Rerun.
 
 `write_wake` makes a recording of one `foxglove.SceneUpdate` a step: wing and wake as triangles, the wake coloured by
-the strength of its rings, and its rows' edges as lines. `foxglove.FrameTransforms` carry the frame ``wing`` along with
-the foremost point of the lattice, to be followed. The lattice's axes (x back, y right, z up) are the viewer's
+the strength of its rings, and its rows' edges as lines. `foxglove.FrameTransforms` carry the frame ``wing`` along
+with the foremost point of the lattice, to be followed. The lattice's axes (x back, y right, z up) are the viewer's
 ``world``.
 """
 

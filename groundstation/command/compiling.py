@@ -10,46 +10,52 @@ from typing import Any
 from numba.core.event import Listener, install_listener
 from rich.console import Console
 
+from sim_bridge.aerodynamics.models import compiled_apart
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
 
 COMPILING = "compiling the physics, once: about half a minute"
+COMPILING_AIR = "compiling the aerodynamic model, once: about half a minute"
 COMPILING_METHODS = "compiling the methods, once: up to half a minute"
 
 
 def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
-    """Compile the physics where that has not been done, saying so on stderr unless ``quiet``.
+    """Compile the physics where that has not been done, and air that is compiled apart, saying so on stderr.
+
+    Unless ``quiet``, which says nothing.
 
     Raises:
         BadInput: the vehicle's bodies make no vehicle.
     """
-    plant = Plant(vehicle)
+    apart = compiled_apart(vehicle.aerodynamics.model)
+    with announced(quiet, COMPILING_AIR) if apart else nullcontext():
+        plant = Plant(vehicle)
     if not physics_compiled():
         with _telling(COMPILING, quiet):
             plant.compile()
 
 
 @contextmanager
-def announced(quiet: bool = False) -> Iterator[None]:
+def announced(quiet: bool = False, words: str = COMPILING_METHODS) -> Iterator[None]:
     """Say on stderr, once, that a kernel is compiled for which the cache has nothing yet, when that begins."""
     if quiet:
         yield
         return
-    with install_listener("numba:compile", _Teller()):
+    with install_listener("numba:compile", _Teller(words)):
         yield
 
 
 class _Teller(Listener):
     """What numba tells of each compilation."""
 
-    def __init__(self) -> None:
-        self._said = False
+    def __init__(self, words: str) -> None:
+        self._words, self._said = words, False
 
     def on_start(self, event: Any) -> None:
         """One begins."""
         if not self._said:
             self._said = True
-            print(COMPILING_METHODS, file=sys.stderr, flush=True)
+            print(self._words, file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         """One is over."""

@@ -43,6 +43,7 @@ from logs.join import Kept, join
 from logs.names import new_recording
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
+from sim_bridge.aerodynamics.models import compiled_apart
 from sim_bridge.environment import dryden
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, divided, mission_faults
@@ -203,8 +204,9 @@ def _check_flown(name: str) -> None:
 
 def _prepare(plan: Plan, quiet: bool) -> None:
     """Compile the physics before the clocks of the flight's waits begin to run."""
-    if not physics_compiled():
-        load_physics(simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics), quiet)
+    vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
+    if not physics_compiled() or compiled_apart(vehicle.aerodynamics.model):
+        load_physics(vehicle, quiet)
 
 
 def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:

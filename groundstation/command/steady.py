@@ -16,7 +16,7 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.steady_flight import flight_heading
 from groundstation.views.terminal import open_console
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
-from sim_bridge.flight_mechanics.stroke_map import throttle_for
+from sim_bridge.flight_mechanics.stroke_map import check_memory, throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
 
 STEADY_KEYS = {
@@ -78,9 +78,10 @@ def asked(chosen: argparse.Namespace) -> Asked:
     """What the command line asks for.
 
     Raises:
-        BadInput: unknown vehicle or aerodynamic model, or a file that cannot be used.
+        BadInput: unknown vehicle or aerodynamic model, one that keeps a whole wake, or a file that cannot be used.
     """
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
+    check_memory(vehicle)
     airspeed = vehicle.cruise.airspeed if chosen.airspeed is None else chosen.airspeed
     return Asked(vehicle, airspeed, vehicle.cruise.climb_rate if chosen.climb is None else chosen.climb)
 

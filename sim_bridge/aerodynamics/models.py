@@ -22,7 +22,7 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParamet
 from sim_bridge.bound import call_far
 from sim_bridge.vectors import Floats, kernel
 
-__all__ = ["MODELS", "Air", "advance", "air_of", "find_model", "loads"]
+__all__ = ["MODELS", "Air", "advance", "air_of", "compiled_apart", "find_model", "loads"]
 
 for _module in (strip_theory, quasi_steady, blade_element, regression, derivatives, vortex_lattice):
     MODELS[_module.MODEL.name] = _module.MODEL
@@ -52,6 +52,15 @@ def find_model(name: str) -> AerodynamicModel:
     if name not in MODELS:
         raise BadInput(f'unknown aerodynamic model "{name}"; known: {", ".join(MODELS)}')
     return MODELS[name]
+
+
+def compiled_apart(name: str) -> bool:
+    """Whether the model of this name is compiled at its first flight, and not with the plant.
+
+    Raises:
+        BadInput: there is none.
+    """
+    return get_type_hints(Air)[find_model(name).name] is FarLattice
 
 
 def air_of(model: AerodynamicModel, parameters: Any) -> Air:

@@ -149,6 +149,8 @@ class AerodynamicModel(NamedTuple):
     """the loads have the fuselage's drag in them: the plant adds none"""
     with_tail: bool = False
     """the loads have those of tail and fins in them: the plant adds none"""
+    keeps_wake: bool = False
+    """its state is a whole wake, thousands of numbers: too many for orbits and linear models"""
 
 
 MODELS: dict[str, AerodynamicModel] = {}

@@ -14,8 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import flap_motion
+from sim_bridge.aerodynamics.models import find_model
 from sim_bridge.plant import Means, Plant
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
@@ -76,10 +78,29 @@ class Stroke(NamedTuple):
     """rad; what the crank has turned beyond once, 0 where no motor turns it"""
 
 
+def check_memory(vehicle: SimulatedVehicle) -> None:
+    """Refuse air that remembers too much for a search among all its states.
+
+    Raises:
+        BadInput: it does.
+    """
+    name = vehicle.aerodynamics.model
+    if find_model(name).keeps_wake:
+        raise BadInput(
+            f"{vehicle.name}: no trim or linear model with {name}, its wake is thousands of states: use strip_theory"
+        )
+
+
 class StrokeMap:
     """Maps the longitudinal state at the start of a stroke to that one period later."""
 
     def __init__(self, vehicle: SimulatedVehicle) -> None:
+        """Build the plant.
+
+        Raises:
+            BadInput: the bodies make no vehicle, or the air keeps a whole wake.
+        """
+        check_memory(vehicle)
         self.vehicle = vehicle
         self.plant = Plant(vehicle)
         layout = self.plant.layout

@@ -6,7 +6,8 @@ import numba
 import pytest
 
 from groundstation.command import compiling
-from groundstation.command.compiling import COMPILING, COMPILING_METHODS, announced, load_physics
+from groundstation.command.compiling import COMPILING, COMPILING_AIR, COMPILING_METHODS, announced, load_physics
+from sim_bridge.aerodynamics.models import MODELS, compiled_apart
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle
 
@@ -25,6 +26,29 @@ def test_a_compilation_is_announced_once_when_it_begins(capsys: Capture) -> None
     with announced(quiet=True):
         assert numba.njit(lambda x: x + 4)(1) == 5
     assert capsys.readouterr() == ("", "")
+
+
+def test_air_that_is_compiled_apart_is_announced_in_words_of_its_own(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plant that compiles a kernel when it is built stands for the lattice, which takes half a minute."""
+    vehicle = load_vehicle("robo_raven_ii_d")
+    monkeypatch.setattr(compiling, "physics_compiled", lambda: True)
+    monkeypatch.setattr(compiling, "Plant", lambda vehicle: numba.njit(lambda x: x + 1)(1))
+    load_physics(vehicle)
+    assert capsys.readouterr().err == ""
+    lattice = vehicle._replace(aerodynamics=vehicle.aerodynamics._replace(model="vortex_lattice"))
+    load_physics(lattice, quiet=True)
+    assert capsys.readouterr().err == ""
+    load_physics(lattice)
+    assert capsys.readouterr().err == f"{COMPILING_AIR}\n"
+    monkeypatch.setattr(compiling, "Plant", lambda vehicle: None)
+    load_physics(lattice)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_lattice_alone_is_compiled_apart() -> None:
+    assert [name for name in MODELS if compiled_apart(name)] == ["vortex_lattice"]
 
 
 def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:

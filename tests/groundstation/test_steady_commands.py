@@ -54,6 +54,8 @@ def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
         (["trim", BIRD, "--airspeed", "0"], "0 is not above 0"),
         (["trim", BIRD, "--airspeed", "16"], "no trim at 16 m/s climbing 0 m/s: it needs a stroke of 7.9"),
         (["trim", BIRD, "--aerodynamics", "magic"], "magic"),
+        (["trim", BIRD, "--aerodynamics", "vortex_lattice"], "thousands of states: use strip_theory"),
+        (["linearize", BIRD, "--aerodynamics", "vortex_lattice"], "no trim or linear model with vortex_lattice"),
         (["linearize", BIRD, "--climb", "nan"], "nan is not a finite number"),
         (["linearize", BIRD, "--airspeed", "3", "--climb", "-5"], "3 m/s does not climb -5 m/s"),
     ],

@@ -257,4 +257,5 @@ MODEL = AerodynamicModel(
     advance=advance,
     advances=True,
     with_tail=True,
+    keeps_wake=True,
 )
