@@ -16,6 +16,7 @@ from sim_bridge.vehicles import SimulatedVehicle
 
 COMPILING = "compiling the physics, once: about half a minute"
 COMPILING_AIR = "compiling the aerodynamic model, once: about half a minute"
+_told: set[str] = set()
 COMPILING_METHODS = "compiling the methods, once: up to half a minute"
 
 
@@ -27,12 +28,18 @@ def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
     Raises:
         BadInput: the vehicle's bodies make no vehicle.
     """
-    apart = compiled_apart(vehicle.aerodynamics.model)
-    with announced(quiet, COMPILING_AIR) if apart else nullcontext():
+    with announced_air(vehicle, quiet):
         plant = Plant(vehicle)
     if not physics_compiled():
         with _telling(COMPILING, quiet):
             plant.compile()
+
+
+def announced_air(vehicle: SimulatedVehicle, quiet: bool = False) -> AbstractContextManager[None]:
+    """`announced`, where the vehicle's aerodynamic model is compiled apart from the plant; said once a run."""
+    if COMPILING_AIR in _told or not compiled_apart(vehicle.aerodynamics.model):
+        return nullcontext()
+    return announced(quiet, COMPILING_AIR)
 
 
 @contextmanager
@@ -55,6 +62,7 @@ class _Teller(Listener):
         """One begins."""
         if not self._said:
             self._said = True
+            _told.add(self._words)
             print(self._words, file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:

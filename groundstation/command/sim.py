@@ -14,7 +14,7 @@ from avionics.board.cores import pin_to_core, run_before_others
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
-from groundstation.command.compiling import COMPILING, load_physics
+from groundstation.command.compiling import COMPILING, announced_air, load_physics
 from groundstation.command.recordings import put_right, told_paths
 from logs.names import STICKS, new_recording
 from logs.noted import note_scenario
@@ -235,8 +235,17 @@ def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
     Raises:
         BadInput: no such vehicle or model, no section of the model, or bodies that make no vehicle.
     """
-    loaded = load_vehicle(vehicle)
-    if model is not None:
-        loaded = with_model(loaded, model)
-    build_mechanism(loaded)
+    loaded = unbuilt(vehicle, model)
+    with announced_air(loaded):
+        build_mechanism(loaded)
     return loaded
+
+
+def unbuilt(vehicle: str, model: str | None) -> SimulatedVehicle:
+    """`simulated`, of bodies that nobody has looked at, which may take the aerodynamic model's compiler.
+
+    Raises:
+        BadInput: no such vehicle or model, or no section of the model.
+    """
+    loaded = load_vehicle(vehicle)
+    return loaded if model is None else with_model(loaded, model)

@@ -10,7 +10,7 @@ from rich.console import RenderableType
 
 from groundstation.command import options
 from groundstation.command.compiling import load_physics
-from groundstation.command.sim import simulated
+from groundstation.command.sim import simulated, unbuilt
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.steady_flight import flight_heading
@@ -80,8 +80,10 @@ def asked(chosen: argparse.Namespace) -> Asked:
     Raises:
         BadInput: unknown vehicle or aerodynamic model, one that keeps a whole wake, or a file that cannot be used.
     """
-    vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
-    check_memory(vehicle)
+    asked_for = options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics
+    # Before what refuses them all is compiled.
+    check_memory(unbuilt(*asked_for))
+    vehicle = simulated(*asked_for)
     airspeed = vehicle.cruise.airspeed if chosen.airspeed is None else chosen.airspeed
     return Asked(vehicle, airspeed, vehicle.cruise.climb_rate if chosen.climb is None else chosen.climb)
 
