@@ -143,7 +143,7 @@ class PowerSensor:
         if self._at == BLOCK:
             self._generator.standard_normal(out=self._normals)
             self._at = 0
-        _sample_burst(self._phase, frequency, *supply(observation), self._at, self._bound)
+        _sample_burst(self._phase, frequency, supply(observation), self._at, self._bound)
         self._at += 1
         voltage, current = self._counts.tolist()
         return tuple(voltage), tuple(current)
@@ -199,21 +199,17 @@ def mean_square(duty: float, edge: float) -> float:
 
 
 @njit(cache=True)
-def _sample_burst(
-    phase: float, frequency: float, duty: float, amplitude: float, open_circuit: float, resistance: float,
-    at: int, bound: Bound,
-) -> None:  # fmt: skip
+def _sample_burst(phase: float, frequency: float, supply: Supply, at: int, bound: Bound) -> None:
     """Fill the counts of a `Burst` with the row ``at`` of its noise.
 
-    ``phase`` in periods is that of the modulation at the last sample, ``frequency`` in Hz its own; then the fields of
-    `Supply`.
+    ``phase`` in periods is that of the modulation at the last sample, ``frequency`` in Hz its own.
     """
     burst = bound_values(bound)
     counts, channels, normals = burst.counts, burst.channels, burst.normals[at]
     step, edge, n = frequency / SAMPLE_RATE, frequency * burst.edge, burst.counts.shape[1]
     for i in range(n):
-        amperes = pulse(phase - (n - 1 - i) * step, duty, edge) * amplitude
-        volts = open_circuit - resistance * amperes
+        amperes = pulse(phase - (n - 1 - i) * step, supply.duty, edge) * supply.amplitude
+        volts = supply.open_circuit_voltage - supply.resistance * amperes
         raw = volts * channels.voltage_gain + channels.voltage_noise * normals[i]
         counts[0, i] = round(min(max(raw, 0.0), channels.full_scale))
         raw = channels.current_zero + amperes * channels.current_gain + channels.current_noise * normals[n + i]

@@ -96,25 +96,26 @@ class Triad:
             self._at = 0
         at = self._at
         self._at = at + 1
-        return _read(value[0], value[1], value[2], drift[0], drift[1], drift[2], at, self._bound)
+        return _read(value, drift, at, self._bound)
 
 
 @njit(cache=True)
-def _read(x: float, y: float, z: float, dx: float, dy: float, dz: float, at: int, bound: Bound) -> Vector:
+def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
     unit = bound_values(bound)
-    x, y, z = _filtered(x, y, z, unit.low_pass, unit.memory, unit.begun)
+    felt = _filtered(value, unit.low_pass, unit.memory, unit.begun)
     return (
-        _reading(x, y, z, dx, 0, at, unit.rows, unit.noise, unit.conversion, unit.normals),
-        _reading(x, y, z, dy, 1, at, unit.rows, unit.noise, unit.conversion, unit.normals),
-        _reading(x, y, z, dz, 2, at, unit.rows, unit.noise, unit.conversion, unit.normals),
+        _reading(felt, drift[0], 0, at, unit),
+        _reading(felt, drift[1], 1, at, unit),
+        _reading(felt, drift[2], 2, at, unit),
     )
 
 
 @njit(cache=True)
-def _filtered(x: float, y: float, z: float, low_pass: LowPass, memory: Floats, begun: Floats) -> Vector:
+def _filtered(value: Vector, low_pass: LowPass, memory: Floats, begun: Floats) -> Vector:
     keep, before, now = low_pass
     if keep == 0.0:
-        return x, y, z
+        return value
+    x, y, z = value
     last, out = memory[0], memory[1]
     if begun[0] == 0.0:
         begun[0] = 1.0
@@ -128,13 +129,11 @@ def _filtered(x: float, y: float, z: float, low_pass: LowPass, memory: Floats, b
 
 
 @njit(cache=True)
-def _reading(
-    x: float, y: float, z: float, drift: float, axis: int, at: int,
-    rows: Floats, noise: Floats, conversion: Floats, normals: Floats,
-) -> float:  # fmt: skip
+def _reading(value: Vector, drift: float, axis: int, at: int, unit: Unit) -> float:
     """SI; of one axis, in whole counts within the sensor's range."""
-    row, sensitivity = rows[axis], conversion[0]
-    signal = row[0] * x + row[1] * y + row[2] * z + row[3] + sensitivity * drift + noise[axis] * normals[at, axis]
+    row, conversion, noise = unit.rows[axis], unit.conversion, unit.noise[axis] * unit.normals[at, axis]
+    sensitivity = conversion[0]
+    signal = row[0] * value[0] + row[1] * value[1] + row[2] * value[2] + row[3] + sensitivity * drift + noise
     counts = np.rint(signal) + 0.0  # a count has no negative zero
     return float(min(max(counts, conversion[1]), conversion[2]) * (1.0 / sensitivity))
 
