@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit as njit  # for all who compile: by here the cache has its folder
 from numpy.typing import NDArray
 
+from sim_bridge.own_copies import keep_own_copies
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Compiled = TypeVar("Compiled", bound=Callable[..., object])
@@ -44,6 +46,7 @@ def _cache_folder() -> Path:
     return Path(tempfile.gettempdir()) / f"wingbeat-kernels-{os.getuid()}-{digest.hexdigest()[:16]}"
 
 
+keep_own_copies()
 if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
