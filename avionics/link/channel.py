@@ -209,11 +209,14 @@ class Channel:
     # --- what is to be said of it
 
     def complaints(self, now: float) -> list[Complaint]:
-        """What has gone wrong since this was last said, at most once in `NOISE_EVERY`."""
+        """What has gone wrong since this was last said: the first at once, then at most once in `NOISE_EVERY`."""
         if now < self._noise_due:
             return []
+        noise = self._bad_bytes()
+        if noise + self._findings.total() == self._told.total():
+            return []
         self._noise_due = now + NOISE_EVERY
-        present = Counter({"noise": self.counts().bad_bytes})
+        present = Counter({"noise": noise})
         present.update({finding.value: number for finding, number in self._findings.items()})
         news, self._told = present - self._told, present
         return [Complaint(kind, self._words(kind, number)) for kind, number in news.items()]
@@ -222,6 +225,9 @@ class Channel:
         if kind == "noise":
             return f"{number} bytes on {self.name} were no MAVLink"
         return f"{number} frames on {self.name} refused: {kind}"
+
+    def _bad_bytes(self) -> int:
+        return self._shared.bad_bytes + sum(reader.bad_bytes for reader in self._readers.values())
 
     @property
     def heard_anything(self) -> bool:
@@ -241,7 +247,7 @@ class Channel:
         return LinkCounts(
             self.name,
             sum(reader.frames for reader in readers),
-            sum(reader.bad_bytes for reader in readers),
+            self._bad_bytes(),
             self.unknown + sum(reader.unknown for reader in readers),
             self.refused,
             self.transport.dropped + self._dropped,

@@ -143,6 +143,19 @@ def test_what_is_not_signed_with_the_key_is_refused_counted_and_told_once(key: b
         assert logged.count(said) == 1 and said not in texts(owner), "told before the owner was heard"
 
 
+def test_a_first_refusal_is_told_with_the_tick_that_meets_it() -> None:
+    with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
+        ground.link.poll(0.0)  # nothing to complain of yet
+        Station(port, None).say(arm())
+        ground.now = 0.005
+        before = ground.link.counts[0].frames
+        while ground.link.counts[0].frames == before:
+            ground.link.poll(ground.now)
+        assert f"1 frames on {ground.link.counts[0].url} refused: unsigned" in [
+            event.text for event in ground.link.take_events()
+        ]
+
+
 def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         owner, forger = Station(port, KEY), Station(port, OTHER, system=254)
