@@ -15,8 +15,9 @@ from avionics.messages import Event, Severity
 from avionics.quantities import BadInput
 from logs.extras import load_extra
 from logs.info import vehicle
+from logs.poses import Quaternion, Vector, tail_in_body, wing_in_body
 from logs.reader import Log
-from logs.scene import Quaternion, Shape, Vector, outlines, tail_in_body, wing_in_body
+from logs.scene import Shape, outlines
 from logs.view.motion import Body, Motion, Wings, motion_of
 from logs.view.page import shape_in
 from logs.view.panels import PANELS, ROWS, WING_ANGLE, Panel, plotted

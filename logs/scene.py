@@ -1,16 +1,15 @@
 """For eyes: the bird flapping along its track in Foxglove, Lichtblick or Rerun.
 
 `SceneRecorder` stands between a flight and its recorder and adds `foxglove.FrameTransforms` at 50 Hz,
-`foxglove.SceneUpdate` once a second and `foxglove.LocationFix` for every GPS fix. Viewers have z up, so frames turn
-here: world NED becomes ENU, body FRD becomes FLU (x forward, y left, z up); angles keep their meaning. The time
-stamps inside these messages are epoch time, because viewers match them with the log time.
+`foxglove.SceneUpdate` once a second and `foxglove.LocationFix` for every GPS fix. The time stamps inside these
+messages are epoch time, because viewers match them with the log time.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -26,6 +25,7 @@ from avionics import topics
 from avionics.recorder import Recorder
 from avionics.topics import Topic
 from logs.codecs import Stamped
+from logs.poses import Frames, Pose, Posed, Vector, enu_from_ned
 from sim_bridge import topics as truth_topics
 
 TRANSFORMS = Topic("/view/transforms", FrameTransforms, 2000, 50.0, deterministic=False)
@@ -38,11 +38,6 @@ TRANSFORM_PERIOD_US = 20_000
 SCENE_PERIOD_US = 1_000_000
 TRACK_POINTS = 300
 """Seconds of track that are shown."""
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)"""
-_HALF_ROOT = math.sqrt(0.5)
 
 
 class Shape(NamedTuple):
@@ -66,25 +61,6 @@ class Shape(NamedTuple):
     """m; 0 for none"""
 
 
-class Pose(NamedTuple):
-    """Where the vehicle is and how its parts stand, in the flight's own frames."""
-
-    time_us: int
-    """us; since boot"""
-    position_ned: Vector
-    """m; of the centre of mass from the launch place"""
-    quaternion: Quaternion
-    """-; of r_ned_from_frd"""
-    flap: tuple[float, float] = (0.0, 0.0)
-    """rad; left and right, wing up is positive"""
-    twist: tuple[float, float] = (0.0, 0.0)
-    """rad; of the tips, left and right, leading edge up is positive"""
-    elevator: float = 0.0
-    """rad; positive pitches the nose up"""
-    rudder: float = 0.0
-    """rad; positive yaws the nose right"""
-
-
 PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
 """What is drawn for a vehicle that is not known."""
 FLOWN: Mapping[str, Shape] = {
@@ -93,43 +69,6 @@ FLOWN: Mapping[str, Shape] = {
 }
 """Outlines, to 0.1 mm, of the vehicles that a flight computer knows by name: what `outline.shape_of` makes of their
 files brings the physics' compiler, which a flight computer does not wait for."""
-
-
-# --- frames ---------------------------------------------------------------------------------------------
-
-
-def enu_from_ned(vector: Sequence[float]) -> Vector:
-    """East, north, up from north, east, down."""
-    return vector[1], vector[0], -vector[2]
-
-
-def enu_from_flu(quaternion: Sequence[float]) -> Quaternion:
-    """Quaternion of r_enu_from_flu from that of r_ned_from_frd, both (w, x, y, z).
-
-    It is the half turn about (1, 1, 0) that makes ENU of NED, then ``quaternion``, then the half turn about x.
-    """
-    w, x, y, z = quaternion
-    return _HALF_ROOT * (w + z), _HALF_ROOT * (x + y), _HALF_ROOT * (x - y), _HALF_ROOT * (w - z)
-
-
-def wing_in_body(flap: float, twist: float, side: int) -> Quaternion:
-    """Attitude of a wing in body axes FLU: flap about x, then half the tip's twist about the span, its mean.
-
-    ``side`` is 1 for the left wing, -1 for the right one; both angles in rad.
-    """
-    a, b = 0.5 * side * flap, -0.25 * twist
-    ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
-    return ca * cb, sa * cb, ca * sb, sa * sb
-
-
-def tail_in_body(elevator: float, rudder: float) -> Quaternion:
-    """Attitude of the tail in body axes FLU: rudder about z, then elevator about y, both in rad.
-
-    Nose up is trailing edge up, nose right is trailing edge right.
-    """
-    a, b = 0.5 * rudder, 0.5 * elevator
-    ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
-    return ca * cb, -sa * sb, ca * sb, sa * cb
 
 
 # --- messages for viewers -------------------------------------------------------------------------------
@@ -149,28 +88,9 @@ class Scene:
         """
         self.start_epoch_ns = start_epoch_ns
         prefix = f"{name}/" if name else ""
-        self._frames = FrameTransforms()
-        left = shape.hinge
-        right = (left[0], -left[1], left[2])
-        self._add_frame("world", f"{prefix}body", (0.0, 0.0, 0.0))
-        self._add_frame(f"{prefix}body", f"{prefix}left_wing", left)
-        self._add_frame(f"{prefix}body", f"{prefix}right_wing", right)
-        self._add_frame(f"{prefix}body", f"{prefix}tail", shape.tail)
+        self.frames = Frames(shape.hinge, shape.tail, start_epoch_ns, prefix)
         self._scene = SceneUpdate(entities=entities(shape, prefix, alpha))
         self._line = self._scene.entities[-1].lines[0]
-
-    def transforms(self, pose: Pose) -> FrameTransforms:
-        """Frames of body, wings and tail; the message is reused by the next call."""
-        frames = self._frames.transforms
-        for frame in frames:
-            _stamp(frame.timestamp, self.start_epoch_ns, pose.time_us)
-        body = frames[0]
-        body.translation.x, body.translation.y, body.translation.z = enu_from_ned(pose.position_ned)
-        _turn(body, enu_from_flu(pose.quaternion))
-        _turn(frames[1], wing_in_body(pose.flap[0], pose.twist[0], 1))
-        _turn(frames[2], wing_in_body(pose.flap[1], pose.twist[1], -1))
-        _turn(frames[3], tail_in_body(pose.elevator, pose.rudder))
-        return self._frames
 
     def update(self, pose: Pose) -> SceneUpdate:
         """The vehicle's parts and its track so far; the message is reused by the next call."""
@@ -181,15 +101,6 @@ class Scene:
         for entity in self._scene.entities:
             _stamp(entity.timestamp, self.start_epoch_ns, pose.time_us)
         return self._scene
-
-    def _add_frame(self, parent: str, child: str, translation: Vector) -> None:
-        frame = self._frames.transforms.add(parent_frame_id=parent, child_frame_id=child)
-        frame.translation.x, frame.translation.y, frame.translation.z = translation
-
-
-def _turn(frame: Any, quaternion: Quaternion) -> None:
-    rotation = frame.rotation
-    rotation.w, rotation.x, rotation.y, rotation.z = quaternion
 
 
 def _stamp(target: Any, start_epoch_ns: int, time_us: int) -> None:
@@ -287,10 +198,10 @@ class SceneRecorder:
         self.inner = inner
         self.scene = Scene(shape or PLAIN_BIRD, start_epoch_ns, *(("estimated", 0.4) if estimated else ("", 1.0)))
         self._topics = (ESTIMATED_TRANSFORMS, ESTIMATED_SCENE) if estimated else (TRANSFORMS, SCENE)
-        self._pose_topic = topics.ATTITUDE.name if estimated else truth_topics.STATE.name
-        self._latest: dict[str, Any] = {}
+        self._pose_channel = (topics.ATTITUDE if estimated else truth_topics.STATE).channel
+        self._latest: dict[int, Any] = {}
         kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
-        self._kept = kept if shape is not None else frozenset[str]()
+        self._kept = kept if shape is not None else frozenset[int]()
         self._located = "estimated/body" if estimated and shape is not None else "body"
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
@@ -305,16 +216,17 @@ class SceneRecorder:
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message, and what there is to see at its time."""
         self.inner.record(topic, message)
-        if topic.name in self._kept:
-            self._latest[topic.name] = message
-            if topic.name == self._pose_topic and message.time_us >= self._next_us[0]:
+        channel = topic.channel
+        if channel in self._kept:
+            self._latest[channel] = message
+            if channel == self._pose_channel and message.time_us >= self._next_us[0]:
                 # A flight goes on, whatever a viewer would have made of this.
                 with contextlib.suppress(ValueError, ArithmeticError, TypeError):
                     self._show(message.time_us)
-        elif topic.name == topics.GPS.name and message.fix_type >= 2:
+        elif channel == _FIXES and message.fix_type >= 2:
             with contextlib.suppress(ValueError, ArithmeticError, TypeError):
                 place = location(message, self.scene.start_epoch_ns, self._located)
-                self._add(LOCATION, message.time_us, place)
+                self._add(LOCATION, _stamped(message.time_us, place))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""
@@ -339,47 +251,45 @@ class SceneRecorder:
     def _show(self, time_us: int) -> None:
         self._next_us[0] = time_us + TRANSFORM_PERIOD_US
         pose = self._pose(self._latest)
-        if not math.isfinite(sum(pose.position_ned) + sum(pose.quaternion)):
+        if not pose.can_be_shown():
             return
-        self._add(self._topics[0], time_us, self.scene.transforms(pose))
+        self._add(self._topics[0], Posed(time_us, self.scene.frames, pose))
         if time_us >= self._next_us[1]:
             self._next_us[1] = time_us + SCENE_PERIOD_US
-            self._add(self._topics[1], time_us, self.scene.update(pose))
+            self._add(self._topics[1], _stamped(time_us, self.scene.update(pose)))
 
-    def _add(self, topic: Topic, time_us: int, body: Protobuf) -> None:
-        self.inner.record(topic, Stamped(time_us, body.SerializeToString(deterministic=True)))
+    def _add(self, topic: Topic, message: Stamped | Posed) -> None:
+        self.inner.record(topic, message)
         self.added[topic.name] = self.added.get(topic.name, 0) + 1
 
 
-_TRUTH_TOPICS = frozenset({truth_topics.STATE.name, truth_topics.WING.name})
+def _stamped(time_us: int, body: Protobuf) -> Stamped:
+    return Stamped(time_us, body.SerializeToString(deterministic=True))
+
+
+_FIXES = topics.GPS.channel
+_TRUTH_TOPICS = frozenset({truth_topics.STATE.channel, truth_topics.WING.channel})
 _ESTIMATED_TOPICS = frozenset(
-    topic.name for topic in (topics.ATTITUDE, topics.POSITION, topics.ALTITUDE, topics.WING, topics.ACTUATORS)
+    topic.channel for topic in (topics.ATTITUDE, topics.POSITION, topics.ALTITUDE, topics.WING, topics.ACTUATORS)
 )
 
 
-def _true_pose(latest: dict[str, Any]) -> Pose:
-    state = latest[truth_topics.STATE.name]
-    wing = latest.get(truth_topics.WING.name)
-    pose = Pose(
-        state.time_us,
-        (state.north, state.east, state.down),
-        (state.quaternion_w, state.quaternion_x, state.quaternion_y, state.quaternion_z),
-    )
+def _true_pose(latest: dict[int, Any]) -> Pose:
+    state = latest[truth_topics.STATE.channel]
+    wing = latest.get(truth_topics.WING.channel)
+    place = (state.north, state.east, state.down)
+    quaternion = (state.quaternion_w, state.quaternion_x, state.quaternion_y, state.quaternion_z)
     if wing is None:
-        return pose
-    return pose._replace(
-        flap=(wing.angle_left, wing.angle_right),
-        twist=(wing.twist_left, wing.twist_right),
-        elevator=wing.elevator,
-        rudder=wing.rudder,
-    )
+        return Pose(state.time_us, place, quaternion)
+    flap, twist = (wing.angle_left, wing.angle_right), (wing.twist_left, wing.twist_right)
+    return Pose(state.time_us, place, quaternion, flap, twist, wing.elevator, wing.rudder)
 
 
-def _estimated_pose(latest: dict[str, Any]) -> Pose:
+def _estimated_pose(latest: dict[int, Any]) -> Pose:
     """Position, altitude, wings and tail are at rest at the origin until they are known; NaN is not known."""
-    attitude = latest[topics.ATTITUDE.name]
-    position, altitude = latest.get(topics.POSITION.name), latest.get(topics.ALTITUDE.name)
-    wing, actuators = latest.get(topics.WING.name), latest.get(topics.ACTUATORS.name)
+    attitude = latest[topics.ATTITUDE.channel]
+    position, altitude = latest.get(topics.POSITION.channel), latest.get(topics.ALTITUDE.channel)
+    wing, actuators = latest.get(topics.WING.channel), latest.get(topics.ACTUATORS.channel)
     place = (
         position.north if position else 0.0,
         position.east if position else 0.0,

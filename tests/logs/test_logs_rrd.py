@@ -18,10 +18,11 @@ from avionics import topics
 from avionics.quantities import BadInput
 from logs.export import Part, export
 from logs.outline import shape_of
+from logs.poses import wing_in_body
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder
 from logs.rrd import BIRD, PLACE
-from logs.scene import SceneRecorder, outlines, wing_in_body
+from logs.scene import SceneRecorder, outlines
 from sim_bridge import topics as truth_topics
 from sim_bridge.vehicles import load_vehicle
 

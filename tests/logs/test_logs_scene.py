@@ -10,99 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from hypothesis import given
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from numpy.typing import NDArray
 from recorded import EPOCH_NS, flight
-from scipy.spatial.transform import Rotation
 
 from avionics import topics
 from avionics.vehicles import vehicle_names
 from logs.outline import shape_of
+from logs.poses import Pose, wing_in_body
 from logs.recorder import McapRecorder
-from logs.scene import (
-    FLOWN,
-    TRACK_POINTS,
-    Pose,
-    Scene,
-    SceneRecorder,
-    Shape,
-    entities,
-    enu_from_flu,
-    enu_from_ned,
-    location,
-    tail_in_body,
-    wing_in_body,
-)
+from logs.scene import FLOWN, TRACK_POINTS, Scene, SceneRecorder, Shape, entities, location
 from sim_bridge import topics as truth_topics
 from sim_bridge.vehicles import load_vehicle
 
 SHAPE = Shape(0.5, 0.3, (0.1, 0.02, 0.03), 0.2, (-0.4, 0.0, 0.0), 0.3, 0.2, 0.1)
 SHOWN = (truth_topics.STATE, truth_topics.WING, topics.ATTITUDE, topics.WING, topics.ALTITUDE)
-Vector = NDArray[np.float64]
-angles = st.floats(-1.2, 1.2)
-unit_quaternions = (
-    st.tuples(*[st.floats(-1.0, 1.0)] * 4)
-    .filter(lambda q: math.hypot(*q) > 0.1)
-    .map(lambda q: tuple(part / math.hypot(*q) for part in q))
-)
-
-
-def rotate(quaternion: Any, vector: Any) -> Vector:
-    """``vector`` turned by a quaternion (w, x, y, z)."""
-    return np.asarray(Rotation.from_quat(quaternion, scalar_first=True).apply(vector))
-
-
-@given(quaternion=unit_quaternions, vector=st.tuples(*[st.floats(-10.0, 10.0)] * 3))
-def test_the_body_points_the_same_way_in_both_worlds(quaternion: Any, vector: Any) -> None:
-    flu = (vector[0], -vector[1], -vector[2])
-    assert rotate(enu_from_flu(quaternion), flu) == pytest.approx(enu_from_ned(rotate(quaternion, vector)), abs=1e-9)
-
-
-def test_level_flight_to_the_north() -> None:
-    assert rotate(enu_from_flu((1.0, 0.0, 0.0, 0.0)), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))
-    assert rotate(enu_from_flu((1.0, 0.0, 0.0, 0.0)), (0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, 1.0))
-
-
-@given(flap=angles, twist=angles)
-def test_wings_flap_up_and_twist_leading_edge_up_as_mirror_images(flap: float, twist: float) -> None:
-    left, right = wing_in_body(flap, twist, 1), wing_in_body(flap, twist, -1)
-    assert rotate(left, (0.0, 1.0, 0.0)) == pytest.approx((0.0, math.cos(flap), math.sin(flap)), abs=1e-12)
-    for point in ((0.3, 0.0, 0.0), (-0.1, 0.7, 0.0)):
-        mirrored = (point[0], -point[1], point[2])
-        assert rotate(right, mirrored) == pytest.approx(rotate(left, point) * (1.0, -1.0, 1.0), abs=1e-12)
-    leading = rotate(wing_in_body(0.0, twist, 1), (1.0, 0.0, 0.0))
-    assert leading[2] == pytest.approx(math.sin(0.5 * twist))
-
-
-def test_a_tail_that_pitches_up_and_yaws_right_has_its_trailing_edge_up_and_right() -> None:
-    assert rotate(tail_in_body(0.3, 0.0), (-1.0, 0.0, 0.0)) == pytest.approx((-math.cos(0.3), 0.0, math.sin(0.3)))
-    assert rotate(tail_in_body(0.0, 0.3), (-1.0, 0.0, 0.0)) == pytest.approx((-math.cos(0.3), -math.sin(0.3), 0.0))
-
-
-@given(elevator=angles, rudder=angles)
-def test_the_tail_turns_rudder_first(elevator: float, rudder: float) -> None:
-    expected = Rotation.from_euler("ZY", [rudder, elevator]).as_matrix()
-    found = Rotation.from_quat(tail_in_body(elevator, rudder), scalar_first=True).as_matrix()
-    assert found == pytest.approx(expected, abs=1e-12)
-
-
-def test_frames_hang_together() -> None:
-    pose = Pose(2_000_000, (10.0, 20.0, -30.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.4))
-    frames = Scene(SHAPE, EPOCH_NS, "estimated").transforms(pose).transforms
-    assert [(frame.parent_frame_id, frame.child_frame_id) for frame in frames] == [
-        ("world", "estimated/body"),
-        ("estimated/body", "estimated/left_wing"),
-        ("estimated/body", "estimated/right_wing"),
-        ("estimated/body", "estimated/tail"),
-    ]
-    body = frames[0].translation
-    assert (body.x, body.y, body.z) == (20.0, 10.0, 30.0)
-    assert frames[1].translation.y == -frames[2].translation.y == 0.02
-    assert all(frame.timestamp.ToNanoseconds() == EPOCH_NS + 2_000_000_000 for frame in frames)
 
 
 def test_the_wings_of_the_scene_reach_from_the_hinge_to_the_tip() -> None:
@@ -221,4 +143,3 @@ def test_accuracy_of_a_fix_is_a_covariance() -> None:
     (_, fix), *_ = flight(0.5, (topics.GPS,))
     shown = location(fix._replace(horizontal_accuracy=2.0, vertical_accuracy=3.0), EPOCH_NS)
     assert list(shown.position_covariance) == [4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 9.0]
-    assert isinstance(Scene(SHAPE, 0).transforms(Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))), FrameTransforms)

@@ -24,9 +24,9 @@ from avionics import messages as m
 from avionics import topics
 from avionics.quantities import BadInput
 from avionics.topics import Topic
+from logs.poses import enu_from_flu
 from logs.reader import open_log
 from logs.recorder import McapRecorder
-from logs.scene import enu_from_flu
 from logs.view import tables as view_tables
 from logs.view.motion import Motion, motion_of
 from logs.view.packing import ABSENT, Packer
