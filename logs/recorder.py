@@ -60,6 +60,8 @@ class Writing(NamedTuple):
 
 BATCH, BATCH_US = 256, 100_000.0
 """-, us; messages, and time on the vehicle's clock from the first to the last, that are encoded together"""
+_SHUT = -math.inf
+"""us; end of the time of messages that may wait, while none waits"""
 LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
 """-, s; to lock a new file that another program looks into"""
 IN_FLIGHT = 16 * 1024 * 1024
@@ -115,7 +117,7 @@ class McapRecorder:
         self._lock = threading.RLock()
         self._streams: dict[int, _Stream] = {}
         self._waiting: deque[tuple[Topic, Any]] = deque()
-        self._since = self._first_us = self._past_us = 0.0
+        self._since, self._first_us, self._past_us = 0.0, 0.0, _SHUT
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
         self._oldest_ns = self._youngest_ns = 0
@@ -151,32 +153,47 @@ class McapRecorder:
         """Store one message; its ``time_us`` is the time stamp."""
         if not topic.logged or not self._open_for_writing:
             return
-        with self._lock:
-            waiting = self._waiting
-            begun = len(waiting)
-            waiting.append((topic, message))
-            try:
-                time_us = message.time_us
-                if begun:
-                    due = begun >= BATCH or not self._first_us <= time_us < self._past_us
-                else:
-                    due = False
-                    self._since, self._first_us, self._past_us = self._clock(), time_us, time_us + BATCH_US
-                    if self._buffer:
-                        self._past_us = min(self._past_us, (self._youngest_ns - self.start_epoch_ns) / 1000)
-                    else:
-                        self._flush_clock = self._since + FLUSH_S
+        waiting = self._waiting
+        # Without the lock: a queue takes one message after another, and where the window was shut meanwhile, it was
+        # before the queue was emptied, so that the message is looked at here or there.
+        waiting.append((topic, message))
+        try:
+            if (
+                self._first_us <= message.time_us < self._past_us
+                and len(waiting) <= BATCH
                 # Without a thread that does it, it is a message that ends a chunk whose time is over.
-                due = due or (self._backlog is None and self._clock() >= self._flush_clock)
-            # What is wrong with it is told where it is encoded.
+                and (self._backlog is not None or self._clock() < self._flush_clock)
+            ):
+                return
+        # What is wrong with it is told where it is encoded.
+        except (AttributeError, TypeError):
+            pass
+        self._look(message)
+
+    def _look(self, message: Any) -> None:
+        """Begin to wait with a first message; encode what has waited long enough."""
+        with self._lock:
+            try:
+                opened = self._past_us == _SHUT and self._open_window(message.time_us)
             except (AttributeError, TypeError):
-                due = True
-            if due:
+                opened = False
+            if not opened or (self._backlog is None and self._clock() >= self._flush_clock):
                 self._settle()
+
+    def _open_window(self, time_us: float) -> bool:
+        """Let messages wait that are not much younger than this one."""
+        self._since, past_us = self._clock(), time_us + BATCH_US
+        if self._buffer:
+            past_us = min(past_us, (self._youngest_ns - self.start_epoch_ns) / 1000)
+        else:
+            self._flush_clock = self._since + FLUSH_S
+        self._first_us, self._past_us = time_us, past_us
+        return True
 
     def _settle(self) -> None:
         """Encode what waits into the open chunk."""
         with self._lock:
+            self._past_us = _SHUT
             waiting, stream_of, epoch = self._waiting, self._streams.get, self.start_epoch_ns
             # Ctrl-C may come between any two lines: what was taken is not taken again.
             while waiting:

@@ -10,18 +10,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zstandard
 from recorded import EPOCH_NS, flight, record
 
 from avionics import topics
 from avionics.quantities import BadInput
+from avionics.topics import Topic
 from logs import backlog as backlog_module
 from logs import container
 from logs import recorder as recorder_module
 from logs.backlog import Backlog
 from logs.reader import Log, open_log
-from logs.recorder import McapRecorder, Writing
+from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.recover import recover_left
 
 IMU_ALONE = (topics.IMU,)
@@ -348,3 +350,24 @@ def test_a_recording_that_ended_early_leaves_no_thread(tmp_path: Path, monkeypat
     recorder.close()
     recorder.close()
     assert recorder.failure and set(threading.enumerate()) == before
+
+
+def test_threads_share_a_recorder_and_nothing_is_lost_or_out_of_turn(tmp_path: Path) -> None:
+    path, each = tmp_path / "a.mcap", 20_000
+    shared = (topics.ATTITUDE, topics.ALTITUDE, topics.WING)
+    kinds = {topic: flight(0.1, (topic,))[0][1] for topic in shared}
+    with McapRecorder(path, start_epoch_ns=EPOCH_NS, writing=Writing(IN_FLIGHT)) as recorder:
+
+        def speak(topic: Topic) -> None:
+            for number in range(each):
+                recorder.record(topic, kinds[topic]._replace(time_us=500 * number))
+
+        speakers = [threading.Thread(target=speak, args=(topic,)) for topic in shared]
+        for speaker in speakers:
+            speaker.start()
+        for speaker in speakers:
+            speaker.join()
+    assert not (recorder.failure or recorder.refusal or recorder.dropped)
+    with open_log(path) as log:
+        for topic in shared:
+            assert np.array_equal(log.columns(topic.name)["time_us"], 500 * np.arange(each))
