@@ -465,8 +465,8 @@ def test_a_reached_item_and_an_event_are_told() -> None:
     with stock_client() as (client, vehicle):
         vehicle.mode, vehicle.mission = m.Mode.AUTO, MISSION
         vehicle.topics["/guidance/navigation"] = vehicle.topics["/guidance/navigation"]._replace(item=1)
-        vehicle.said.append(m.Event(7_654_321, m.Severity.NOTICE, "modes", "launched"))
         assert expect(client, "MISSION_ITEM_REACHED").seq == 0
+        vehicle.said.append(m.Event(7_654_321, m.Severity.NOTICE, "modes", "launched"))
         assert expect(client, "SYSTEM_TIME", lambda each: each.time_boot_ms == 7654)
         text = expect(client, "STATUSTEXT")
         assert (text.text, text.severity, text.id) == ("launched", mavlink.MAV_SEVERITY_NOTICE, 0)
