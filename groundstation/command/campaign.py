@@ -109,6 +109,8 @@ def run(arguments: Sequence[str]) -> int:
     if read_table(places.table).about.digest != campaign.digest():
         raise BadInput(f"{places.table} is the table of another campaign, or of this one before its files changed:"
                        " name another --out")  # fmt: skip
+    if chosen.logs != "none" and not places.logs.exists():
+        print(words.too_late_for_logs(places.table), file=sys.stderr)
     return _tell_done(chosen, campaign, places)
 
 

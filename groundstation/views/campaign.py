@@ -47,6 +47,11 @@ def stopped(done: int, size: int) -> str:
     return f"stopped: {done} of {counted(size, 'flight')} are flown and kept; the same command goes on"
 
 
+def too_late_for_logs(table: Path) -> str:
+    """Said when flights are to be recorded that have been flown before."""
+    return f"{table} is whole: --logs records nothing more; --flight N --log FILE flies one again and records it"
+
+
 def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int, float]) -> RenderableType:
     """What came of all flights; ``done`` is how many were flown now, and in how many s."""
     rows = Table.grid(padding=(0, 3))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
 import signal
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from avionics.quantities import BadInput
@@ -76,7 +78,7 @@ def existing_cluster(address: str) -> Iterator[Any]:
     """A client of the cluster whose scheduler listens at ``address``; the cluster stays.
 
     Raises:
-        BadInput: Dask is not installed, nobody answers, or a worker cannot fly our flights.
+        BadInput: Dask is not installed, nobody answers, or a worker cannot fly our flights, or not with our sources.
     """
     distributed = dask("distributed")
     _silence()
@@ -102,16 +104,34 @@ def _check_workers(client: Any, address: str) -> None:
     except TimeoutError:
         raise BadInput(f"the scheduler at {address} has no workers: dask worker {address} --nthreads 1") from None
     try:
-        client.run(_ready)
+        codes = client.run(flight_code)
     except Exception as error:
         raise BadInput(f"a worker of {address} cannot fly: {type(error).__name__}: {error}") from None
+    ours = flight_code()
+    others = [worker for worker, code in codes.items() if code != ours]
+    if others:
+        raise BadInput(
+            f"{others[0]} has another version of Wingbeat's sources: its flights would not be those of this machine"
+        )
 
 
-def _ready() -> str:
-    """Whether a worker has what a flight needs; where it has not, the import says so."""
-    from logs.campaigns.flown import flown
+def flight_code() -> str:
+    """Digest of all sources and shipped files that a flight depends on, where this is called.
 
-    return flown.__name__
+    Raises:
+        ImportError: what a flight needs is not installed.
+    """
+    import avionics
+    import logs
+    import sim_bridge
+    from logs.campaigns import flown
+
+    digest = hashlib.sha256(flown.__name__.encode())
+    for package in (avionics, logs, sim_bridge):
+        root = Path(package.__path__[0])
+        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".toml", ".xml", ".json")):
+            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def dask(module: str = "dask") -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import shlex
@@ -10,16 +11,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from avionics.quantities import BadInput
 from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
 from logs import extras
+from logs.campaigns.cluster import existing_cluster, flight_code
 from logs.campaigns.run import fly_campaign
 from logs.campaigns.table import read_table
 from logs.reader import open_log
@@ -80,6 +83,10 @@ def test_a_campaign_is_a_table_and_the_same_command_flies_nothing_again(folder: 
     again = document(capsys, "campaign", "short.toml", "--json")
     assert again == told | {"flown": 0, "wall_time": 0.0}
     assert (folder / "recordings/short.parquet").stat().st_mtime_ns == before.st_mtime_ns
+    assert main(["campaign", "short.toml", "--json", "--logs", "all"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) == again
+    assert "recordings/short.parquet is whole: --logs records nothing more" in said.err
 
 
 def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
@@ -222,6 +229,42 @@ def test_a_scheduler_that_is_not_there_is_told_in_a_line(tmp_path: Path, capsys:
     finally:
         cluster.CONNECTING = before
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said
+
+
+@pytest.mark.parametrize(
+    ("worker", "why"),
+    [
+        (flight_code, ""),
+        (lambda: "0" * 64, "tcp://w:1 has another version of Wingbeat's sources"),
+        (lambda: importlib.import_module("nothing_of_this_name"), "a worker of tcp://s:2 cannot fly: ModuleNotFound"),
+    ],
+    ids=["ours", "other sources", "nothing installed"],
+)
+def test_a_worker_flies_with_our_sources_or_not_at_all(
+    worker: Callable[[], Any], why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Cluster:
+        def __init__(self, address: str, timeout: float) -> None:
+            self.closed = False
+
+        def wait_for_workers(self, number: int, timeout: float) -> None:
+            """All are there."""
+
+        def run(self, function: Callable[[], str]) -> dict[str, Any]:
+            assert function is flight_code
+            return {"tcp://w:1": worker()}
+
+        def close(self, timeout: float) -> None:
+            self.closed = True
+
+    monkeypatch.setattr(distributed, "Client", Cluster)
+    with contextlib.ExitStack() as stack:
+        if not why:
+            client = stack.enter_context(existing_cluster("tcp://s:2"))
+            assert not client.closed
+            return
+        with pytest.raises(BadInput, match=why):
+            stack.enter_context(existing_cluster("tcp://s:2"))
 
 
 LONGER = 'flights = 6\n[flight]\nduration = 20.0\n[draw]\n"wind.speed" = { uniform = [0, 2] }\n'
