@@ -114,12 +114,12 @@ class StepClock(NamedTuple):
     @property
     def end(self) -> float:
         """s; of the step under way, or of the first that will come."""
-        return self.since + (max(self.done, 0) + 1) * self.length
+        return self.since + ((self.done if self.done > 0 else 0) + 1) * self.length
 
     def step(self, length: float) -> StepClock:
         """The clock in the next step, of ``length`` s."""
         if length == self.length:
-            return self._replace(done=self.done + 1)
+            return StepClock(self.since, self.done + 1, length)
         return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
@@ -169,6 +169,8 @@ class SimulatedWorld:
         self.plant = _in_hand(vehicle, scenario)
         self.suite = _sensors(vehicle, scenario, rate)
         self._edge = vehicle.sections["power_sensor"].edge
+        self._push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
+        self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
         self._look = Look(self.plant, vehicle.fuselage.contact_nose)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence)
@@ -336,9 +338,9 @@ class SimulatedWorld:
 
     def _watch_launcher(self, armed: bool) -> None:
         """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
-        now = self._clock.start
         if self.thrown:
             return
+        now = self._clock.start
         if self.scenario.waits_for_arming:
             self._watch_arming(armed, now)
         ready = max(self._launch_from, self._armed_since + ARMED_TIME)
@@ -358,10 +360,9 @@ class SimulatedWorld:
         return isa(self.scenario.home.altitude - float(self.plant.y[2]))
 
     def _surroundings(self, air: Air) -> k.Surroundings:
-        launch = self.vehicle.launch
-        push = self.scenario.throw.speed * launch.speed / launch.duration
         turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
-        return k.Surroundings(*self._air_velocity(), air.density, self._launcher(), push, 0.0, 0.0, *turn)
+        (a, b, c), (x, y, z) = self._wind, self._gust.velocity
+        return k.Surroundings(a + x, b + y, c + z, air.density, self._launcher(), self._push, 0.0, 0.0, *turn)
 
     def _air_velocity(self) -> tuple[float, float, float]:
         """m/s; of the air at the vehicle, NED: the steady wind and the gust."""
@@ -378,8 +379,7 @@ class SimulatedWorld:
         self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, height, through, self._clock.length)
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
-        travel, tail = self.vehicle.drive.travel, self.vehicle.tail_servo.travel
-        before = self._targets
+        (travel, tail), before = self._travel, self._targets
         if command.armed:
             self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
         throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
@@ -442,8 +442,8 @@ def sensor_frame(raw: RawFrame) -> SensorFrame:
     """The raw numbers as the board delivers them."""
     return SensorFrame(
         raw.time_us,
-        ImuSample(*raw.imu),
-        EncoderSample(*raw.encoder) if raw.encoder else None,
+        ImuSample._make(raw.imu),
+        EncoderSample._make(raw.encoder) if raw.encoder else None,
         PressureSample(*raw.pressures) if raw.pressures else None,
         AdcBurst(*raw.adc) if raw.adc else None,
         TorqueSample(*raw.torque) if raw.torque else None,
@@ -453,7 +453,9 @@ def sensor_frame(raw: RawFrame) -> SensorFrame:
 
 
 def _clip(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit) if math.isfinite(value) else 0.0
+    if -limit <= value <= limit:
+        return value
+    return math.copysign(limit, value) if math.isfinite(value) else 0.0
 
 
 def _rotate_back(r: list[list[float]], v: Vector) -> Vector:
