@@ -505,8 +505,8 @@ WRITE_PATIENCE = 5.0
 """s; how long a lockstep partner may leave its receive buffer full."""
 AT_ONCE, LOOKS = 2e-3, 64
 """s, -; a partner in a hurry has answered by then; looks between two at the clock"""
-CREDIT = 64
-"""-; late answers until an end in a hurry sleeps again"""
+CREDIT, RENEWED = 64, 2000
+"""-; late answers until an end in a hurry sleeps again; answers in time, with no late one between, that undo them"""
 
 
 class SocketStream:
@@ -521,7 +521,7 @@ class SocketStream:
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(connected, select.POLLIN)
         self._writable.register(connected, select.POLLOUT)
-        self._credit = 0
+        self._credit = self._in_time = 0
 
     def hurry(self) -> None:
         """Wait without sleeping from now on: for a partner who answers at once, on a core of its own.
@@ -547,11 +547,14 @@ class SocketStream:
         while True:
             for _ in range(LOOKS):
                 if poll(0):
+                    self._in_time += 1
+                    if self._in_time == RENEWED:
+                        self._credit, self._in_time = CREDIT, 0
                     return True
             now = time.perf_counter()
             end = end or now + AT_ONCE
             if now >= end:
-                self._credit -= 1
+                self._credit, self._in_time = self._credit - 1, 0
                 return False
 
     def write(self, data: bytes) -> bool:

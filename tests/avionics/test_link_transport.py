@@ -30,6 +30,7 @@ from avionics.link.transport import (
     GONE,
     HALF_OPEN,
     MOST_PEERS,
+    RENEWED,
     Packet,
     SocketStream,
     Transport,
@@ -392,3 +393,14 @@ def test_an_end_in_a_hurry_sleeps_again_when_answers_are_late(ends: tuple[Socket
     begun = time.thread_time()
     stream.read(0.1)
     assert time.thread_time() - begun < 0.05
+
+
+def test_late_answers_are_forgotten_after_many_in_time(ends: tuple[SocketStream, socket.socket]) -> None:
+    stream, partner = ends
+    stream.hurry()
+    for _ in range(CREDIT - 1):
+        stream.read(0.0)
+    for _ in range(RENEWED):
+        partner.sendall(b"x")
+        assert stream.read(PATIENCE) == b"x"
+    assert stream._credit == CREDIT
