@@ -107,12 +107,23 @@ def _open_end(stack: ExitStack) -> _End:
 def _relay(ways: dict[int, tuple[int, Way]], wake: int) -> None:
     """Carry bytes both ways until ``wake`` is closed on its other end."""
     while True:
-        holding = any(len(way) for _, way in ways.values())
+        holding, before = any(len(way) for _, way in ways.values()), time.monotonic()
         readable, _, _ = select.select([*ways, wake], [], [], TURN if holding else None)
         if wake in readable:
             return
+        now = time.monotonic()
         for end, (other, way) in ways.items():
-            if end in readable:
-                way.take(os.read(end, 4096), time.monotonic())
-            with suppress(BlockingIOError):
-                way.gone(os.write(other, way.due(time.monotonic())))
+            data = os.read(end, 4096) if end in readable else b""
+            for at, piece in _spread(data, before if holding else now, now):
+                if piece:
+                    way.take(piece, at)
+                with suppress(BlockingIOError):
+                    way.gone(os.write(other, way.due(at)))
+
+
+def _spread(data: bytes, since: float, now: float) -> Iterator[tuple[float, bytes]]:
+    """What is found at ``now``, as it came since then (both s): who waited for a core finds much of it at once."""
+    turns = max(math.ceil((now - since) / TURN), 1)
+    size = math.ceil(len(data) / turns)
+    for turn in range(turns):
+        yield since + (now - since) * (turn + 1) / turns, data[turn * size : (turn + 1) * size]
