@@ -42,7 +42,8 @@ TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
 LAUNCH_PATIENCE = 60.0
-"""s; the launcher waits so long for a steady moment, then as long again for one without a gust from behind"""
+"""s; the launcher waits so long for a steady moment, as long again for one without a gust from behind, and as long a
+third time while gust and wind together come from behind"""
 ARMED_TIME = 5.0
 """s; armed for so long before a launcher who waits for that throws: time to change the mode"""
 LAUNCH_GUST = 1.0
@@ -351,7 +352,9 @@ class SimulatedWorld:
         ahead, across = -(north * c + east * s), east * c - north * s
         waited = (now - ready) / LAUNCH_PATIENCE
         steady = waited >= 1.0 or max(abs(across), abs(down)) <= LAUNCH_GUST
-        if (ahead >= 0.0 and steady) or waited >= 2.0:
+        # A weaker wind in the face still carries; one from behind takes from the throw what the bird flies on.
+        facing = self.scenario.wind_speed + ahead >= 0.0
+        if (ahead >= 0.0 and steady) or (waited >= 2.0 and facing) or waited >= 3.0:
             self._thrown_at = now
             if self.scenario.waits_for_arming:
                 self._say(Severity.NOTICE, "thrown")

@@ -13,6 +13,8 @@ from avionics.quantities import BadInput
 from avionics.topics import Topic
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.environment.dryden import Gust
+from sim_bridge.flight import world as launching
 from sim_bridge.flight.faults import Fault
 from sim_bridge.flight.world import (
     ARMED_TIME,
@@ -146,6 +148,29 @@ def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
         waited.append(thrown.time_us * 1e-6 - LAUNCH_TIME)
         assert ahead >= 3.0 - 0.5 or waited[-1] >= 2.0 * LAUNCH_PATIENCE
     assert max(waited) > 0.5 and min(waited) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("wind", "gust", "patience"),
+    [
+        (0.0, (0.0, 0.0, 0.0), 0.0),
+        (3.0, (-2.0, 0.9, -0.9), 0.0),
+        (3.0, (-2.0, 1.1, 0.0), 1.0),
+        (3.0, (-2.0, 0.0, -1.1), 1.0),
+        (3.0, (2.0, 0.0, 0.0), 2.0),
+        (1.9, (2.0, 0.0, 0.0), 3.0),
+    ],
+)
+def test_how_long_the_launcher_waits_for_what_the_air_does(
+    wind: float, gust: tuple[float, float, float], patience: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GIVEN a north wind and a gust (NED) that stays THEN thrown after so many times his patience."""
+    monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
+    monkeypatch.setattr(SimulatedWorld, "_blow", lambda _: None)
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
+    world._gust = Gust(gust, (0.0, 0.0, 0.0))
+    waited = until_thrown(world).time_us * 1e-6 - 0.1
+    assert waited == pytest.approx(0.4 * patience, abs=0.02)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
