@@ -1,16 +1,20 @@
 """A twisted, tapered wing of NACA 2412 in steady flow: the vortex lattice beside XFLR5's ring vortices (VLM2).
 
-XFLR5's figures are those that the validation of PteraSoftware tells, to three decimals. Lengths are of the mean
-aerodynamic chord, moments about the root's leading edge.
+XFLR5's figures are those of its project file among PteraSoftware's tests (``testing references.xfl``), of which these
+tell three decimals. XFLR5 has the wake along the body's axis and takes the drag, the part along the wind, from it far
+behind: so does this. Lengths are of the mean aerodynamic chord, moments about the root's leading edge.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.aerodynamics.vortex_lattice.far_wake import far_drag
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Section, Surface, build_lattice
 from sim_bridge.aerodynamics.vortex_lattice.sections import naca
 from sim_bridge.aerodynamics.vortex_lattice.steady import solve_steady
@@ -19,6 +23,9 @@ ROOT, TIP, SEMISPAN, SWEEP, TWIST = 1.0, 0.75, 5.0, 1.0, math.radians(5.0)
 """m, m, m, m, rad"""
 AIRSPEED, ALPHA, DENSITY = 10.0, math.radians(5.0), 1.225
 COLUMNS, ROWS = 20, 14
+GRIDS = (8, 6), (16, 12), (32, 24)
+"""columns and rows, each twice as fine as the one before"""
+BODY_AXIS = np.array([1.0, 0.0, 0.0])
 AREA = 0.5 * (ROOT + TIP) * SEMISPAN
 """m^2; of one half"""
 MEAN_CHORD = 2.0 / 3.0 * (ROOT + TIP - ROOT * TIP / (ROOT + TIP))
@@ -29,21 +36,34 @@ class Coefficients(NamedTuple):
     """Dimensionless."""
 
     lift: float
-    induced_drag: float
+    near_drag: float
+    """induced; of the forces on the panels"""
+    far_drag: float
+    """induced; of the wake in the Trefftz plane"""
     pitch_moment: float
     """nose up"""
 
 
-def straight_wing(columns: int = COLUMNS, rows: int = ROWS) -> Coefficients:
-    """Of the lattice with so many panels on a half, spaced as cosines."""
+@cache
+def straight_wing(columns: int = COLUMNS, rows: int = ROWS, along_wind: bool = False) -> Coefficients:
+    """Of the lattice with so many panels on a half, spaced as cosines; the wake along the body's axis or the wind."""
     line = naca("2412")
     sections = (Section((0.0, 0.0, 0.0), ROOT, 0.0, line), Section((SWEEP, SEMISPAN, 0.0), TIP, TWIST, line))
     lattice = build_lattice([Surface("wing", sections, rows, (columns,), "cosine", "cosine")])
     c, s = math.cos(ALPHA), math.sin(ALPHA)
-    flow = solve_steady(lattice, AIRSPEED * np.array([c, 0.0, s]), DENSITY, symmetric=True)
+    wind = np.array([c, 0.0, s])
+    along = wind if along_wind else BODY_AXIS
+    flow = solve_steady(lattice, AIRSPEED * wind, DENSITY, symmetric=True, along=along)
     x, _, z = flow.force.tolist()
     scale = 0.5 * DENSITY * AIRSPEED**2 * AREA
+    far = (wind @ along) * float(far_drag(lattice, flow.strengths, along, DENSITY, symmetric=True).sum())
     # With x back and z up a moment about y that lifts the nose is positive.
-    return Coefficients(
-        (z * c - x * s) / scale, (x * c + z * s) / scale, float(flow.moment[1]) / (scale * MEAN_CHORD)
-    )
+    moment = float(flow.moment[1]) / (scale * MEAN_CHORD)
+    return Coefficients((z * c - x * s) / scale, (x * c + z * s) / scale, far / scale, moment)
+
+
+def orders(grids: Sequence[tuple[int, int]] = GRIDS) -> Coefficients:
+    """Order of convergence of each coefficient from three ``grids``, each twice as fine as the one before."""
+    coarse, middle, fine = (straight_wing(columns, rows) for columns, rows in grids)
+    pairs = zip(coarse, middle, fine, strict=True)
+    return Coefficients(*(math.log2(abs(two - one) / abs(three - two)) for one, two, three in pairs))

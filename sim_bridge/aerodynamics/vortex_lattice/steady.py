@@ -86,6 +86,18 @@ def trailing_panels(layout: Layout) -> Floats:
     return np.concatenate([first + (rows - 1) * columns + np.arange(columns) for rows, columns, first in pieces])
 
 
+def direction(along: Floats) -> Floats:
+    """(3,) -; of a wake that leaves ``along`` (3,), of any length.
+
+    Raises:
+        BadInput: it has none.
+    """
+    length = float(np.linalg.norm(along))
+    if not length > 0.0 or not math.isfinite(length):
+        raise BadInput(f"the wake has no direction: {np.asarray(along).tolist()}")
+    return np.asarray(along, dtype=float) / length
+
+
 def _with_row(layout: Layout, rings: Floats, far: Floats) -> Floats:
     """(3, nodes) of the layout with one more row, which ends at ``far`` (3, E)."""
     pieces = []
@@ -97,15 +109,21 @@ def _with_row(layout: Layout, rings: Floats, far: Floats) -> Floats:
 
 
 def solve_steady(
-    lattice: Lattice, wind: Floats, density: float, symmetric: bool = False, ground: float | None = None
+    lattice: Lattice,
+    wind: Floats,
+    density: float,
+    symmetric: bool = False,
+    ground: float | None = None,
+    along: Floats | None = None,
 ) -> SteadyFlow:
     """The lattice at rest in a ``wind`` (3,) m/s.
 
     With ``symmetric`` the lattice is one half: its mirror image in the plane y = 0 is there too, and its loads are
-    not in the result. ``ground`` is the height z in m of a plane that no air crosses.
+    not in the result. ``ground`` is the height z in m of a plane that no air crosses. The wake leaves in the
+    direction ``along`` (3,), of any length, the wind's where none is told.
 
     Raises:
-        BadInput: there is no wind, surfaces cross, or the panels allow no solution.
+        BadInput: there is no wind, the wake has no direction, surfaces cross, or the panels allow no solution.
     """
     speed = float(np.linalg.norm(wind))
     if not speed > SLOWEST or not math.isfinite(speed):
@@ -116,7 +134,7 @@ def solve_steady(
     set_panels(layout, lattice.nodes, panels)
     set_rings(layout, lattice.nodes, ends, panels.rings)
     extent = float(np.max(np.ptp(lattice.nodes, axis=1)))
-    far = ends + WAKE_SPANS * extent * np.asarray(wind)[:, None] / speed
+    far = ends + WAKE_SPANS * extent * direction(wind if along is None else along)[:, None]
     wider, at, wake = with_wake_row(layout)
     wide = panels._replace(rings=_with_row(layout, panels.rings, far))
     cores = CORE * mean_chords(lattice)
