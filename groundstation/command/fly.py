@@ -45,6 +45,7 @@ from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.aerodynamics.models import compiled_apart
 from sim_bridge.environment import dryden
+from sim_bridge.environment.levels import LEVELS_TOLD
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, divided, mission_faults
 from sim_bridge.plant import physics_compiled
@@ -76,7 +77,7 @@ JSON_KEYS = {
     "sticks": "table by which a transmitter was moved; null: armed and switched to AUTO by a script",
     "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
     "never_injected": "those of faults whose time lay after the flight's end",
-    "turbulence": "none, light, moderate or severe",
+    "turbulence": f"of the gusts: {LEVELS_TOLD}",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
     "incomplete": "list of {path, damage}; recordings of the world or the flight computer that ended early",

@@ -16,6 +16,7 @@ from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
 from avionics.quantities import BadInput
 from logs.names import vehicle_files as vehicle_files
+from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
 
 if TYPE_CHECKING:
     from sim_bridge.flight.faults import Fault
@@ -208,9 +209,8 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
         metavar="DEG",
         help="where it comes from (0: north); launched into it",
     )
-    parser.add_argument(
-        "--turbulence", default="none", metavar="LEVEL", help="Dryden gusts: none, light, moderate or severe (none)"
-    )
+    gusts = f"Dryden gusts: {LEVELS_TOLD} (none)"
+    parser.add_argument("--turbulence", type=level, default="none", metavar="LEVEL", help=gusts)
 
 
 def add_faults(parser: argparse.ArgumentParser) -> None:
@@ -312,6 +312,13 @@ def direction(text: str) -> float:
     if not 0.0 <= value <= 360.0:
         raise argparse.ArgumentTypeError(f"{text} is outside 0 to 360 degrees")
     return math.radians(value)
+
+
+def level(text: str) -> str:
+    """A level of turbulence, for argparse."""
+    if text not in LEVELS:
+        raise argparse.ArgumentTypeError(f'turbulence "{text}" is unknown; it is {LEVELS_TOLD}')
+    return text
 
 
 def seed(text: str) -> int:

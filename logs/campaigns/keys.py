@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
+from sim_bridge.environment.levels import LEVELS_TOLD
 
 Values = Mapping[str, Any]
 """what enters one flight, by key"""
@@ -39,7 +40,7 @@ KEYS: dict[str, Key] = {
     "mission": Key(str, "-", "name or file of a mission"),
     "sticks": Key(str, "-", "table by which a transmitter is moved, instead of the scripted start"),
     "faults": Key(str, "-", "what fails: NAME@T or NAME@T-T2, several with spaces between, empty for nothing"),
-    "turbulence": Key(str, "-", "Dryden gusts: none, light, moderate or severe"),
+    "turbulence": Key(str, "-", f"Dryden gusts: {LEVELS_TOLD}"),
     "seed": Key(int, "-", "of sensor noise and gusts", 0, 2**63 - 1),
     "duration": Key(float, "s", "the flight ends then at the latest", math.ulp(0.0)),
     "wind.speed": Key(float, "m/s", "steady wind", 0.0),

@@ -1,4 +1,4 @@
-"""Dryden gusts of MIL-F-8785C (3.7.2 to 3.7.3), stepped through the distance flown.
+"""Dryden gusts (MIL-F-8785C 3.7.2 to 3.7.3; Beard and McLain 2012, 4.4), stepped through the distance flown.
 
 The field of gusts is frozen: what counts is the distance through the air between two ticks, so that the filters are
 exact for any airspeed and any tick. Their states have fixed variances; scale and strength follow height. Frozen it is
@@ -24,28 +24,18 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
+from sim_bridge.environment.levels import INTENSITIES, LEVELS, LEVELS_TOLD, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.observation import Vector
 from sim_bridge.vectors import kernel
 
 FOOT = 0.3048
 """m"""
-KNOT = 1852.0 / 3600.0
-"""m/s"""
 LOWEST, LOW, MEDIUM = 10.0, 1000.0, 2000.0
 """ft; the low-altitude model holds from the first to the second, that of medium and high altitude above the third"""
 FREE_LENGTH = 1750.0
 """ft; scale of turbulence in the free air"""
-WIND_AT_20_FT = {"none": 0.0, "light": 15.0 * KNOT, "moderate": 30.0 * KNOT, "severe": 45.0 * KNOT}
-"""m/s; by level of turbulence (MIL-F-8785C 3.7.3.4)"""
 HEIGHTS = (1750.0, 3750.0, 7500.0, 15000.0, 25000.0, 35000.0, 45000.0)
 """ft; of the columns of `INTENSITIES`"""
-INTENSITIES = {
-    "none": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0),
-    "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2),
-    "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1),
-}
-"""ft/s; exceeded with a probability of 1e-2, 1e-3 and 1e-5 (MIL-F-8785C Fig. 7)"""
 NARROWEST, WIDEST = 0.01, 100.0
 """m; span of a vehicle"""
 DRAWS, BLOCK = 6, 256
@@ -58,15 +48,17 @@ Memory = tuple[float, float, float, float, float, float, float, float]
 """the filters of a `GustState`, in its order"""
 Noise = tuple[float, float, float, float, float, float]
 """-; independent normal numbers of one tick"""
-Strength = tuple[float, float, float, float, float, float, float, float]
-"""m/s and ft/s; a level's `WIND_AT_20_FT` and its row of `INTENSITIES`"""
+Strength = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""m/s, ft/s, m and m/s; a level's `WIND_AT_20_FT`, its row of `INTENSITIES`, its row of `SMALL_UAV` (else zeros)"""
+FIXED = 1 + len(HEIGHTS)
+"""-; where in a `Strength` the row of `SMALL_UAV` begins"""
 
 
 class Turbulence(NamedTuple):
     """Which gusts a vehicle meets."""
 
     level: str
-    """none, light, moderate or severe"""
+    """one of `levels.LEVELS`"""
     span: float
     """m; of the vehicle"""
     seed: int
@@ -121,8 +113,8 @@ def turbulence(level: str, span: float, seed: int) -> Turbulence:
     Raises:
         BadInput: level unknown, span outside 0.01 to 100 m, seed negative.
     """
-    if level not in WIND_AT_20_FT:
-        raise BadInput(f'turbulence "{level}" is unknown; it is none, light, moderate or severe')
+    if level not in LEVELS:
+        raise BadInput(f'turbulence "{level}" is unknown; it is {LEVELS_TOLD}')
     if not NARROWEST <= span <= WIDEST:
         raise BadInput(f"span {span:g} m is outside {NARROWEST:g} to {WIDEST:g} m")
     if seed < 0:
@@ -131,19 +123,28 @@ def turbulence(level: str, span: float, seed: int) -> Turbulence:
 
 
 def scale(level: str, height: float) -> Scale:
-    """Scales and intensities at ``height`` in m above ground (MIL-F-8785C 3.7.2.1, 3.7.3.4; linear in between)."""
+    """Scales and intensities of a ``level`` at ``height`` in m above ground.
+
+    MIL-F-8785C 3.7.2.1, 3.7.3.4; linear in between. The levels of small unmanned aircraft (Beard and McLain 2012,
+    Table 4.1, low altitude) know no height; only what moves up and down ends at the ground, as with the others.
+    """
     return _scale(_strength(level), height)
 
 
 @lru_cache
 def _strength(level: str) -> Strength:
-    return (WIND_AT_20_FT[level], *INTENSITIES[level])
+    if level in SMALL_UAV:
+        return (0.0, *INTENSITIES["none"], *SMALL_UAV[level])
+    return (WIND_AT_20_FT[level], *INTENSITIES[level], 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
 def _scale(strength: Strength, height: float) -> Scale:
     # Below the model's lowest height the ground stops what moves up and down, as it stops the wind through it.
-    feet, down = max(height / FOOT, LOWEST), 0.1 * strength[0] * min(max(height / FOOT / LOWEST, 0.0), 1.0)
+    near = min(max(height / FOOT / LOWEST, 0.0), 1.0)
+    if strength[FIXED] > 0.0:
+        return Scale(strength[FIXED], strength[FIXED + 1], strength[FIXED + 2], strength[FIXED + 3] * near)
+    feet, down = max(height / FOOT, LOWEST), 0.1 * strength[0] * near
     if feet <= LOW:
         shape = 0.177 + 0.000823 * feet
         return Scale(feet / shape**1.2 * FOOT, feet * FOOT, 0.1 * strength[0] / shape**0.4, down)
@@ -161,7 +162,7 @@ def _free_intensity(strength: Strength, feet: float) -> float:
         if feet <= HEIGHTS[i + 1]:
             share = (feet - HEIGHTS[i]) / (HEIGHTS[i + 1] - HEIGHTS[i])
             return FOOT * ((1.0 - share) * strength[i + 1] + share * strength[i + 2])
-    return FOOT * strength[len(HEIGHTS)]
+    return FOOT * strength[FIXED - 1]
 
 
 @lru_cache(maxsize=8)

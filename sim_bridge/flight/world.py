@@ -78,7 +78,7 @@ class Scenario(NamedTuple):
     wind_from: float = 0.0
     """rad; direction the wind comes from, clockwise from north"""
     turbulence: str = "none"
-    """Dryden gusts: none, light, moderate or severe"""
+    """Dryden gusts, one of `environment.levels.LEVELS`"""
     duration: float = 300.0
     """s; the world ends then at the latest"""
     home: Home = COLLEGE_PARK

@@ -21,6 +21,7 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles.loader import FOLDER as COMPUTERS
 from groundstation.command.main import SUBCOMMANDS, main
 from logs.recorder import McapRecorder
+from sim_bridge.environment.levels import LEVELS
 from sim_bridge.vehicles import FOLDER as WORLDS
 
 Capture = pytest.CaptureFixture[str]
@@ -73,6 +74,17 @@ def test_the_keys_of_json_are_a_table_that_fits_the_terminal(
     assert all(len(line) <= 80 for line in lines)
     columns = {line.rindex("  ") for line in lines if "  " in line.lstrip()}
     assert len(columns) <= 1
+
+
+@pytest.mark.parametrize("name", ["fly", "sim"])
+def test_every_level_of_turbulence_is_named(name: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    assert main([name, "--help"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("  --turbulence"))
+    assert all(level in line.replace(",", " ").split() for level in LEVELS)
+    assert main([name, "--turbulence", "storm"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and all(level in told.replace(",", " ").split() for level in LEVELS)
 
 
 def test_the_overview_imports_nothing_heavy() -> None:

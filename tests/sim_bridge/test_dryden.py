@@ -1,4 +1,4 @@
-"""Gusts against the spectra, scales and intensities that MIL-F-8785C prints."""
+"""Gusts against the spectra, scales and intensities that MIL-F-8785C and Beard and McLain print."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from scipy.signal import welch
 from avionics.quantities import BadInput
 from sim_bridge.environment.dryden import (
     FOOT,
-    KNOT,
     SERIES,
-    WIND_AT_20_FT,
     Gust,
     GustState,
     Scale,
@@ -30,10 +28,12 @@ from sim_bridge.environment.dryden import (
     turbulence,
     yaw_length,
 )
+from sim_bridge.environment.levels import KNOT, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.vectors import Floats
 
 SPEED, HEIGHT, SPAN, DT = 8.0, 30.0, 1.2, 0.02
 NORTH = (SPEED, 0.0, 0.0)
+EVERY_LEVEL = "none, light, moderate, severe, small_uav_light or small_uav_moderate"
 COMPONENTS = ("u", "v", "w", "p", "q", "r")
 
 
@@ -95,6 +95,19 @@ def test_gusts_have_their_strength_from_the_first_tick_at_any_tick_length(dt: fl
     seen = np.array([flown(turbulence("severe", SPAN, seed), 3, dt)[-1, :4] for seed in range(3000)])
     assert seen.std(axis=0) == pytest.approx(wanted, rel=0.05)
     assert np.abs(seen.mean(axis=0)) == pytest.approx(np.zeros(4), abs=0.08 * max(wanted))
+
+
+@pytest.mark.parametrize("level", SMALL_UAV)
+def test_gusts_of_small_aircraft_have_the_printed_strength_and_scale(level: str) -> None:
+    """Over many seeds: standard deviations, and the correlation that the spectra give over 50 m flown."""
+    far, level_length, down_length, level_intensity, down_intensity = 50.0, *SMALL_UAV[level]
+    seen = np.array([flown(turbulence(level, SPAN, seed), 2, far / SPEED)[:, :3] for seed in range(4000)])
+    wanted = (level_intensity, level_intensity, down_intensity)
+    assert seen.std(axis=(0, 1)) == pytest.approx(wanted, rel=0.04)
+    kept = (seen[:, 0] * seen[:, 1]).mean(axis=0) / np.square(wanted)
+    along, across, down = far / level_length, far / level_length, far / down_length
+    printed_kept = (math.exp(-along), math.exp(-across) * (1 - across / 2), math.exp(-down) * (1 - down / 2))
+    assert kept == pytest.approx(printed_kept, abs=0.05)
 
 
 @pytest.mark.parametrize("size", [1e-5, 0.01, 0.999 * SERIES, 1.001 * SERIES, 1.0, 20.0])
@@ -215,6 +228,15 @@ def test_below_ten_feet_the_ground_stops_what_moves_up_and_down_alone() -> None:
     assert roll_intensity(ground, SPAN) == 0.0
 
 
+@pytest.mark.parametrize("level", SMALL_UAV)
+def test_gusts_of_small_aircraft_know_no_height_but_the_ground(level: str) -> None:
+    printed_row = Scale(*SMALL_UAV[level])
+    assert {scale(level, height) for height in (3.1, 50.0, 300.0, 2000.0)} == {printed_row}
+    half, ground = scale(level, 5.0 * FOOT), scale(level, 0.0)
+    assert half == printed_row._replace(down_intensity=pytest.approx(0.5 * printed_row.down_intensity))
+    assert ground == printed_row._replace(down_intensity=0.0)
+
+
 def test_above_the_figure_its_last_value_holds() -> None:
     assert scale("severe", 60000.0 * FOOT) == scale("severe", 45000.0 * FOOT)
 
@@ -228,7 +250,7 @@ def test_a_wider_vehicle_is_rolled_less() -> None:
 @pytest.mark.parametrize(
     ("level", "span", "seed", "told"),
     [
-        ("storm", 1.0, 0, 'turbulence "storm" is unknown; it is none, light, moderate or severe'),
+        ("storm", 1.0, 0, f'turbulence "storm" is unknown; it is {EVERY_LEVEL}'),
         ("light", 0.0, 0, "span 0 m is outside 0.01 to 100 m"),
         ("light", math.nan, 0, "span nan m is outside 0.01 to 100 m"),
         ("light", 1.0, -1, "seed -1 of the turbulence is negative"),
@@ -242,3 +264,5 @@ def test_bad_input_is_told_in_one_line(level: str, span: float, seed: int, told:
 
 def test_the_levels_are_the_specifications() -> None:
     assert [round(wind / KNOT) for wind in WIND_AT_20_FT.values()] == [0, 15, 30, 45]
+    assert SMALL_UAV["small_uav_light"] == (200.0, 50.0, 1.06, 0.7)
+    assert SMALL_UAV["small_uav_moderate"] == (200.0, 50.0, 2.12, 1.4)

@@ -300,7 +300,7 @@ def test_loads_and_power_agree_with_each_other() -> None:
         (Scenario(wind_speed=-1.0), "wind speed"),
         (Scenario(wind_speed=51.0), "0 to 50"),
         (Scenario(wind_from=math.inf), "wind direction"),
-        (Scenario(turbulence="breezy"), "none, light, moderate or severe"),
+        (Scenario(turbulence="breezy"), "severe, small_uav_light or small_uav_moderate"),
         (Scenario(seed=-1), "seed"),
     ],
 )
