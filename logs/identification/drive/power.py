@@ -5,6 +5,7 @@ Centred and over stroke means, the form in which the paper uses it.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,10 @@ HIGHEST_INFLATION = 25.0
 """-; a regressor that is explained by the others so well (variance inflation) is not identifiable"""
 NOISE_SHARE = 0.05
 """-; of the variance between strokes: so much of a slope is lost to noise in what it is per"""
+VAGUE = "its 95 % interval spans zero: too little variation in this log"
+GAUGES_VAGUE = "its 95 % interval, with what the gauges' calibrations left, spans zero"
+NO_SLOPE = "without C_B nothing tells the power away from the centre, of which it is the value at no current"
+CONSTANTS = ("P_0", "C_A")
 TERMS = {"C_A": "W", "C_B": "W/A", "C_C": "W/V", "C_F": "W/A/V", "C_G": "W/A^2", "C_H": "W/V^2"}
 MEANING = {
     "C_C": "voltage",
@@ -91,8 +96,9 @@ def identify_power(
 ) -> ServoModel:
     """The identifiable coefficients of Gerdes Eq. 12, centred on C_D and C_E as given or on the data's own means.
 
-    ``terms`` fixes the coefficients that are fitted; without it those are left out that the regressors'
-    collinearity or their own standard error makes meaningless.
+    ``terms`` fixes the coefficients that are fitted and told; without it those are left out that the regressors'
+    collinearity or their own standard error makes meaningless, and the constants `P_0` and `C_A` where nothing tells
+    them.
 
     Raises:
         BadInput: too few strokes.
@@ -109,7 +115,8 @@ def identify_power(
         dropped = (*noisy, *weak)
     fit = _fit(columns, strokes.power, kept)
     found = _coefficients(fit, kept, c_d, c_e)
-    return ServoModel(found, dropped, c_d, c_e, float(np.std(fit.residuals)), len(strokes.power))
+    model = ServoModel(found, dropped, c_d, c_e, float(np.std(fit.residuals)), len(strokes.power))
+    return _without_vague(model) if terms is None else model
 
 
 def power_with_gauge_errors(
@@ -121,10 +128,34 @@ def power_with_gauge_errors(
         BadInput: too few strokes.
     """
     model = identify_power(data, centre_current, centre_voltage)
-    terms = tuple(found.name for found in model.estimates if found.name in TERMS)
-    centre = model.centre_current, model.centre_voltage
-    widened = with_gauge_errors(lambda changed: identify_power(changed, *centre, terms), data, gauges)
-    return model._replace(estimates=widened.estimates)
+    centre, dropped = (model.centre_current, model.centre_voltage), list(model.unidentified)
+    terms = _terms(model)
+    while True:
+        fit = partial(identify_power, centre_current=centre[0], centre_voltage=centre[1], terms=terms)
+        widened = with_gauge_errors(fit, data, gauges)
+        vague = [found for found in widened.estimates if found.name in terms[1:] and found.contains(0.0)]
+        if not vague:
+            refused = tuple(one for one in dropped if one.name not in CONSTANTS)
+            return _without_vague(widened._replace(unidentified=refused))
+        worst = min(vague, key=lambda found: abs(found.value) / found.standard_error).name
+        dropped.append(Unidentified(worst, GAUGES_VAGUE))
+        terms = tuple(term for term in terms if term != worst)
+
+
+def _terms(model: ServoModel) -> tuple[str, ...]:
+    """What was fitted, of `TERMS`: the constant always is, told or not."""
+    return ("C_A", *(found.name for found in model.estimates if found.name in TERMS and found.name != "C_A"))
+
+
+def _without_vague(model: ServoModel) -> ServoModel:
+    """The model without the constants that the data does not tell: with none of C_B there is nothing along which to
+    go from the centre's power to that at no current."""
+    refused = [Unidentified(e.name, VAGUE) for e in model.estimates if e.name in CONSTANTS and e.contains(0.0)]
+    if "C_B" not in _terms(model):
+        refused = [*(one for one in refused if one.name != "C_A"), Unidentified("C_A", NO_SLOPE)]
+    lost = {one.name for one in refused}
+    kept = tuple(found for found in model.estimates if found.name not in lost)
+    return model._replace(estimates=kept, unidentified=(*model.unidentified, *refused))
 
 
 def _regressors(strokes: _Strokes, c_d: float, c_e: float) -> dict[str, Array]:
@@ -186,7 +217,7 @@ def _identifiable(
         if not weak:
             return kept, tuple(dropped)
         term = min(weak)[1]
-        dropped.append(Unidentified(term, "its 95 % interval spans zero: too little variation in this log"))
+        dropped.append(Unidentified(term, VAGUE))
         kept = tuple(other for other in kept if other != term)
 
 
@@ -221,6 +252,6 @@ def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> t
 
 def power_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
     """The coefficients that ``measured`` has, by the same regression on true drive ``data``: name to value."""
-    terms = tuple(e.name for e in measured.estimates if e.name in TERMS)
-    model = identify_power(data, measured.centre_current, measured.centre_voltage, terms)
-    return {e.name: e.value for e in model.estimates}
+    model = identify_power(data, measured.centre_current, measured.centre_voltage, _terms(measured))
+    told = {e.name for e in measured.estimates}
+    return {e.name: e.value for e in model.estimates if e.name in told}

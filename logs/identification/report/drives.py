@@ -140,13 +140,13 @@ def _power_plots(model: ServoModel, data: DriveData) -> tuple[Plot, ...]:
 
 
 def _power(model: ServoModel, current: Array, voltage: Array) -> Array:
-    """Eq. 12 with the coefficients that were found; NaN where there is none."""
+    """Eq. 12 about its centre with the coefficients that were found; NaN where the power there is not told."""
     found = _values(model)
     i, v = current + model.centre_current, voltage + model.centre_voltage
-    terms = {"C_B": current, "C_C": voltage, "C_F": i * v, "C_G": i * i, "C_H": v * v}
-    if "C_A" not in found:
+    terms = {"C_B": i, "C_C": v, "C_F": i * v, "C_G": i * i, "C_H": v * v}
+    if "P_0" not in found:
         return np.full(len(current), np.nan)
-    total = np.full(len(current), found["C_A"])
+    total = np.full(len(current), found["P_0"])
     for name, column in terms.items():
         total += found.get(name, 0.0) * column
     return total

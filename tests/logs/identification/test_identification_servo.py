@@ -10,7 +10,7 @@ from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simu
 from avionics.quantities import BadInput
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
-from logs.identification.drive.power import identify_power, power_truth
+from logs.identification.drive.power import identify_power, power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque import identify_torque
 from logs.identification.results import Estimate
@@ -87,7 +87,33 @@ def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
     model = identify_power(flown(SHORT._replace(throttle=0.002, noise=10.0)))
     refused = {entry.name: entry.reason for entry in model.unidentified}
     assert "little but noise" in refused["C_B"]
-    assert set(by_name(model)) == {"P_0", "C_A"}
+    assert set(by_name(model)) == {"P_0"}
+
+
+def test_without_a_slope_over_the_current_the_constant_of_eq_12_is_refused() -> None:
+    """It is the power at no current: where the slope is lost it was the power at the centre, printed twice."""
+    model = identify_power(flown(SHORT._replace(throttle=0.002, noise=10.0)))
+    refused = {entry.name: entry.reason for entry in model.unidentified}
+    assert "without C_B" in refused["C_A"]
+    data = measure(simulate(LAWFUL), LAWFUL)
+    assert power_truth(data, model).keys() == {"P_0"}
+
+
+def test_a_constant_whose_interval_spans_zero_is_refused() -> None:
+    model = identify_power(flown(SHORT._replace(law=(0.0, 3.3, 0.0, 0.0, 0.0, 0.0))))
+    refused = {entry.name: entry.reason for entry in model.unidentified}
+    assert "spans zero" in refused["C_A"]
+    assert {"P_0", "C_B"} <= set(by_name(model))
+
+
+def test_what_the_calibrations_leave_too_wide_is_refused() -> None:
+    data = flown(SHORT._replace(law=(-0.05, 12.3, 0.0, 0.0, 3.4, 0.0), duration=15.0))
+    exact_gauges, poor = GaugeErrors(torque_scale=1e-9), GaugeErrors(current_scale=0.3, torque_scale=0.6)
+    assert "C_G" in by_name(power_with_gauge_errors(data, exact_gauges))
+    model = power_with_gauge_errors(data, poor)
+    refused = {entry.name: entry.reason for entry in model.unidentified}
+    assert all(not found.contains(0.0) for found in model.estimates)
+    assert "calibrations" in refused["C_G"]
 
 
 def test_torque_constants_are_within_one_percent() -> None:
