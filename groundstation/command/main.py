@@ -18,6 +18,9 @@ from groundstation.link.answers import LinkSilent, NoAnswer
 
 REFUSED = 1
 BAD_INPUT = 2
+# Before anything imports NumPy. Matrices here are small: threads that share one spend more on waiting for each other,
+# and take it from the other processes of a flight or a campaign.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class Subcommand(NamedTuple):

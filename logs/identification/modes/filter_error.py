@@ -25,6 +25,7 @@ from logs.identification.modes.errors import Spread, with_scatter
 from logs.identification.modes.gust_filter import Averaged, Driven, innovations
 from logs.identification.modes.gusts import BEGIN, DOUBT, LIFT_SLOPE, OUTPUTS, Flown, heave, prior, system
 from logs.identification.modes.longitudinal import TAIL_LAG
+from logs.identification.modes.whitening import gradient_terms, whitened, whitened_change
 from logs.identification.preparing.manoeuvre import Reference, tail_angle
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array
@@ -219,7 +220,8 @@ def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
             root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         except np.linalg.LinAlgError:
             return Likelihood(np.inf, np.empty(0), np.empty(0))
-        white = np.linalg.solve(root, errors[:, :, None])[:, :, 0]
+        white = np.empty(errors.shape)
+        whitened(root, errors, white)
         logs = float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
         cost = (logs + float(np.sum(white**2)) / 2.0) / len(PHASES) + float(np.sum(beyond**2)) / 2.0
         return Likelihood(cost if np.isfinite(cost) else np.inf, errors, root)
@@ -230,9 +232,11 @@ def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
 def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]) -> tuple[Array, Array]:
     """Each stroke's gradient (K, n) of the cost without the prior, and the information (n, n) with it."""
     here = likelihood(values)
-    factor = np.linalg.inv(here.root)
-    white = np.einsum("kij,kj->ki", factor, here.errors)
-    moved, widened = [], []
+    strokes, m = here.errors.shape
+    white, part = np.empty((strokes, m)), np.empty(strokes)
+    shift, growth = np.empty((len(values), strokes, m)), np.empty((len(values), strokes, m, m))
+    scores = np.empty((strokes, len(values)))
+    whitened(here.root, here.errors, white)
     for index, value in enumerate(values):
         width = DIFFERENCE * max(abs(value), 0.1)
         ahead = values.copy()
@@ -240,13 +244,10 @@ def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]
         there = likelihood(ahead)
         if not np.isfinite(there.cost):
             there = here
-        moved.append(np.einsum("kij,kj->ki", factor, (there.errors - here.errors) / width))
-        spread = there.root @ there.root.transpose(0, 2, 1) - here.root @ here.root.transpose(0, 2, 1)
-        widened.append(factor @ (spread / width) @ factor.transpose(0, 2, 1))
-    shift, growth = np.array(moved), np.array(widened)
-    trace = np.trace(growth, axis1=2, axis2=3)
-    scores = np.einsum("pki,ki->kp", shift, white)
-    scores += (trace - np.einsum("ki,pkij,kj->pk", white, growth, white)).T / 2.0
+        whitened(here.root, (there.errors - here.errors) / width, shift[index])
+        whitened_change(here.root, there.root, width, growth[index])
+        gradient_terms(shift[index], growth[index], white, part)
+        scores[:, index] = part
     scores /= len(PHASES)
     flat, grown = shift.reshape(len(values), -1), growth.reshape(len(values), -1)
     squared = (flat @ flat.T + grown @ grown.T / 2.0) / len(PHASES)
