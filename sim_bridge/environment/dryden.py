@@ -13,6 +13,10 @@ that a gust holds up, meets it at that speed, for an eddy lives about as long as
 for W in rad/m, each from 0 to infinity; b is the span. Rotation is that of the air as of a rigid body: q = -dw/dx,
 r = dv/dx. Axes: along the flight through the mean air, horizontal; across it to the right; down. The specification
 turns them into body axes above 2000 ft; they are left level here, where length and intensity know no direction.
+
+The axes turn with the flight and the air does not. Who turns, or is blown backwards by a gust as strong as his own
+airspeed, as a bird may be, would see the wind jump if u and v kept their values. So u and v are taken over into the
+new axes, with what the filters remember: the air's velocity stays what it was, in every direction the spectra hold.
 """
 
 from __future__ import annotations
@@ -44,8 +48,8 @@ SERIES = 0.05
 """-; step over scale below which the closed form of the noise's covariance loses digits"""
 ROOT_3 = math.sqrt(3.0)
 
-Memory = tuple[float, float, float, float, float, float, float, float]
-"""the filters of a `GustState`, in its order"""
+Memory = tuple[float, float, float, float, float, float, float, float, float]
+"""a `GustState` without its tick, in its order"""
 Noise = tuple[float, float, float, float, float, float]
 """-; independent normal numbers of one tick"""
 Strength = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -83,6 +87,8 @@ class GustState(NamedTuple):
     """-; gust down as the span smooths it"""
     yaw_lag: float
     """-; gust across as the span smooths it"""
+    heading: float
+    """rad; of the axes, clockwise from north"""
 
 
 class Gust(NamedTuple):
@@ -176,8 +182,11 @@ def _noise(seed: int, tick: int) -> Noise:
     return _block(seed, tick // BLOCK)[tick % BLOCK]
 
 
-def initial(t: Turbulence) -> GustState:
-    """A state drawn from the stationary distribution, so that gusts have their strength from the first tick."""
+def initial(t: Turbulence, heading: float = 0.0) -> GustState:
+    """A state drawn from the stationary distribution, so that gusts have their strength from the first tick.
+
+    ``heading`` in rad is the direction that the vehicle faces.
+    """
     n = _noise(t.seed, 0)
     across, across_slow = _stationary(n[1], n[2])
     down, down_slow = _stationary(n[3], n[4])
@@ -191,6 +200,7 @@ def initial(t: Turbulence) -> GustState:
         n[5],
         _second_order(down, down_slow),
         _second_order(across, across_slow),
+        heading,
     )
 
 
@@ -258,9 +268,36 @@ def roll_intensity(size: Scale, span: float) -> float:
 
 
 @kernel
+def _turned(m: Memory, north: float, east: float) -> Memory:
+    """The same air in the axes of a flight whose level part is ``north`` and ``east`` in m/s; in the old without one.
+
+    The two stages of the gust across are correlated normal numbers: what they hold beside their sum, the gust itself,
+    is independent of it and stays. Then all remain as they are distributed, for u and v are alike.
+    """
+    if north == 0.0 and east == 0.0:
+        return m
+    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag, before = m
+    heading = math.atan2(east, north)
+    cosine, sine = math.cos(heading - before), math.sin(heading - before)
+    v = _second_order(across, across_slow)
+    more = cosine * v - sine * along - v
+    return (
+        cosine * along + sine * v,
+        across + 0.25 * (1.0 + ROOT_3) * more,
+        across_slow + 0.25 * more,
+        down,
+        down_slow,
+        roll,
+        pitch_lag,
+        yaw_lag + more,
+        heading,
+    )
+
+
+@kernel
 def _filtered(m: Memory, noise: Noise, size: Scale, span: float, way: float) -> Memory:
     """The filters after a ``way`` in m through the frozen field; ``noise`` are `DRAWS` numbers."""
-    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag = m
+    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag, heading = m
     keep, calm = math.exp(-way / size.level_length), math.exp(-way / pitch_length(span))
     new_across = _walk(across, across_slow, way / size.level_length, noise[1], noise[2])
     new_down = _walk(down, down_slow, way / size.down_length, noise[3], noise[4])
@@ -275,15 +312,15 @@ def _filtered(m: Memory, noise: Noise, size: Scale, span: float, way: float) -> 
         calm * roll + math.sqrt(1.0 - calm * calm) * noise[5],
         _smoothed(pitch_lag, w_before, w_after, way / pitch_length(span)),
         _smoothed(yaw_lag, v_before, v_after, way / yaw_length(span)),
+        heading,
     )
 
 
 @kernel
-def _gust(m: Memory, size: Scale, span: float, north: float, east: float) -> tuple[Vector, Vector]:
+def _gust(m: Memory, size: Scale, span: float) -> tuple[Vector, Vector]:
     """Velocity in m/s and angular velocity in rad/s of the air, NED."""
-    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag = m
-    level = math.sqrt(north * north + east * east)
-    cosine, sine = (north / level, east / level) if level > 0.0 else (1.0, 0.0)
+    along, across, across_slow, down, down_slow, roll, pitch_lag, yaw_lag, heading = m
+    cosine, sine = math.cos(heading), math.sin(heading)
     v, w = _second_order(across, across_slow), _second_order(down, down_slow)
     u, p = size.level_intensity * along, roll_intensity(size, span) * roll
     q = -size.down_intensity * (w - pitch_lag) / pitch_length(span)
@@ -303,16 +340,16 @@ def _advance(
     span, height = place
     size = _scale(strength, height)
     airspeed = math.sqrt(flight[0] * flight[0] + flight[1] * flight[1] + flight[2] * flight[2])
-    after = _filtered(m, noise, size, span, max(airspeed, size.level_intensity) * dt)
-    velocity, omega = _gust(after, size, span, flight[0], flight[1])
+    turned = _turned(m, flight[0], flight[1])
+    after = _filtered(turned, noise, size, span, max(airspeed, size.level_intensity) * dt)
+    velocity, omega = _gust(after, size, span)
     return after, velocity, omega
 
 
 def step(t: Turbulence, state: GustState, height: float, flight: Vector, dt: float) -> tuple[GustState, Gust]:
     """State and gust after ``dt`` s of flight, ``height`` m above ground.
 
-    ``flight`` is the velocity in m/s, NED, through the mean air; while it has no level part, the gust along the
-    flight blows north or south.
+    ``flight`` is the velocity in m/s, NED, through the mean air; while it has no level part, the axes stay.
     """
     tick = state.tick + 1
     noise = _noise(t.seed, tick)

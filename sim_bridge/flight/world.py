@@ -174,7 +174,7 @@ class SimulatedWorld:
         self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
         self._look = Look(self.plant, vehicle.fuselage.contact_nose)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
-        self._gusts = dryden.initial(self._turbulence)
+        self._gusts = dryden.initial(self._turbulence, scenario.wind_from)
         self._gust = STILL
         self._v_ned = (0.0, 0.0, 0.0)
         self._publish = publish

@@ -37,9 +37,11 @@ EVERY_LEVEL = "none, light, moderate, severe, small_uav_light or small_uav_moder
 COMPONENTS = ("u", "v", "w", "p", "q", "r")
 
 
-def flown(t: Turbulence, steps: int, dt: float = DT, flight: tuple[float, float, float] = NORTH) -> Floats:
+def flown(
+    t: Turbulence, steps: int, dt: float = DT, flight: tuple[float, float, float] = NORTH, heading: float = 0.0
+) -> Floats:
     """Gusts (steps, 6): velocity and angular velocity, NED."""
-    state, out = initial(t), np.zeros((steps, 6))
+    state, out = initial(t, heading), np.zeros((steps, 6))
     for i in range(steps):
         state, gust = step(t, state, HEIGHT, flight, dt)
         out[i, :3], out[i, 3:] = gust.velocity, gust.omega
@@ -133,12 +135,40 @@ def test_pitch_and_yaw_are_the_gradients_of_the_smoothed_gusts() -> None:
     assert turned[2] == pytest.approx(size.level_intensity * yaw, rel=1e-3)
 
 
-def test_the_axes_turn_with_the_flight() -> None:
+def test_the_axes_are_those_of_the_flight() -> None:
     t = turbulence("light", SPAN, 9)
-    north, east = flown(t, 50), flown(t, 50, flight=(0.0, SPEED, 0.0))
+    north, east = flown(t, 50), flown(t, 50, flight=(0.0, SPEED, 0.0), heading=0.5 * math.pi)
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert east[:, :3] == pytest.approx(north[:, :3] @ quarter.T, abs=1e-12)
     assert east[:, 3:] == pytest.approx(north[:, 3:] @ quarter.T, abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.5 * math.pi, math.pi, -2.0])
+def test_the_wind_does_not_jump_when_the_flight_turns(turn: float) -> None:
+    """Not even when a gust blows the vehicle backwards through the mean air: GIVEN no way between two ticks."""
+    t = turbulence("moderate", SPAN, 11)
+    state, before = step(t, initial(t), HEIGHT, NORTH, DT)
+    _, after = step(t, state, HEIGHT, (SPEED * math.cos(turn), SPEED * math.sin(turn), 0.0), 1e-9)
+    assert math.hypot(*before.velocity) > 1.0
+    assert after.velocity == pytest.approx(before.velocity, abs=1e-3)
+    assert after.omega[2] == pytest.approx(before.omega[2], abs=1e-3)
+
+
+def test_gusts_keep_strength_and_scale_through_turns() -> None:
+    """Over many seeds, the last 40 m flown straight after two turns: as in the specification on a straight flight."""
+    size, way, seen, axes = scale("moderate", HEIGHT), 40.0, [], []
+    for seed in range(4000):
+        t = turbulence("moderate", SPAN, seed)
+        state, _ = step(t, initial(t), HEIGHT, (0.0, SPEED, 0.0), 3.0)
+        turned, one = step(t, state, HEIGHT, (-SPEED, 0.0, 0.0), 1e-6)
+        _, other = step(t, turned, HEIGHT, (-SPEED, 0.0, 0.0), way / SPEED)
+        seen.append((one.velocity[:2], other.velocity[:2]))
+        axes.append((turned.across, turned.across_slow))
+    velocity, share = np.array(seen), way / size.level_length
+    assert velocity.std(axis=0) == pytest.approx(size.level_intensity * np.ones((2, 2)), rel=0.04)
+    kept = (velocity[:, 0] * velocity[:, 1]).mean(axis=0) / size.level_intensity**2
+    assert kept == pytest.approx((math.exp(-share), math.exp(-share) * (1 - share / 2)), abs=0.05)
+    assert np.cov(np.transpose(axes)) == pytest.approx(np.array([[0.5, 0.25], [0.25, 0.25]]), rel=0.08)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.5])
