@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from plant_bench import NAMES, vehicle
 from scipy.spatial.transform import Rotation
@@ -13,7 +14,8 @@ from avionics.quantities import BadInput
 from avionics.topics import Topic
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.environment.dryden import Gust
+from sim_bridge.environment.dryden import FOOT, Gust
+from sim_bridge.environment.levels import SMALL_UAV
 from sim_bridge.flight import world as launching
 from sim_bridge.flight.faults import Fault
 from sim_bridge.flight.world import (
@@ -255,6 +257,26 @@ def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
     assert 0.3 < spread < 5.0
     assert len(set(north)) > 2000
     assert max(abs(truth.east) for truth in gusty) > 0.1 + max(abs(truth.east) for truth in calm)
+
+
+def test_the_gusts_that_are_published_have_the_strength_of_their_level() -> None:
+    """About the wind, over many seeds, where the launcher holds the vehicle: below 10 ft, the ground is near."""
+    level, seen = "small_uav_moderate", list[tuple[float, ...]]()
+    for seed in range(80):
+        scenario = Scenario(seed=seed, wind_speed=3.0, turbulence=level)
+        world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, lambda topic, m: _keep_wind(seen, topic, m))
+        world.advance(NEUTRAL, 0.005)
+        world.record()
+    wind, (_, _, level_intensity, down_intensity) = np.array(seen), SMALL_UAV[level]
+    down_intensity *= world.vehicle.launch.height / (10.0 * FOOT)
+    assert len(seen) == 80
+    assert wind.mean(axis=0) == pytest.approx((-3.0, 0.0, 0.0), abs=0.3 * level_intensity)
+    assert wind.std(axis=0) == pytest.approx((level_intensity, level_intensity, down_intensity), rel=0.25)
+
+
+def _keep_wind(seen: list[tuple[float, ...]], topic: Topic, message: Any) -> None:
+    if topic is topics.STATE:
+        seen.append((message.wind_north, message.wind_east, message.wind_down))
 
 
 @pytest.mark.validate

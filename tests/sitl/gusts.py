@@ -10,7 +10,7 @@ import os
 import random
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -125,7 +125,7 @@ def outcomes(level: str, seeds: Iterable[int]) -> Iterator[Outcome]:
         yield from pool.map(partial(outcome, level), seeds)
 
 
-def summary(flights: list[Outcome]) -> str:
+def summary(flights: Sequence[Outcome]) -> str:
     """How many are lost, of what."""
     reasons = Counter(" ".join(flight.lost.split()[:3]).rstrip(",") for flight in flights if flight.lost)
     told = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common()) or "none"
