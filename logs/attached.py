@@ -81,13 +81,13 @@ def gauges_of(vehicle: SimulatedVehicle | None) -> GaugeErrors:
     )
 
 
-def airframe_of(vehicle: FlightVehicle) -> Aircraft:
-    """Place of the IMU and lag of the tail by a vehicle's file, for a log that has none.
+def airframe_of(vehicle: FlightVehicle, world: SimulatedVehicle | None) -> Aircraft:
+    """Place of the IMU and lag of the tail by a vehicle's file, span by its ``world``'s, for a log that has none.
 
     The log's samples are then taken as they are: another program calibrated them.
     """
     known = vehicle.airframe
-    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant)
+    return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, span=span_of(world))
 
 
 def _load(log: Log, name: str, load: Callable[[Path], Loaded]) -> Loaded | None:

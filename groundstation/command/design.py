@@ -18,7 +18,7 @@ from groundstation.views.input_design import plan_view
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from logs.attached import airframe_of
+from logs.attached import airframe_of, span_of
 from logs.identification.data import Aircraft
 from logs.identification.input_design.limits import Limits
 from logs.identification.input_design.plan import Asked, Plan, plan
@@ -170,8 +170,8 @@ def _flight_vehicle(name: str) -> FlightVehicle | None:
 
 def _aircraft(vehicle: FlightVehicle | None, world: SimulatedVehicle) -> Aircraft:
     if vehicle is not None:
-        return airframe_of(vehicle)
-    return Aircraft(tail_time_constant=world.tail_servo.time_constant)
+        return airframe_of(vehicle, world)
+    return Aircraft(tail_time_constant=world.tail_servo.time_constant, span=span_of(world))
 
 
 def _noise(subject: _Subject) -> tuple[float, float, float]:

@@ -49,7 +49,10 @@ EXAMPLES = (
     "wingbeat identify --map-example stroke > map.toml    # the same for coefficients of up- and down-stroke",
     "wingbeat identify flight.csv --map map.toml          # docs/identify_csv.md has every key and two examples",
 )
-UNKNOWN = "aircraft: not told; the IMU counts as at the centre of mass (--vehicle tells its place and the tail's lag)"
+UNKNOWN = (
+    "aircraft: not told; the IMU counts as at the centre of mass, the span as 1 m (--vehicle tells both and the"
+    " tail's lag)"
+)
 """what is said of a log without a vehicle's file"""
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
@@ -270,7 +273,14 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
         return aircraft_of(log)
     if flight_vehicle(log) is not None:
         raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
-    return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]))
+    world, avionics = options.vehicle_files(vehicle)
+    airframe = load_vehicle(avionics)
+    try:
+        return airframe_of(airframe, load_bodies(world))
+    except BadInput:
+        if world != avionics and Path(world).exists():
+            raise
+        return airframe_of(airframe, None)  # what the flight computer knows of it is all that was given
 
 
 def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:

@@ -21,6 +21,7 @@ from logs.importing.log_import import NOTES
 from logs.importing.mapping import EXAMPLE, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
 from logs.reader import open_log
+from sim_bridge.vehicles import load_vehicle
 
 sys.path.append(str(ROOT / "tests" / "logs" / "identification"))
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
@@ -219,6 +220,9 @@ def test_an_imported_log_does_not_tell_its_aircraft_and_the_report_says_so(tmp_p
     assert assumed.notes == (UNKNOWN,) and told.notes == ()
     found = [{derivative.name for derivative in modes.modes[0].derivatives} for modes in (assumed, told)]
     assert found[0] - found[1] == {"tail_time_constant"}
+    assert assumed.problem is not None and assumed.problem.aircraft.span is None
+    span = told.problem.aircraft.span if told.problem is not None else None
+    assert span == pytest.approx(2.0 * load_vehicle("robo_raven_ii_d").wing.semispan), "filter error's gusts go by it"
 
 
 PULSE_MAPPING = (
