@@ -40,6 +40,11 @@ def agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     return True, f"{_count(len(compared))} methods agree within the 95 % interval of their difference"
 
 
+def contradiction(one: Mode, other: Mode) -> str:
+    """By how much ``one`` differs from the ``other`` where that is more than `agreement` allows a pair, or ""."""
+    return next((gap.clause for kind in KINDS for gap in _gaps((one, other), kind)), "")
+
+
 def _refusals(modes: tuple[Mode, ...]) -> str:
     clauses = [f"{mode.method}: {mode.unidentified[0].reason}" for mode in modes if mode.unidentified]
     return "; ".join(dict.fromkeys(clauses)) or "one method only"

@@ -49,6 +49,8 @@ class DerivativeFit(NamedTuple):
     """-; why the numbers may not be used, empty when they may"""
     lack: Array = NOTHING
     """by what a dynamic that the model lacks and the data ask for moves the values, (p,), empty where they do not"""
+    explained: float = 1.0
+    """-; share of the pitch rate's power by the elevator, 1 where it was not looked at"""
 
 
 class Signals(NamedTuple):

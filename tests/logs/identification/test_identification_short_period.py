@@ -14,7 +14,7 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes import short_period
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
-from logs.identification.modes.filter_error import PHASES, Task, filter_error
+from logs.identification.modes.filter_error import PHASES, Filtered, Task, filter_error
 from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gusts import NUISANCES, prior
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
@@ -247,6 +247,24 @@ def test_where_output_error_is_lost_no_method_that_knows_of_no_gusts_is_believed
     monkeypatch.setattr(short_period, "output_error", lost)
     given = {mode.method for mode in identify(Flight(seed=1)).modes if mode.frequency is not None}
     assert given == {FILTER_ERROR}
+
+
+def test_what_filter_error_contradicts_in_gusts_gives_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a filter error with another frequency THEN in gusts it is believed, in calm air output error is."""
+
+    def elsewhere(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
+        fit, found = filter_error(task, start)
+        return fit._replace(values=fit.values * np.where(np.array(fit.names) == "M_w", 3.0, 1.0)), found
+
+    believed = {mode.method for mode in identify(Flight(seed=5001, gust=0.3)).modes if mode.frequency is not None}
+    monkeypatch.setattr(short_period, "filter_error", elsewhere)
+    gusty, calm = (identify(Flight(seed=5001, gust=gust)) for gust in (0.3, 0.0))
+    assert {"output error", "equation error, frequency domain"} <= believed
+    assert [mode.method for mode in gusty.modes if mode.frequency is not None] == [FILTER_ERROR]
+    assert "differs from that of filter error" in gusty.modes[0].unidentified[0].reason
+    assert "gusts" in gusty.modes[1].unidentified[0].reason
+    assert all(fit.failure for fit in gusty.fits[:2]), "no model is written of them"
+    assert all(mode.frequency is not None for mode in calm.modes[:3]) and calm.agree is False
 
 
 def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping() -> None:
