@@ -62,23 +62,30 @@ class Signals(NamedTuple):
     """(M, 3); f_x m/s^2, f_z m/s^2 at the centre of mass, pitch acceleration rad/s^2"""
 
 
-def signals(manoeuvre: Manoeuvre, reference: Reference, aircraft: Aircraft) -> Signals:
-    """Stroke averages of what the equations of motion relate; u and w as `_speeds` reconstructs them."""
+def signals(manoeuvre: Manoeuvre, reference: Reference, aircraft: Aircraft, flown: Array | None = None) -> Signals:
+    """Stroke averages of what the equations of motion relate; u and w as `_speeds` reconstructs them.
+
+    ``flown``, (M, 2 or more), are the stroke averages of u and w as a model flew them, None where none did.
+    """
     q, a_x, a_z, _ = manoeuvre.raw.T
     q_dot = np.gradient(q, manoeuvre.time[1] - manoeuvre.time[0])
     f_x, f_z = a_x - aircraft.imu_z * q_dot, a_z + aircraft.imu_x * q_dot
-    u, w = _speeds(manoeuvre, reference, f_x, f_z)
+    u, w = _speeds(manoeuvre, reference, (f_x, f_z), _trends(manoeuvre, flown))
     averages = manoeuvre.averaging @ np.column_stack((u, w, q, manoeuvre.tail, f_x, f_z, q_dot))
     return Signals(averages[:, :4], averages[:, 4:])
 
 
-def _speeds(manoeuvre: Manoeuvre, reference: Reference, f_x: Array, f_z: Array) -> tuple[Array, Array]:
+def _speeds(
+    manoeuvre: Manoeuvre, reference: Reference, forces: tuple[Array, Array], trends: tuple[float | None, float | None]
+) -> tuple[Array, Array]:
     """Airspeeds u and w (N,) in m/s by the kinematics as they are (Klein & Morelli, ch. 10, data compatibility).
 
     The speeds in the products u q and w q are those of every sample, not the reference's: w is the small
     difference of f_z and u q, and the 2 % by which the input moves u become 4 % of w, in step with it, which no
-    instrument takes out. Each sensor's bias is taken for the one that leaves the speeds no trend, the means for
-    those of the manoeuvre's airspeed along the reference's direction.
+    instrument takes out. The means are those of the manoeuvre's airspeed along the reference's direction. The bias
+    of each sensor is taken for the one that leaves the speeds their ``trends`` in m/s^2, or, where those are not
+    known, as they began. A trend that is wrong is no polynomial any more once it is multiplied with the pitch rate:
+    what it leaves is even in the input, cancels over inputs of both signs, and makes the manoeuvres look at odds.
     """
     q, pitch = manoeuvre.raw[:, 0], manoeuvre.raw[:, 3]
     step = manoeuvre.time[1] - manoeuvre.time[0]
@@ -86,14 +93,33 @@ def _speeds(manoeuvre: Manoeuvre, reference: Reference, f_x: Array, f_z: Array) 
     means = share * reference.u, share * reference.w
     u, w = (np.full(len(q), mean) for mean in means)
     for _ in range(SPEED_PASSES):
-        rates = f_x - w * q - STANDARD_GRAVITY * np.sin(pitch), f_z + u * q + STANDARD_GRAVITY * np.cos(pitch)
-        u, w = (_about(mean, _integrate(rate - rate.mean(), step)) for mean, rate in zip(means, rates, strict=True))
+        rates = (
+            forces[0] - w * q - STANDARD_GRAVITY * np.sin(pitch),
+            forces[1] + u * q + STANDARD_GRAVITY * np.cos(pitch),
+        )
+        integrated = (_integrate(rate - rate.mean(), step) for rate in rates)
+        drifted = [_with_trend(manoeuvre, one, trend) for one, trend in zip(integrated, trends, strict=True)]
+        u, w = (mean + one - one.mean() for mean, one in zip(means, drifted, strict=True))
     return u, w
 
 
-def _about(mean: float, values: Array) -> Array:
-    moved: Array = mean + values - values.mean()
-    return moved
+def _trends(manoeuvre: Manoeuvre, flown: Array | None) -> tuple[float | None, float | None]:
+    """Of the ``flown`` averages of u and w, m/s^2."""
+    return (None, None) if flown is None else (_slope(manoeuvre.at, flown[:, 0]), _slope(manoeuvre.at, flown[:, 1]))
+
+
+def _slope(at: Array, values: Array) -> float:
+    """Of the straight line nearest to ``values`` (M,) at times ``at`` (M,) in s."""
+    about = at - at.mean()
+    return float(about @ values / (about @ about))
+
+
+def _with_trend(manoeuvre: Manoeuvre, values: Array, trend: float | None) -> Array:
+    """``values`` (N,) of the samples with a straight line added, so that their stroke averages have the ``trend``."""
+    if trend is None:
+        return values
+    tilted: Array = values + (trend - _slope(manoeuvre.at, manoeuvre.averaging @ values)) * manoeuvre.time
+    return tilted
 
 
 def _integrate(rate: Array, step: float) -> Array:
@@ -135,7 +161,9 @@ def equation_error(
     model that was flown along has them: with them the estimate is that of instrumental variables (Klein & Morelli,
     ch. 5).
     """
-    pieces = [_without_drift(m, np.hstack(signals(m, reference, aircraft))) for m in manoeuvres]
+    known: list[Array | None] = [None] * len(manoeuvres) if instruments is None else [*instruments]
+    found = [signals(m, reference, aircraft, one) for m, one in zip(manoeuvres, known, strict=True)]
+    pieces = [_without_drift(m, np.hstack(pair)) for m, pair in zip(manoeuvres, found, strict=True)]
     both, axes, kept = np.vstack([piece[0] for piece in pieces]), _axes(names), _kept(names)
     bounds = np.cumsum([0] + [len(piece[0]) for piece in pieces])
     rows = _Rows(both[:, :4][:, kept], both[:, :4][:, kept], both[:, 4:][:, axes], bounds, pieces[0][1])
@@ -143,8 +171,8 @@ def equation_error(
         flown = np.vstack([_without_drift(m, z)[0] for m, z in zip(manoeuvres, instruments, strict=True)])
         rows = rows._replace(clean=flown[:, :4][:, kept])
         rows = rows.more(flown[:, 4:]) if len(manoeuvres) >= LEAST_MANOEUVRES else rows
-    found = _regressed(rows, len(kept))
-    return failed(names, UNEXCITED) if found is None else found._replace(names=names)
+    fit = _regressed(rows, len(kept))
+    return failed(names, UNEXCITED) if fit is None else fit._replace(names=names)
 
 
 class _Rows(NamedTuple):
