@@ -1,7 +1,7 @@
 """Two hundred flights in gusts (``make validate``; three hours on two cores).
 
 None is lost in what small unmanned aircraft are said to meet. MIL-F-8785C's moderate gusts are those of a wind of
-30 kt at 20 ft, whatever the mean wind of the flight: 3 m/s level at the height of a flare, for who cruises at 6.8 m/s.
+30 kt at 20 ft, whatever the flight's mean wind: 3 m/s level at the height of a flare, for who cruises at 6.8 m/s.
 """
 
 from __future__ import annotations
