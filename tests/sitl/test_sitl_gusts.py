@@ -1,4 +1,4 @@
-"""Two hundred flights in gusts (``make validate``; three hours on two cores).
+"""Two hundred flights in gusts (``make validate``; an hour on two cores).
 
 None is lost in what small unmanned aircraft are said to meet. MIL-F-8785C's moderate gusts are those of a wind of
 30 kt at 20 ft, whatever the flight's mean wind: 3 m/s level at the height of a flare, for who cruises at 6.8 m/s.
