@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.correlation import correlation_among
@@ -17,7 +18,7 @@ from logs.identification.regression.stepwise import Rules, Step, stepwise_regres
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array, FitSeries, Fitted
 from logs.identification.tables.constants import UNITS
-from logs.identification.tables.derived import with_made
+from logs.identification.tables.derived import MADE, with_made
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
@@ -47,6 +48,25 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     noisy = shrunk(chosen, fitted, constants) if domain == "time" and not result.failure else []
     notes = (*result.notes, *noisy)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
+
+
+def check_names(asked: Regression, signals: Collection[str], constants: Collection[str]) -> None:
+    """Refuse what no manoeuvre can tell, a word misspelt, before anything is fitted.
+
+    Raises:
+        BadInput: a regressor that is no product, or a name that is no signal, no constant and not to be made of them.
+    """
+    known = [*signals, *constants, *(name for name in MADE if name not in signals)]
+    for name in (asked.response, *asked.regressors, *asked.always):
+        for symbol in () if name in signals else parse(product_of(name)).powers:
+            if symbol not in known:
+                near = difflib.get_close_matches(symbol, known, 1)
+                guess = f" (meant {near[0]!r}?)" if near else ""
+                of = "" if symbol == name else f" of {name!r}"
+                raise BadInput(
+                    f"aero.regressions of {asked.response}: {symbol!r}{of} is neither in [signals] nor in"
+                    f" [constants]{guess}; there are: {', '.join([*signals, *constants])}"
+                )
 
 
 def _orthogonal(

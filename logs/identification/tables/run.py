@@ -17,7 +17,7 @@ from logs.identification.tables.map import AeroSection, Map, OutputError, load_m
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.plausible import check_plausible
-from logs.identification.tables.regressions import regression_fit
+from logs.identification.tables.regressions import check_names, regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
@@ -63,9 +63,13 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     """Each fit for itself: what the one lacks the others may not need.
 
     Raises:
-        BadInput: none of them can be had.
+        BadInput: none of them can be had, or a regressor is misspelt.
     """
     constants = read_constants(chosen.constants)
+    if chosen.aero is not None and what in (AERO, ALL):
+        signals = {name: None for one in found.fitted for name in one.signals}
+        for regression in chosen.aero.regressions:
+            check_names(regression, signals, constants)
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
         check_plausible((*found.fitted, *found.held_out), constants)
     missing: list[Unidentified] = []

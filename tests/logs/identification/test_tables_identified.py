@@ -300,6 +300,24 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("regressor", "told"),
+    [
+        ("alhpa", r"aero.regressions of a_z: 'alhpa' is neither in \[signals\] nor in \[constants\] \(meant 'alpha'"),
+        ("q*cc/2V", "'cc' of 'q\\*cc/2V' is neither"),
+        ("alpha**2", "regressor 'alpha\\*\\*2'"),
+    ],
+)
+def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
+    tmp_path: Path, regressor: str, told: str
+) -> None:
+    """GIVEN a map whose other sections can be had THEN the mistake is the answer, not a line below theirs."""
+    mapping = BASE + f'[[aero.regressions]]\nresponse = "a_z"\nregressors = ["{regressor}", "delta_e"]\n'
+    with pytest.raises(BadInput, match=told):
+        identified(tmp_path, flight(), mapping, "all")
+    assert identified(tmp_path, flight(), mapping, "modes").fits, "what does not need it is had for itself"
+
+
+@pytest.mark.parametrize(
     ("words", "told"),
     [
         (["run.csv"], "tables need --map"),
