@@ -140,3 +140,17 @@ def test_realization_of_noise_that_no_input_moves_is_refused(seeds: tuple[int, .
     """One record that once passed for a mode, and three at a time."""
     records = records_of(tuple(noise(seed, 0.0) for seed in seeds), "delta_e", ("alpha", "q"))
     assert "explains too little" in realization(records).unidentified[0].reason
+
+
+def test_an_equivalent_system_needs_some_periods_of_the_mode() -> None:
+    """GIVEN one record of 9 s WHEN its mode takes 3.1 s THEN there is no number, in 25 s there is.
+
+    Of one so short half of the intervals held the truth.
+    """
+    whole = driven()
+    short = whole._replace(time=TIME[:225], signals={name: values[:225] for name, values in whole.signals.items()})
+    given = [equivalent_system(records_of((one,), "delta_e", ("q", "theta"))) for one in (short, whole)]
+    assert given[0].frequency is None and "2.9 periods in all" in given[0].unidentified[0].reason
+    assert given[1].frequency is not None
+    twice = equivalent_system(records_of((short, short, short), "delta_e", ("q", "theta")))
+    assert twice.frequency is not None, "several short records are as good as a long one"
