@@ -68,7 +68,8 @@ JSON_KEYS = {
     "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
-    " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, unidentified: list of {name,"
+    " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, modes of a lateral model:"
+    " {estimates, unidentified}, unidentified: list of {name,"
     " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
     " held_out, samples, r_squared, rms, theil, white}, samples, steps, notes}; modes: as above or null; missing:"
     " list of {name, reason}; delays: list of {name, unit, value, standard_error, low, high} of [prepare]; notes",

@@ -168,15 +168,15 @@ def oscillation(kind: str, pair: Array, spread: Spread) -> Oscillation | Unident
     frequency, damping = spread.estimates({f"{kind}_frequency": "rad/s", f"{kind}_damping": "-"}, pair)
     if not np.all(np.isfinite(spread.standard_errors()[0])) or frequency.low < (1 - WIDEST) * frequency.value:
         return Unidentified(kind, UNSURE)
-    rate = _computed(lambda p: float(p[0] * p[1]), pair, spread)
-    half = _over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
+    rate = computed(lambda p: float(p[0] * p[1]), pair, spread)
+    half = over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
     constants = _time_constants(pair, spread) if pair[1] >= 1 else ()
     if damping.high >= 1 or damping.low <= -1:
         return Oscillation(frequency, damping, None, half, None, constants)
-    turning = _computed(lambda p: float(p[0] * math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
-    ratio = _computed(lambda p: float(p[1] / math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
-    period = _over(f"{kind}_period", "s", 2 * math.pi, turning)
-    cycles = _over(f"{kind}_cycles_to_{_change(rate)}", "-", math.log(2) / (2 * math.pi), ratio)
+    turning = computed(lambda p: float(p[0] * math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
+    ratio = computed(lambda p: float(p[1] / math.sqrt(max(1 - p[1] ** 2, 1e-12))), pair, spread)
+    period = over(f"{kind}_period", "s", 2 * math.pi, turning)
+    cycles = over(f"{kind}_cycles_to_{_change(rate)}", "-", math.log(2) / (2 * math.pi), ratio)
     return Oscillation(frequency, damping, period, half, cycles, constants)
 
 
@@ -184,12 +184,13 @@ def _change(rate: Estimate) -> str:
     return "half" if rate.value > 0 else "double"
 
 
-def _computed(of: Callable[[Array], float], pair: Array, spread: Spread) -> Estimate:
-    value, worth = carry(lambda p: np.array([of(p)]), pair, spread)
+def computed(of: Callable[[Array], float], values: Array, spread: Spread) -> Estimate:
+    """The number that is ``of`` parameters ``values`` (p,), by the delta method; without name and unit."""
+    value, worth = carry(lambda p: np.array([of(p)]), values, spread)
     return worth.estimates({"": ""}, value)[0]
 
 
-def _over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate | None:
+def over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate | None:
     """``numerator`` / |``below``| with the ends of the interval of ``below``; None where that reaches zero."""
     if below.low <= 0 <= below.high:
         return None

@@ -13,13 +13,13 @@ from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
 from logs.identification.output_error.problem import Fit
 from logs.identification.preparing.noise_level import noise_beside_steps
-from logs.identification.results import Array
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
 from logs.identification.tables.output_errors import LEAST_RUN, output_error_fit
-from logs.identification.tables.results import LITTLE, TableFit
+from logs.identification.tables.results import TableFit
+from logs.identification.tables.systems import fitted_system
 
 LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
@@ -101,27 +101,7 @@ def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...])
 def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
     """The modes that the fitted matrices have, errors by the delta method."""
     method = "output error"
-    if fit.failure:
-        return nothing(method, fit.failure)
-    if all(one.r_squared < LITTLE for one in table.outputs if not one.held_out):
-        return nothing(method, "the model explains less than half of every output")
-    held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    base = {name: one.value for name, one in chosen.model.parameters.items()} | held
-
-    def system(values: Array) -> Array:
-        return chosen.system(base | dict(zip(fit.names, values.tolist(), strict=True)))
-
-    lost = [one for one in fit.unidentified if abs(_share(system, fit, one.name)) > 0]
-    if lost:
-        return nothing(method, f"{lost[0].name} is not identified: {lost[0].reason}")
-    return mode_of_system(method, system, fit.values, Spread(fit.covariance, fit.degrees), fit.estimates)
-
-
-def _share(system: object, fit: Fit, name: str) -> float:
-    """How much a parameter moves the system."""
-    if not callable(system):
-        return 0.0
-    place = fit.names.index(name)
-    moved = fit.values.copy()
-    moved[place] += max(abs(float(moved[place])), 1.0)
-    return float(abs(system(moved) - system(fit.values)).sum())
+    system = fitted_system(table, fit, chosen)
+    if system.failure:
+        return nothing(method, system.failure)
+    return mode_of_system(method, system.of, fit.values, Spread(fit.covariance, fit.degrees), fit.estimates)

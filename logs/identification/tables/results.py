@@ -59,6 +59,10 @@ class TableFit(NamedTuple):
     """of a stepwise regression"""
     chapters: tuple[Chapter, ...] = ()
     """of the report, beside those that every fit has"""
+    modes: tuple[Estimate, ...] = ()
+    """of a lateral model: what its Dutch roll, roll and spiral are known by"""
+    lost: tuple[Unidentified, ...] = ()
+    """those modes that it does not tell, and why"""
 
     @property
     def correlated(self) -> tuple[Pair, ...]:

@@ -21,6 +21,7 @@ from logs.identification.tables.regressions import check_names, regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
+from logs.identification.tables.systems import with_lateral_modes
 from logs.identification.tables.table import Columns, read_columns
 
 T = TypeVar("T")
@@ -138,4 +139,4 @@ def _aero(
 
 
 def _model_fit(asked: OutputError, found: Cut, constants: dict[str, float], fill: float | None) -> TableFit:
-    return output_error_fit("aero", asked, found, constants, fill)[0]
+    return with_lateral_modes(*output_error_fit("aero", asked, found, constants, fill))

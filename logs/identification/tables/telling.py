@@ -19,8 +19,8 @@ class NumberRow(NamedTuple):
 
 
 def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:
-    """Every estimate with where its search began."""
-    return tuple(NumberRow(one.name, one, fit.starts.get(one.name)) for one in fit.fitted.estimates)
+    """Every estimate with where its search began, then the modes that a lateral model has."""
+    return tuple(NumberRow(one.name, one, fit.starts.get(one.name)) for one in (*fit.fitted.estimates, *fit.modes))
 
 
 def notes_of(fit: TableFit) -> tuple[str, ...]:
@@ -31,6 +31,7 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
     lines += [
         f"{one.name} not identified: {one.reason}" for one in fit.fitted.unidentified if one.reason != fit.failure
     ]
+    lines += [f"{one.name} not identified: {one.reason}" for one in fit.lost]
     lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
     poor = [one for one in fit.outputs if one.r_squared < LITTLE]
     lines += [
@@ -71,7 +72,11 @@ def _fit(fit: TableFit) -> dict[str, Any]:
         "equations": list(fit.fitted.equations),
         "converged": fit.converged,
         "failure": fit.failure or None,
-        "estimates": [_estimate(row) for row in number_rows(fit)],
+        "estimates": [_estimate(row) for row in number_rows(fit) if row.estimate not in fit.modes],
+        "modes": {
+            "estimates": [_numbers(one) for one in fit.modes],
+            "unidentified": [one._asdict() for one in fit.lost],
+        },
         "unidentified": [one._asdict() for one in fit.fitted.unidentified],
         "fixed": dict(fit.fixed),
         "correlated": [{"first": a, "second": b, "correlation": value} for a, b, value in fit.correlated],
