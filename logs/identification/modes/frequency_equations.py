@@ -19,6 +19,7 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import Mode, mode_of_system, nothing
+from logs.identification.preparing.lag import behind
 from logs.identification.preparing.resampling import whole_records
 from logs.identification.regression.design import Design, Record, common_step
 from logs.identification.regression.equation_error import Settings, equations
@@ -189,7 +190,7 @@ def _table(one: Experiment, asked: Asked) -> Array:
 
 def _late(one: Experiment, name: str, delay: float) -> Array:
     values = np.asarray(one.signals[name], dtype=np.float64)
-    return np.asarray(np.interp(one.time - delay, one.time, values)) if delay else values
+    return behind(values, one.step, delay, 0.0, held=False) if delay else values
 
 
 def _response(axis: str, one: Experiment, asked: Asked) -> Array:

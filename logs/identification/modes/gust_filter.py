@@ -223,6 +223,37 @@ def _settle(carried, spread, gain, cross, known):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
+def _begin(begin, state, known):  # type: ignore[no-untyped-def]
+    """The first ``state`` of a stretch and its covariance ``known``, of variances ``begin``."""
+    for i in range(len(state)):
+        state[i] = 0.0
+        for j in range(len(state)):
+            known[i, j] = begin[i] if i == j else 0.0
+
+
+@njit(cache=True)
+def _less_input(outputs, c, d, sums, measured):  # type: ignore[no-untyped-def]
+    """The averages ``measured``: ``outputs`` less what the tail's angle alone makes of them, by its ``sums``."""
+    moving = len(sums) - 1
+    for i in range(len(outputs)):
+        measured[i] = outputs[i] - d[i] * sums[moving]
+        for j in range(moving):
+            measured[i] -= c[i, j] * sums[j]
+
+
+@njit(cache=True)
+def _carry(ahead, gain, reached, surprise, state, foretold):  # type: ignore[no-untyped-def]
+    """The ``state`` after a stroke: foretold, moved by the tail as far as ``reached``, and by the surprise."""
+    for i in range(len(state)):
+        foretold[i] = reached[i] if i < len(reached) else 0.0
+        for j in range(len(state)):
+            foretold[i] += ahead[i, j] * state[j]
+        for j in range(len(surprise)):
+            foretold[i] += gain[i, j] * surprise[j]
+    state[:] = foretold
+
+
+@njit(cache=True)
 def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-def]
     """The filter's state is that of the system, and behind it the outputs' biases."""
     over, spread, steps, c, d, begin, noise = system
@@ -237,16 +268,11 @@ def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-
         stroke = which[k]
         length = lengths[stroke]
         if first[k]:
-            for i in range(size):
-                state[i] = 0.0
-                for j in range(size):
-                    known[i, j] = begin[i] if i == j else 0.0
+            _begin(begin, state, known)
         _over_a_stroke(over[stroke], length, ahead, seen)
         _driven(steps[stroke], tail[k], reached, after, sums)
+        _less_input(outputs[k], c, d, sums, measured)
         for i in range(m):
-            measured[i] = outputs[k, i] - d[i] * sums[moving]
-            for j in range(moving):
-                measured[i] -= c[i, j] * sums[j]
             covariance[k, i, i] = noise[i]
         multiply(seen, known, sight)
         _foretell(measured, seen, sight, state, spread[stroke], length, surprise[k], covariance[k])
@@ -257,11 +283,5 @@ def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-
         _gain(cross, covariance[k], root, gain)
         multiply(ahead, known, spare)
         _product_transposed(spare, ahead, carried)
-        for i in range(size):
-            foretold[i] = reached[i] if i < moving else 0.0
-            for j in range(size):
-                foretold[i] += ahead[i, j] * state[j]
-            for j in range(m):
-                foretold[i] += gain[i, j] * surprise[k, j]
-        state[:] = foretold
+        _carry(ahead, gain, reached, surprise[k], state, foretold)
         _settle(carried, spread[stroke], gain, cross, known)

@@ -67,10 +67,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
         BadInput: none of them can be had, or a regressor is misspelt.
     """
     constants = read_constants(chosen.constants)
-    if chosen.aero is not None and what in (AERO, ALL):
-        signals = {name: None for one in found.fitted for name in one.signals}
-        for regression in chosen.aero.regressions:
-            check_names(regression, signals, constants)
+    _check_regressors(chosen, found, constants, what)
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
         check_plausible((*found.fitted, *found.held_out), constants)
     missing: list[Unidentified] = []
@@ -96,6 +93,18 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
         tuple(one for one in every if one.name != tare), _inputs(chosen), constants,
         found.delays,
     )  # fmt: skip
+
+
+def _check_regressors(chosen: Map, found: Cut, constants: dict[str, float], what: str) -> None:
+    """Refuse words misspelt before anything is fitted.
+
+    Raises:
+        BadInput: a regressor that nothing tells.
+    """
+    if chosen.aero is not None and what in (AERO, ALL):
+        signals = {name: None for one in found.fitted for name in one.signals}
+        for regression in chosen.aero.regressions:
+            check_names(regression, signals, constants)
 
 
 def _of_rooms(

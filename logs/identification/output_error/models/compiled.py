@@ -27,6 +27,20 @@ _FUNCTION = types.FunctionType(types.void(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _V
 Compiled = Callable[[Array, Array, Array, Array, Array], None]
 
 
+@njit(cache=True, error_model="numpy")
+def _between(before: Array, after: Array, share: float, u: Array) -> None:
+    """Inputs ``u`` at a ``share`` of the way from one sample to the next: they are lines."""
+    for j in range(len(u)):
+        u[j] = before[j] + (after[j] - before[j]) * share
+
+
+@njit(cache=True, error_model="numpy")
+def _beside(x: Array, slope: Array, h: float, at: Array) -> None:
+    """States ``at`` a step ``h`` along a ``slope`` from ``x``."""
+    for i in range(len(x)):
+        at[i] = x[i] + h * slope[i]
+
+
 @njit(
     types.void(_FUNCTION, _VECTOR, _TABLE, _VECTOR, _VECTOR, _TABLE, types.float64, types.int64),
     cache=True,
@@ -41,26 +55,19 @@ def _integrate(
     k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     h, share = step / parts, 1.0 / parts
     alive = True
-    for i in range(n):
-        states[0, i] = x[i]
+    states[0, :] = x
     for row in range(1, states.shape[0]):
+        before, after = inputs[row - 1], inputs[row]
         for part in range(parts if alive else 0):
-            at_start, halfway, at_end = part * share, (part + 0.5) * share, (part + 1) * share
-            for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * at_start
+            _between(before, after, part * share, u)
             rates(x, u, p, c, k1)
-            for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * halfway
-            for i in range(n):
-                at[i] = x[i] + h / 2 * k1[i]
+            _between(before, after, (part + 0.5) * share, u)
+            _beside(x, k1, h / 2, at)
             rates(at, u, p, c, k2)
-            for i in range(n):
-                at[i] = x[i] + h / 2 * k2[i]
+            _beside(x, k2, h / 2, at)
             rates(at, u, p, c, k3)
-            for j in range(k):
-                u[j] = inputs[row - 1, j] + (inputs[row, j] - inputs[row - 1, j]) * at_end
-            for i in range(n):
-                at[i] = x[i] + h * k3[i]
+            _between(before, after, (part + 1) * share, u)
+            _beside(x, k3, h, at)
             rates(at, u, p, c, k4)
             for i in range(n):
                 x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
