@@ -69,7 +69,8 @@ def output_error_fit(
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
-        fit.unidentified, correlation, series, (*fitted.notes, *held.notes, *_jumping(asked, found.fitted)),
+        fit.unidentified, correlation, series,
+        (*fitted.notes, *held.notes, *_jumping(asked, found.fitted), *_coarse(asked, found.fitted)),
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
@@ -94,6 +95,35 @@ def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[s
     return (
         f"{', '.join(names)} {'jumps' if one else 'jump'} from one sample to the next, {flown} between them;"
         f' if held, give delay = {half:.3g} (s, half a sample) or "free"',
+    )
+
+
+def _coarse(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
+    """What is said of inputs that move so far from one sample to the next that lines are no course of theirs.
+
+    Ramps of one to three samples between 3-2-1-1 levels, at 10 Hz and 2.8 rad/s, left M_q and M_delta 1 to 20 % off,
+    outside their intervals, with the delay free or not; the same ramps at 25 Hz a quarter of that.
+    """
+    told = []
+    for name in asked.inputs:
+        series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
+        largest = max((_largest_change(one) for one in series), default=0.0)
+        if largest > JUMP and not any(map(jumps, series)):
+            told.append(
+                f"{name} moves by up to {100 * largest:.0f} % of its range from one sample to the next, and was flown"
+                " as a line between them: derivatives may be off by more than their intervals; record it faster"
+            )
+    return tuple(told)
+
+
+def _largest_change(values: Array) -> float:
+    """From one sample of an input (N,) to the next, as a share of its range."""
+    known = values[np.isfinite(values)]
+    span = float(np.ptp(known)) if len(known) > 1 else 0.0
+    return (
+        float(np.max(np.abs(np.diff(values)), initial=0.0, where=np.isfinite(np.diff(values)))) / span
+        if span
+        else 0.0
     )
 
 

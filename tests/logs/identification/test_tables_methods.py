@@ -65,6 +65,18 @@ def test_held_derivatives_stay_where_the_map_holds_them_in_equation_error(
     assert found["frequency"]["value"] == pytest.approx(2.793, rel=0.02)
 
 
+@pytest.mark.parametrize(("rate", "told"), [(10.0, True), (50.0, False)])
+def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, told: bool) -> None:
+    """GIVEN an input that goes over in 0.2 s THEN at 10 Hz its course is not known, at 50 Hz it is."""
+    columns = flight(rate=rate)
+    edges = np.array([1.03, 2.11, 2.83, 3.19, 3.55])
+    levels = np.radians([0.0, 3.0, -3.0, 3.0, -3.0, 0.0])
+    ramps = [b * np.clip((columns["t"] - e) / 0.2, 0, 1) for e, b in zip(edges, np.diff(levels), strict=True)]
+    columns["delta_e"] = np.sum(ramps, axis=0)
+    notes = identified(tmp_path, columns, BASE).fits[0].fitted.notes
+    assert any("from one sample to the next" in note and "record it faster" in note for note in notes) is told
+
+
 ORTHOGONAL = """
 [time]
 column = "t"
