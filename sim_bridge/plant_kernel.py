@@ -301,13 +301,14 @@ def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) 
     move(p.tree, q, rates, s.base, s.outside[0:3], s.tree)
     wing_motion(s.tree, p.wings, q, rates, s.outside, s.wings)
     _set_tail(q, p.joints, s.wings.motion.tail)
+    _set_tail(rates, p.joints, s.wings.motion.tail_rate)
     if p.needs_places:
         wing_places(s.tree, p.wings, s.wings)
 
 
 @inlined
 def _set_tail(q: Floats, joints: Joints, tail: Floats) -> None:
-    """Tell what elevator and rudder have achieved, of the coordinates ``q``."""
+    """Tell what elevator and rudder have achieved, of the coordinates ``q`` or their rates."""
     for i in range(joints.kind.shape[0]):
         if joints.kind[i] == FOLLOWS:
             tail[joints.channel[i] - ELEVATOR] = q[i]
@@ -536,6 +537,10 @@ def advance_memory(y: Floats, h: float, around: Surroundings, bound: Bound) -> N
     p, s = bound_values(bound)
     set_motion(y, around, p, s)
     wing_places(s.tree, p.wings, s.wings)
+    ground = s.wings.motion.ground
+    ground[0] = -y[2]
+    for i in range(3):
+        ground[1 + i] = s.r[2, i]
     memory = y[aero_start(p.joints.kind.shape[0]) :]
     models.advance(p.air, p.wings.strips, s.wings.motion, around.density, memory, h)
 

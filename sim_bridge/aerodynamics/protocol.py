@@ -67,6 +67,10 @@ class Motion(NamedTuple):
     """(6,) m/s, rad/s; velocity of the fuselage through the air and its angular velocity, body axes"""
     tail: Floats
     """(2,) rad; achieved elevator (nose up positive) and rudder (nose right positive), 0 where a vehicle has none"""
+    tail_rate: Floats
+    """(2,) rad/s; of these"""
+    ground: Floats
+    """(4,) m, -; height of the fuselage's origin above the ground, and the way down in body axes; for ``advance``"""
 
 
 class SectionLoads(NamedTuple):
@@ -83,11 +87,20 @@ class SectionLoads(NamedTuple):
 
 
 def blank_motion(strips: Strips, wings: int) -> Motion:
-    """A motion at rest, to be filled."""
+    """A motion at rest, far from the ground, to be filled."""
     n = strips.chord.shape[0]
     columns = [np.zeros(n) for _ in range(5)]
     return Motion._make(
-        [*columns, np.zeros((3, n)), np.zeros((3, 3, n)), np.zeros((wings, 2)), np.zeros(6), np.zeros(2)]
+        [
+            *columns,
+            np.zeros((3, n)),
+            np.zeros((3, 3, n)),
+            np.zeros((wings, 2)),
+            np.zeros(6),
+            np.zeros(2),
+            np.zeros(2),
+            np.array([np.inf, 0.0, 0.0, 1.0]),
+        ]
     )
 
 

@@ -390,4 +390,5 @@ def _motions(whole: _Columns, flap: Floats, body: Floats) -> list[Motion]:
 def _motion(whole: _Columns, i: int, wings: Floats, body: Floats) -> Motion:
     columns = [np.ascontiguousarray(column[i]) for column in whole[:5]]
     place, axes = np.ascontiguousarray(whole.place[i].T), np.ascontiguousarray(whole.axes[i].transpose(1, 2, 0))
-    return Motion._make([*columns, place, axes, wings, body.copy(), np.zeros(2)])
+    ground = np.array([math.inf, 0.0, 0.0, 1.0])
+    return Motion._make([*columns, place, axes, wings, body.copy(), np.zeros(2), np.zeros(2), ground])

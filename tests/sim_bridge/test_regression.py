@@ -52,7 +52,16 @@ def swapped(motion: Motion, strips: Strips) -> Motion:
     half = len(strips.chord) // 2
     turned = [np.roll(column, half) for column in motion[:5]]
     body = motion.body * (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
-    return Motion(*turned, motion.place, motion.axes, motion.wings[::-1].copy(), body, motion.tail * (1.0, -1.0))
+    return Motion(
+        *turned,
+        motion.place,
+        motion.axes,
+        motion.wings[::-1].copy(),
+        body,
+        motion.tail * (1.0, -1.0),
+        motion.tail_rate,
+        motion.ground,
+    )
 
 
 def lopsided() -> Motion:
@@ -61,7 +70,7 @@ def lopsided() -> Motion:
     half = len(WING.span)
     columns = [np.concatenate((a[:half], b[half:])) for a, b in zip(early[:5], late[:5], strict=True)]
     wings = np.stack((early.wings[0], late.wings[1]))
-    return Motion(*columns, early.place, early.axes, wings, np.array([9.1, 0.4, 0.3, 0.2, 0.5, -0.1]), np.zeros(2))
+    return Motion(*columns, early.place, early.axes, wings, np.array([9.1, 0.4, 0.3, 0.2, 0.5, -0.1]), *early[9:])
 
 
 @pytest.mark.parametrize("settings", [TIME, FREQUENCY])

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from aerodynamics_bench import SLACK
 
 from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.vortex_lattice.geometry import lattice_of
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
 from sim_bridge.aerodynamics.vortex_lattice.shedding import move_pose, wake_of
-from sim_bridge.aerodynamics.vortex_lattice.steady import solve_steady
+from sim_bridge.aerodynamics.vortex_lattice.steady import SteadyFlow, solve_steady
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
@@ -29,11 +30,23 @@ def raven(**changes: Any) -> SimulatedVehicle:
     return with_model(bird._replace(sections=sections), "vortex_lattice")
 
 
+def stream(plant: Plant, alpha: float, beta: float = 0.0, height: float = 100.0) -> Floats:
+    """Put a plant into a level stream; returns its velocity (3,) m/s, body axes."""
+    y = plant.y
+    y[2], y[3:7] = -height, (math.cos(alpha / 2), 0.0, math.sin(alpha / 2), 0.0)
+    ahead = SPEED * math.cos(beta)
+    y[7:10] = ahead * math.cos(alpha), SPEED * math.sin(beta), ahead * math.sin(alpha)
+    return y[7:10].copy()
+
+
 def held(plant: Plant, alpha: float, flapping: float, seconds: float) -> Floats:
     """(ticks, 6) air loads of a plant that the launcher holds in the stream, its wings flapping by so many rad."""
-    y = plant.y
-    y[2], y[3:7] = -100.0, (math.cos(alpha / 2), 0.0, math.sin(alpha / 2), 0.0)
-    y[7], y[9] = SPEED * math.cos(alpha), SPEED * math.sin(alpha)
+    stream(plant, alpha)
+    return still(plant, flapping, seconds)
+
+
+def still(plant: Plant, flapping: float, seconds: float) -> Floats:
+    """(ticks, 6) of a plant that is in a stream already."""
     loads = []
     for tick in range(round(seconds / TICK)):
         start, end = (0.2 + flapping * math.sin(8.0 * math.pi * TICK * (tick + i)) for i in (0, 1))
@@ -47,21 +60,83 @@ def parameters_of(plant: Plant) -> VortexLatticeParameters:
     return parameters
 
 
-def test_a_long_glide_ends_with_the_loads_of_the_steady_lattice() -> None:
-    """Nearly: a strip's legs across alone bear loads, and the lattice's shape is the last step's."""
-    alpha = 0.1
-    plant = Plant(raven(correction=0.0, wake_rows=80))
-    held(plant, alpha, 0.0, 1.5)
-    p, parts, grids = parameters_of(plant), plant.part_loads(), {}
+def surfaces_of(plant: Plant) -> dict[str, Floats]:
+    """Nodes of the lattice at its last step, body axes."""
+    p, grids = parameters_of(plant), {}
     for s, name in enumerate(("wing", "tailplane", "fin")):
         rows, columns, first = (int(column[s]) for column in (p.layout.rows, p.layout.columns, p.layout.first_node))
         nodes = p.room.nodes[:, first : first + (rows + 1) * (columns + 1)]
         grids[name] = nodes.T.reshape(rows + 1, columns + 1, 3).copy()
-    wind = -SPEED * np.array([math.cos(alpha), 0.0, math.sin(alpha)])
-    steady, wing = solve_steady(lattice_of(grids), wind, 1.225).loads.force, int(p.layout.first_panel[1])
-    assert parts[:4, 2].sum() == pytest.approx(steady[2, :wing].sum(), rel=0.04)
-    assert parts[:4, 0].sum() == pytest.approx(steady[0, :wing].sum(), abs=0.02 * abs(steady[2, :wing].sum()))
-    assert parts[4, 2] == pytest.approx(steady[2, wing:].sum(), rel=0.1)
+    return grids
+
+
+def wing_and_tail(flow: SteadyFlow, plant: Plant) -> tuple[Floats, Floats]:
+    """(6,) N, N m each."""
+    wing = int(parameters_of(plant).layout.first_panel[1])
+    both = np.concatenate((flow.loads.force, flow.loads.moment))
+    return both[:, :wing].sum(axis=1), both[:, wing:].sum(axis=1)
+
+
+def glide(beta: float = 0.0, height: float = 100.0) -> tuple[Plant, Floats, Floats]:
+    """A plant after a long glide at 0.1 rad in an ideal flow, loads of its wings, and of its tail."""
+    plant = Plant(raven(correction=0.0, wake_rows=60))
+    stream(plant, 0.1, beta, height)
+    still(plant, 0.0, 1.0)
+    parts = plant.part_loads()
+    return plant, parts[:4].sum(axis=0), parts[4]
+
+
+def test_a_long_glide_ends_with_the_loads_of_the_steady_lattice() -> None:
+    """Force and moment of wings and tail; in a stream from the side the legs along bear a rolling moment."""
+    for beta in (0.0, 0.15):
+        plant, wing, tail = glide(beta)
+        steady = solve_steady(lattice_of(surfaces_of(plant)), -plant.y[7:10], 1.225)
+        steady_wing, steady_tail = wing_and_tail(steady, plant)
+        lift = abs(steady_wing[2])
+        assert wing[2] == pytest.approx(steady_wing[2], rel=0.01)
+        assert wing[:2] == pytest.approx(steady_wing[:2], abs=0.005 * lift)
+        assert wing[3:] == pytest.approx(steady_wing[3:], abs=0.0025 * lift)
+        assert tail[2] == pytest.approx(steady_tail[2], rel=0.02)
+        assert tail[[0, 1]] == pytest.approx(steady_tail[[0, 1]], abs=0.02 * abs(steady_tail[2]))
+        assert tail[3:] == pytest.approx(steady_tail[3:], abs=0.02 * abs(steady_tail[4]))
+
+
+def test_the_ground_carries_as_in_the_steady_lattice_and_only_from_near_by() -> None:
+    """A quarter of the span above it; a wing that would lie in it, or far from it, has loads all the same."""
+    height = 0.3
+    free, near = (glide(height=h)[1] for h in (100.0, height))
+    plant = glide(height=height)[0]
+    c, s = math.cos(0.1), math.sin(0.1)
+    upright = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    grids = {name: grid @ upright.T for name, grid in surfaces_of(plant).items()}
+    steady = solve_steady(lattice_of(grids), -upright @ plant.y[7:10], 1.225, ground=height)
+    wing, _ = wing_and_tail(steady, plant)
+    assert upright.T @ wing[:3] == pytest.approx(near[:3], abs=0.015 * abs(near[2]))
+    # The membranes give way: they twist by more than the free ones, and take half of the gain.
+    assert near[2] < 1.02 * free[2]
+    alone, _ = wing_and_tail(solve_steady(lattice_of(grids), -upright @ plant.y[7:10], 1.225), plant)
+    assert (upright @ near[:3])[2] < 1.04 * alone[2]
+    reach = parameters_of(plant).ground_reach
+    below, above = (glide(height=h)[1] for h in (0.99 * reach, 1.01 * reach))
+    assert below == pytest.approx(above, abs=1e-3 * abs(above[2]))
+    assert np.all(np.isfinite(glide(height=0.0)[1]))
+
+
+def test_an_elevator_that_moves_meets_the_air_of_its_own_motion() -> None:
+    """Upwards behind its hinge: between a half, as at a start, and all of what the angle at 3/4 chord takes in time.
+
+    Of a tailplane of aspect ratio 2, whose lift slope is pi.
+    """
+    plant = glide()[0]
+    p, rate = parameters_of(plant), 2.0
+    lifts = []
+    for moving in (0.0, rate):
+        plant.y[plant.layout.rate(plant.layout.elevator)] = moving
+        plant.evaluate(SLACK, AROUND)
+        lifts.append(-plant.part_loads()[4, 2])
+    angle = 0.5 * p.tail.chord * rate / SPEED
+    slope = math.pi * 0.5 * 1.225 * SPEED**2 * p.tail.span * p.tail.chord
+    assert -slope * angle < lifts[1] - lifts[0] < -0.5 * slope * angle
 
 
 def test_a_stroke_hardly_depends_on_the_lattices_rate() -> None:

@@ -4,8 +4,8 @@ It has a rate of its own below the integrator's. ``advance`` keeps account of ho
 a lattice step having passed, carries the wake, sheds a row and computes the influences of the lattice's new shape.
 ``loads`` lets the strengths follow the motion of every stage by these (`response`), and tells
 
-* *circulatory* and *suction*: along the normal and forward along the chord what the legs across bear by Joukowski, in
-  the air that their motion, the wake and the other strips let meet them;
+* *circulatory* and *suction*: along the normal, and forward and outward along chord and span, what all legs bear by
+  Joukowski, in the air that their motion, the wake and the other legs let meet them (`bearing`);
 * the air's apparent mass, which the mechanism solves for with the accelerations. What else the strengths' rates do,
   the wake's share above all, is a difference of two lattice steps, held to the next: light wings stay stable, because
   nothing in it answers to their acceleration at once;
@@ -26,6 +26,7 @@ from sim_bridge.aerodynamics.protocol import (
     INERTIA,
     MASS,
     NOSE_UP,
+    OUTWARD,
     UPWARD,
     AerodynamicModel,
     Motion,
@@ -41,6 +42,7 @@ from sim_bridge.aerodynamics.strip_theory import (
     friction_coefficient,
     stalled_share,
 )
+from sim_bridge.aerodynamics.vortex_lattice.bearing import held_across, held_along, sharer, weight
 from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of
 from sim_bridge.aerodynamics.vortex_lattice.response import set_strengths
 from sim_bridge.aerodynamics.vortex_lattice.settings import (
@@ -138,22 +140,37 @@ def loads(
     """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
     p, found = parameters, parameters.room.found
     set_strengths(p, strips, motion, state, found)
-    for column in range(2 * p.half):
-        _load_strip(p, strips, motion, column, density, state, out)
+    _load_wing(p, strips, motion, density, state, out)
     load_tail(p, motion, density, state, found, out.body[TAIL])
 
 
+@kernel
+def _load_wing(
+    p: VortexLatticeParameters,
+    strips: Strips,
+    motion: Motion,
+    density: float,
+    state: Floats,
+    out: SectionLoads,
+) -> None:
+    for column in range(2 * p.half):
+        p.room.wash[column] = _downwash(p, column, state, p.room.found)
+        _load_strip(p, strips, motion, column, density, state, out)
+    for edge in range(2 * p.half + 1):
+        _load_edge(p, strips, motion, edge, density, state, out)
+
+
 @inner
-def induced_on_strip(p: VortexLatticeParameters, column: int, state: Floats, strengths: Floats) -> float:
-    """m/s; along the normal at a strip's quarter chord by the wake and all legs but those across of its surface."""
-    n, m = p.panel_at.shape[0], p.memory
-    total, row = state[m.strip_wake + column], m.downwash + column * n
+def _downwash(p: VortexLatticeParameters, column: int, state: Floats, strengths: Floats) -> float:
+    """m/s; along the normal at a strip's quarter chord by all legs but those across of its surface."""
+    n, total = p.panel_at.shape[0], 0.0
+    row = p.memory.downwash + column * n
     for k in range(n):
         total += state[row + k] * strengths[k]
     return float(total)
 
 
-@kernel
+@inner
 def _load_strip(
     p: VortexLatticeParameters,
     strips: Strips,
@@ -163,27 +180,69 @@ def _load_strip(
     state: Floats,
     out: SectionLoads,
 ) -> None:
-    s, columns, found = strip_of(column, p.half), 2 * p.half, p.room.found
-    chord, width, along, turn = strips.chord[s], strips.width[s], motion.along[s], motion.pitch_rate[s]
-    wash, before = induced_on_strip(p, column, state, found), 0.0
-    upward = forward = nose_up = 0.0
+    """The legs across of a strip and what it has besides; fills its loads."""
+    s, columns, found, before = strip_of(column, p.half), 2 * p.half, p.room.found, 0.0
+    chord = strips.chord[s]
+    stalled = p.correction * stall_of(p, chord, motion, s)
+    out.parts[:, :, s] = 0.0
     for row in range(p.rows):
         strength = found[row * columns + column]
-        ahead = (0.5 - (row + 0.25) / p.rows) * chord
-        push = density * width * (strength - before)
-        upward += push * along
-        forward += push * (motion.down[s] - ahead * turn + wash)
-        nose_up += ahead * push * along
+        held = state[held_across(p, row, column) :]
+        _bear(p, motion, column, held, density * (strength - before), stalled, out)
         before = strength
-    stalled = p.correction * stall_of(p, chord, motion, s)
-    _fill(p, s, (upward, forward, nose_up), stalled, out)
     _separate(p, strips, motion, s, density, stalled, out)
     residual = (1.0 - stalled) * density
     out.parts[CIRCULATORY, UPWARD, s] += residual * state[p.memory.residual + column]
     out.parts[CIRCULATORY, NOSE_UP, s] += residual * state[p.memory.residual + p.trailing.shape[0] + column]
-    apparent = density * apparent_area(p, chord) * width * (1.0 - 0.5 * stalled)
+    apparent = density * apparent_area(p, chord) * strips.width[s] * (1.0 - 0.5 * stalled)
     out.apparent[MASS, s] = apparent
     out.apparent[INERTIA, s] = apparent * chord * chord / 32.0
+
+
+@inner
+def _load_edge(
+    p: VortexLatticeParameters,
+    strips: Strips,
+    motion: Motion,
+    edge: int,
+    density: float,
+    state: Floats,
+    out: SectionLoads,
+) -> None:
+    """Add what the legs along one edge bear to the two strips that share them."""
+    columns, found = 2 * p.half, p.room.found
+    for share in range(2):
+        column = sharer(edge, share, columns)
+        s = strip_of(column, p.half)
+        stalled = p.correction * stall_of(p, strips.chord[s], motion, s)
+        for row in range(p.rows):
+            left = found[row * columns + edge - 1] if edge > 0 else 0.0
+            right = found[row * columns + edge] if edge < columns else 0.0
+            push = weight(edge, share, columns) * density * (left - right)
+            _bear(p, motion, column, state[held_along(p, row, edge, share) :], push, stalled, out)
+
+
+@inner
+def _bear(
+    p: VortexLatticeParameters,
+    motion: Motion,
+    column: int,
+    held: Floats,
+    push: float,
+    stalled: float,
+    out: SectionLoads,
+) -> None:
+    """Add to a strip's loads what a leg that is ``held`` (7,) bears by ``push``, density times net strength."""
+    s, side, ahead = strip_of(column, p.half), -1.0 if column < p.half else 1.0, held[6]
+    right, forward = held[0] - side * motion.outward[s], held[1] - motion.along[s]
+    up = held[2] + p.room.wash[column] + motion.down[s] - ahead * motion.pitch_rate[s]
+    attached = (1.0 - stalled) * push
+    efficiency = attached * (1.0 - p.correction * (1.0 - p.strip.suction_efficiency))
+    lifting = attached * (right * held[4] - forward * held[3])
+    out.parts[CIRCULATORY, UPWARD, s] += lifting
+    out.parts[CIRCULATORY, NOSE_UP, s] += ahead * lifting
+    out.parts[SUCTION, FORWARD, s] += efficiency * (up * held[3] - right * held[5])
+    out.parts[SUCTION, OUTWARD, s] += efficiency * side * (forward * held[5] - up * held[4])
 
 
 @inner
@@ -199,17 +258,6 @@ def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -
     section = SectionMotion(along, motion.plunge[s], motion.down[s], turn, chord)
     across = p.strip.lift_factor * (motion.down[s] + 0.25 * chord * turn) - 0.75 * chord * turn
     return stalled_share(across, section, max(abs(along), SLOWEST), p.strip)
-
-
-@inner
-def _fill(
-    p: VortexLatticeParameters, s: int, attached: tuple[float, float, float], stalled: float, out: SectionLoads
-) -> None:
-    upward, forward, nose_up = attached
-    efficiency = 1.0 - p.correction * (1.0 - p.strip.suction_efficiency)
-    out.parts[CIRCULATORY, UPWARD, s] = (1.0 - stalled) * upward
-    out.parts[CIRCULATORY, NOSE_UP, s] = (1.0 - stalled) * nose_up
-    out.parts[SUCTION, FORWARD, s] = (1.0 - stalled) * efficiency * forward
 
 
 @inner

@@ -92,6 +92,34 @@ def fin_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
 
 
 @inner
+def surface_point(
+    p: VortexLatticeParameters, motion: Motion, surface: int, back: float, along: float, out: Floats
+) -> None:
+    """A point of tailplane or fin, ``back`` chords behind its leading edge, ``along`` its span from 0 to 1."""
+    if surface == TAILPLANE:
+        tail_point(p, motion, back, (along - 0.5) * p.tail.span, out)
+    else:
+        fin_point(p, motion, back, along * p.tail.height, out)
+
+
+@inner
+def surface_normal(p: VortexLatticeParameters, motion: Motion, surface: int, out: Floats) -> None:
+    """Of tailplane or fin."""
+    if surface == TAILPLANE:
+        tail_normal(p, motion, out)
+    else:
+        fin_normal(p, motion, out)
+
+
+@inner
+def swing(p: VortexLatticeParameters, motion: Motion, surface: int, back: float) -> float:
+    """m/s; along the normal, of a point ``back`` chords behind the leading edge, by elevator's or rudder's rate."""
+    if surface == TAILPLANE:
+        return float(-motion.tail_rate[0] * p.tail.chord * (0.25 - back))
+    return float(motion.tail_rate[1] * p.tail.fin_chord * (0.25 - back))
+
+
+@inner
 def _through(motion: Motion, point: Floats, normal: Floats) -> float:
     """m/s; of the air along ``normal`` at a ``point`` that moves with the fuselage."""
     b, total = motion.body, 0.0
@@ -102,27 +130,50 @@ def _through(motion: Motion, point: Floats, normal: Floats) -> float:
 
 
 @inner
-def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, flow: Floats) -> None:
+def hold_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> None:
+    """Hold the normals of the wing's panels in their strips' axes, with which they turn until the next step.
+
+    Where the wing twists they are not the strips': what blows along the span goes through the panels too.
+    """
+    columns = 2 * p.half
+    for k in range(p.rows * columns):
+        column = k % columns
+        s, to = strip_of(column, p.half), p.memory.normals + 3 * k
+        for i in range(3):
+            total = 0.0
+            for c in range(3):
+                total += motion.axes[i, c, s] * p.room.panels.normal[c, k]
+            state[to + i] = -total if i == 0 and column < p.half else total
+
+
+@inner
+def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, flow: Floats) -> None:
     """Fill ``flow`` (N,) m/s with what blows through each panel along its normal for its motion alone."""
     columns, work = 2 * p.half, p.room.scratch
     for row in range(p.rows):
         for column in range(columns):
             s = strip_of(column, p.half)
             behind = ((row + 0.75) / p.rows - 0.5) * strips.chord[s]
-            camber = p.strip.zero_lift_angle * motion.along[s]
-            flow[row * columns + column] = motion.down[s] + behind * motion.pitch_rate[s] + camber
+            k, right = row * columns + column, -motion.outward[s] if column < p.half else motion.outward[s]
+            at = p.memory.normals + 3 * k
+            flow[k] = (motion.down[s] + behind * motion.pitch_rate[s]) * state[at + 2]
+            flow[k] += (p.strip.zero_lift_angle - state[at + 1]) * motion.along[s] - right * state[at]
     point, normal = work[2, 0], work[2, 1]
     tail_normal(p, motion, normal)
     for row in range(TAIL_ROWS):
         for j in range(TAIL_COLUMNS):
             right = ((j + 0.5) / TAIL_COLUMNS - 0.5) * p.tail.span
             tail_point(p, motion, (row + 0.75) / TAIL_ROWS, right, point)
-            flow[p.layout.first_panel[TAILPLANE] + row * TAIL_COLUMNS + j] = _through(motion, point, normal)
+            flow[p.layout.first_panel[TAILPLANE] + row * TAIL_COLUMNS + j] = _through(motion, point, normal) - swing(
+                p, motion, TAILPLANE, (row + 0.75) / TAIL_ROWS
+            )
     fin_normal(p, motion, normal)
     for row in range(FIN_ROWS):
         for j in range(FIN_COLUMNS):
             fin_point(p, motion, (row + 0.75) / FIN_ROWS, (j + 0.5) / FIN_COLUMNS * p.tail.height, point)
-            flow[p.layout.first_panel[FIN] + row * FIN_COLUMNS + j] = _through(motion, point, normal)
+            flow[p.layout.first_panel[FIN] + row * FIN_COLUMNS + j] = _through(motion, point, normal) - swing(
+                p, motion, FIN, (row + 0.75) / FIN_ROWS
+            )
 
 
 @inner

@@ -61,11 +61,11 @@ def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
 
 
 @inner
-def respond(p: VortexLatticeParameters, state: Floats) -> None:
-    """Put response and downwash of the rings in the room into ``state``."""
+def respond(p: VortexLatticeParameters, images: Floats, state: Floats) -> None:
+    """Put response and downwash of the rings in the room into ``state``; in the downwash ``images`` have no part."""
     room, m, n = p.room, p.memory, p.panel_at.shape[0]
     wide = Panels(room.rings, room.panels.collocation, room.panels.normal, room.panels.area)
-    set_influence(p.wider, wide, p.images, room.cores, room.scratch, room.full)
+    set_influence(p.wider, wide, images, room.cores, room.scratch, room.full)
     for k in range(n):
         _fold(p, room.full[k], room.matrix[k])
     solvable = factorize(room.matrix, room.pivots)
@@ -100,30 +100,45 @@ def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
 
 
 @inner
-def feel_wake(p: VortexLatticeParameters, count: int, state: Floats) -> None:
-    """Put what the first ``count`` filaments of the room's table induce on panels and strips into ``state``."""
-    room, m, n = p.room, p.memory, p.panel_at.shape[0]
-    _along(p, count, room.panels.collocation, room.panels.normal, state[m.by_wake : m.by_wake + n])
-    strips = room.points.shape[1]
-    _along(p, count, room.points, room.normals, state[m.strip_wake : m.strip_wake + strips])
+def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Floats) -> None:
+    """Put what the first ``count`` filaments of the room's table induce on the panels into ``state``."""
+    points, normals, velocity, to = p.room.panels.collocation, p.room.panels.normal, p.room.velocity, p.memory.by_wake
+    n = p.panel_at.shape[0]
+    for c in range(3):
+        for k in range(n):
+            velocity[c, k] = 0.0
+    induced(p.room.table, count, images, points, velocity)
+    for k in range(n):
+        state[to + k] = (
+            velocity[0, k] * normals[0, k] + velocity[1, k] * normals[1, k] + velocity[2, k] * normals[2, k]
+        )
 
 
 @inner
-def _along(p: VortexLatticeParameters, count: int, points: Floats, normals: Floats, out: Floats) -> None:
-    velocity = p.room.velocity
-    for c in range(3):
-        for k in range(out.shape[0]):
-            velocity[c, k] = 0.0
-    induced(p.room.table, count, p.images, points, velocity)
-    for k in range(out.shape[0]):
-        out[k] = velocity[0, k] * normals[0, k] + velocity[1, k] * normals[1, k] + velocity[2, k] * normals[2, k]
+def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
+    """Put the ground's reflection into the room, for the lattice there; returns how many images there are then.
+
+    The ground is left out above its reach, and lies below the lowest node where the lattice would touch it.
+    """
+    ground, images, nodes = motion.ground, p.room.images, p.room.nodes
+    height = ground[0]
+    if height > p.ground_reach:
+        return 1
+    for k in range(nodes.shape[1]):
+        low = ground[1] * nodes[0, k] + ground[2] * nodes[1, k] + ground[3] * nodes[2, k]
+        height = max(height, low + p.clearance)
+    for i in range(3):
+        images[1, 3, i] = 2.0 * height * ground[1 + i]
+        for j in range(3):
+            images[1, i, j] = (1.0 if i == j else 0.0) - 2.0 * ground[1 + i] * ground[1 + j]
+    return 2
 
 
 @kernel
 def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, found: Floats) -> None:
     """Fill ``found`` (N,) m^2/s for the motion of the moment."""
     m, n, flow = p.memory, p.panel_at.shape[0], p.room.unit
-    set_flow(p, strips, motion, flow)
+    set_flow(p, strips, motion, state, flow)
     for k in range(n):
         flow[k] += state[m.by_wake + k]
     for i in range(n):

@@ -85,10 +85,14 @@ class Memory(NamedTuple):
     """(N, N) m; minus the strengths for a unit of flow through each panel"""
     downwash: int
     """(S, N) 1/m; along a strip's normal at its quarter chord, of unit strengths"""
+    normals: int
+    """(wing's panels, 3) -; in their strips' axes: right, forward, up"""
     by_wake: int
     """(N,) m/s; along each panel's normal by the wake, without its newest row"""
-    strip_wake: int
-    """(S,) m/s; the same at each strip's quarter chord"""
+    held: int
+    """the legs that bear. (.., 7) of the wing, legs across, then legs along for both strips that share each, in these
+    strips' axes (right, forward, up): m/s, induced but for the strip's downwash; m, length; m, ahead of mid-chord.
+    Then (.., 3) m/s of tailplane and fin, likewise, in body axes"""
     strengths: int
     """(N,) m^2/s; at the last step"""
     last: int
@@ -133,6 +137,14 @@ class Room(NamedTuple):
     """(3, E)"""
     cores: Floats
     """(3,)"""
+    leg_points: Floats
+    """(3, L) m; middles of the legs that bear, see `bearing`"""
+    leg_air: Floats
+    """(3, L) m/s; induced there"""
+    wash: Floats
+    """(S,) m/s"""
+    images: Floats
+    """(2, 4, 3); all there is, and its reflection in the ground"""
 
 
 class VortexLatticeParameters(NamedTuple):
@@ -166,10 +178,21 @@ class VortexLatticeParameters(NamedTuple):
     """(S,); likewise"""
     trailing: Integers
     """(S,); panel at each trailing edge"""
-    images: Floats
+    first_leg: Integers
+    """(3,); of each surface, among those that bear"""
+    clearance: float
+    """m; from the ground to the lattice's lowest node at least"""
+    ground_reach: float
+    """m; height above which the ground is left out"""
     room: Room
 
 
+GROUND_SPANS = 3.0
+"""-; height in spans above which the ground is left out: it would take 1e-4 of the induced drag"""
+CLEARANCE = 0.25
+"""-; in root chords, from the ground to the lattice's lowest node at least: it must not touch its own image"""
+HELD = 7
+"""numbers held of a leg of the wing"""
 BOUND_CORE = 0.01
 """-; radius of the bound vortices' cores over the wing's mean chord"""
 
@@ -208,7 +231,9 @@ def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParam
         panel_at=panel_at.astype(np.int64),
         wake_at=wake_at.astype(np.int64),
         trailing=trailing_panels(layout).astype(np.int64),
-        images=np.vstack((np.eye(3), np.zeros(3)))[None],
+        first_leg=np.concatenate(([0], np.cumsum(_bearing_legs(layout))[:-1])).astype(np.int64),
+        clearance=CLEARANCE * float(strips.chord[0]),
+        ground_reach=GROUND_SPANS * 2.0 * float(np.max(strips.span + 0.5 * strips.width)),
         room=_room(layout, wider, settings.wake_rows, BOUND_CORE * chord),
     )  # fmt: skip
 
@@ -220,10 +245,18 @@ def _strip(settings: VortexLattice, aspect: float, bound: float) -> StripParamet
 
 def _memory(layout: Layout, rows: int) -> Memory:
     n, s = panel_count(layout), int(np.sum(layout.columns))
-    edges = s + len(layout.columns)
-    sizes = (3, 7, n * n, s * n, n, s, n, 2 * s, 2 * s, 3 * (rows + 1) * edges, rows * s, s)
+    edges, along = s + len(layout.columns), int(layout.rows[WING] * (layout.columns[WING] + 1))
+    wing, *tail = _bearing_legs(layout).tolist()
+    held = HELD * (wing + along) + 3 * sum(tail)
+    panels = 3 * int(layout.rows[WING] * layout.columns[WING])
+    sizes = (3, 7, n * n, s * n, panels, n, held, n, 2 * s, 2 * s, 3 * (rows + 1) * edges, rows * s, s)
     starts = np.concatenate(([0], np.cumsum(sizes))).tolist()
     return Memory(*starts)
+
+
+def _bearing_legs(layout: Layout) -> Integers:
+    """(surfaces,) legs of each that bear loads: all but those at the trailing edges."""
+    return np.asarray(layout.rows * (2 * layout.columns + 1))
 
 
 def _room(layout: Layout, wider: Layout, rows: int, core: float) -> Room:
@@ -245,4 +278,8 @@ def _room(layout: Layout, wider: Layout, rows: int, core: float) -> Room:
         found=np.zeros(n),
         edges=np.zeros((3, edges)),
         cores=np.full(len(layout.rows), core),
+        leg_points=np.zeros((3, int(_bearing_legs(layout).sum()))),
+        leg_air=np.zeros((3, int(_bearing_legs(layout).sum()))),
+        wash=np.zeros(s),
+        images=np.stack([np.vstack((np.eye(3), np.zeros(3)))] * 2),
     )

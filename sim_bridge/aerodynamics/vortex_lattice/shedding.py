@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from sim_bridge.aerodynamics.protocol import Motion, Strips
+from sim_bridge.aerodynamics.vortex_lattice.bearing import hold_legs, hold_still, set_all_filaments
 from sim_bridge.aerodynamics.vortex_lattice.influence import induced
-from sim_bridge.aerodynamics.vortex_lattice.legs import set_bound_filaments
-from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of
+from sim_bridge.aerodynamics.vortex_lattice.placing import hold_normals, strip_of
 from sim_bridge.aerodynamics.vortex_lattice.response import (
     feel_wake,
+    near_ground,
     place,
     respond,
     set_strengths,
@@ -44,7 +45,9 @@ def start(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Flo
         for c in range(3):
             ends[c, j] = p.room.edges[c, j] - (START_CHORDS * strips.chord[0] if c == 0 else 0.0)
     set_wide_rings(p, ends)
-    respond(p, state)
+    hold_normals(p, motion, state)
+    respond(p, p.room.images[:1], state)
+    hold_still(p, strips, motion, state)
 
 
 @kernel
@@ -106,6 +109,7 @@ def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, sta
     wake, first = wake_of(p, state), state[m.clock + STEPPED] == 0.0
     _turn_into_body(p, wake, state[m.pose : m.pose + 7])
     place(p, strips, motion)
+    images = room.images[: near_ground(p, motion)]
     core = Core(p.bound_core, 1, p.wake_core, 1.46e-5, 1e-4)
     if first:
         _begin(p, motion, wake, dt)
@@ -113,12 +117,14 @@ def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, sta
         for s in range(p.trailing.shape[0]):
             wake.strengths[0, s] = room.found[p.trailing[s]]
     if p.free_wake and not first:
-        _free(p, wake, core, dt)
+        _free(p, wake, core, images, dt)
     _shed(p, wake)
     set_wide_rings(p, wake.nodes[:, 1])
-    respond(p, state)
-    feel_wake(p, set_wake_filaments(p.layout, wake, core, p.dt, room.table, 0), state)
+    hold_normals(p, motion, state)
+    respond(p, images, state)
+    feel_wake(p, set_wake_filaments(p.layout, wake, core, p.dt, room.table, 0), images, state)
     set_strengths(p, strips, motion, state, room.found)
+    hold_legs(p, strips, motion, wake, core, images, state)
     _set_residual(p, strips, motion, state, 0.0 if first else 1.0 / dt)
     for k in range(n):
         state[m.strengths + k] = room.found[k]
@@ -144,24 +150,17 @@ def _shed(p: VortexLatticeParameters, wake: Wake) -> None:
 
 
 @inner
-def _free(p: VortexLatticeParameters, wake: Wake, core: Core, dt: float) -> None:
+def _free(p: VortexLatticeParameters, wake: Wake, core: Core, images: Floats, dt: float) -> None:
     """Carry the wake with what wake and bound vortices induce; the rings are those of the step before."""
     room, edges = p.room, wake.nodes.shape[2]
     used = (int(wake.rows[0]) + 1) * edges
     set_wide_rings(p, wake.nodes[:, 0])
-    for k in range(room.full.shape[1]):
-        room.full[0, k] = 0.0
-    for k in range(p.panel_at.shape[0]):
-        room.full[0, p.panel_at[k]] = room.found[k]
-    for s in range(p.trailing.shape[0]):
-        room.full[0, p.wake_at[s]] = room.found[p.trailing[s]]
-    count = set_bound_filaments(p.legs, room.rings, room.full[0], room.cores, room.table)
-    count = set_wake_filaments(p.layout, wake, core, p.dt, room.table, count)
+    count = set_all_filaments(p, wake, core)
     for c in range(3):
         for k in range(used):
             room.velocity[c, k] = 0.0
     points = wake.nodes.reshape((3, wake.nodes.shape[1] * edges))[:, :used]
-    induced(room.table, count, p.images, points, room.velocity)
+    induced(room.table, count, images, points, room.velocity)
     carry(wake, room.velocity, dt)
 
 

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from sim_bridge.aerodynamics.protocol import Motion
-from sim_bridge.aerodynamics.vortex_lattice.placing import fin_normal, fin_point, tail_normal, tail_point
-from sim_bridge.aerodynamics.vortex_lattice.settings import (
-    FIN,
-    FIN_SHAPE,
-    TAIL_SHAPE,
-    TAILPLANE,
-    VortexLatticeParameters,
-)
+from sim_bridge.aerodynamics.vortex_lattice.bearing import held_tail
+from sim_bridge.aerodynamics.vortex_lattice.placing import surface_normal, surface_point, swing
+from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
 from sim_bridge.vectors import Floats, inner, kernel
-
-TAIL_ROWS, TAIL_COLUMNS = TAIL_SHAPE
-FIN_ROWS, FIN_COLUMNS = FIN_SHAPE
 
 
 @kernel
 def load_tail(
     p: VortexLatticeParameters, motion: Motion, density: float, state: Floats, strengths: Floats, out: Floats
 ) -> None:
-    """Fill ``out`` (6,) N, N m about the origin of the body axes: what the legs across bear by Joukowski."""
+    """Fill ``out`` (6,) N, N m about the origin of the body axes: what all legs bear by Joukowski."""
     out[:] = 0.0
-    for j in range(TAIL_COLUMNS):
-        _load_strip(p, motion, TAILPLANE, j, density, state, strengths, out)
-    for j in range(FIN_COLUMNS):
-        _load_strip(p, motion, FIN, j, density, state, strengths, out)
+    for surface in (TAILPLANE, FIN):
+        surface_normal(p, motion, surface, p.room.scratch[2, 1])
+        for j in range(p.layout.columns[surface]):
+            _load_strip(p, motion, surface, j, density, state, strengths, out)
+        _load_along(p, motion, surface, density, state, strengths, out)
 
 
 @inner
@@ -40,40 +33,65 @@ def _load_strip(
     strengths: Floats,
     out: Floats,
 ) -> None:
-    layout, m, n = p.layout, p.memory, p.panel_at.shape[0]
+    """The legs across of a strip."""
+    layout, n = p.layout, p.panel_at.shape[0]
     rows, columns, strip = layout.rows[surface], layout.columns[surface], layout.first_strip[surface] + j
-    point, normal, air, span = p.room.scratch[2, 0], p.room.scratch[2, 1], p.room.scratch[3, 0], p.room.scratch[3, 1]
-    wash, row = state[m.strip_wake + strip], m.downwash + strip * n
+    wash, row = 0.0, p.memory.downwash + strip * n
     for k in range(n):
         wash += state[row + k] * strengths[k]
-    wide = surface == TAILPLANE
-    span[0], span[1], span[2] = 0.0, p.tail.span / columns if wide else 0.0, 0.0 if wide else -p.tail.height / columns
     before = 0.0
     for i in range(rows):
-        strength = strengths[layout.first_panel[surface] + i * columns + j]
-        if wide:
-            tail_point(p, motion, (i + 0.25) / rows, ((j + 0.5) / columns - 0.5) * p.tail.span, point)
-            tail_normal(p, motion, normal)
-        else:
-            fin_point(p, motion, (i + 0.25) / rows, (j + 0.5) / columns * p.tail.height, point)
-            fin_normal(p, motion, normal)
-        b = motion.body
-        for a in range(3):
-            c, d = (a + 1) % 3, (a + 2) % 3
-            air[a] = wash * normal[a] - (b[a] + b[3 + c] * point[d] - b[3 + d] * point[c])
-        _add(density * (strength - before), air, span, point, out)
+        strength, back = strengths[layout.first_panel[surface] + i * columns + j], (i + 0.25) / rows
+        start, end = p.room.scratch[3, 0], p.room.scratch[3, 1]
+        surface_point(p, motion, surface, back, j / columns, start)
+        surface_point(p, motion, surface, back, (j + 1.0) / columns, end)
+        through = wash - swing(p, motion, surface, back)
+        held = state[held_tail(p, p.first_leg[surface] + i * columns + j) :]
+        _add(p, density * (strength - before), through, held, motion, out)
         before = strength
 
 
 @inner
-def _add(push: float, air: Floats, span: Floats, point: Floats, out: Floats) -> None:
-    """Add the force of a leg ``span`` (3,) m at ``point`` in ``air`` (3,) m/s, and its moment."""
-    f0 = push * (air[1] * span[2] - air[2] * span[1])
-    f1 = push * (air[2] * span[0] - air[0] * span[2])
-    f2 = push * (air[0] * span[1] - air[1] * span[0])
+def _load_along(
+    p: VortexLatticeParameters,
+    motion: Motion,
+    surface: int,
+    density: float,
+    state: Floats,
+    strengths: Floats,
+    out: Floats,
+) -> None:
+    """The legs along; the last row's end at the trailing edge."""
+    rows, columns, first = p.layout.rows[surface], p.layout.columns[surface], p.layout.first_panel[surface]
+    start, end = p.room.scratch[3, 0], p.room.scratch[3, 1]
+    for i in range(rows):
+        front, back = (i + 0.25) / rows, min((i + 1.25) / rows, 1.0)
+        through = -swing(p, motion, surface, 0.5 * (front + back))
+        for j in range(columns + 1):
+            left = strengths[first + i * columns + j - 1] if j > 0 else 0.0
+            right = strengths[first + i * columns + j] if j < columns else 0.0
+            surface_point(p, motion, surface, front, j / columns, start)
+            surface_point(p, motion, surface, back, j / columns, end)
+            held = state[held_tail(p, p.first_leg[surface] + rows * columns + i * (columns + 1) + j) :]
+            _add(p, density * (left - right), through, held, motion, out)
+
+
+@inner
+def _add(p: VortexLatticeParameters, push: float, through: float, held: Floats, motion: Motion, out: Floats) -> None:
+    """Add the force of the leg between the room's two points, and its moment.
+
+    It is in air that is ``held`` (3,) m/s and goes ``through`` the surface, in m/s along its normal, besides.
+    """
+    start, end, normal, b = p.room.scratch[3, 0], p.room.scratch[3, 1], p.room.scratch[2, 1], motion.body
+    x, y, z = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])
+    lx, ly, lz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    u = held[0] + through * normal[0] - (b[0] + b[4] * z - b[5] * y)
+    v = held[1] + through * normal[1] - (b[1] + b[5] * x - b[3] * z)
+    w = held[2] + through * normal[2] - (b[2] + b[3] * y - b[4] * x)
+    f0, f1, f2 = push * (v * lz - w * ly), push * (w * lx - u * lz), push * (u * ly - v * lx)
     out[0] += f0
     out[1] += f1
     out[2] += f2
-    out[3] += point[1] * f2 - point[2] * f1
-    out[4] += point[2] * f0 - point[0] * f2
-    out[5] += point[0] * f1 - point[1] * f0
+    out[3] += y * f2 - z * f1
+    out[4] += z * f0 - x * f2
+    out[5] += x * f1 - y * f0
