@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
 from groundstation.command import options
+from groundstation.command.compiling import announced
 from groundstation.views.json_document import print_document
 from groundstation.views.lattice_pictures import draw_lattice
 from groundstation.views.progress import ProgressBar
@@ -27,6 +29,7 @@ EXAMPLES = (
     "wingbeat validate --only grauer --plots pictures",
     "wingbeat validate --only lattice --plots pictures",
     "wingbeat validate --only lattice --scene wake.mcap",
+    "wingbeat validate --only lattice --studies",
     "wingbeat validate --json",
 )
 Told = Callable[[float, str], None]
@@ -79,6 +82,11 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     names = list(PAPERS) if chosen.only is None else [chosen.only]
+    with announced(quiet=chosen.json):
+        return _validated(names, chosen)
+
+
+def _validated(names: Sequence[str], chosen: argparse.Namespace) -> int:
     if chosen.scene is not None:
         record_scene(names, chosen.scene)
     plots = [] if chosen.plots is None else drawn(names, chosen.plots)

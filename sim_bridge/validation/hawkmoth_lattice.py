@@ -52,17 +52,29 @@ ATTACHED = (
 )
 
 
+class Mesh(NamedTuple):
+    """How fine a lattice and its stroke are cut."""
+
+    rows: int = ROWS
+    columns: int = COLUMNS
+    steps: int = STEPS
+    """a stroke"""
+
+
+MESH = Mesh()
+
+
 class Course(NamedTuple):
-    """One stroke of both wings at `STEPS` equal steps, by one model."""
+    """One stroke of both wings at n equal steps, by one model."""
 
     lift: Floats
-    """(STEPS,) N; up"""
+    """(n,) N; up"""
     thrust: Floats
-    """(STEPS,) N; forward"""
+    """(n,) N; forward"""
     unsteady_lift: Floats
-    """(STEPS,) N; of ``lift``: apparent mass, in the lattice all that goes with the strengths' rates"""
+    """(n,) N; of ``lift``: apparent mass, in the lattice all that goes with the strengths' rates"""
     power: Floats
-    """(STEPS,) W; what moving the wings through the air takes"""
+    """(n,) W; what moving the wings through the air takes"""
 
 
 class Wing(NamedTuple):
@@ -74,19 +86,19 @@ class Wing(NamedTuple):
     """(nodes,) m; behind the feathering axis"""
 
 
-def wing() -> Wing:
+def wing(mesh: Mesh = MESH) -> Wing:
     """Along the elliptic chord that the strips have too."""
     length = WING_LENGTH / (1.0 + ROOT)
-    along = np.linspace(0.0, OUTERMOST, COLUMNS + 1)
+    along = np.linspace(0.0, OUTERMOST, mesh.columns + 1)
     chord = MEAN_CHORD * 4.0 / math.pi * np.sqrt(1.0 - along**2)
-    share = np.linspace(0.0, 1.0, ROWS + 1)[:, None] - PITCHING_AXIS
-    span = np.broadcast_to((ROOT + along) * length, (ROWS + 1, COLUMNS + 1))
+    share = np.linspace(0.0, 1.0, mesh.rows + 1)[:, None] - PITCHING_AXIS
+    span = np.broadcast_to((ROOT + along) * length, (mesh.rows + 1, mesh.columns + 1))
     return Wing(span.ravel().copy(), (share * chord).ravel())
 
 
-def motion_of(case: HawkmothCase) -> NodeMotion:
+def motion_of(case: HawkmothCase, mesh: Mesh = MESH) -> NodeMotion:
     """The wing's nodes in air at rest, x back, z up; the body flies level."""
-    stroke, nodes = hawkmoth_stroke(case)._replace(hinge=HINGE), wing()
+    stroke, nodes = hawkmoth_stroke(case)._replace(hinge=HINGE), wing(mesh)
 
     def moved(t: float) -> Floats:
         places = wing_points(stroke, np.array([t * case.frequency]), nodes.span, nodes.behind)[0]
@@ -95,23 +107,32 @@ def motion_of(case: HawkmothCase) -> NodeMotion:
     return moved
 
 
-def lattice_at(motion: NodeMotion) -> Lattice:
+def lattice_at(motion: NodeMotion, mesh: Mesh = MESH) -> Lattice:
     """The lattice as the ``motion`` begins."""
-    return lattice_of({"wing": motion(0.0).T.reshape(ROWS + 1, COLUMNS + 1, 3)})
+    return lattice_of({"wing": motion(0.0).T.reshape(mesh.rows + 1, mesh.columns + 1, 3)})
 
 
 @cache
-def lattice_history(case: HawkmothCase, wake: str = "prescribed", strokes: int = STROKES) -> History:
-    """So many strokes of the right wing, its mirror image with it."""
-    motion = motion_of(case)
-    scheme = Scheme(1.0 / case.frequency / STEPS, strokes * STEPS, wake, rows=2 * STEPS)
-    return run(lattice_at(motion), motion, scheme, Air(DENSITY, True))
+def lattice_history(
+    case: HawkmothCase, wake: str = "prescribed", mesh: Mesh = MESH, kept: float = 2.0, core: float = 0.03
+) -> History:
+    """`STROKES` strokes of the right wing, its mirror image with it.
+
+    Args:
+        kept: strokes of wake, before it is cut off.
+        core: see `Scheme.wake_core`.
+    """
+    motion, steps = motion_of(case, mesh), mesh.steps
+    rows = round(kept * steps)
+    scheme = Scheme(1.0 / case.frequency / steps, STROKES * steps, wake, rows=rows, wake_core=core)
+    return run(lattice_at(motion, mesh), motion, scheme, Air(DENSITY, True))
 
 
 def lattice_course(history: History) -> Course:
     """The last stroke."""
-    force, by_rate = (2.0 * one.sum(axis=1)[-STEPS:] for one in (history.force, history.rate_force))
-    return Course(force[:, 2], -force[:, 0], by_rate[:, 2], 2.0 * history.power.sum(axis=1)[-STEPS:])
+    last = slice(-(len(history.time) // STROKES), None)
+    force, by_rate = (2.0 * one.sum(axis=1)[last] for one in (history.force, history.rate_force))
+    return Course(force[:, 2], -force[:, 0], by_rate[:, 2], 2.0 * history.power.sum(axis=1)[last])
 
 
 def quasi_steady_course(case: HawkmothCase) -> Course:

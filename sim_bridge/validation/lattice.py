@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sim_bridge.validation.hawkmoth_lattice import hawkmoth_rows
-from sim_bridge.validation.row import Check, Row, compare, compare_share, figure
+from sim_bridge.validation.hawkmoth_refined import refined_rows
+from sim_bridge.validation.row import Check, Row, Study, compare, compare_share, figure
 from sim_bridge.validation.straight_wing import GRIDS, orders, straight_wing
 from sim_bridge.validation.thin_aerofoil import heaving, pitching, started, wagner
 from sim_bridge.validation.yeo_lattice import lattice_rows
@@ -92,3 +93,4 @@ CHECKS = (
     Check("lift over a stroke (Yeo, Atkins, Shyy 2011)", lattice_rows, slow=True),
     Check("a hawkmoth's stroke beside the quasi-steady model", hawkmoth_rows, slow=True),
 )
+STUDIES = (Study("the hawkmoth's stroke on finer lattices and with other wakes", refined_rows),)

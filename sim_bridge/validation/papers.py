@@ -11,6 +11,6 @@ PAPERS: dict[str, Paper] = {
     "grauer": Paper("Grauer, Ulrich, Hubbard, Pines, Humbert 2011: Slow Hawk", grauer.CHECKS + slow_hawk.CHECKS),
     "malladi": Paper("Malladi, Krashanitsa, Silin, Shkarayev 2007: Arizona 100 cm ornithopter", malladi.CHECKS),
     "han": Paper("Han et al. 2017: insect wings in forward flight", han.CHECKS),
-    "lattice": Paper("Vortex lattice: XFLR5, Wagner, Theodorsen, measured lift", lattice.CHECKS),
+    "lattice": Paper("Vortex lattice: XFLR5, Wagner, Theodorsen, measured lift", lattice.CHECKS, lattice.STUDIES),
     "sibilski": Paper("Sibilski: entomopter", sibilski.CHECKS),
 }

@@ -4,22 +4,48 @@ from __future__ import annotations
 
 import io
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from rich.console import Console
 
 from groundstation.command import validate
+from groundstation.command.compiling import COMPILING_METHODS, announced
 from groundstation.command.main import main
 from groundstation.views.validation import validation_table
 from logs.reader import open_log
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import VERDICTS, Study
+from sim_bridge.validation.row import VERDICTS, Check, Row, Study
 from sim_bridge.validation.yeo_lattice import wing
 
 Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def untold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is said on stderr does not hang on what the cache of kernels has."""
+    monkeypatch.setattr(validate, "announced", lambda quiet: nullcontext())
+
+
+@pytest.mark.parametrize(("words", "said"), [([], f"{COMPILING_METHODS}\n"), (["--json"], "")])
+def test_a_compilation_is_announced_once_and_not_to_programs(
+    words: list[str], said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernels = [numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)]
+
+    def rows() -> list[Row]:
+        assert [kernel(1) for kernel in kernels] == [2, 3]
+        return []
+
+    check = Check("compiled", rows)
+    monkeypatch.setattr(validate, "announced", announced)
+    monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(check,)))
+    assert main(["validate", "--only", "sibilski", *words]) == 0
+    assert capsys.readouterr().err == said
 
 
 def test_one_paper_is_told_to_people(capsys: Capture) -> None:

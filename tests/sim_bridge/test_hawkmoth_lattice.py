@@ -9,8 +9,10 @@ from sim_bridge.aerodynamics.vortex_lattice.geometry import lattice_of
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Air, Scheme, run
 from sim_bridge.flight_mechanics.hawkmoth import CASES, DENSITY, hawkmoth_kinematics, hawkmoth_strips, hawkmoth_stroke
 from sim_bridge.flight_mechanics.prescribed import wing_points
+from sim_bridge.validation import hawkmoth_refined
 from sim_bridge.validation.hawkmoth_lattice import (
     COLUMNS,
+    MESH,
     ROWS,
     STEPS,
     hawkmoth_rows,
@@ -20,6 +22,7 @@ from sim_bridge.validation.hawkmoth_lattice import (
     quasi_steady_course,
     wing,
 )
+from sim_bridge.validation.hawkmoth_refined import VARIANTS, refined_rows
 from sim_bridge.validation.row import COMPARED
 from sim_bridge.vectors import Floats
 
@@ -86,3 +89,17 @@ def test_every_row_is_a_comparison_that_says_so() -> None:
     assert len(rows) == 16
     for row in rows:
         assert row.verdict == COMPARED and row.limit is None and "leading-edge vortex" in row.why
+
+
+def test_a_variant_is_another_lattice_or_wake_of_the_same_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The quickest one of each kind; the plain one differs from itself by nothing."""
+    coarse, short = VARIANTS[0], next(one for one in VARIANTS if one.kept == 0.5)
+    same = coarse._replace(title="the same", mesh=MESH)
+    monkeypatch.setattr(hawkmoth_refined, "VARIANTS", (coarse, short, same))
+    monkeypatch.setattr(hawkmoth_refined, "CASES", (FAST,))
+    heard: list[tuple[float, str]] = []
+    rows = refined_rows(lambda share, words: heard.append((share, words)))
+    assert [share for share, _ in heard] == pytest.approx([0.0, 1 / 3, 2 / 3]) and heard[0][1] == coarse.title
+    changes = [abs((row.ours or 0.0) / row.figure.low - 1.0) for row in rows]
+    assert len(rows) == 6 and all(row.verdict == COMPARED for row in rows)
+    assert 0.01 < changes[0] < 0.1 and 1e-5 < changes[2] < 0.02 and changes[4:] == [0.0, 0.0]
