@@ -190,3 +190,9 @@ def test_the_pose_of_a_circle_is_the_circle() -> None:
 def test_an_unknown_stall_is_refused() -> None:
     with pytest.raises(BadInput, match=r'vortex_lattice.dynamic_stall = "none" is unknown; it is fixed or kim$'):
         Plant(raven(dynamic_stall="none"))
+
+
+def test_a_fin_through_the_tailplane_is_refused_with_the_place() -> None:
+    with pytest.raises(BadInput, match=r'robo_raven_ii_d.*surface ".*" crosses ".*" at \(-0\.\d+, 0, [-0-9.e]+\) m$'):
+        Plant(raven(fin_place=(-0.42, 0.0, 0.05)))
+    assert parameters_of(Plant(raven(fin_place=(-0.42, 0.3, 0.05)))).tail.fin_y == 0.3

@@ -10,7 +10,8 @@ import numpy as np
 from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import Strips, aspect_ratio
 from sim_bridge.aerodynamics.strip_theory import STALL_FACTOR_BOUNDS, StripParameters, strip_parameters
-from sim_bridge.aerodynamics.vortex_lattice.geometry import Layout, layout_of, panel_count
+from sim_bridge.aerodynamics.vortex_lattice.crossings import check_crossings
+from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, Layout, lattice_of, layout_of, panel_count
 from sim_bridge.aerodynamics.vortex_lattice.legs import Legs, legs_of
 from sim_bridge.aerodynamics.vortex_lattice.panels import Panels, blank_panels
 from sim_bridge.aerodynamics.vortex_lattice.steady import trailing_panels, with_wake_row
@@ -207,6 +208,7 @@ def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParam
     if bound is None:
         known = " or ".join(STALL_FACTOR_BOUNDS)
         raise BadInput(f'vortex_lattice.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
+    check_crossings(tail_at_rest(settings))
     half, wing = len(strips.chord) // 2, aspect_ratio(strips)
     layout = layout_of([(settings.rows, 2 * half), TAIL_SHAPE, FIN_SHAPE])
     wider, panel_at, wake_at = with_wake_row(layout)
@@ -236,6 +238,24 @@ def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParam
         ground_reach=GROUND_SPANS * 2.0 * float(np.max(strips.span + 0.5 * strips.width)),
         room=_room(layout, wider, settings.wake_rows, BOUND_CORE * chord),
     )  # fmt: skip
+
+
+def tail_at_rest(settings: VortexLattice) -> Lattice:
+    """Tailplane and fin with no deflection, body axes.
+
+    Raises:
+        BadInput: a panel has no area.
+    """
+    s = settings
+    (x, y, z), (fin_x, fin_y, fin_z) = s.tail_place, s.fin_place
+    ahead = s.tail_chord * (0.25 - np.linspace(0.0, 1.0, TAIL_SHAPE[0] + 1))[:, None]
+    right = s.tail_span * np.linspace(-0.5, 0.5, TAIL_SHAPE[1] + 1)[None]
+    c, i = math.cos(s.tail_incidence), math.sin(s.tail_incidence)
+    tail = np.stack((x + c * ahead + 0.0 * right, y + right + 0.0 * ahead, z - i * ahead + 0.0 * right), axis=2)
+    fore = s.fin_chord * (0.25 - np.linspace(0.0, 1.0, FIN_SHAPE[0] + 1))[:, None]
+    above = s.fin_height * np.linspace(0.0, 1.0, FIN_SHAPE[1] + 1)[None]
+    fin = np.stack((fin_x + fore + 0.0 * above, fin_y + 0.0 * fore + 0.0 * above, fin_z - above + 0.0 * fore), axis=2)
+    return lattice_of({"tailplane": tail, "fin": fin})
 
 
 def _strip(settings: VortexLattice, aspect: float, bound: float) -> StripParameters:
