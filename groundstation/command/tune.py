@@ -21,6 +21,7 @@ from sim_bridge.flight.tuning.proof import SCENARIO, Flown, Proof, flown
 from sim_bridge.flight.tuning.vehicle_file import places, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
+from sim_bridge.flight_mechanics.stroke_map import check_memory
 from sim_bridge.tuning.margins import LIMITS
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model, model_of
 from sim_bridge.vehicles import SimulatedVehicle
@@ -151,9 +152,11 @@ def _flight_vehicle(name: str) -> FlightVehicle:
 
 
 def _world(name: str, aerodynamics: str | None) -> SimulatedVehicle:
-    from groundstation.command.sim import simulated
+    from groundstation.command.sim import simulated, unbuilt
 
-    return simulated(options.vehicle_files(name)[0], aerodynamics)
+    file = options.vehicle_files(name)[0]
+    check_memory(unbuilt(file, aerodynamics))  # before anything is compiled for it
+    return simulated(file, aerodynamics)
 
 
 def linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
