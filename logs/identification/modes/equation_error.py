@@ -25,6 +25,8 @@ HIGHEST = 0.5
 DRIFT_ORDER = 2
 SPEED_PASSES = 3
 """-; of putting the speeds found into the products that they were found with: a fourth changes 1e-4 of their range"""
+HARMONICS = 3
+"""-; of the flapping frequency that shake the speeds: an integral has little of the higher ones"""
 WORST_CONDITION = 1e3
 WEAKEST = 0.1
 """-; least correlation of what instruments tell with what regressors do: with less, noise makes the estimate"""
@@ -86,21 +88,35 @@ def _speeds(
     of each sensor is taken for the one that leaves the speeds their ``trends`` in m/s^2, or, where those are not
     known, as they began. A trend that is wrong is no polynomial any more once it is multiplied with the pitch rate:
     what it leaves is even in the input, cancels over inputs of both signs, and makes the manoeuvres look at odds.
+
+    What shakes in step with the wings is taken out of the speeds before they are multiplied: the derivatives are
+    those of the averaged motion, whose kinematics output error has too. On average the shaking multiplies to a
+    constant, which the bias takes (averaging to first order, see `modulation`); what it does beyond is 0.3 % of w.
     """
     q, pitch = manoeuvre.raw[:, 0], manoeuvre.raw[:, 3]
     step = manoeuvre.time[1] - manoeuvre.time[0]
     share = manoeuvre.airspeed / np.hypot(reference.u, reference.w)
     means = share * reference.u, share * reference.w
     u, w = (np.full(len(q), mean) for mean in means)
+    shaking = _shaking(manoeuvre)
     for _ in range(SPEED_PASSES):
+        slow_u, slow_w = (speed - shaking @ (shaking.T @ speed) for speed in (u, w))
         rates = (
-            forces[0] - w * q - STANDARD_GRAVITY * np.sin(pitch),
-            forces[1] + u * q + STANDARD_GRAVITY * np.cos(pitch),
+            forces[0] - slow_w * q - STANDARD_GRAVITY * np.sin(pitch),
+            forces[1] + slow_u * q + STANDARD_GRAVITY * np.cos(pitch),
         )
         integrated = (_integrate(rate - rate.mean(), step) for rate in rates)
         drifted = [_with_trend(manoeuvre, one, trend) for one, trend in zip(integrated, trends, strict=True)]
         u, w = (mean + one - one.mean() for mean, one in zip(means, drifted, strict=True))
     return u, w
+
+
+def _shaking(manoeuvre: Manoeuvre) -> Array:
+    """Orthonormal waves (N, 2 `HARMONICS`) in step with the wings, orthogonal to a straight line."""
+    turn = 2 * np.pi * np.outer(manoeuvre.strokes - manoeuvre.strokes[0], np.arange(1, HARMONICS + 1))
+    line = np.vander(np.linspace(-1, 1, len(turn)), 2)
+    basis: Array = np.linalg.qr(np.hstack((line, np.sin(turn), np.cos(turn))))[0][:, 2:]
+    return basis
 
 
 def _trends(manoeuvre: Manoeuvre, flown: Array | None) -> tuple[float | None, float | None]:
