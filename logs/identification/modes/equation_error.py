@@ -53,6 +53,8 @@ class DerivativeFit(NamedTuple):
     """by what a dynamic that the model lacks and the data ask for moves the values, (p,), empty where they do not"""
     explained: float = 1.0
     """-; share of the pitch rate's power by the elevator, 1 where it was not looked at"""
+    swing: Array = NOTHING
+    """factors (12,) of `modulation.swung`, empty where too few manoeuvres tell them"""
 
 
 class Signals(NamedTuple):

@@ -5,7 +5,9 @@ flapping frequency. To first order the swing adds forces (w, q) (sin, cos)(phase
 of Bogoliubov & Mitropolsky, Asymptotic Methods in the Theory of Non-Linear Oscillations, 1961, ch. 5, carried to the
 first order). A stroke average does not take them out, the model of the mean derivatives has no place for them, and
 what they leave in the residuals is no noise: it depends on the phases at which the inputs came. So the factors are
-nuisances that all manoeuvres share.
+nuisances that all manoeuvres share. What the motion that they cause is swung by in turn, the second order, is found
+with the factors as they came out and taken off the measured outputs: of derivatives that swing by 0.3 it is half a
+per cent of their means.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from logs.identification.results import Array
 
 LEAST_MANOEUVRES = 3
 """-; from which on inputs came at phases enough for the factors to be told"""
+PASSES = 3
+"""-; of putting the swung motion into the products that swing it"""
 DEPENDENT = 1e-8
 """-; squared length of a combination of factors that adds nothing to the others"""
 
@@ -40,6 +44,44 @@ def products(manoeuvre: Manoeuvre, states: Array) -> Array:
     turn = 2 * np.pi * manoeuvre.strokes
     waves = (np.sin(turn), np.cos(turn))
     return np.column_stack([states[:, state] * wave for state in (1, 2) for wave in waves])
+
+
+def factors_of(residuals: list[Array], columns: list[Array], sizes: Array, together: float) -> Array:
+    """The factors (f,) that ``residuals`` (M_i, m) ask for, ``columns`` (M_i, m, f) being what each of them adds.
+
+    Both are in standard deviations, of noise that ``together`` samples have in common. A derivative of the ``sizes``
+    (f,) swings by about as much as itself, or less: that is the prior (ridge regression: Hoerl & Kennard,
+    Technometrics 12, 1970), without which inputs that always came at the same phase would give any factor.
+    """
+    free = sizes > 0
+    whole = np.vstack([piece.reshape(-1, piece.shape[2]) for piece in columns])[:, free] * sizes[free]
+    rest = np.concatenate([piece.ravel() for piece in residuals])
+    factors = np.zeros(len(sizes))
+    factors[free] = np.linalg.solve(whole.T @ whole + together * np.eye(whole.shape[1]), whole.T @ rest) * sizes[free]
+    return factors
+
+
+def swung(model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array) -> Array:
+    """``states`` (N, 4) as they are where ``factors`` (3 * 4,), along x, along z and in pitch, swing the model."""
+    step, moved = float(manoeuvre.time[1] - manoeuvre.time[0]), states
+    exact = [discretise(model._replace(b=np.eye(4)[axis]), step, False) for axis in range(3)]
+    for _ in range(PASSES):
+        forces = products(manoeuvre, moved) @ factors.reshape(3, -1).T
+        pairs = zip(exact, forces.T, strict=True)
+        moved = states + np.sum([propagate(e, np.zeros(4), force) for e, force in pairs], axis=0)
+    return moved
+
+
+def second_order(
+    model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array, imu: tuple[float, float]
+) -> Array:
+    """Stroke-averaged outputs (M, 4) that the swung part of the motion adds when it is swung itself.
+
+    ``states`` (N, 4) are the linear ones, ``factors`` and ``imu`` those of `swung` and `responses`.
+    """
+    more = products(manoeuvre, swung(model, manoeuvre, states, factors) - states)
+    outputs: Array = responses(model, manoeuvre, more, imu) @ factors
+    return outputs
 
 
 def responses(model: Matrices, manoeuvre: Manoeuvre, forcing: Array, imu: tuple[float, float]) -> Array:

@@ -29,7 +29,15 @@ from logs.identification.modes.flown_again import (
 )
 from logs.identification.modes.kinematics import second_order
 from logs.identification.modes.longitudinal import TAIL, propagate
-from logs.identification.modes.modulation import LEAST_MANOEUVRES, cleared, products, responses
+from logs.identification.modes.modulation import (
+    LEAST_MANOEUVRES,
+    cleared,
+    factors_of,
+    products,
+    responses,
+    swung,
+)
+from logs.identification.modes.modulation import second_order as swung_again
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP
 from logs.identification.results import SURE, Array, student_factor
 
@@ -48,7 +56,7 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
     """Derivatives ``problem.names`` by Gauss-Newton from ``start`` (p,), as equation error or a prior gives it.
 
     The outputs' variances are estimated anew after every step (relaxation of the likelihood). What the kinematics
-    add to second order is taken off the measured outputs as the last fit tells it.
+    and the stroke's modulation add to second order is taken off the measured outputs as the last fit tells it.
     """
     linear, fit = problem, _fitted(problem, start)
     for _ in range(SECOND_ORDER_PASSES):
@@ -60,12 +68,18 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
 
 
 def _without_second_order(problem: Problem, linear: Problem, fit: DerivativeFit) -> Problem:
-    """``problem`` with outputs as linear kinematics would have them; ``linear`` is the last such one."""
+    """``problem`` with outputs as linear kinematics and a modulation of first order would have them.
+
+    ``linear`` is the last such one.
+    """
+    imu = problem.aircraft.imu_x, problem.aircraft.imu_z
     flown, manoeuvres = flown_at(problem, fit.values), []
     for measured, last in zip(problem.manoeuvres, linear.manoeuvres, strict=True):
         start = project(linear, flown, last, fit.scatter).start
         states = propagate(flown.exact, start, flown.tail(measured))
         more = second_order(flown.model, measured, states, problem.reference)
+        if len(fit.swing):
+            more = more + swung_again(flown.model, measured, states, fit.swing, imu)
         manoeuvres.append(measured._replace(averages=measured.averages - more))
     return problem._replace(manoeuvres=tuple(manoeuvres))
 
@@ -97,6 +111,7 @@ def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
         start = project(problem, flown, manoeuvre, fit.scatter).start
         tail = flown.tail(manoeuvre)
         states = propagate(flown.exact, start, tail)
+        states = swung(flown.model, manoeuvre, states, fit.swing) if len(fit.swing) else states
         columns = (states[:, :3], tail, products(manoeuvre, states))
         regressors.append(manoeuvre.averaging @ np.column_stack(columns))
     return regressors
@@ -163,7 +178,8 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
         late = _with_delay(problem, values, deviation)
         if not all(np.all(np.isfinite(s)) for s in (*late.residuals, *late.sensitivities)):
             return failed(problem.names, LOST)
-        wide = _without_modulation(problem, values, deviation, late)
+        columns = _modulation(problem, values, deviation)
+        wide = _without_modulation(late, columns)
         here = _narrow(wide, len(values))
         step, errors = _gauss_newton(here)
         if not np.all(np.isfinite(step)):
@@ -173,7 +189,11 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
         return failed(problem.names, LOST)
     residuals = [r - s @ step for r, s in zip(here.residuals, here.sensitivities, strict=True)]
     spread = coloured_spread(residuals, here.sensitivities, _reach(problem), here.nuisances)
-    return lacking(DerivativeFit(problem.names, values, spread, deviation), _lack(problem, wide, residuals))
+    fit = DerivativeFit(problem.names, values, spread, deviation)
+    if columns:
+        left = [r - s @ step for r, s in zip(late.residuals, _narrow(late, len(values)).sensitivities, strict=True)]
+        fit = fit._replace(swing=factors_of(left, columns, _swinging(problem, values), _reach(problem)[0]))
+    return lacking(fit, _lack(problem, wide, residuals))
 
 
 def _reach(problem: Problem) -> tuple[int, int]:
@@ -218,14 +238,30 @@ def _lack(problem: Problem, wide: Linearised, residuals: list[Array]) -> Array:
     return step[:-1] if abs(step[-1]) > student_factor(spread.degrees, SURE) * error else NOTHING
 
 
-def _without_modulation(problem: Problem, values: Array, deviation: Array, here: Linearised) -> Linearised:
+def _modulation(problem: Problem, values: Array, deviation: Array) -> list[Array]:
+    """What each factor of the stroke's modulation adds to the outputs, (M_i, m, f), in standard deviations.
+
+    Nuisances are projected out; empty where too few manoeuvres tell the factors.
+    """
     if len(problem.manoeuvres) < LEAST_MANOEUVRES:
-        return here
+        return []
     flown, columns = flown_at(problem, values), []
     for manoeuvre, piece in zip(problem.manoeuvres, projections(problem, values, deviation), strict=True):
         forcing = products(manoeuvre, propagate(flown.exact, piece.start, flown.tail(manoeuvre)))
         imu = problem.aircraft.imu_x, problem.aircraft.imu_z
         outputs = responses(flown.model, manoeuvre, forcing, imu)[:, problem.outputs]
         columns.append(without_nuisances(piece.basis, outputs / deviation[:, None]))
+    return columns
+
+
+def _without_modulation(here: Linearised, columns: list[Array]) -> Linearised:
+    if not columns:
+        return here
     rest = cleared(here.residuals, here.sensitivities, columns)
     return Linearised(rest.residuals, rest.sensitivities, here.nuisances + rest.factors)
+
+
+def _swinging(problem: Problem, values: Array) -> Array:
+    """Sizes (12,) of what may swing: the derivatives with w and q along x, along z and in pitch, as `products`."""
+    found = dict(zip(problem.names, np.abs(values), strict=True))
+    return np.array([found.get(f"{axis}_{state}", 0.0) for axis in "XZM" for state in "wwqq"])

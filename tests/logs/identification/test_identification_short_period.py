@@ -160,6 +160,13 @@ def test_what_shakes_with_the_wings_stays_out_of_the_products(monkeypatch: pytes
     assert shaken["M_w"] == pytest.approx(still["M_w"], abs=0.018)
 
 
+def test_a_stroke_that_modulates_does_not_move_the_mean_derivatives() -> None:
+    """GIVEN M_w and M_q that swing by 0.3 THEN what they swing to second order is not taken for their means."""
+    mode = by_output_error(fly(Flight(width=0.4, modulation=0.3, noise=1e-3, shaking=0.0)))
+    found = {one.name: one.value for one in mode.derivatives}
+    assert [found[name] for name in ("M_w", "M_q")] == pytest.approx([TRUTH["M_w"], TRUTH["M_q"]], abs=0.015)
+
+
 def test_a_repeated_input_is_cut_into_pieces() -> None:
     data = fly(Flight(doublets=4))
     joined = data._replace(active=np.ones_like(data.active), manoeuvre=np.ones_like(data.manoeuvre))
