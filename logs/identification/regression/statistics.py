@@ -103,13 +103,16 @@ def press(system: System, chosen: tuple[int, ...], residuals: Array) -> float:
     if length == 1:
         left = np.maximum(1 - np.sum(design**2, axis=1), ALONE)
         return float(np.mean((residuals / left) ** 2))
-    total = 0.0
-    for start in range(0, len(residuals), length):
-        own, errors = design[start : start + length], residuals[start : start + length]
-        # (I - H)^-1 of a run, in the few dimensions of the model instead of the many of the run.
-        inner = np.linalg.pinv(np.eye(design.shape[1]) - own.T @ own, hermitian=True)
-        total += float(np.sum((errors + own @ (inner @ (own.T @ errors))) ** 2))
-    return total / len(residuals)
+    # All runs at once, the last filled up with rows that say nothing.
+    runs = -(-len(residuals) // length)
+    filled = np.zeros((runs * length, design.shape[1] + 1))
+    filled[: len(residuals), :-1], filled[: len(residuals), -1] = design, residuals
+    stacked = filled.reshape(runs, length, -1)
+    own, errors = stacked[:, :, :-1], stacked[:, :, -1:]
+    across = own.transpose(0, 2, 1)
+    # (I - H)^-1 of a run, in the few dimensions of the model instead of the many of the run.
+    inner = np.linalg.pinv(np.eye(design.shape[1]) - across @ own, hermitian=True)
+    return float(np.sum((errors + own @ (inner @ (across @ errors))) ** 2)) / len(residuals)
 
 
 def partial_f(system: System, chosen: tuple[int, ...], column: int) -> float:
