@@ -242,7 +242,11 @@ def _split(words: Sequence[str]) -> tuple[list[Path], str]:
 
 
 def identified(
-    log: Log, what: str = "all", vehicle: str | None = None, elevator: Sequence[str] | None = None
+    log: Log,
+    what: str = "all",
+    vehicle: str | None = None,
+    elevator: Sequence[str] | None = None,
+    wings: bool = True,
 ) -> Identification:
     """Identify ``what`` from an open log, beside the truth where the flight was simulated.
 
@@ -251,6 +255,7 @@ def identified(
         what: one of `SUBJECTS`.
         vehicle: name or file of the one that flew, where the log does not carry it.
         elevator: what it was told, ``topic.field``, and rad per unit of it, where the log has no angle.
+        wings: whether the wings' coefficients are among all.
 
     Raises:
         BadInput: the log gives nothing of what was asked for, carries a vehicle file beside the one given, or the
@@ -258,6 +263,8 @@ def identified(
     """
     made = _made(log, elevator) if elevator else None
     bodies = _bodies(log, vehicle) if what == "aero" else None
+    if what == "all" and wings:
+        bodies = _bodies_if_told(log, vehicle)
     found = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies)
     if found.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
@@ -274,19 +281,25 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
         return aircraft_of(log)
     if flight_vehicle(log) is not None:
         raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
-    world, avionics = options.vehicle_files(vehicle)
-    airframe = load_vehicle(avionics)
-    try:
-        return airframe_of(airframe, load_bodies(world))
-    except BadInput:
-        if world != avionics and Path(world).exists():
-            raise
-        return airframe_of(airframe, None)  # what the flight computer knows of it is all that was given
+    return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]), _bodies_if_told(log, vehicle))
 
 
 def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
     """Masses, hinges and tail of the vehicle: the log's, or those of the file given."""
     return simulated_vehicle(log) if vehicle is None else load_bodies(options.vehicle_files(vehicle)[0])
+
+
+def _bodies_if_told(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
+    """As `_bodies`; None where only what the flight computer knows of the vehicle was given."""
+    if vehicle is None:
+        return simulated_vehicle(log)
+    world, avionics = options.vehicle_files(vehicle)
+    try:
+        return load_bodies(world)
+    except BadInput:
+        if world != avionics and Path(world).exists():
+            raise
+        return None
 
 
 def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:

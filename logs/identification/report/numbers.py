@@ -86,7 +86,7 @@ def identify(
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
-    (aero) need the ``bodies`` of the vehicle; they and the flight path (path) are not of all.
+    (aero) need the ``bodies`` of the vehicle, and are of all where these are known; the flight path (path) is not.
 
     Raises:
         BadInput: unknown subject, or the log gives nothing of what was asked for.
@@ -104,13 +104,30 @@ def identify(
         known |= _power_truths(source, power)
     if what in ("modes", "all"):
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
-    if what == "aero":
-        return Identification(truths=known, aero=identify_aero(source, bodies, aircraft.imu))
     if what == "path":
         return Identification(truths=known, path=identify_path(source, aircraft))
-    if all(found is None for found in (torque, power, load, frequency, modes)):
+    aero = _wings(source, what, aircraft, bodies, missing)
+    if all(found is None for found in (torque, power, load, frequency, modes, aero)):
         raise BadInput("; ".join(entry.reason for entry in missing))
-    return Identification(torque, power, load, frequency, modes, tuple(missing), known)
+    return Identification(torque, power, load, frequency, modes, tuple(missing), known, aero)
+
+
+def _wings(
+    source: ColumnSource, what: str, aircraft: Aircraft, bodies: SimulatedVehicle | None, missing: list[Unidentified]
+) -> AeroResult | None:
+    """The wings' coefficients, alone or beside all else; there nothing is asked of a vehicle that is not known.
+
+    Raises:
+        BadInput: asked for alone, and not to be had.
+    """
+    if what == "aero":
+        return identify_aero(source, bodies, aircraft.imu)
+    if what != "all" or bodies is None:
+        return None
+    found: AeroResult | None = _attempt(
+        lambda: identify_aero(source, bodies, aircraft.imu), "wing coefficients", missing
+    )
+    return found
 
 
 def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:

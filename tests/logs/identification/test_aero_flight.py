@@ -90,6 +90,17 @@ def test_the_report_has_them_row_by_row_and_as_a_document() -> None:
     assert told["models"][0]["steps"][0]["action"] == "start"
 
 
+def test_they_are_among_all_where_the_vehicle_is_known() -> None:
+    found = identify(Recorded(0.005), "all", bodies=hawk.vehicle())
+    assert found.aero == identified().aero
+    with pytest.raises(BadInput, match="no topic"):
+        identify(Recorded(0.005), "all")
+    still = Recorded(0.005)
+    still.by_topic[topics.WING.name]["flapping"] = np.zeros(2000)
+    with pytest.raises(BadInput, match="of flapping flight"):
+        identify(still, "all", bodies=hawk.vehicle())
+
+
 def test_without_the_vehicle_or_a_flight_the_reason_is_told() -> None:
     with pytest.raises(BadInput, match="no file of it"):
         identify(Recorded(0.005), "aero")
