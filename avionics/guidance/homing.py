@@ -6,7 +6,7 @@ import math
 
 from avionics.guidance import circle
 from avionics.guidance.mission import MissionItem
-from avionics.guidance.path import course_to_leg, leg
+from avionics.guidance.path import Leg, Place, course_to_leg, leg
 from avionics.guidance.route import (
     Gains,
     Situation,
@@ -48,17 +48,24 @@ def return_home(
         return state, target, state.elapsed >= gains.loiter_time and _into_wind(gains, state, seen)
     if seen.altitude < least_altitude(gains, seen.ceiling) and not state.via:
         return state, climb_ahead(gains, state, altitude, seen), False
-    if not state.via:
-        state = state._replace(via=1, from_north=seen.north, from_east=seen.east, radius=0.0)
     goal = (state.goal_north, state.goal_east)
+    state, line = _straight_home(state, goal, seen)
     distance = math.dist(goal, here(seen))
     if distance <= max(gains.acceptance, gains.loiter_radius):
         state = circle.centre_at(state, *goal, gains.loiter_radius, seen)._replace(arrived=1)
         state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
         return state, target, state.elapsed >= gains.loiter_time
-    line = leg((state.from_north, state.from_east), goal, here(seen))
     course = course_to_leg(line, lookahead(gains, seen))
     return state._replace(heading=course), Target(Stage.EN_ROUTE, altitude, course, distance, line.cross), False
+
+
+def _straight_home(state: State, goal: Place, seen: Situation) -> tuple[State, Leg]:
+    """The line home; a new one from here where the wind has carried it past the goal, whose old line leads away."""
+    line = leg((state.from_north, state.from_east), goal, here(seen))
+    if state.via and line.along < line.length:
+        return state, line
+    state = state._replace(via=1, from_north=seen.north, from_east=seen.east, radius=0.0)
+    return state, leg(here(seen), goal, here(seen))
 
 
 def _into_wind(gains: Gains, state: State, seen: Situation) -> bool:

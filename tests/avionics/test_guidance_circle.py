@@ -183,6 +183,16 @@ def test_a_return_flies_straight_home_and_circles_there() -> None:
     assert max(line) < 12.0
 
 
+def test_a_return_that_the_wind_carries_past_home_turns_round() -> None:
+    """The old line leads away from home beyond its end: it was followed for two minutes, through the fence."""
+    bird = Point((), FAR).fly(2.0)
+    bird.seen = bird.seen._replace(north=-2.0 * GAINS.loiter_radius, east=-GAINS.loiter_radius)
+    bird.fly(DT)
+    assert bird.target.heading == pytest.approx(math.atan2(1.0, 2.0), abs=0.05)
+    bird.fly(25.0)
+    assert bird.distances((0.0, 0.0))[-1] == pytest.approx(GAINS.loiter_radius, abs=3.0)
+
+
 def test_a_return_from_low_climbs_straight_ahead_first() -> None:
     bird = Point((), FAR._replace(altitude=4.0)).fly(10.0, climb=1.0)
     assert (bird.target.heading, bird.target.curvature) == (FAR.heading, 0.0)
