@@ -80,7 +80,7 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 	@touch $@
 
 # Packages that benchmarks are measured beside; without one of them its rows are left out.
-$(VENV)/.installed-bench: $(VENV)/.installed-bench
+$(VENV)/.installed-bench: $(VENV)/.installed-dev
 	@echo 'installing the peers of the benchmarks (once)'
 	@$(PIP) $$($(EXTRA) bench) || echo 'not all peers can be had here: their benchmarks are skipped' >&2
 	@touch $@
