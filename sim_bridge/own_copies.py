@@ -9,12 +9,17 @@ its own.
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from typing import Any
 
 from llvmlite.binding import Linkage
 from numba.core.codegen import CPUCodeLibrary
 
 _library: Any = CPUCodeLibrary
+_WITHIN = ("_finalize_final_module", "_get_module_for_linking")
+"""numba's own, not promised to anyone: pyproject.toml admits releases that have them"""
+if not all(hasattr(_library, name) for name in _WITHIN):
+    raise ImportError(f"kernels cannot keep their own copies with numba {version('numba')}: install numba<0.69")
 _emit = _library._finalize_final_module
 
 
