@@ -22,7 +22,6 @@ Time = Annotated[int, Wire("fixed64")]
 Counts = Annotated[int, Wire("sfixed32")]
 Number = Annotated[int, Wire("fixed32")]
 Large = Annotated[int, Wire("fixed64")]
-Single = Annotated[float, Wire("float")]
 BURST_LENGTH = 60
 Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
 
