@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from multiprocessing import get_context
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -17,35 +17,66 @@ VEHICLE = "robo_raven_ii_d"
 SEEDS = range(1, 21)
 
 
+WITH_A_MODEL = 3
+"""-; the first methods, which know the aircraft and must give numbers: output, equation and filter error"""
+
+
+class Row(NamedTuple):
+    """What one method gives of one flight, beside the truth."""
+
+    inside: bool
+    """whether the frequency's interval holds it"""
+    damped: bool
+    """whether the damping's does"""
+    half: float
+    """-; of the frequency's interval, per frequency"""
+    ratio: float
+    """-; frequency found per true one"""
+    damping: float
+    """-; found less true"""
+
+
 def of_flight(seed: int) -> Result:
     return identified(VEHICLE, flown(VEHICLE, Scenario(seed=seed, duration=INPUTS_OVER)))
 
 
 @pytest.mark.validate
 def test_twenty_flights_cover_the_true_short_period() -> None:
+    """Who has a model of the aircraft gives numbers of every flight; of any method nine in ten hold the truth."""
     with get_context("spawn").Pool(2) as pool:
         results = pool.map(of_flight, SEEDS, chunksize=1)
     for index, method in enumerate(mode.method for mode in results[0].modes):
-        table = [_row(result, index) for result in results]
-        inside, half, ratio, damping = (np.array(column) for column in zip(*table, strict=True))
-        sys.stdout.write(
-            f"\n{method}: frequency inside {int(inside.sum())} of {len(results)}, half width {half.max():.1%},"
-            f" at most, {np.median(half):.1%} median; {np.median(ratio) - 1:+.1%} +- {ratio.std():.1%};"
-            f" damping off {np.median(np.abs(damping)):.3f} at the median\n"
-        )
-        assert inside.sum() >= 17
-        assert half.max() <= 0.20
-        assert np.median(np.abs(damping)) <= 0.05
+        rows = [row for row in (_row(result, index) for result in results) if row]
+        told = _told(method, rows) if rows else f"{method}: nothing given"
+        sys.stdout.write(told + "\n")
+        assert len(rows) == len(results) or index >= WITH_A_MODEL
+        assert sum(row.inside for row in rows) >= 0.9 * len(rows)
+        if index < WITH_A_MODEL:
+            assert sum(row.damped for row in rows) >= 0.9 * len(rows)
+            assert max(row.half for row in rows) <= 0.20
+            assert abs(np.median([row.ratio for row in rows]) - 1.0) <= 0.05
+            assert np.median([abs(row.damping) for row in rows]) <= 0.05
     agreeing = sum(bool(result.agree) for result in results)
-    sys.stdout.write(f"the two methods agree in {agreeing} of {len(results)}\n")
+    sys.stdout.write(f"the methods agree in {agreeing} of {len(results)}\n")
     assert agreeing >= 17
 
 
-def _row(result: Result, index: int) -> tuple[bool, float, float, float]:
+def _told(method: str, rows: list[Row]) -> str:
+    half, ratio = np.array([row.half for row in rows]), np.array([row.ratio for row in rows])
+    return (
+        f"{method}: given {len(rows)}, frequency inside {sum(row.inside for row in rows)}, damping "
+        f"{sum(row.damped for row in rows)}; half width {half.max():.1%} at most, {np.median(half):.1%} median; "
+        f"{np.median(ratio) - 1:+.1%} +- {ratio.std():.1%}; "
+        f"damping off {np.median([abs(row.damping) for row in rows]):.3f} at the median"
+    )
+
+
+def _row(result: Result, index: int) -> Row | None:
     mode, true = result.modes[index], result.true
     if mode.frequency is None or mode.damping is None:
-        return False, math.inf, math.nan, math.nan
-    frequency = mode.frequency
-    inside = frequency.low <= true.natural_frequency <= frequency.high
+        return None
+    frequency, damping = mode.frequency, mode.damping
     half = (frequency.high - frequency.low) / 2.0 / frequency.value
-    return inside, half, frequency.value / true.natural_frequency, mode.damping.value - true.damping
+    ratio = frequency.value / true.natural_frequency
+    inside, damped = frequency.contains(true.natural_frequency), damping.contains(true.damping)
+    return Row(inside, damped, half, ratio, damping.value - true.damping)
