@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rows import Row, leave
 
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -51,6 +52,8 @@ def test_two_workers_against_one(tmp_path: Path) -> None:
     speed = 60 * flights / alone
     say(f"campaign, 1 worker       {alone:6.1f} s for {flights} flights of 60 s, {speed:.1f} times real time")
     say(f"campaign, 2 workers      {together:6.1f} s, {alone / together:.2f} times faster (asked: {FASTER:g})")
+    asked = f"at least {FASTER:g}"
+    leave(Row("campaign of 60 flights, two workers", alone / together, None, "times one worker", asked=asked))
     assert same == table
     assert alone / together >= FASTER
 
@@ -101,4 +104,7 @@ def test_memory_over_five_hundred_flights(tmp_path: Path) -> None:
     flights, used = np.array([(done, size) for done, size in seen if done >= SETTLED and size > 0]).T
     early, late = used[flights < SETTLED + 50], used[flights > flights.max() - 50]
     say(f"campaign, memory         {np.median(early):6.0f} MB after 100 flights, {np.median(late):.0f} MB after 500")
+    growth = float(np.median(late) / np.median(early))
+    asked = f"at most {1.0 + GROWTH:g}"
+    leave(Row("campaign, memory after 500 flights", growth, None, "times after 100", asked=asked))
     assert np.median(late) < (1.0 + GROWTH) * np.median(early)

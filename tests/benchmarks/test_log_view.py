@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import pytest
 from circling import BUILDERS, messages, noisy
 from mcap.reader import make_reader
+from rows import Row, leave, peer
 from test_logs import FIXED, quickest, sample, say, timed
 
 from avionics.topics import Topic
@@ -72,6 +73,8 @@ def test_what_an_hour_holds(recorded: Recorded) -> None:
     say(f"\nwingbeat log info of it: {elapsed:.2f} s")
     plain, counts = quickest(lambda: summary_by_mcap(recorded.path), 1)
     say(f"the mcap package reads its summary, without rates and gaps, in {plain:.2f} s")
+    asked = f"at most {LONGEST_INFO:g}"
+    leave(Row("wingbeat log info of an hour's flight", elapsed, plain, "s", peer("mcap"), asked))
     told = json.loads(done)
     assert told["messages"] == recorded.messages == sum(counts.values())
     assert all(row["rate"] == pytest.approx(row["nominal_rate"], rel=0.01) for row in told["topics"])
@@ -96,4 +99,5 @@ def test_an_hour_as_a_page(recorded: Recorded, tmp_path: Path) -> None:
     with open_log(recorded.path) as log:
         elapsed, page = timed(lambda: write_page(log, tmp_path / "a.html"))
     say(f"\nits page: {elapsed:.1f} s, {page.bytes / 1e6:.1f} MB")
+    leave(Row("an hour's flight as a page", elapsed, None, "s", asked=f"at most {LONGEST:g}"))
     assert page.bytes < LARGEST and elapsed < LONGEST

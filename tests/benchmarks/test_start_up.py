@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from rows import Row, leave
 
 from logs.campaigns.campaign import load_campaign
 from logs.campaigns.flown import Recording, flown
@@ -30,7 +31,7 @@ def started(*words: str) -> float:
 
 
 def tell(command: str, spent: float, asked: float) -> None:
-    sys.stdout.write(f"{command:24} {spent:6.3f} s of the processor (asked: {asked:g})\n")
+    leave(Row(f"{command}, processor time", spent, None, "s", asked=f"at most {asked:g}"))
     assert spent < asked
 
 
