@@ -17,7 +17,7 @@ from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
 from avionics.quantities import BadInput
 from sim_bridge.bridge.world import SimulationSilent
-from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver
+from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
 
 if TYPE_CHECKING:
@@ -366,6 +366,8 @@ class FaultInjector:
             sense = FAULTS[fault.name].sense
             if sense is not None:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
+        if frame.imu is not healthy.imu:
+            frame = frame._replace(imu=imu_on_the_wire(*frame.imu))
         self._last, self._heard = healthy, healthy.receiver or self._heard
         if healthy.pressures is not None:
             self._static = healthy.pressures.static_counts

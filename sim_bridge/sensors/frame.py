@@ -6,6 +6,7 @@ declared again here and a test holds the two lists together.
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
 BURST_LENGTH = 60
@@ -39,6 +40,18 @@ class RawImu(NamedTuple):
     """gauss; along FRD y"""
     mag_z: float
     """gauss; along FRD z"""
+
+
+_ON_THE_WIRE = struct.Struct("<9f")
+
+
+def imu_on_the_wire(time_us: int, *values: float) -> RawImu:
+    """A sample of the nine ``values`` of `RawImu`, each the nearest 32-bit float: MAVLink carries it as it is.
+
+    Raises:
+        struct.error: ``values`` are not nine.
+    """
+    return RawImu(time_us, *_ON_THE_WIRE.unpack(_ON_THE_WIRE.pack(*values)))
 
 
 class RawEncoder(NamedTuple):

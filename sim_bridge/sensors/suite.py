@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple, get_type_hints
 
@@ -13,7 +12,17 @@ from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
-from sim_bridge.sensors.frame import TICK_RATE, RawAdc, RawEncoder, RawFrame, RawGps, RawImu, RawPressures, RawTorque
+from sim_bridge.sensors.frame import (
+    TICK_RATE,
+    RawAdc,
+    RawEncoder,
+    RawFrame,
+    RawGps,
+    RawImu,
+    RawPressures,
+    RawTorque,
+    imu_on_the_wire,
+)
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
@@ -36,8 +45,6 @@ RECEIVER_RATE = 50.0
 
 LARGEST = 1e6
 """SI; no value of an observation is larger while the simulation makes sense"""
-
-_IMU_ON_THE_WIRE = struct.Struct("<9f")
 
 
 class Ticks(NamedTuple):
@@ -167,12 +174,10 @@ class SensorSuite:
     def _imu(self, observation: Observation, tick: int) -> RawImu:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
             self._field_frd = self._magnetometer.read(observation.quaternion)
-        values = _IMU_ON_THE_WIRE.pack(
-            *self._accelerometer.read(observation.specific_force_frd),
-            *self._gyroscope.read(observation.omega_frd),
-            *self._field_frd,
+        force = self._accelerometer.read(observation.specific_force_frd)
+        return imu_on_the_wire(
+            observation.time_us, *force, *self._gyroscope.read(observation.omega_frd), *self._field_frd
         )
-        return RawImu(observation.time_us, *_IMU_ON_THE_WIRE.unpack(values))
 
     def _pressures(self, observation: Observation) -> RawPressures:
         static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)

@@ -172,6 +172,24 @@ def test_the_same_flight_in_one_process_is_the_same_to_the_bit(recorded: Recorde
     assert {topic.name for topic in (STATE, topics.IMU, topics.ACTUATORS, topics.SNAPSHOTS)} <= set(alone)
 
 
+@pytest.mark.validate
+def test_a_whole_flight_in_gusts_with_failures_is_the_same_to_the_bit_in_one_process(tmp_path: Path) -> None:
+    """From the hand to the ground: wind, gusts, every item of the mission, failures that pass and one that stays."""
+    air = ("--wind", "2", "--wind-from", "120", "--turbulence", "small_uav_light")
+    faults = ("mag_disturbed@30-40", "gps_lost@62-66", "encoder_left_lost@75")
+    failing = (word for fault in faults for word in ("--fault", fault))
+    flight = fly(tmp_path, "--seed", "7", *air, *failing, "--json")
+    out, err = flight.communicate(timeout=300)
+    assert (flight.returncode, err, json.loads(out)["never_injected"]) == (0, "", [])
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert [event.text for event in log.events()][-1] == "touchdown, disarmed"
+    text = (
+        "seed = 7\n[flight]\nturbulence = 'small_uav_light'\n'wind.speed' = 2.0\n'wind.from_deg' = 120.0\n"
+        f"faults = '{' '.join(faults)}'\n"
+    )
+    assert in_one_process(tmp_path, text) == payloads(tmp_path / "flight.mcap")
+
+
 STICKS = "time,arm,throttle,roll,mode\n4,1,0,0,0\n8.2,1,1,0,0\n14,1,0.6,0.3,0\n18,1,0.6,0,2\n"
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from avionics.quantities import BadInput
@@ -12,9 +13,9 @@ from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures,
 
 
 def frame(tick: int) -> RawFrame:
-    """A frame whose every value tells its tick."""
+    """A frame whose every value tells its tick; as a 32-bit float exactly, where a sensor's is one."""
     time_us = 5_000 * (tick + 1)
-    imu = RawImu(time_us, *(tick + 0.1 * i for i in range(9)))
+    imu = RawImu(time_us, *(tick + 0.125 * i for i in range(9)))
     pressures = RawPressures(time_us, 10_000_000 + tick, 8192 + tick, 29_000) if tick % 4 == 0 else None
     receiver = RawReceiver(time_us, (1500, 1000 + tick), 0, 200) if tick % 4 == 0 else None
     return RawFrame(time_us, imu, RawEncoder(time_us, tick, -tick), pressures, receiver=receiver)
@@ -38,6 +39,14 @@ def sensed(*some: Fault, ticks: int = 40) -> list[RawFrame]:
 )
 def test_a_fault_is_read(text: str, fault: Fault) -> None:
     assert parse_fault(text) == fault
+
+
+@pytest.mark.parametrize("name", ["mag_disturbed", "imu_saturated", "gyro_saturated", "imu_frozen", "time_backwards"])
+def test_what_a_fault_makes_of_the_imu_can_be_carried_over_mavlink(name: str) -> None:
+    """As 32-bit floats, a healthy sample's too: else a flight over MAVLink is not the one in one process."""
+    read = sensed(Fault(name, 0.1))
+    assert read[30].imu != frame(30).imu
+    assert all(value == float(np.float32(value)) for one in read for value in one.imu[1:])
 
 
 @pytest.mark.parametrize(
@@ -108,13 +117,13 @@ def test_the_clock_jumps_back_with_every_sample() -> None:
 
 def test_a_saturated_accelerometer_leaves_rates_and_field() -> None:
     late = sensed(Fault("imu_saturated", 0.1))[30]
-    assert all(math.isclose(abs(value), faults.FULL_SCALE) for value in late.imu[1:4])
+    assert all(abs(value) == float(np.float32(faults.FULL_SCALE)) for value in late.imu[1:4])
     assert late.imu[4:] == frame(30).imu[4:]
 
 
 def test_a_saturated_gyro_leaves_force_and_field() -> None:
     late = sensed(Fault("gyro_saturated", 0.1))[30]
-    assert all(math.isclose(abs(value), math.radians(2000.0)) for value in late.imu[4:7])
+    assert all(abs(value) == float(np.float32(math.radians(2000.0))) for value in late.imu[4:7])
     assert (late.imu[1:4], late.imu[7:]) == (frame(30).imu[1:4], frame(30).imu[7:])
 
 
