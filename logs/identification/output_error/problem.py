@@ -25,6 +25,15 @@ class Named(NamedTuple):
     """as `unit`; of a parameter that a problem does not name, of an initial state that no output shows"""
 
 
+class Held(NamedTuple):
+    """Which inputs are held from their sample on, and what the outputs show of them."""
+
+    lines: Array
+    """-; (k,), 0 of an input that is held, 1 of one that is linear between samples"""
+    seen: Array
+    """(N, k); inputs as the outputs at the samples show them: one that changes just then as it was before"""
+
+
 class Model(Protocol):
     """A model that can be flown. `models.compiled.CompiledModel` makes one of two compiled functions."""
 
@@ -44,10 +53,13 @@ class Model(Protocol):
     def parameters(self) -> Mapping[str, Named]:
         """By name, in the order of ``parameters``."""
 
-    def simulate(self, parameters: Array, start: Array, inputs: Array, step: float) -> Array:
+    def simulate(
+        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+    ) -> Array:
         """Outputs (N, m) from the state ``start`` (n,), driven by ``inputs`` (N, k) every ``step`` s.
 
-        Inputs are linear between samples. A simulation that overflows gives values that are not finite from there on.
+        Inputs are linear between samples but for what is ``held``. A simulation that overflows gives values that are
+        not finite from there on.
         """
 
 

@@ -45,7 +45,9 @@ def by_equations(
     named = tuple(_renamed(one, asked.inputs, inputs) for one in experiments)
     speed = with_speed(constants, experiments).get("V")
     arm = float(constants.get("imu_x", 0.0))
-    equations = Asked(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies)
+    # The mean of a held input about a sample is that of its own value and the last: a line half a sample late.
+    late = delay + (experiments[0].step / 2.0 if asked.hold else 0.0)
+    equations = Asked(inputs, _held(asked, inputs), speed, arm, late, error, frequencies)
     return frequency_equation_error(named, equations)
 
 

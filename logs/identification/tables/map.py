@@ -106,6 +106,8 @@ class ModesSection(NamedTuple):
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
     """s; of the inputs"""
+    hold: tuple[str, ...] = ()
+    """inputs that are held from each sample to the next; the others are lines between samples"""
     biases: tuple[str, ...] | None = None
     """outputs with a bias in every manoeuvre; all when not given"""
     band: tuple[float, float] | None = None
@@ -135,6 +137,8 @@ class OutputError(NamedTuple):
     inputs: tuple[str, ...] = ()
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
+    hold: tuple[str, ...] = ()
+    """as of [modes]"""
     biases: tuple[str, ...] | None = None
     """as of [modes]; none of a model that is not linear when not given"""
     search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"

@@ -20,6 +20,8 @@ from logs.identification.tables.keys import check_known
 from logs.identification.tables.map import DELAY, OutputError, Parameter
 
 FIRST_SAMPLES = 3
+LONGEST_DELAY = 1.0
+"""s; either way"""
 OF_SPEED = ("a_x", "a_y", "a_z", "n_y", "n_z", "u")
 """outputs that a linear model needs the airspeed for"""
 DROPPED = ("Z_q", "X_q", "Y_p", "Y_r")
@@ -106,7 +108,8 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     build, linear = MODELS[asked.model]
     made = build(asked, with_speed(constants, experiments), experiments)
     late = () if asked.delay.fixed == 0.0 else (Actuator(tuple(made.model.inputs), DELAY),)
-    model = Actuated(made.model, late) if late else made.model
+    held = _held(asked, made)
+    model = Actuated(made.model, late, held) if late or held else made.model
     for name in asked.outputs:
         if name not in model.outputs:
             raise BadInput(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
@@ -115,10 +118,25 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
             raise BadInput(f"signals.{name} is in {unit}, the model's {name} in {model.outputs[name]}")
     parameters = _parameters(asked, made)
     if asked.delay.fixed != 0.0:
+        if asked.delay.fixed is not None and not abs(asked.delay.fixed) <= LONGEST_DELAY:
+            raise BadInput(
+                f"delay = {asked.delay.fixed:g} s: an input acts at most {LONGEST_DELAY:g} s late or early"
+            )
         parameters[DELAY] = asked.delay
     if all(one.fixed is not None for one in parameters.values()):
         raise BadInput(f"{asked.model}: every parameter is fixed, there is nothing to find")
     return Chosen(model, made.equations, parameters, linear, made.aliases, made.held)
+
+
+def _held(asked: OutputError, made: Made) -> tuple[str, ...]:
+    """The model's names of the inputs that are held.
+
+    Raises:
+        BadInput: the map holds what is no input.
+    """
+    for name in asked.hold:
+        check_known(name, asked.inputs, f"hold {name}")
+    return tuple(made.aliases.get(name, name) for name in asked.hold)
 
 
 def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:

@@ -51,7 +51,9 @@ def modes_fit(
     known: tuple[Mode, ...] = ()
     model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
     if model != "none":
-        wanted = OutputError(model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.biases)
+        wanted = OutputError(
+            model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.hold, asked.biases
+        )
         table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
         fits, known = [table], (_mode(table, fit, chosen),)
     if model != LONGITUDINAL and has_equations(asked):

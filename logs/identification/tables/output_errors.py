@@ -20,7 +20,7 @@ from logs.identification.results import Array, Estimate, FitSeries, Fitted
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import DELAY, OutputError
-from logs.identification.tables.models import Chosen, chosen_model
+from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.signals import LONGEST_FILL
@@ -32,8 +32,6 @@ SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "n
 """how the optimum is looked for, by the word in the map"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
-LONGEST_DELAY = 1.0
-"""s"""
 JUMP, STILL = 0.2, 0.03
 """-; of an input's range: what it changes by from one sample to the next, and beside that, where it was held"""
 
@@ -81,20 +79,19 @@ def output_error_fit(
 
 
 def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs that jump between samples, while no delay is given: they are flown as lines.
+    """What is said of inputs that jump between samples and are flown as lines.
 
-    A command that is held from its sample on acts half a sample later than the line to the next one.
+    A command that is held from its sample on acts half a sample later than the line to the next one, and at once.
     """
-    names = [
-        name for name in asked.inputs if any(name in one.signals and jumps(one.signals[name]) for one in experiments)
-    ]
-    if asked.delay.fixed != 0.0 or not names:
+    free = [name for name in asked.inputs if name not in asked.hold]
+    names = [name for name in free if any(name in one.signals and jumps(one.signals[name]) for one in experiments)]
+    if not names:
         return ()
-    half, one = experiments[0].step / 2.0, len(names) == 1
+    one, told = len(names) == 1, ", ".join(f'"{name}"' for name in names)
     flown = "and was flown as a line" if one else "and were flown as lines"
     return (
         f"{', '.join(names)} {'jumps' if one else 'jump'} from one sample to the next, {flown} between them;"
-        f' if held, give delay = {half:.3g} (s, half a sample) or "free"',
+        f" if held, give hold = [{told}]",
     )
 
 
@@ -105,7 +102,7 @@ def _coarse(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[st
     outside their intervals, with the delay free or not; the same ramps at 25 Hz a quarter of that.
     """
     told = []
-    for name in asked.inputs:
+    for name in (one for one in asked.inputs if one not in asked.hold):
         series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
         largest = max((_largest_change(one) for one in series), default=0.0)
         if largest > JUMP and not any(map(jumps, series)):

@@ -23,7 +23,7 @@ from scipy.signal import lsim
 
 from avionics.quantities import BadInput
 from logs.identification.output_error.fit import output_error
-from logs.identification.output_error.models.actuated import actuated
+from logs.identification.output_error.models.actuated import Actuated, Actuator, actuated
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
 from logs.identification.output_error.models.stability import Steady, lateral, short_period
@@ -130,6 +130,33 @@ def test_density_as_number_signal_or_dynamic_pressure_are_one() -> None:
         first.append(model.simulate(vector(model, JET_TRUTH), start, inputs, 0.1)[0])
     np.testing.assert_allclose(first[1], first[0])
     np.testing.assert_allclose(first[2], first[0])
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.137])
+def test_a_held_elevator_is_that_of_a_fine_simulation_at_any_delay(delay: float) -> None:
+    """At 10 Hz: the response to steps between samples; forces show the elevator as it is just before the sample."""
+    inner, step, fine = short_period(Steady(8.0), vertical="alpha"), 0.1, 0.0005
+    model = Actuated(inner, (Actuator(("delta_e",), "delay"),), held=("delta_e",))
+    truth = {"Z_alpha": -4.0, "Z_delta": -0.6, "M_alpha": -40.0, "M_q": -5.0, "M_delta": -60.0}
+    command = 0.1 * np.random.default_rng(5).integers(-1, 2, 60).astype(float)
+    flown = model.simulate(vector(model, truth | {"delay": delay}), np.zeros(2), command[:, None], step)
+    time = np.arange(59 * round(step / fine) + 1) * fine
+    acting = command[np.clip(np.ceil((time - delay) / step - 1e-6).astype(int) - 1, 0, 59)]
+    expected = inner.simulate(vector(inner, truth), np.zeros(2), acting[:, None], fine)[:: round(step / fine)]
+    off = np.abs(flown - expected).max(axis=0) / np.ptp(expected, axis=0)
+    assert np.all(off < 0.01), off
+
+
+def test_a_held_input_of_a_nonlinear_model_steps_at_its_samples() -> None:
+    inner = nonlinear_longitudinal(JET)
+    start, steps_of = np.array([105.0, 0.11, 0.11, 0.0]), np.array([-0.009] * 5 + [-0.03] * 5 + [0.01] * 11)
+    coarse = np.column_stack((steps_of, np.full(21, 12000.0)))
+    held = Actuated(inner, (), held=("delta_e",)).simulate(vector(inner, JET_TRUTH), start, coarse, 0.1)
+    fine = np.repeat(coarse, 200, axis=0)[: 20 * 200 + 1]
+    exact = inner.simulate(vector(inner, JET_TRUTH), start, fine, 0.0005)[::200]
+    states = [list(inner.outputs).index(name) for name in ("V", "alpha", "theta", "q")]
+    off = np.abs(held - exact)[:, states].max(axis=0) / np.ptp(exact[:, states], axis=0)
+    assert np.all(off < 0.005), off
 
 
 def test_a_lag_and_a_delay_of_the_elevator_are_those_of_scipy_and_are_found() -> None:

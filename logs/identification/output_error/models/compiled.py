@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from logs.identification.output_error.problem import Named
+from logs.identification.output_error.problem import Held, Named
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
 
@@ -28,10 +28,10 @@ Compiled = Callable[[Array, Array, Array, Array, Array], None]
 
 
 @njit(cache=True, error_model="numpy")
-def _between(before: Array, after: Array, share: float, u: Array) -> None:
-    """Inputs ``u`` at a ``share`` of the way from one sample to the next: they are lines."""
+def _between(before: Array, after: Array, lines: Array, share: float, u: Array) -> None:
+    """Inputs ``u`` at a ``share`` of the way from one sample to the next: ``lines`` where 1, held where 0."""
     for j in range(len(u)):
-        u[j] = before[j] + (after[j] - before[j]) * share
+        u[j] = before[j] + (after[j] - before[j]) * share * lines[j]
 
 
 @njit(cache=True, error_model="numpy")
@@ -42,12 +42,12 @@ def _beside(x: Array, slope: Array, h: float, at: Array) -> None:
 
 
 @njit(
-    types.void(_FUNCTION, _VECTOR, _TABLE, _VECTOR, _VECTOR, _TABLE, types.float64, types.int64),
+    types.void(_FUNCTION, _VECTOR, _TABLE, _VECTOR, _VECTOR, _VECTOR, _TABLE, types.float64, types.int64),
     cache=True,
     error_model="numpy",
 )
 def _integrate(
-    rates: Any, start: Array, inputs: Array, p: Array, c: Array, states: Array, step: float, parts: int
+    rates: Any, start: Array, inputs: Array, lines: Array, p: Array, c: Array, states: Array, step: float, parts: int
 ) -> None:
     """States (N, n) by Runge-Kutta with ``parts`` steps a sample; NaN from where they overflow."""
     n, k = states.shape[1], inputs.shape[1]
@@ -59,14 +59,14 @@ def _integrate(
     for row in range(1, states.shape[0]):
         before, after = inputs[row - 1], inputs[row]
         for part in range(parts if alive else 0):
-            _between(before, after, part * share, u)
+            _between(before, after, lines, part * share, u)
             rates(x, u, p, c, k1)
-            _between(before, after, (part + 0.5) * share, u)
+            _between(before, after, lines, (part + 0.5) * share, u)
             _beside(x, k1, h / 2, at)
             rates(at, u, p, c, k2)
             _beside(x, k2, h / 2, at)
             rates(at, u, p, c, k3)
-            _between(before, after, (part + 1) * share, u)
+            _between(before, after, lines, (part + 1) * share, u)
             _beside(x, k3, h, at)
             rates(at, u, p, c, k4)
             for i in range(n):
@@ -99,13 +99,16 @@ class CompiledModel(NamedTuple):
     longest_step: float = LONGEST_STEP
     """s; samples further apart are integrated in parts"""
 
-    def simulate(self, parameters: Array, start: Array, inputs: Array, step: float) -> Array:
+    def simulate(
+        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+    ) -> Array:
         """Outputs (N, m); see `problem.Model`."""
         driven = np.ascontiguousarray(inputs, dtype=np.float64)
         states = np.empty((len(driven), len(start)))
         table = np.empty((len(driven), len(self.outputs)))
         parts = max(math.ceil(step / self.longest_step - 1e-9), 1)
         p, x = np.ascontiguousarray(parameters), np.ascontiguousarray(start)
-        _integrate(self.rates, x, driven, p, self.constants, states, step, parts)
-        _observe(self.observe, states, driven, p, self.constants, table)
+        lines, seen = (held.lines, np.ascontiguousarray(held.seen)) if held else (np.ones(driven.shape[1]), driven)
+        _integrate(self.rates, x, driven, lines, p, self.constants, states, step, parts)
+        _observe(self.observe, states, seen, p, self.constants, table)
         return table

@@ -1,7 +1,8 @@
 """Linear models whose matrices are affine in named parameters, flown by exact discretisation.
 
 ``x' = A x + B u + b``, ``y = C x + D u + d``; every entry is a sum of constants and multiples of parameters. The
-inputs are linear between samples (triangular hold), so that the step is exact at any sampling rate.
+inputs are linear between samples (triangular hold) or held from theirs on, so that the step is exact at any sampling
+rate.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from logs.identification.output_error.problem import Named
+from logs.identification.output_error.problem import Held, Named
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
 
@@ -74,7 +75,9 @@ class LinearModel(NamedTuple):
         whole = self.constant + (parameters @ self.slopes).reshape(self.constant.shape)
         return Matrices(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 
-    def simulate(self, parameters: Array, start: Array, inputs: Array, step: float) -> Array:
+    def simulate(
+        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+    ) -> Array:
         """Outputs (N, m); see `problem.Model`."""
         n, k = len(self.states), inputs.shape[1]
         whole = self.constant + (parameters @ self.slopes).reshape(self.constant.shape)
@@ -87,7 +90,11 @@ class LinearModel(NamedTuple):
             return table
         halvings = max(0, int(np.ceil(np.log2(largest * size + 1e-30))) + 1)
         _exponential(block / 2.0**halvings, halvings, total := np.eye(size))
+        if held:
+            total[:, n + k + 1 : n + 2 * k + 1] *= held.lines
         _fly(total, whole, np.ascontiguousarray(start), np.ascontiguousarray(inputs), table)
+        if held:
+            table += (held.seen - inputs) @ whole[n:, n : n + k].T
         return table
 
 
