@@ -42,8 +42,9 @@ TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
 """s; when the launcher may throw: the flight computer has had time to start and arm"""
 LAUNCH_PATIENCE = 60.0
-"""s; the launcher waits so long for a steady moment, as long again for one without a gust from behind, and as long a
-third time while gust and wind together come from behind"""
+"""s; the launcher waits so long for a steady moment, and as long again for one without a gust from behind"""
+LONGEST_WAIT = 300.0
+"""s; in all, while gust and wind together come from behind: then he gives up and throws"""
 ARMED_TIME = 5.0
 """s; armed for so long before a launcher who waits for that throws: time to change the mode"""
 LAUNCH_GUST = 1.0
@@ -350,11 +351,11 @@ class SimulatedWorld:
         north, east, down = self._gust.velocity
         c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
         ahead, across = -(north * c + east * s), east * c - north * s
-        waited = (now - ready) / LAUNCH_PATIENCE
-        steady = waited >= 1.0 or max(abs(across), abs(down)) <= LAUNCH_GUST
+        waited = now - ready
+        steady = waited >= LAUNCH_PATIENCE or max(abs(across), abs(down)) <= LAUNCH_GUST
         # A weaker wind in the face still carries; one from behind takes from the throw what the bird flies on.
         facing = self.scenario.wind_speed + ahead >= 0.0
-        if (ahead >= 0.0 and steady) or (waited >= 2.0 and facing) or waited >= 3.0:
+        if (ahead >= 0.0 and steady) or (waited >= 2.0 * LAUNCH_PATIENCE and facing) or waited >= LONGEST_WAIT:
             self._thrown_at = now
             if self.scenario.waits_for_arming:
                 self._say(Severity.NOTICE, "thrown")

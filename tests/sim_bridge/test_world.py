@@ -160,7 +160,7 @@ def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
         (3.0, (-2.0, 1.1, 0.0), 1.0),
         (3.0, (-2.0, 0.0, -1.1), 1.0),
         (3.0, (2.0, 0.0, 0.0), 2.0),
-        (1.9, (2.0, 0.0, 0.0), 3.0),
+        (1.9, (2.0, 0.0, 0.0), 5.0),
     ],
 )
 def test_how_long_the_launcher_waits_for_what_the_air_does(
@@ -168,6 +168,7 @@ def test_how_long_the_launcher_waits_for_what_the_air_does(
 ) -> None:
     """GIVEN a north wind and a gust (NED) that stays THEN thrown after so many times his patience."""
     monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
+    monkeypatch.setattr(launching, "LONGEST_WAIT", 2.0)
     monkeypatch.setattr(SimulatedWorld, "_blow", lambda _: None)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
     world._gust = Gust(gust, (0.0, 0.0, 0.0))

@@ -37,7 +37,7 @@ SIGMAS = 2.0
 """-; standard deviations of the data sheets by which every bias and scale factor is off"""
 SINK, BANK = 2.0, math.radians(30.0)
 """m/s and rad; a touchdown beyond them is a crash"""
-LONGEST = 480.0
+LONGEST = 600.0
 """s; who has not landed by then is lost: 300 s of flight, and as long as the launcher may wait for a lull to end"""
 TRIANGLE = (
     MissionItem(ItemKind.TAKEOFF, altitude=40.0),
