@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.modes.errors import Spread, determined, information, scores_of, with_scatter
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, residuals_at, solve, squares
 from logs.identification.results import Array
@@ -213,7 +213,7 @@ def _doubt(fit: SeparableFit, transforms: list[Transform]) -> str:
     if periods < LEAST_PERIODS:
         return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"
     if fastest > max(abs(t.s[-1]) for t in transforms):
-        return "the mode found is faster than anything that the input excites"
+        return TOO_FAST
     return ""
 
 

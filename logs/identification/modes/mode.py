@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
 """-; of the value: a frequency with a wider half interval is not identified"""
+TOO_FAST = "the mode found is faster than anything that the input excites"
 UNSURE = "the interval of its frequency reaches zero: fly more or larger inputs"
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.modes.errors import Spread
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, eigenvalues_of, nothing, paired_mode
+from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, eigenvalues_of, nothing, paired_mode
 from logs.identification.modes.records import Record, Records
 from logs.identification.results import Array
 
@@ -128,6 +128,8 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
     left_out = []
     for squares, products in zip(fit.squares, fit.products, strict=True):
         left_out.append(pairs(total[0] - squares, total[1] - products, order, whole)[0])
+    if float(np.max(whole[::2])) > 2 * math.pi * max(_band(record) for record in records):
+        raise ValueError(TOO_FAST)
     if np.any(whole[1::2] > LARGEST_DAMPING):
         raise ValueError("it falls to half within a quarter of a cycle: decay and drift are not told apart")
     around, number = np.array(left_out), len(left_out)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,7 +156,20 @@ def _pieces(records: list[Record], section: Manoeuvres) -> list[_Piece]:
     windows = section.windows or section.rows
     if not windows:
         return [(record, slice(0, len(record.time)), False) for record in records]
-    return [piece for window in windows for piece in _of_window(records, window, by_time=bool(section.windows))]
+    found = [(window.key, _of_window(records, window, by_time=bool(section.windows))) for window in windows]
+    _apart([(key, record, part) for key, pieces in found for record, part, _ in pieces])
+    return [piece for _, pieces in found for piece in pieces]
+
+
+def _apart(parts: list[tuple[str, Record, slice]]) -> None:
+    """Refuse windows that hold the same samples: they would count twice, and intervals be too narrow.
+
+    Raises:
+        BadInput: two do; they may share the sample at which one ends and the other begins.
+    """
+    for (key, record, part), (other, another, beside) in combinations(parts, 2):
+        if record is another and min(part.stop, beside.stop) - max(part.start, beside.start) > 1:
+            raise BadInput(f"{key} and {other} overlap: what both hold of {record.file} would count twice")
 
 
 def _of_window(records: list[Record], window: Window, by_time: bool) -> list[_Piece]:

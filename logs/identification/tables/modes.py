@@ -75,6 +75,8 @@ def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> 
     """
     measured = [one.signals[name] for one in experiments for name in inputs]
     moved = [one[np.isfinite(one)] for one in measured]
+    if inputs and not any(map(len, moved)):
+        raise BadInput(f"modes: {', '.join(inputs)}: nothing was measured; a free motion has inputs = []")
     if inputs and not any(len(one) and np.ptp(one) > 0.0 for one in moved):
         said = "do" if len(inputs) > 1 else "does"
         raise BadInput(f"modes: {', '.join(inputs)} {said} not move; a free motion has inputs = []")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -65,10 +66,11 @@ def output_error_fit(
             break
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
+    doubts = _missing(series), _jumping(asked, found.fitted), _coarse(asked, found.fitted)
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
         fit.unidentified, correlation, series,
-        (*fitted.notes, *held.notes, *_jumping(asked, found.fitted), *_coarse(asked, found.fitted)),
+        (*fitted.notes, *held.notes, *chain.from_iterable(doubts)),
     )  # fmt: skip
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
@@ -76,6 +78,16 @@ def output_error_fit(
         subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model
     )
     return table, fit, chosen
+
+
+def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:
+    """What is said of outputs that were not measured throughout: the fit passes over those samples."""
+    counts = [(one, int(np.count_nonzero(~np.isfinite(one.measured)))) for one in series]
+    return tuple(
+        f"{one.experiment}: {count} of {counted(len(one.measured), 'sample')} of {one.output} not measured"
+        for one, count in counts
+        if count
+    )
 
 
 def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lsim
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.autoregression import autocovariance, prediction_variances
 from logs.identification.experiment import Experiment
 from logs.identification.modes.equivalent_system import equivalent_system
 from logs.identification.modes.experiments import modes_of_experiments, modes_of_records
+from logs.identification.modes.mode import TOO_FAST
 from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
 from logs.identification.tables.noisy import shrunk
@@ -140,6 +144,21 @@ def test_realization_of_noise_that_no_input_moves_is_refused(seeds: tuple[int, .
     """One record that once passed for a mode, and three at a time."""
     records = records_of(tuple(noise(seed, 0.0) for seed in seeds), "delta_e", ("alpha", "q"))
     assert "explains too little" in realization(records).unidentified[0].reason
+
+
+def test_a_realization_faster_than_the_input_is_no_mode() -> None:
+    """GIVEN an elevator that moves within 2 Hz WHEN noise rings at 5 Hz THEN ERA gives no number of it."""
+    time, said = 0.02 * np.arange(1000), set()
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        delta = gaussian_filter1d(rng.normal(size=1000), 5)
+        alpha = lsim(([-0.6, -63.0], [1.0, 9.0, 60.0]), 0.1 * delta / delta.std(), time)[1]
+        signals = {"alpha": alpha + 0.005 * rng.normal(size=1000), "delta_e": 0.1 * delta / delta.std()}
+        one = Experiment("one", time, signals, {"alpha": "rad", "delta_e": "rad"})
+        found = realization(records_of((one,), "delta_e", ("alpha",)))
+        assert found.frequency is None or found.frequency.contains(math.sqrt(60.0)), seed
+        said |= {each.reason for each in found.unidentified}
+    assert TOO_FAST in said
 
 
 def test_an_equivalent_system_needs_some_periods_of_the_mode() -> None:

@@ -195,7 +195,9 @@ def test_gaps_in_outputs_and_short_ones_in_the_input_do_no_harm(tmp_path: Path) 
     columns["delta_e"][[36, 37, 200]] = np.nan
     found = identified(tmp_path, columns)
     assert_truth(found.fits[0])
-    assert "3 samples of delta_e interpolated" in " ".join(notes_of(found.fits[0]))
+    said = " ".join(notes_of(found.fits[0]))
+    assert "3 samples of delta_e interpolated" in said
+    assert "60 of 375 samples of alpha not measured" in said and "54 of 375 samples of q not measured" in said
 
 
 def test_a_long_gap_in_the_input_cuts_the_manoeuvre(tmp_path: Path) -> None:
@@ -233,6 +235,9 @@ def test_a_channel_that_is_missing_is_told(tmp_path: Path) -> None:
     columns = flight()
     columns["q"][:] = np.nan
     with pytest.raises(BadInput, match="output q has no sample"):
+        identified(tmp_path, columns)
+    columns["delta_e"][:] = np.nan
+    with pytest.raises(BadInput, match="modes: delta_e: nothing was measured"):
         identified(tmp_path, columns)
 
 

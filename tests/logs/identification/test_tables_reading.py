@@ -185,6 +185,7 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
         (TIMED.replace('column = "a"', 'colum = "a"'), r"unknown key signals.a.colum \(meant 'column'\?\)"),
         (TIMED + "[manoeuvres]\nwindow = [[1, 2]]", r"unknown key manoeuvres.window \(meant 'windows'\?\)"),
         (TIMED + "[manoeuvres]\nwindows = [[5, 2]]", r"manoeuvres.windows\[0\] ends at 2, before it begins at 5"),
+        (TIMED + "[manoeuvres]\nwindows = [[0, 5], [2, 8]]", r"windows\[0\] and manoeuvres.windows\[1\] overlap"),
         (TIMED + "[manoeuvres]\nwindows = [[500, 600]]", r"fewer than 5 samples of any record; there are 0 to 9.9 s"),
         (TIMED + "[manoeuvres]\nvalidate = [1]", "none is left to fit"),
         (TIMED + "[manoeuvres]\nvalidate = [7]", "there is no manoeuvre 7; there are 1"),
