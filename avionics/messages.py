@@ -401,6 +401,12 @@ class AirData(NamedTuple):
     """kg/m^3; of the air"""
     pressure_altitude: float
     """m; above the altitude at boot, unfiltered"""
+    airspeed_variance: float
+    """m^2/s^2; of the airspeed: noise, gusts that it lags behind, zero and scale of the pitot"""
+    innovation: float
+    """Pa; last reading of the pitot less the dynamic pressure before it, refused or not"""
+    innovation_variance: float
+    """Pa^2; expected of the innovation"""
 
 
 class Altitude(NamedTuple):
@@ -411,15 +417,17 @@ class Altitude(NamedTuple):
     altitude: float
     """m; above the altitude at boot, positive up"""
     climb_rate: float
-    """m/s; positive up"""
+    """m/s; positive up, mean over the last wing period"""
     accel_bias: float
     """m/s^2; of the vertical acceleration"""
     altitude_variance: float
-    """m^2; of the altitude"""
+    """m^2; of the altitude, the barometer's drift since boot included"""
     climb_variance: float
     """m^2/s^2; of the climb rate"""
     innovation: float
     """m; last barometer innovation"""
+    innovation_variance: float
+    """m^2; expected of the innovation, 0 before the first and without a barometer"""
 
 
 class Position(NamedTuple):
@@ -444,9 +452,25 @@ class Position(NamedTuple):
     longitude: float
     """rad; WGS-84, 0 before the first fix"""
     position_variance: float
-    """m^2; of north and of east"""
+    """m^2; of the place, each axis, the receiver's slow error included"""
     valid: Number
     """-; 1 once a fix set home"""
+    velocity_variance: float
+    """m^2/s^2; of the ground velocity, each axis"""
+    wind_variance: float
+    """m^2/s^2; of the wind, each axis, errors of airspeed and heading included"""
+    innovation_north: float
+    """m; of the last fix's place, refused or not"""
+    innovation_east: float
+    """m; of the last fix's place"""
+    innovation_v_north: float
+    """m/s; of the last fix's velocity"""
+    innovation_v_east: float
+    """m/s; of the last fix's velocity"""
+    place_innovation_variance: float
+    """m^2; expected of the innovation of the place, each axis, 0 before the first"""
+    velocity_innovation_variance: float
+    """m^2/s^2; expected of the innovation of the velocity, each axis, 0 before the first"""
 
 
 # --- what it intends ------------------------------------------------------------------------------------

@@ -65,7 +65,7 @@ def _navigation(us: int, t: float) -> m.NavigationStatus:
 
 def _position(us: int, t: float) -> m.Position:
     north, east, _ = place(t)
-    return m.Position(us, north, east, *(0.0,) * 6, 1.0, 1)
+    return m.Position(us, north, east, *(0.0,) * 6, 1.0, 1, *(0.0,) * 8)
 
 
 def _state(us: int, t: float) -> w.TruthState:
@@ -80,8 +80,8 @@ BUILDERS: dict[Topic, Callable[[int, float], Any]] = {
     topics.ATTITUDE: _attitude,
     topics.WING: _wing,
     topics.POWER: _power,
-    topics.AIR_DATA: lambda us, t: m.AirData(us, SPEED, *(0.0,) * 6),
-    topics.ALTITUDE: lambda us, t: m.Altitude(us, CLIMB * t, CLIMB, *(0.0,) * 4),
+    topics.AIR_DATA: lambda us, t: m.AirData(us, SPEED, *(0.0,) * 9),
+    topics.ALTITUDE: lambda us, t: m.Altitude(us, CLIMB * t, CLIMB, *(0.0,) * 5),
     topics.POSITION: _position,
     topics.NAVIGATION: _navigation,
     topics.PITCH_LOOP: lambda us, t: m.PitchStatus(us, 0.2, *(0.0,) * 5, 0),

@@ -7,6 +7,7 @@ the fuselage (about 1 m/s either way) is real, and is taken out of the message b
 
 from __future__ import annotations
 
+from math import exp
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -28,9 +29,9 @@ Vector3 = tuple[float, float, float]
 class Gains(NamedTuple):
     """Noise of the sensors and the gate."""
 
-    baro_noise: Annotated[float, Quantity("m", 0.01, 50.0)] = 0.35
+    baro_noise: Annotated[float, Quantity("m", 0.01, 50.0)] = 0.25
     """m; one sigma of a pressure altitude"""
-    accel_noise: Annotated[float, Quantity("m/s^2", 0.001, 50.0)] = 0.6
+    accel_noise: Annotated[float, Quantity("m/s^2", 0.001, 50.0)] = 0.8
     """m/s^2; one sigma of the averaged vertical acceleration, errors of the attitude included"""
     bias_walk: Annotated[float, Quantity("m/s^2.5", 0.0, 10.0)] = 0.03
     """m/s^2 in the root of a second; random walk of the acceleration's bias"""
@@ -42,6 +43,10 @@ class Gains(NamedTuple):
     """m; one sigma of a receiver's altitude over a minute from where it was known, without a barometer"""
     gps_climb_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.3
     """m/s; one sigma of a receiver's Doppler climb rate, without a barometer"""
+    baro_drift: Annotated[float, Quantity("m", 0.0, 100.0)] = 0.42
+    """m; one sigma of the barometer's drift once it has settled: weather and warming"""
+    baro_drift_time: Annotated[float, Quantity("s", 1.0, 1e5)] = 300.0
+    """s; time constant of the drift"""
 
 
 class Climb(NamedTuple):
@@ -72,12 +77,16 @@ class State(NamedTuple):
     """m; last one"""
     climbs: tuple[float, ...] = ()
     """m/s; climb rates of the last updates, newest last"""
+    innovation_variance: float = 0.0
+    """m^2; expected of the last innovation"""
+    since_us: int = 0
+    """us; of the first pressure altitude"""
 
 
 def accumulate(state: State, accel_down: float) -> State:
     """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS."""
-    time_us, x, p, total, count, refused, innovation, climbs = state
-    return new(State, (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs))
+    time_us, x, p, total, count, *kept = state
+    return new(State, (time_us, x, p, total - accel_down, count + 1, *kept))
 
 
 def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:
@@ -91,10 +100,11 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     """
     if state.time_us < 0:
         started = State(air.time_us, (air.pressure_altitude, 0.0, 0.0), _start_covariance(gains), climbs=(0.0,))
-        return started, _message(started, 0.0)
+        started = started._replace(since_us=air.time_us)
+        return started, _message(gains, started, 0.0)
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
-        return state, _message(state, state.x[1])
+        return state, _message(gains, state, state.x[1])
     from filterpy.kalman import update  # takes a second, which a reader of the gains need not wait for
 
     x, p = _predicted(gains, state, dt)
@@ -107,8 +117,10 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
         refused = 0.0
     if refused == 0.0:
         x, p = update(x, p, air.pressure_altitude, gains.baro_noise**2, H=_PRESSURE)[:2]
-    state = _kept(state, air.time_us, dt, x, p)._replace(refused=refused, innovation=innovation)
-    return state, _message(state, _mean_over_period(state.climbs, frequency, dt))
+    state = _kept(state, air.time_us, dt, x, p)._replace(
+        refused=refused, innovation=innovation, innovation_variance=variance
+    )
+    return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
 def coast(
@@ -125,15 +137,15 @@ def coast(
     """
     dt = min(LONGEST_STEP, (time_us - state.time_us) * 1e-6)
     if state.time_us < 0 or dt <= 0.0:
-        return state, _message(state, state.x[1])
+        return state, _message(gains, state, state.x[1])
     from filterpy.kalman import update
 
     x, p = _predicted(gains, state, dt)
     if fix is not None:
         noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
         x, p = update(x, p, np.array(fix), noise, H=_FIX)[:2]
-    state = _kept(state, time_us, dt, x, p)._replace(refused=0.0, innovation=0.0)
-    return state, _message(state, _mean_over_period(state.climbs, frequency, dt))
+    state = _kept(state, time_us, dt, x, p)._replace(refused=0.0, innovation=0.0, innovation_variance=0.0)
+    return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
 def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
@@ -151,7 +163,9 @@ def _kept(state: State, time_us: int, dt: float, x: Array, p: Array) -> State:
     climbs = (*state.climbs[-keep:], float(x[1]))
     rows = (0.5 * (p + p.T)).tolist()
     covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
-    return State(time_us, tuple(x.tolist()), covariance, 0.0, 0, state.refused, state.innovation, climbs)
+    return state._replace(
+        time_us=time_us, x=tuple(x.tolist()), p=covariance, accel_sum=0.0, accel_count=0, climbs=climbs
+    )
 
 
 _FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -195,5 +209,11 @@ def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) ->
     return (total + 0.5 * share * (recent[0] + cut)) / intervals
 
 
-def _message(state: State, climb_rate: float) -> Altitude:
-    return Altitude(state.time_us, state.x[0], climb_rate, state.x[2], state.p[0][0], state.p[1][1], state.innovation)
+def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
+    time_us, (altitude, _, bias), p = state[:3]
+    # A first-order process that was nothing when the barometer's zero was taken.
+    span = (time_us - state.since_us) * 1e-6
+    drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
+    return Altitude(
+        time_us, altitude, climb_rate, bias, p[0][0] + drift, p[1][1], state.innovation, state.innovation_variance
+    )

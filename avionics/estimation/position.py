@@ -3,6 +3,10 @@
 State x = (north, east, wind north, wind east) in m and m/s from home. Between fixes the velocity through the air
 (airspeed along the heading) and the wind carry the position on; a fix corrects the position by its place and the
 wind by its velocity. Without fixes this is dead reckoning, and the variance says so.
+
+The receiver's slow error is followed, not averaged: only what is new in each fix is noise to the filter, and the
+slow error's variance is added to what is published. How fast the wind changes is measured from the innovations of the
+velocity: one figure for calm air and gusts would be wrong by ten in one of them.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.estimation.geodesy import to_geodetic, to_local
+from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
 from avionics.quantities import Quantity
 
@@ -29,6 +34,10 @@ NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
 UNITY: Array = np.eye(4)
 THREE_DIMENSIONAL = 3
 """-; fix type that sets home"""
+LONGEST_INTERVAL = 1.0
+"""s; between fixes whose innovations still tell how the wind walks"""
+START_SPREAD = 4.0
+"""-; mean square of the velocity's innovations at the first fix, in squares of its noise"""
 TWO_DIMENSIONAL = 2
 """-; least fix type that is used"""
 
@@ -36,16 +45,22 @@ TWO_DIMENSIONAL = 2
 class Gains(NamedTuple):
     """Noise of model and receiver, and the gate."""
 
-    air_velocity_noise: Annotated[float, Quantity("m/s^0.5", 0.0, 50.0)] = 0.5
-    """m/s times the root of a second; random walk of the position for errors of airspeed and heading"""
-    wind_walk: Annotated[float, Quantity("m/s^1.5", 0.0, 50.0)] = 0.3
-    """m/s in the root of a second; random walk of the wind, gusts and errors of airspeed and heading included"""
+    air_velocity_noise: Annotated[float, Quantity("m/s^0.5", 0.0, 50.0)] = 0.4
+    """m/s times the root of a second; random walk of the position: errors of airspeed and heading, and how the
+    receiver's slow error wanders"""
+    wind_walk: Annotated[float, Quantity("m/s^1.5", 0.0, 50.0)] = 0.2
+    """m/s in the root of a second; random walk of the wind in calm air, errors of airspeed and heading included; in
+    gusts it is what the innovations tell"""
     wind_start: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 3.0
     """m/s; one sigma of each component before the first fix"""
-    least_position_noise: Annotated[float, Quantity("m", 0.01, 100.0)] = 2.0
-    """m; one sigma of a fix, each axis, however good the receiver says it is"""
-    gps_velocity_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.5
+    least_position_noise: Annotated[float, Quantity("m", 0.01, 100.0)] = 0.25
+    """m; one sigma of what is new in a fix, each axis, however good the receiver says it is"""
+    gps_velocity_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.15
     """m/s; one sigma of the wind that a fix tells: errors of receiver, airspeed and heading"""
+    spread_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 5.0
+    """s; over which the mean square of the velocity's innovations is taken"""
+    new_share: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.1
+    """-; of the accuracy that the receiver tells: the error that is new in every fix, the rest is slow"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
     """s; from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -72,7 +87,16 @@ class State(NamedTuple):
     fix_us: int = -1
     """us; of the last fix that was looked at"""
     slow_variance: float = 0.0
-    """m^2; of the receiver's own slow error, each axis, which no number of fixes averages away"""
+    """m^2; of the receiver's own slow error, each axis, which no number of fixes averages away: the filter's place
+    has it in it, and follows it"""
+    innovation: Vector4 = NOTHING
+    """m, m/s; of the last fix, refused or not"""
+    expected: Vector4 = NOTHING
+    """m^2, m^2/s^2; variance expected of it"""
+    spread: float = -1.0
+    """m^2/s^2; mean square of the velocity's innovations, negative before the first"""
+    walk: float = 0.0
+    """m^2/s^3; of the wind, as the spread tells it"""
     past: tuple[tuple[float, float], ...] = ()
     """m/s; velocities through the air since the moment of which a fix that arrives now tells, oldest first"""
 
@@ -88,11 +112,16 @@ class Motion(NamedTuple):
     """rad; heading"""
     climb_rate: float
     """m/s; positive up"""
+    variance: float = 0.0
+    """m^2/s^2; of each component of the velocity through the air: it is not in the ground's, but in the wind's"""
 
 
 def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
     """The motion that three messages tell of, at the time of the air data."""
-    return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate)
+    across = air.airspeed * attitude.heading_sigma
+    # The mean of both components: which of them is along the heading changes with it.
+    variance = 0.5 * (air.airspeed_variance + across * across)
+    return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
 
 
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
@@ -112,14 +141,12 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         from filterpy.kalman import predict  # takes a second, which a reader of the gains need not wait for
 
         x, p = np.array(state.x), np.array(state.p)
-        x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, dt), u=np.array(v_air), B=_input(dt))
+        x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, state, dt), u=np.array(v_air), B=_input(dt))
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        _, _, _, home, valid, refused_since_us, fix_us, slow_variance, _ = state
-        kept = (home, valid, refused_since_us, fix_us, slow_variance, past)
-        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *kept)
+        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
-    return state, _message(state, v_air)
+    return state, _message(gains, state, v_air, now.variance)
 
 
 def _started(gains: Gains, time_us: int) -> State:
@@ -146,9 +173,14 @@ def _input(dt: float) -> Array:
     return b
 
 
-def _noise(gains: Gains, dt: float) -> Array:
-    place, wind = gains.air_velocity_noise**2 * dt, gains.wind_walk**2 * dt
+def _noise(gains: Gains, state: State, dt: float) -> Array:
+    place, wind = gains.air_velocity_noise**2 * dt, _walk(gains, state) * dt
     return _diagonal((place, place, wind, wind))
+
+
+def _walk(gains: Gains, state: State) -> float:
+    """m^2/s^3; of the wind: what gusts were seen, or that of calm air."""
+    return max(state.walk, gains.wind_walk**2)
 
 
 def _diagonal(values: Vector4) -> Array:
@@ -168,13 +200,13 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
     if not isfinite(sum(fix)):
         return state
     slow = 0.5 * fix.horizontal_accuracy**2
-    noise = max(slow, gains.least_position_noise**2)
+    noise = max(slow * gains.new_share**2, gains.least_position_noise**2)
     if not state.valid:
         if fix.fix_type < THREE_DIMENSIONAL:
             return state
         state = _at_home(state, fix, noise)
-    _, x, p, home, valid, refused_since_us, _, _, past = state
-    state = State(state.time_us, x, p, home, valid, refused_since_us, fix.time_us, slow, past)
+    interval = (fix.time_us - state.fix_us) * 1e-6
+    state = state._replace(fix_us=fix.time_us, slow_variance=slow)
     v_air = state.past[0] if state.past else (fix.v_north, fix.v_east)
     north, east = to_local(state.home, fix.latitude, fix.longitude)
     measured = (
@@ -184,7 +216,7 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
         fix.v_east - v_air[1],
     )
     velocity = gains.gps_velocity_noise**2
-    return _updated(gains, state, fix.time_us, measured, (noise, noise, velocity, velocity))
+    return _updated(gains, state, interval, measured, (noise, noise, velocity, velocity))
 
 
 def _at_home(state: State, fix: GpsFix, variance: float) -> State:
@@ -201,35 +233,53 @@ def _without_ties(p: Matrix4) -> Matrix4:
     return p[0], p[1], (0.0, 0.0, p[2][2], p[2][3]), (0.0, 0.0, p[3][2], p[3][3])
 
 
-def _updated(gains: Gains, state: State, time_us: int, measured: Vector4, noise: Vector4) -> State:
+def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noise: Vector4) -> State:
     """The update behind the gate; refused for long enough, the measurement is believed and the state doubted."""
     x, p = np.array(state.x), np.array(state.p)
-    if not _within(gains.gate, state, measured, noise):
+    off = np.array(measured) - x
+    expected = p.diagonal() + noise
+    state = state._replace(innovation=tuple(off.tolist()), expected=tuple(expected.tolist()))
+    state = _watched(gains, state, interval, noise[2])
+    if not bool(np.all(off * off <= gains.gate**2 * expected)):
         if state.refused_since_us < 0:
-            return state._replace(refused_since_us=time_us)
-        if (time_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
+            return state._replace(refused_since_us=state.fix_us)
+        if (state.fix_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
             return state
-        p = p + np.diag((np.array(measured) - x) ** 2)
+        p = p + np.diag(off**2)
     from filterpy.kalman import update
 
     x, p = update(x, p, np.array(measured), _diagonal(noise), H=UNITY)[:2]
-    last_us, _, _, home, valid, _, fix_us, slow_variance, past = state
-    return State(last_us, tuple(x.tolist()), _covariance(p), home, valid, -1, fix_us, slow_variance, past)
+    return state._replace(x=tuple(x.tolist()), p=_covariance(p), refused_since_us=-1)
 
 
-def _within(gate: float, state: State, measured: Vector4, noise: Vector4) -> bool:
-    """Whether each component is within ``gate`` standard deviations of what is expected."""
-    for i, expected in enumerate(state.x):
-        off = measured[i] - expected
-        if not off * off <= gate**2 * (state.p[i][i] + noise[i]):
-            return False
-    return True
+def _watched(gains: Gains, state: State, interval: float, noise: float) -> State:
+    """The spread of the velocity's innovations with the last one in it, and the walk of the wind that makes it.
+
+    A filter of one state in its steady state has the variance P before and P R / S after a measurement, S = P + R:
+    from one to the next the walk adds their difference, (S - R)^2 / S. An innovation counts for no more than the gate
+    lets through, so that one wrong fix tells nothing of the wind, but a gust that lasts opens the gate.
+    """
+    if interval > LONGEST_INTERVAL:
+        return state
+    _, _, north, east = state.innovation
+    limit = gains.gate**2
+    square = 0.5 * (min(north * north, limit * state.expected[2]) + min(east * east, limit * state.expected[3]))
+    spread = low_pass(
+        state.spread if state.spread >= 0.0 else START_SPREAD * noise, square, gains.spread_time, interval
+    )
+    above = max(spread - noise, 0.0)
+    return state._replace(spread=spread, walk=above * above / (spread * interval))
 
 
-def _message(state: State, v_air: tuple[float, float]) -> Position:
+def _message(gains: Gains, state: State, v_air: tuple[float, float], air_variance: float) -> Position:
     north, east, wind_north, wind_east = state.x
     latitude, longitude = to_geodetic(state.home, north, east) if state.valid else (0.0, 0.0)
+    p, expected = state.p, state.expected
+    # What a fix tells is as old as it is; since then the wind has walked on.
+    velocity = max(p[2][2], p[3][3]) + _walk(gains, state) * gains.gps_delay
     return Position(
         state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,
-        latitude, longitude, max(state.p[0][0], state.p[1][1]) + state.slow_variance, state.valid,
+        latitude, longitude, max(p[0][0], p[1][1]) + state.slow_variance, state.valid,
+        velocity, velocity + air_variance, *state.innovation,
+        max(expected[0], expected[1]), max(expected[2], expected[3]),
     )  # fmt: skip

@@ -4,10 +4,16 @@ The pitot is a Honeywell HSC of +-1 inch of water (HSCMRRN001ND2A5, Gerdes et al
 at the lower end of its range, 90 % at the upper. Its zero wanders by more than the dynamic pressure of slow flight,
 so it is learned on the ground, within a limit that keeps a breeze from becoming a zero. Flapping shakes the flow
 along the tube: the pressure, not the speed, is low-passed, since the mean of a root is not the root of the mean.
+
+What the low-pass leaves is measured from its innovations (a reading less the pressure before it). Their mean square
+is the variance that the gate expects of the next one. Smoothed once more they tell how far the pressure lags behind
+gusts: the low-pass lags behind a random walk by a first-order process of its own time constant, of whose variance a
+second low-pass of that time constant leaves half.
 """
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import sqrt
 from typing import Annotated, NamedTuple
 
@@ -29,6 +35,25 @@ LEAST_TEMPERATURE = 180.0
 """K; a thermometer that tells less is broken, and the standard's temperature is taken"""
 LONGEST_STEP = 0.5
 """s; between samples"""
+
+
+START_SPREAD = 4.0
+"""-; mean square of the innovations at boot, in squares of the noise: more than gusts make"""
+LEFT_BY_SMOOTHING = 0.5
+"""-; of the variance of a first-order process, by a low-pass of its own time constant"""
+ROOT_OF_NOISE = 0.8
+"""-; mean of the greater of noise and nothing, doubled, in its standard deviations: 2 / sqrt(2 pi)"""
+
+
+class Gate(IntEnum):
+    """How readings of the pitot are taken in."""
+
+    OPEN = 0
+    """every one: on the ground, in the hand and in the throw"""
+    WATCHED = 1
+    """one that departs is refused, for `Gains.gate_patience` at most"""
+    DOUBTED = 2
+    """the same for `Gains.doubt_patience` at most, within which `airspeed_check` decides"""
 
 
 class Gains(NamedTuple):
@@ -58,6 +83,20 @@ class Gains(NamedTuple):
     """s; time constant of the dynamic pressure"""
     rate_time: Annotated[float, Quantity("s", 0.01, 5.0)] = 0.5
     """s; time constant of the airspeed's rate"""
+    pressure_noise: Annotated[float, Quantity("Pa", 0.01, 50.0)] = 1.9
+    """Pa; one sigma of a reading of the pitot"""
+    zero_error: Annotated[float, Quantity("Pa", 0.0, 50.0)] = 1.0
+    """Pa; one sigma of the zero, `zero_limit` where a breeze on the ground has brought it there"""
+    scale_error: Annotated[float, Quantity("-", 0.0, 0.5)] = 0.01
+    """-; one sigma of the scale of the pressure, flow across the tube included"""
+    spread_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 5.0
+    """s; over which the innovations' mean square is taken"""
+    gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
+    """-; innovations of the pitot beyond this many sigma are refused in the air"""
+    gate_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.5
+    """s; of refused readings after which the pitot is believed again"""
+    doubt_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 4.5
+    """s; the same while its airspeed is not the expected one"""
 
 
 class State(NamedTuple):
@@ -79,6 +118,16 @@ class State(NamedTuple):
     """m/s; filtered once more, for its rate"""
     airspeed_rate: float = 0.0
     """m/s^2"""
+    told: float = 0.0
+    """Pa; filtered without the gate"""
+    spread: float = -1.0
+    """Pa^2; mean square of the innovations, negative before the first sample"""
+    lag: float = 0.0
+    """Pa; innovations smoothed"""
+    lag_spread: float = 0.0
+    """Pa^2; mean square of that"""
+    refused: float = 0.0
+    """s; since a reading was last accepted"""
 
 
 def isa_altitude(pressure: float) -> float:
@@ -87,7 +136,9 @@ def isa_altitude(pressure: float) -> float:
     return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - float(ratio**LAPSE_EXPONENT))
 
 
-def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) -> tuple[State, AirData]:
+def step(
+    gains: Gains, state: State, sample: PressureSample, on_ground: bool, gate: Gate = Gate.OPEN
+) -> tuple[State, AirData]:
     """One sample on.
 
     Args:
@@ -95,6 +146,7 @@ def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) ->
         state: what the last step returned, ``State()`` at boot.
         sample: raw counts; one that is not later than the last moves no filter.
         on_ground: true before the launch: the zero of the pitot is learned.
+        gate: how its readings are taken in.
     """
     static = sample.static_counts * gains.static_scale
     kelvin = sample.temperature_counts * gains.temperature_scale
@@ -104,15 +156,23 @@ def step(gains: Gains, state: State, sample: PressureSample, on_ground: bool) ->
     reference, reference_span = _reference(gains, state, static, dt)
     raw = (differential(gains, sample.differential_counts) - gains.differential_zero) * gains.differential_scale
     zero, zero_span = _zero(gains, state, raw, dt) if on_ground else (state.zero, state.zero_span)
-    pressure = _follow(state.dynamic_pressure, raw - zero, dt, gains.pressure_time, first)
+    pressure, innovation, filtered = _pressure(gains, state, raw - zero, dt, gate)
     density = static / (AIR_GAS_CONSTANT * temperature)
-    airspeed = sqrt(max(0.0, 2.0 * pressure / density)) if density > 0.0 else 0.0
+    airspeed = _speed(pressure, density)
     slow = _follow(state.airspeed, airspeed, dt, gains.rate_time, first)
     rate = (airspeed - slow) / gains.rate_time
     time_us = max(state.time_us, sample.time_us)
-    state = State(time_us, reference, reference_span, zero, zero_span, pressure, slow, rate)
+    expected = _expected(gains, state)
+    state = State(time_us, reference, reference_span, zero, zero_span, pressure, slow, rate, *filtered)
     altitude = isa_altitude(static) - isa_altitude(reference)
-    return state, AirData(time_us, airspeed, rate, pressure, static, temperature, density, altitude)
+    variance = _variance(gains, state, airspeed, density)
+    measured = (time_us, airspeed, rate, pressure, static, temperature, density, altitude)
+    return state, AirData(*measured, variance, innovation, expected)
+
+
+def told(state: State, density: float) -> float:
+    """Airspeed (m/s) that the pitot tells, whatever the gate refused, in air of a density (kg/m^3)."""
+    return _speed(state.told, density)
 
 
 def differential(gains: Gains, counts: int) -> float:
@@ -140,6 +200,57 @@ def _zero(gains: Gains, state: State, raw: float, dt: float) -> tuple[float, flo
         span = min(state.zero_span + dt, gains.zero_time)
         zero = state.zero + (raw - state.zero) * dt / (span + dt) if dt > 0.0 else state.zero
     return max(-gains.zero_limit, min(gains.zero_limit, zero)), span
+
+
+Filtered = tuple[float, float, float, float, float]
+
+
+def _pressure(gains: Gains, state: State, reading: float, dt: float, gate: Gate) -> tuple[float, float, Filtered]:
+    """Dynamic pressure behind the gate (Pa), the innovation (Pa), and what the State remembers of both."""
+    if state.time_us < 0:
+        return reading, 0.0, (reading, START_SPREAD * gains.pressure_noise**2, 0.0, 0.0, 0.0)
+    follow = _follow(state.told, reading, dt, gains.pressure_time, False)
+    innovation = reading - state.dynamic_pressure
+    if dt == 0.0:
+        return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, state.refused)
+    if gate and innovation * innovation > gains.gate**2 * _expected(gains, state):
+        refused = state.refused + dt
+        if refused <= (gains.gate_patience if gate == Gate.WATCHED else gains.doubt_patience):
+            return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, refused)
+        # Believed again: then it is the pressure that must be doubted.
+        pressure = follow
+    else:
+        pressure = _follow(state.dynamic_pressure, reading, dt, gains.pressure_time, False)
+    spread = _follow(state.spread, innovation * innovation, dt, gains.spread_time, False)
+    lag = _follow(state.lag, innovation, dt, gains.pressure_time, False)
+    lag_spread = _follow(state.lag_spread, lag * lag, dt, gains.spread_time, False)
+    return pressure, innovation, (follow, spread, lag, lag_spread, 0.0)
+
+
+def _expected(gains: Gains, state: State) -> float:
+    """Variance (Pa^2) of the next innovation: what was measured, at least that of the sensor's noise."""
+    return max(state.spread, gains.pressure_noise**2)
+
+
+def _variance(gains: Gains, state: State, airspeed: float, density: float) -> float:
+    """Variance (m^2/s^2) of V = sqrt(2 q / rho), from that of q: dV = dq / (rho V).
+
+    Where nothing flows V is the root of the noise, whose mean square is 0.8 sigma / rho.
+    """
+    if density <= 0.0:
+        return 0.0
+    lag = state.lag_spread / LEFT_BY_SMOOTHING
+    # Refused, the pressure stands still, and what it follows walks on as it did.
+    lag *= 1.0 + 2.0 * state.refused / gains.pressure_time if state.refused and gains.pressure_time else 1.0
+    zero = gains.zero_limit if abs(state.zero) >= gains.zero_limit else gains.zero_error
+    scale = gains.scale_error * state.dynamic_pressure
+    pressure = lag + zero * zero + scale * scale
+    return pressure / (density * max(density * airspeed * airspeed, sqrt(pressure) / ROOT_OF_NOISE, 1e-9))
+
+
+def _speed(pressure: float, density: float) -> float:
+    """True airspeed (m/s) of a dynamic pressure (Pa) in air of a density (kg/m^3)."""
+    return sqrt(max(0.0, 2.0 * pressure / density)) if density > 0.0 else 0.0
 
 
 def _follow(last: float, value: float, dt: float, time: float, first: bool) -> float:

@@ -18,6 +18,9 @@ from avionics.quantities import Quantity
 AGREEMENT = 0.5
 """-; share of `Gains.difference` within which a blocked pitot agrees: what comes and goes is not believed"""
 
+GUSTS_IN_DIFFERENCE = 2.5
+"""-; standard deviations of moderate gusts in `Gains.difference`"""
+
 
 class Aloft(IntEnum):
     """How far the vehicle is from standing on the ground."""
@@ -122,6 +125,16 @@ def expected(gains: Gains, state: State, motion: Motion | None) -> float:
     if motion is None or state.span < gains.difference_time:
         return gains.cruise
     return hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east)
+
+
+def doubted(state: State) -> bool:
+    """Whether the pitot is about to be called blocked, or is."""
+    return state.blocked == 1 or state.still > 0.0 or state.apart > 0.0
+
+
+def variance(gains: Gains) -> float:
+    """Variance (m^2/s^2) of the airspeed that takes the blocked pitot's place: that of the gusts it knows nothing of."""
+    return (gains.difference / GUSTS_IN_DIFFERENCE) ** 2
 
 
 def _moving(gains: Gains, known: bool, likely: float, motion: Motion) -> bool:

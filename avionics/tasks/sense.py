@@ -5,7 +5,7 @@ from __future__ import annotations
 from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, say
-from avionics.messages import Mode, Severity, Stage
+from avionics.messages import AirData, Mode, Severity, Stage
 from avionics.records import new
 from avionics.sensing import air_data, airspeed_check, drive_torque, encoders, tail_check, wing_angle, wing_check
 from avionics.sensing import power as power_meter
@@ -15,6 +15,7 @@ from avionics.topics import Publish
 
 ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
 GROUND, LOW, HIGH = airspeed_check.Aloft
+OPEN, WATCHED, DOUBTED = air_data.Gate
 PRESSURE_TICKS = 4
 """-; from one pressure sample to the next; where none comes its filters go on at this rate"""
 
@@ -54,17 +55,33 @@ def air(s: AutopilotState, publish: Publish) -> None:
     """Airspeed and pressure altitude, at each pressure sample; the pitot's zero is learned while disarmed."""
     if s.frame.pressures is not None:
         on_ground = not s.modes.armed and s.modes.stage == ON_GROUND
-        s.air_data, measured = air_data.step(s.gains.air_data, s.air_data, s.frame.pressures, on_ground)
-        s.airspeed_check, airspeed = airspeed_check.step(
-            s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, measured.airspeed, _motion(s), _aloft(s)
+        aloft = _aloft(s)
+        s.air_data, measured = air_data.step(
+            s.gains.air_data, s.air_data, s.frame.pressures, on_ground, _gate(s, aloft)
         )
-        s.air = measured._replace(airspeed=airspeed) if s.airspeed_check.blocked else measured
+        # What the gate refuses must be judged too: the check sees what the pitot tells.
+        told = air_data.told(s.air_data, measured.density)
+        s.airspeed_check, airspeed = airspeed_check.step(
+            s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, told, _motion(s), aloft
+        )
+        s.air = _without_pitot(s, measured, airspeed) if s.airspeed_check.blocked else measured
         publish(topics.AIR_DATA, s.air)
     elif s.clock.ticks % PRESSURE_TICKS == 0 and silent(s):
         airspeed = airspeed_check.expected(s.gains.airspeed_check, s.airspeed_check, _motion(s))
         s.airspeed_check = s.airspeed_check._replace(blocked=1)
-        s.air = s.air._replace(time_us=s.clock.time_us, airspeed=airspeed, airspeed_rate=0.0)
+        s.air = _without_pitot(s, s.air, airspeed)._replace(time_us=s.clock.time_us, airspeed_rate=0.0)
         publish(topics.AIR_DATA, s.air)
+
+
+def _gate(s: AutopilotState, aloft: airspeed_check.Aloft) -> air_data.Gate:
+    """How readings of the pitot are taken in: every one until the wings carry, for the throw is no spike."""
+    if aloft == GROUND:
+        return OPEN
+    return DOUBTED if airspeed_check.doubted(s.airspeed_check) else WATCHED
+
+
+def _without_pitot(s: AutopilotState, air: AirData, airspeed: float) -> AirData:
+    return air._replace(airspeed=airspeed, airspeed_variance=airspeed_check.variance(s.gains.airspeed_check))
 
 
 def silent(s: AutopilotState) -> bool:

@@ -45,20 +45,20 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
 
 
 def _altitude(message: Any, time_us: int, state: VehicleState) -> m.Altitude:
-    return m.Altitude(time_us, message.relative_alt * 1e-3, -message.vz * 1e-2, NAN, NAN, NAN, NAN)
+    return m.Altitude(time_us, message.relative_alt * 1e-3, -message.vz * 1e-2, *(NAN,) * 5)
 
 
 def _position(message: Any, time_us: int, state: VehicleState) -> m.Position:
     place = (message.x, message.y, message.vx, message.vy)
     globe = (state.latitude or 0.0, state.longitude or 0.0)
-    return m.Position(time_us, *place, NAN, NAN, *globe, NAN, 1)
+    return m.Position(time_us, *place, NAN, NAN, *globe, NAN, 1, *(NAN,) * 8)
 
 
 def _air_data(message: Any, time_us: int, state: VehicleState) -> m.AirData | None:
     """Of our own vehicle alone: what others call airspeed there is indicated, not true."""
     if not is_ours(state):
         return None
-    return m.AirData(time_us, message.airspeed, NAN, NAN, NAN, NAN, NAN, NAN)
+    return m.AirData(time_us, message.airspeed, *(NAN,) * 9)
 
 
 def _gps(message: Any, time_us: int, state: VehicleState) -> m.GpsFix:

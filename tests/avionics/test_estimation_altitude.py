@@ -16,14 +16,20 @@ NOISE = 0.3
 
 
 def air(time_us: int, pressure_altitude: float) -> AirData:
-    return AirData(time_us, 0.0, 0.0, 0.0, 101325.0, 288.15, 1.225, pressure_altitude)
+    return AirData(time_us, 0.0, 0.0, 0.0, 101325.0, 288.15, 1.225, pressure_altitude, 0.0, 0.0, 0.0)
 
 
 class Flight:
     """A climb and descent by 5 m, shaken along the vertical, sampled by the filter."""
 
     def __init__(
-        self, heave: float, frequency: float, bias: float = 0.2, seed: int = 1, seconds: float = 60.0
+        self,
+        heave: float,
+        frequency: float,
+        bias: float = 0.2,
+        seed: int = 1,
+        seconds: float = 60.0,
+        gains: altitude.Gains = GAINS,
     ) -> None:
         rng = np.random.default_rng(seed)
         omega = math.tau * frequency
@@ -35,7 +41,7 @@ class Flight:
             state = altitude.accumulate(state, -(accel + bias + rng.normal(0.0, 0.5)))
             if k % 4 == 0:
                 reading = height + rng.normal(0.0, NOISE)
-                state, message = altitude.step(GAINS, state, air(5000 * k, reading), frequency)
+                state, message = altitude.step(gains, state, air(5000 * k, reading), frequency)
                 messages.append(message)
                 truth.append(height)
                 smooth.append(math.cos(0.2 * t))
@@ -64,15 +70,30 @@ def test_acceleration_bias_is_found() -> None:
 
 def test_variance_is_honest() -> None:
     """GIVEN the noise that the filter believes in THEN innovations and errors have the size it says."""
-    normalised, errors = [], []
+    # The white noise of `Flight`, 0.5 m/s^2, is averaged over the four samples between two readings.
+    told = GAINS._replace(baro_noise=NOISE, accel_noise=0.25, bias_walk=0.003, baro_drift=0.0)
+    squares = []
     for seed in range(4):
-        flight = Flight(10.0, 5.0, seed=seed)
-        last = flight.messages[-1]
-        innovations = np.array([m.innovation for m in flight.messages[500:]])
-        normalised.append(np.mean(innovations**2) / (last.altitude_variance + GAINS.baro_noise**2))
-        errors.append(np.mean(flight.altitude_error[500:] ** 2) / last.altitude_variance)
-    assert 0.5 < np.mean(normalised) < 1.5
-    assert 0.1 < np.mean(errors) < 1.5
+        flight = Flight(10.0, 5.0, seed=seed, seconds=25.0, gains=told)
+        rows = [(m.innovation**2, m.innovation_variance, m.altitude_variance) for m in flight.messages[500:]]
+        innovation, expected, altitude_variance = np.array(rows).T
+        climb = np.mean(flight.climb_error[500:] ** 2) / flight.messages[-1].climb_variance
+        error = np.mean(flight.altitude_error[500:] ** 2 / altitude_variance)
+        squares.append((np.mean(innovation / expected), error, climb))
+    innovation, error, climb = np.mean(squares, axis=0)
+    assert 0.9 < innovation < 1.1
+    assert 0.5 < error < 2.0
+    assert 0.3 < climb < 2.0
+
+
+def test_drift_of_the_barometer_is_in_the_variance() -> None:
+    """GIVEN a barometer that drifts as weather makes it THEN the variance has what a minute has made of it."""
+    state, _ = altitude.step(GAINS, altitude.State(), air(100_000_000, 0.0))
+    _, early = altitude.step(GAINS, state, air(100_020_000, 0.0))
+    _, late = altitude.step(GAINS, state._replace(since_us=40_000_000), air(100_020_000, 0.0))
+    drift = GAINS.baro_drift**2 * (1.0 - math.exp(-120.0 / GAINS.baro_drift_time))
+    assert late.altitude_variance - early.altitude_variance == pytest.approx(drift, rel=0.01)
+    assert late.innovation_variance == early.innovation_variance
 
 
 def test_spike_is_refused_and_a_lasting_step_believed() -> None:
