@@ -289,14 +289,15 @@ def home_position(vehicle: VehicleView) -> Any:
 
 
 def wind(vehicle: VehicleView) -> Any:
-    """WIND_COV."""
+    """WIND_COV, with one sigma of the wind as its accuracy."""
     place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     if place is None or not place.valid:
         return None
     nan = math.nan
     altitude = _mean_sea_level(vehicle) + height.altitude if height is not None else nan
+    sigma = math.sqrt(place.wind_variance)
     return mavlink.MAVLink_wind_cov_message(
-        place.time_us, place.wind_north, place.wind_east, nan, nan, nan, altitude, 0.0, 0.0
+        place.time_us, place.wind_north, place.wind_east, nan, nan, nan, altitude, sigma, 0.0
     )
 
 

@@ -133,7 +133,7 @@ def doubted(state: State) -> bool:
 
 
 def variance(gains: Gains) -> float:
-    """Variance (m^2/s^2) of the airspeed that takes the blocked pitot's place: that of the gusts it knows nothing of."""
+    """Variance (m^2/s^2) of the airspeed that takes a blocked pitot's place: of the gusts that it does not know."""
     return (gains.difference / GUSTS_IN_DIFFERENCE) ** 2
 
 

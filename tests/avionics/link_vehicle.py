@@ -84,7 +84,7 @@ def _messages(time_us: int) -> dict[t.Topic, Any]:
         t.ALTITUDE: _filled(m.Altitude, time_us, altitude=40.0, climb_rate=0.5),
         t.POSITION: _filled(m.Position, time_us, north=30.0, east=-20.0, v_north=6.0, v_east=2.0,
                             latitude=math.radians(48.1003), longitude=math.radians(11.5997), valid=1,
-                            wind_north=3.0, wind_east=-1.0),
+                            wind_north=3.0, wind_east=-1.0, wind_variance=0.25),
         t.GPS: m.GpsFix(time_us, math.radians(48.1003), math.radians(11.5997), 560.0, 6.0, 2.0, -0.5, 2.5, 4.0, 3, 9),
         t.NAVIGATION: _filled(m.NavigationStatus, time_us, mode=m.Mode.AUTO, stage=m.Stage.EN_ROUTE, distance=55.0),
         t.ALTITUDE_LOOP: _filled(m.AltitudeStatus, time_us, throttle=0.6, pitch_setpoint=0.1),

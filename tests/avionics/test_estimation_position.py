@@ -83,7 +83,7 @@ def test_dead_reckoning_with_growing_variance() -> None:
 
 
 class Gusty:
-    """Circles in wind whose gusts, of standard deviation ``gusts`` m/s, last 3 s, with the receiver of the data sheet.
+    """Circles in wind whose gusts, of standard deviation ``gusts`` m/s, last 3 s, with the data sheet's receiver.
 
     Its slow error (2.1 m, 60 s) is in every fix, 0.2 m are new in each; the velocity's noise is 0.1 m/s. The airspeed
     is wrong by 0.2 m/s for the whole flight, and says so.
@@ -137,7 +137,7 @@ def test_variances_of_place_velocity_wind_and_innovations_are_honest(gusts: floa
 
 
 def test_a_gust_that_lasts_opens_the_gate_and_one_wrong_velocity_does_not() -> None:
-    """GIVEN calm air WHEN the wind changes by 4 m/s at once THEN it is found in a second; one fix alone moves nothing."""
+    """GIVEN calm air WHEN the wind changes by 4 m/s THEN it is found in a second; one fix alone moves nothing."""
     state = position.State()
     for k in range(1200):
         v = 4.0 if k >= 800 or k == 500 else 0.0

@@ -78,6 +78,7 @@ def test_the_telemetry_arrives_in_the_standards_units() -> None:
         wind = expect(client, "WIND_COV")
         assert (wind.wind_x, wind.wind_y, wind.wind_alt) == (3.0, -1.0, 560.0)
         assert math.isnan(wind.wind_z) and math.isnan(wind.var_horiz)
+        assert wind.horiz_accuracy == 0.5
         assert abs(expect(client, "SYSTEM_TIME").time_unix_usec / 1e6 - time.time()) < 60.0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from as_table import as_table, imported
+from consistency import Consistency
 from flown import ARIZONA, RAVEN, Flight, flown
 from identified import INPUTS_OVER, Result, identified
 
@@ -93,6 +94,14 @@ def test_altitude_and_heading_are_held(raven: Flight) -> None:
 
 def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight) -> None:
     check_sensing(raven)
+
+
+def test_variances_are_honest(raven: Flight) -> None:
+    """Twice or half of a sigma would fail; zero, drift and slow error are one draw: see `test_sitl_consistency`."""
+    told = Consistency(raven)
+    assert all(0.4 < value < 1.6 for value in told.innovations().values()), told.innovations()
+    fast = {name: value for name, value in told.errors().items() if name in ("velocity", "climb")}
+    assert all(0.3 < value < 3.0 for value in fast.values()), fast
 
 
 def test_it_lands_softly_disarms_and_stops_its_wings(raven: Flight) -> None:
