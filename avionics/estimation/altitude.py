@@ -85,8 +85,9 @@ class State(NamedTuple):
 
 def accumulate(state: State, accel_down: float) -> State:
     """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS."""
-    time_us, x, p, total, count, *kept = state
-    return new(State, (time_us, x, p, total - accel_down, count + 1, *kept))
+    time_us, x, p, total, count, refused, innovation, climbs, expected, since = state
+    summed = (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs, expected, since)
+    return new(State, summed)
 
 
 def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:

@@ -48,6 +48,19 @@ def test_a_pitot_that_sticks_at_a_speed_is_found_by_its_difference() -> None:
     assert state.blocked
 
 
+def test_a_pitot_is_doubted_before_it_is_called_blocked_and_while_it_is() -> None:
+    motion = Motion(7.0, 0.0, 0.0)
+    good, _ = fly(airspeed_check.State(), 7.0, motion, 20.0)
+    assert not airspeed_check.doubted(good)
+    for wrong in (0.0, 8.0 + PITOT.difference):
+        doubted, _ = fly(good, wrong, motion, 2 * DT)
+        assert airspeed_check.doubted(doubted) and not doubted.blocked
+        blocked, _ = fly(doubted, wrong, motion, PITOT.difference_time)
+        assert airspeed_check.doubted(blocked) and blocked.blocked
+    # One sigma of moderate gusts: what ground velocity and remembered wind do not know.
+    assert 2.0 < math.sqrt(airspeed_check.variance(PITOT)) < 3.5
+
+
 def test_a_gust_and_standing_still_on_the_ground_are_no_blocked_pitot() -> None:
     state, _ = fly(airspeed_check.State(), 7.0, Motion(7.0, 0.0, 0.0), 20.0)
     state, _ = fly(state, 8.0 + PITOT.difference, Motion(7.0, 0.0, 0.0), PITOT.difference_time - 0.2)

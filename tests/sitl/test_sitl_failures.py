@@ -312,6 +312,29 @@ def test_a_pitot_blocked_after_the_fixes_were_lost_is_found_and_flown_without() 
     assert np.abs(flight.altitude()[late] - 15.0).max() < 5.0
 
 
+def wrong_pitot(counts: int) -> Callable[[SensorFrame], SensorFrame]:
+    def alter(frame: SensorFrame) -> SensorFrame:
+        if frame.pressures is None or frame.time_us < 20_000_000:
+            return frame
+        return frame._replace(pressures=frame.pressures._replace(differential_counts=counts))
+
+    return alter
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(("counts", "found"), [(8192, 21.0), (16383, 23.5)])
+def test_a_blocked_or_pressurised_pitot_never_goes_through(counts: int, found: float) -> None:
+    """GIVEN a tube at static pressure or at the sensor's end THEN the airspeed in use stays within 3 sigma."""
+    flight = flown(RAVEN, Scenario(seed=1, duration=32.0), LOW_HOLD, alter=wrong_pitot(counts))
+    check_upright(flight)
+    assert flight.event_time("failsafe: airspeed not believed") == pytest.approx(found, abs=0.7)
+    air, truth = flight.columns(topics.AIR_DATA), flight.truth
+    late = air["time_us"] > 19_000_000
+    off = air["airspeed"][late] - np.interp(air["time_us"][late], truth["time_us"], truth["airspeed"])
+    assert np.abs(off).max() < 1.5
+    assert (np.abs(off) / np.sqrt(air["airspeed_variance"][late])).max() < 3.0
+
+
 @pytest.mark.validate
 def test_a_wing_that_jams_after_its_encoder_died_is_found() -> None:
     branch = underway(RAVEN).branch(parse_fault(f"encoder_left_lost@{FAILS_AT}"))
