@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import AirData, Altitude
 from avionics.quantities import Quantity
 from avionics.records import new
@@ -24,6 +25,10 @@ LONGEST_MEMORY = 1.3
 
 Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
+
+
+UNKNOWN_ACCELERATION = STANDARD_GRAVITY
+"""m/s^2; one sigma of the acceleration in an interval of which nothing tells it: between falling and being carried"""
 
 
 class Gains(NamedTuple):
@@ -84,7 +89,10 @@ class State(NamedTuple):
 
 
 def accumulate(state: State, accel_down: float) -> State:
-    """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS."""
+    """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS.
+
+    An interval in which nothing was taken in has no acceleration known: the filter then follows the barometer alone.
+    """
     time_us, x, p, total, count, refused, innovation, climbs, expected, since = state
     summed = (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs, expected, since)
     return new(State, summed)
@@ -153,8 +161,9 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
     from filterpy.kalman import predict
 
     accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
+    doubt = gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION
     x, p = predict(
-        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt), u=accel, B=_input(dt)
+        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt, doubt), u=accel, B=_input(dt)
     )
     return x, p
 
@@ -181,9 +190,9 @@ def _input(dt: float) -> Array:
     return np.array([0.5 * dt * dt, dt, 0.0])
 
 
-def _noise(gains: Gains, dt: float) -> Array:
-    """Covariance of one step: an acceleration constant over it, and the walk of its bias."""
-    way, variance = 0.5 * dt * dt, gains.accel_noise**2
+def _noise(gains: Gains, dt: float, doubt: float) -> Array:
+    """Covariance of one step: an acceleration (m/s^2, one sigma) constant over it, and the walk of its bias."""
+    way, variance = 0.5 * dt * dt, doubt**2
     tied = way * dt * variance
     return np.array([
         [way * way * variance, tied, 0.0],

@@ -26,8 +26,13 @@ def attitude(s: AutopilotState, publish: Publish) -> None:
 
 
 def altitude(s: AutopilotState, publish: Publish) -> None:
-    """Altitude and climb: gathers the acceleration of every tick, steps at each pressure sample."""
-    s.altitude_filter = altitude_filter.accumulate(s.altitude_filter, s.attitude.accel_down)
+    """Altitude and climb: gathers the acceleration of every tick, steps at each pressure sample.
+
+    A refused sample of the IMU tells no acceleration: the last one, of somewhere in a stroke, would run away with the
+    altitude, and the barometer be refused for it.
+    """
+    if not s.plausibility.bad & 1:
+        s.altitude_filter = altitude_filter.accumulate(s.altitude_filter, s.attitude.accel_down)
     due = s.clock.ticks % PRESSURE_TICKS == 0
     sampled = s.frame.pressures is not None
     if (due or sampled) and baro_lost(s.gains.plausibility, s.plausibility, s.clock.time_us):

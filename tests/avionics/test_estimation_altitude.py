@@ -126,6 +126,7 @@ def test_state_survives_json() -> None:
 def test_a_fix_counts_by_its_noise_without_a_barometer(noise: float) -> None:
     """GIVEN variances P WHEN a fix of variance R comes THEN altitude and climb rate take P / (P + R) of it."""
     before = altitude.State(time_us=0, p=((4.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.01)))
+    before = altitude.accumulate(before, 0.0)
     deaf = GAINS._replace(accel_noise=0.001, gps_altitude_noise=100.0, gps_climb_noise=20.0)
     higher, _ = altitude.coast(
         deaf._replace(gps_altitude_noise=noise), before, 20_000, altitude.Climb(altitude=10.0, climb_rate=0.0)

@@ -211,6 +211,16 @@ def test_what_is_promised_for_a_failure_is_kept(name: str) -> None:
         check_stopped(flight, since)
 
 
+def test_with_a_frozen_imu_the_altitude_is_the_barometers() -> None:
+    """The last acceleration before it, of somewhere in a stroke, told 400 m of a bird at 29 m."""
+    flight = failed(RAVEN, "imu_frozen")
+    told = flight.columns(topics.ALTITUDE)
+    in_the_air = told["time_us"] < flight.air_time()[1] * 1e6
+    true = np.interp(told["time_us"], flight.truth["time_us"], flight.altitude())
+    assert np.abs(told["altitude"] - true)[in_the_air].max() < 2.0
+    assert "failsafe: barometer refused" not in flight.events()
+
+
 OWN_PHYSICS = ["imu_frozen", "imu_saturated", "battery_critical", "tail_jammed", "wing_left_jammed"]
 
 
