@@ -17,13 +17,14 @@ from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
-from groundstation.command.identify_out import add_outputs, check_outputs, write_outputs
+from groundstation.command.identify_out import add_outputs, check_outputs, names_of, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.short_period import identify_modes
+from logs.identification.preparing.split import drawn
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.elevator import MadeElevator
 from logs.identification.sources.flight import flight_data
@@ -41,6 +42,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap modes --json",
     "wingbeat identify recordings/flight.mcap aero",
     "wingbeat identify recordings/monday.mcap recordings/tuesday.mcap modes   # one aircraft, one fit",
+    "wingbeat identify monday.mcap tuesday.mcap modes --validate friday.mcap  # not fitted: predicted",
     "wingbeat identify recordings/flight.mcap path        # biases and scales of the sensors",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
@@ -62,7 +64,9 @@ JSON_KEYS = {
     " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",
     "modes": "methods: list of {method, frequency, damping, period, time_to_half, cycles, time_constants, phugoid,"
     " eigenvalues, derivatives, unidentified}; agree, statement, manoeuvres, wing_period s,"
-    " reference, notes: what the log does not tell and was taken from elsewhere",
+    " reference, notes: what the log does not tell and was taken from elsewhere; held_out: null, or {flights,"
+    " predictions: list of {flight, manoeuvres, output, unit, rms, theil: {coefficient, bias, variance, covariance}},"
+    " failure}",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
     "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
@@ -81,10 +85,7 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = (
-    "an MCAP log, or several of one aircraft for their modes (without --report and --model);"
-    " with --map one table or several"
-)
+FILES = "an MCAP log, or several of one aircraft for their modes; with --map one table or several"
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -118,6 +119,20 @@ def build_parser() -> options.Parser:
         metavar=("TOPIC.FIELD", "RAD"),
         help="what the elevator was told, where no angle was recorded, and rad per unit of it",
     )
+    parser.add_argument(
+        "--validate",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="LOG",
+        help="a flight of modes that is held out: predicted, not fitted, told by Theil's inequality; may be repeated",
+    )
+    parser.add_argument(
+        "--validate-share",
+        type=float,
+        metavar="SHARE",
+        help="of the logs, drawn to be held out, always the same ones",
+    )
     add_outputs(parser)
     options.add_json(parser)
     return parser
@@ -135,11 +150,14 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.write(_example(chosen.file))
         return 0
     files, what = _split(chosen.file)
+    asked = bool(chosen.validate) or chosen.validate_share is not None
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
         raise BadInput(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
+    if chosen.map is not None and asked:
+        raise BadInput("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
-    if len(files) > 1 and not any(file.suffix.lower() in TABLE_SUFFIXES for file in files):
+    if (len(files) > 1 or asked) and not any(file.suffix.lower() in TABLE_SUFFIXES for file in files):
         return _run_together(files, what, chosen)
     if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
         raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
@@ -148,14 +166,19 @@ def run(arguments: Sequence[str]) -> int:
     check_outputs(chosen)
     with open_log(files[0]) as log, announced(chosen.json):
         found = identified(log, what, chosen.vehicle, chosen.elevator)
-        written = write_outputs(chosen, log, found)
+        written = write_outputs(chosen, [log], found)
+    _show(chosen, found, written)
+    return 0
+
+
+def _show(chosen: argparse.Namespace, found: Identification, written: Sequence[str]) -> None:
+    """The document, or the table and below it what was written."""
     if chosen.json:
         print_document(document(found))
     else:
         open_console().print(identification_table(found))
         for line in written:
             open_console().print(line, highlight=False, soft_wrap=True)
-    return 0
 
 
 def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
@@ -166,29 +189,54 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     """
     if what != "modes":
         raise BadInput(
-            f"{len(files)} logs give their modes together (wingbeat identify {files[0]} {files[1]} modes);"
+            f"several logs give their modes together (wingbeat identify {' '.join(map(str, files))} modes);"
             f" {what} is of one log at a time"
         )
-    if chosen.report is not None or chosen.model is not None:
-        raise BadInput("--report and --model are of one log: several give the modes as a table, or with --json")
-    twice = [file for place, file in enumerate(files) if file.resolve() in {f.resolve() for f in files[:place]}]
-    if twice:
-        raise BadInput(f"{twice[0]} is named twice: one flight counts once")
+    every, held = _held_out(files, chosen.validate, chosen.validate_share)
+    check_outputs(chosen)
     with contextlib.ExitStack() as stack:
         stack.enter_context(announced(chosen.json))
-        logs = [stack.enter_context(open_log(file)) for file in files]
-        found = identified_together(logs, chosen.vehicle, chosen.elevator)
-    if chosen.json:
-        print_document(document(found))
-    else:
-        open_console().print(identification_table(found))
+        logs = [stack.enter_context(open_log(file)) for file in every]
+        found = identified_together(logs, chosen.vehicle, chosen.elevator, held)
+        written = write_outputs(chosen, logs, found)
+    _show(chosen, found, written)
     return 0
 
 
+def _held_out(files: Sequence[Path], validate: Sequence[Path], share: float | None) -> tuple[list[Path], list[int]]:
+    """All logs, those of ``validate`` behind the others, and the places of those that are held out.
+
+    Raises:
+        BadInput: one is named twice, all are held out, or a ``share`` is asked for beside names.
+    """
+    for named in (files, validate):
+        twice = [one for place, one in enumerate(named) if one.resolve() in {o.resolve() for o in named[:place]}]
+        if twice:
+            raise BadInput(f"{twice[0]} is named twice: one flight counts once")
+    asked = {one.resolve() for one in validate}
+    fitted = [one for one in files if one.resolve() not in asked]
+    if not fitted:
+        raise BadInput("every log is held out for validation: none is left to fit (--validate)")
+    if share is None:
+        return [*fitted, *validate], list(range(len(fitted), len(fitted) + len(validate)))
+    if validate:
+        raise BadInput("--validate-share draws what is held out: name none beside it with --validate")
+    if not 0 < share < 1 or len(fitted) < 2:
+        raise BadInput(f"--validate-share {share:g}: it is between 0 and 1, of two logs or more")
+    chosen = drawn(sorted(str(one) for one in fitted), share)
+    every = [*(one for one in fitted if str(one) not in chosen), *(one for one in fitted if str(one) in chosen)]
+    return every, list(range(len(fitted) - len(chosen), len(fitted)))
+
+
 def identified_together(
-    logs: Sequence[Log], vehicle: str | None = None, elevator: Sequence[str] | None = None
+    logs: Sequence[Log],
+    vehicle: str | None = None,
+    elevator: Sequence[str] | None = None,
+    held: Sequence[int] = (),
 ) -> Identification:
     """The modes by the manoeuvres of all ``logs``, beside the mean of the truths; arguments as of `identified`.
+
+    Those whose places are ``held`` are not fitted: they are predicted.
 
     Raises:
         BadInput: a log has no manoeuvre's data, or they are not of one aircraft.
@@ -200,10 +248,14 @@ def identified_together(
     made = [_made(log, elevator) if elevator else None for log in logs]
     sources = [one or log for one, log in zip(made, logs, strict=True)]
     flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
-    modes = identify_modes(joined_flights(flights), aircraft[0])
+    names = names_of(logs)
+    held_out = tuple(names[place] for place in held)
+    modes = identify_modes(joined_flights(flights, names), aircraft[0], held_out=held_out)
     unknown = vehicle is None and any(flight_vehicle(log) is None for log in logs)
     notes = (*modes.notes, *dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
-    return Identification(modes=modes._replace(notes=notes), truths=_mean_truths(logs, flights))
+    fitted = [place for place in range(len(logs)) if place not in held]
+    truths = _mean_truths([logs[place] for place in fitted], [flights[place] for place in fitted])
+    return Identification(modes=modes._replace(notes=notes), truths=truths)
 
 
 def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -53,8 +54,10 @@ def check_outputs(chosen: argparse.Namespace) -> None:
         model_file.places(chosen.model)
 
 
-def write_outputs(chosen: argparse.Namespace, log: Log, found: Identification) -> list[str]:
+def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], found: Identification) -> list[str]:
     """Write what was asked for; lines that say what was written and what of it is not identified.
+
+    ``logs`` are those that were fitted, of one aircraft, and behind them those that were held out.
 
     Raises:
         BadInput: a file exists or cannot be written, or there is no model to write.
@@ -62,13 +65,13 @@ def write_outputs(chosen: argparse.Namespace, log: Log, found: Identification) -
     lines: list[str] = []
     if chosen.report is None and chosen.model is None:
         return lines
-    digest = sha256(log.path)
+    digests = [sha256(log.path) for log in logs]
     if chosen.report is not None:
         with ProgressBar("writing the report"):
-            write_report(chosen.report, _subject(log, digest), found, _drive(log, found))
+            write_report(chosen.report, _subject(logs, digests), found, _drive(logs[0], found))
         lines.append(f"written {chosen.report}")
     if chosen.model is not None:
-        lines += _model(chosen, log, found, digest)
+        lines += _model(chosen, logs, found, digests)
     return lines
 
 
@@ -81,26 +84,43 @@ def sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _subject(log: Log, digest: str) -> Subject:
+def names_of(logs: Sequence[Log]) -> tuple[str, ...]:
+    """What the logs are called: by their files, with the folder where two have the same."""
+    short = [log.path.name for log in logs]
+    return tuple(name if short.count(name) == 1 else str(log.path) for name, log in zip(short, logs, strict=True))
+
+
+def _subject(logs: Sequence[Log], digests: Sequence[str]) -> Subject:
+    """The first log and its sum, and those of the others; facts are the first one's, the length that of all."""
+    log, names = logs[0], names_of(logs)
     name = vehicle_name(log) or "unknown vehicle"
     begun = datetime.fromtimestamp(log.start_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    length = (log.end_ns - log.start_ns) * 1e-9
+    length = sum((one.end_ns - one.start_ns) * 1e-9 for one in logs)
     world = simulated_vehicle(log)
     flown = "a real flight, or another simulator" if world is None else f"simulated, {world.aerodynamics.model}"
     facts = (("vehicle", name), ("recorded", begun), ("length", f"{length:.1f} s"), ("flight", flown))
-    damage = tuple(("damage", line) for line in log.damage)
-    return Subject(f"{name}: identification", log.path.name, digest, (*facts, *damage))
+    damage = tuple(("damage", line) for one in logs for line in one.damage)
+    more = tuple(zip(names, digests, strict=True))[1:]
+    return Subject(f"{name}: identification", names[0], digests[0], (*facts, *damage), more)
 
 
 def _drive(log: Log, found: Identification) -> DriveData | None:
     return drive_data(log) if found.torque is not None or found.power is not None else None
 
 
-def _model(chosen: argparse.Namespace, log: Log, found: Identification, digest: str) -> list[str]:
+def _model(
+    chosen: argparse.Namespace, logs: Sequence[Log], found: Identification, digests: Sequence[str]
+) -> list[str]:
     if found.modes is None:
         why = "; ".join(one.reason for one in found.missing)
         raise BadInput(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
-    about = model_file.Log(log.path.name, digest, _density(log))
+    held = {one.flight.name for one in found.modes.held_out if one.flight is not None}
+    fitted = [
+        (one, name, sum_) for one, name, sum_ in zip(logs, names_of(logs), digests, strict=True) if name not in held
+    ]
+    densities = [density for one, _, _ in fitted if (density := _density(one)) is not None]
+    log, names, sums = fitted[0][0], (name for _, name, _ in fitted), (sum_ for _, _, sum_ in fitted)
+    about = model_file.Log(" ".join(names), " ".join(sums), float(np.mean(densities)) if densities else None)
     with ProgressBar("linearising what was not identified") as bar:
         written = model_file.write_model(chosen.model, found.modes, about, _base(chosen.vehicle, log), bar.show)
     return [f"written {' and '.join(str(path) for path in written.paths)}", *written.notes]

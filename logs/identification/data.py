@@ -11,6 +11,27 @@ STROKES_GUESSED = "strokes: by the specific force"
 """the note of a flight whose strokes nobody counted at the wing: their rate is right, where each begins is not"""
 
 
+class JoinedFlight(NamedTuple):
+    """Where one flight is within several that were joined."""
+
+    name: str
+    """-; of its log"""
+    begin: float
+    """s; of its first sample, on the clock of all"""
+    clock: float
+    """s; the same on its own clock"""
+    before: int
+    """-; manoeuvres counted in the flights before it"""
+
+    def own(self, number: int) -> int:
+        """The number that a manoeuvre has in its own log."""
+        return number - self.before
+
+    def own_time(self, time: float) -> float:
+        """A time (s) on the flight's own clock."""
+        return time - self.begin + self.clock
+
+
 class FlightData(NamedTuple):
     """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""
 
@@ -42,6 +63,17 @@ class FlightData(NamedTuple):
     """-; 1 where an envelope limit ended the manoeuvre"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere, one clause each"""
+    flights: tuple[JoinedFlight, ...] = ()
+    """the flights that were joined, one behind the other; empty of a single one"""
+
+    @classmethod
+    def arrays(cls) -> tuple[str, ...]:
+        """Names of the fields that are arrays (N,)."""
+        return tuple(name for name in cls._fields if name not in ("notes", "flights"))
+
+    def flight_at(self, time: float) -> JoinedFlight | None:
+        """The joined flight that ``time`` (s) is in; None of a single one."""
+        return next((one for one in reversed(self.flights) if time >= one.begin), None)
 
 
 class DriveData(NamedTuple):

@@ -61,6 +61,8 @@ class FitSeries(NamedTuple):
     """as `unit`; (M,)"""
     held_out: bool = False
     """-; not among the data that the model was fitted to: a prediction"""
+    steady: float = 0.0
+    """as `unit`; of the steady flight, from which Theil's coefficient counts: gravity alone is no prediction"""
 
 
 class Fitted(NamedTuple):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
-from groundstation.command.identify_out import sha256
+from groundstation.command.identify_out import names_of, sha256
 
 
 @pytest.mark.parametrize(
@@ -39,6 +40,20 @@ def test_the_hash_is_that_of_the_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(data)
     assert sha256(path) == hashlib.sha256(data).hexdigest()
+
+
+def test_logs_of_the_same_name_are_told_apart_by_their_folders() -> None:
+    logs = [SimpleNamespace(path=Path(path)) for path in ("monday/a.mcap", "tuesday/a.mcap", "tuesday/b.mcap")]
+    assert names_of(logs) == (str(Path("monday/a.mcap")), str(Path("tuesday/a.mcap")), "b.mcap")  # type: ignore[arg-type]
+
+
+def test_held_out_logs_stand_behind_the_others() -> None:
+    files = [Path(f"{name}.mcap") for name in "abc"]
+    every, held = identify._held_out(files, [Path("a.mcap"), Path("d.mcap")], None)
+    assert [one.stem for one in every] == ["b", "c", "a", "d"] and held == [2, 3]
+    every, held = identify._held_out(files, [], 0.3)
+    backwards, _ = identify._held_out(files[::-1], [], 0.3)
+    assert sorted(every) == files and held == [2] and every[2] == backwards[2]
 
 
 def test_help_has_both_options_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from logs.identification.modes.errors import Spread, carry
-from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array, Estimate, Unidentified
 
 if TYPE_CHECKING:
@@ -106,6 +106,8 @@ class ModesResult(NamedTuple):
     """of the derivatives: by output error, by equation error, by filter error"""
     filtered: Filtered | None = None
     """what filter error found beside; None where it found nothing"""
+    held_out: tuple[Manoeuvre, ...] = ()
+    """whole flights that were not fitted, for the validation"""
 
 
 def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:

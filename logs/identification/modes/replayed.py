@@ -13,11 +13,13 @@ from logs.identification.modes.mode import ModesResult
 from logs.identification.modes.output_error import fitted_outputs, output_error
 from logs.identification.modes.short_period import EQUATION_ERROR, FILTER_ERROR, OUTPUT_ERROR
 from logs.identification.preparing.manoeuvre import Manoeuvre, lagged
+from logs.identification.preparing.split import by_flight, drawn
+from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array, FitSeries, Fitted, Unidentified
 
 OUTPUT_UNITS = ("rad/s", "m/s^2", "m/s^2", "rad")
 HELD = 3
-"""-; every third manoeuvre is held out"""
+"""-; every third manoeuvre is held out of a single flight"""
 DRIFT = 2
 """-; order of the polynomial that the integrated speeds leave in an equation's balance"""
 LINEAR_MODEL = (
@@ -33,25 +35,35 @@ LINEAR_MODEL = (
 def fitted(result: ModesResult) -> tuple[Fitted, ...]:
     """What the methods with a physical model found, with measured and modelled outputs of every manoeuvre.
 
-    Output error has its manoeuvres held out too, where there are enough: they cost a second fit.
+    Output error has manoeuvres held out too, where there are enough: those of the flights that were asked for, else
+    those of a second fit.
     """
     if result.problem is None:
         return ()
     by_output, by_equation, by_filter = result.fits
     return (
-        _output_error(OUTPUT_ERROR, result.problem, by_output),
+        _output_error(OUTPUT_ERROR, result.problem, by_output, result.held_out),
         _equation_error(EQUATION_ERROR, result.problem, by_equation),
-        _filter_error(FILTER_ERROR, by_filter, result.filtered),
+        _filter_error(FILTER_ERROR, by_filter, result.filtered, result.problem.manoeuvres),
     )
 
 
-def _output_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
+def predicted(problem: Problem, fit: DerivativeFit, held: tuple[Manoeuvre, ...]) -> tuple[FitSeries, ...]:
+    """Outputs of manoeuvres that were not fitted, by a ``fit`` of output error; first states and biases their own."""
+    ready, again = _with_lag(problem._replace(manoeuvres=held), fit)
+    return _series(ready, again, ready.manoeuvres, True)
+
+
+def _output_error(method: str, problem: Problem, fit: DerivativeFit, held: tuple[Manoeuvre, ...]) -> Fitted:
     if fit.failure:
         return _failed(method, fit)
     ready, again = _with_lag(problem, fit)
     series = _series(ready, again, ready.manoeuvres, False)
-    predicted, note = _held_out(ready, again)
-    return _told(method, fit)._replace(series=series + predicted, validation=note)
+    if held:
+        told, note = predicted(problem, fit, held), _said(held, problem.manoeuvres)
+    else:
+        told, note = _held_out(ready, again)
+    return _told(method, fit)._replace(series=series + told, validation=note)
 
 
 def _with_lag(problem: Problem, fit: DerivativeFit) -> tuple[Problem, DerivativeFit]:
@@ -70,27 +82,51 @@ def _series(
 ) -> tuple[FitSeries, ...]:
     outputs = fitted_outputs(problem._replace(manoeuvres=manoeuvres), fit)
     return tuple(
-        FitSeries(_name(m), OUTPUTS[o], OUTPUT_UNITS[o], m.at, m.averages[:, o], modelled[:, i], held)
+        FitSeries(
+            m.name,
+            OUTPUTS[o],
+            OUTPUT_UNITS[o],
+            m.at,
+            m.averages[:, o],
+            modelled[:, i],
+            held,
+            float(m.averages[:, o].mean()),
+        )
         for m, modelled in zip(manoeuvres, outputs, strict=True)
         for i, o in enumerate(problem.outputs)
     )
 
 
 def _held_out(problem: Problem, fit: DerivativeFit) -> tuple[tuple[FitSeries, ...], str]:
-    """Every third manoeuvre as a model of the others predicts it, and in words what was done."""
+    """Some manoeuvres as a model of the others predicts them, and in words what was done.
+
+    Whole flights where there are several, else every third manoeuvre of the only one.
+    """
     count = len(problem.manoeuvres)
-    if count < HELD:
+    flights = sorted({m.flight.name for m in problem.manoeuvres if m.flight is not None})
+    if len(flights) > 1:
+        kept, held = by_flight(problem.manoeuvres, drawn(flights))
+    elif count < HELD:
         return (), f"No manoeuvre was held out: of {count} none can be spared."
-    held = tuple(m for i, m in enumerate(problem.manoeuvres) if i % HELD == HELD - 1)
-    kept = tuple(m for i, m in enumerate(problem.manoeuvres) if i % HELD != HELD - 1)
+    else:
+        kept, held = (
+            tuple(m for i, m in enumerate(problem.manoeuvres) if (i % HELD == HELD - 1) is side)
+            for side in (False, True)
+        )
     again = output_error(problem._replace(manoeuvres=kept), fit.values)
     if again.failure:
-        return (), f"No manoeuvre was held out: without every third of them, {again.failure}."
-    told = (
-        f"{len(held)} of {count} manoeuvres were held out: derivatives found from the other {len(kept)} alone predict"
-        " them; only initial state and sensor biases are those of the manoeuvre itself."
+        without = "those of a flight" if len(flights) > 1 else "every third of them"
+        return (), f"No manoeuvre was held out: without {without}, {again.failure}."
+    return _series(problem, again, held, True), _said(held, kept)
+
+
+def _said(held: tuple[Manoeuvre, ...], kept: tuple[Manoeuvre, ...]) -> str:
+    names = dict.fromkeys(m.flight.name for m in held if m.flight is not None)
+    whole = f", all of {' and '.join(names)}," if names else ""
+    return (
+        f"{len(held)} of {len(held) + len(kept)} manoeuvres{whole} were held out: derivatives found from the other"
+        f" {len(kept)} alone predict them; only initial state and sensor biases are those of the manoeuvre itself."
     )
-    return _series(problem, again, held, True), told
 
 
 def _equation_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted:
@@ -109,18 +145,20 @@ def _equation_error(method: str, problem: Problem, fit: DerivativeFit) -> Fitted
                 measured = pair.responses[:, row]
                 output, unit = units[axis]
                 near = model + _drift(measured - model)
-                series.append(FitSeries(_name(manoeuvre), output, unit, manoeuvre.at, measured, near))
+                series.append(FitSeries(manoeuvre.name, output, unit, manoeuvre.at, measured, near))
     return _told(method, fit)._replace(series=tuple(series))
 
 
-def _filter_error(method: str, fit: DerivativeFit, filtered: Filtered | None) -> Fitted:
+def _filter_error(
+    method: str, fit: DerivativeFit, filtered: Filtered | None, manoeuvres: tuple[Manoeuvre, ...]
+) -> Fitted:
     """Each stroke's averages beside what the strokes before it foretell, stretch by stretch."""
     if filtered is None:
         return _failed(method, fit)
     series, done = [], 0
     for stretch in filtered.stretches[: len(filtered.stretches) // len(PHASES)]:
         strokes = slice(done, done + len(stretch.averages))
-        at, name = (stretch.edges[:-1] + stretch.edges[1:]) / 2.0, f"from {stretch.edges[0]:.1f} s"
+        at, name = (stretch.edges[:-1] + stretch.edges[1:]) / 2.0, _from(stretch, manoeuvres)
         for i, output in enumerate(FORETOLD):
             measured, model = stretch.averages[:, i], filtered.foretold[strokes, i]
             series.append(FitSeries(name, output, OUTPUT_UNITS[i], at, measured, model))
@@ -137,8 +175,9 @@ def _drift(difference: Array) -> Array:
     return np.asarray(np.polyval(np.polyfit(position, difference, DRIFT), position), dtype=np.float64)
 
 
-def _name(manoeuvre: Manoeuvre) -> str:
-    return f"manoeuvre {manoeuvre.number} at {manoeuvre.begin:.1f} s"
+def _from(stretch: Stretch, manoeuvres: tuple[Manoeuvre, ...]) -> str:
+    begin, flight = float(stretch.edges[0]), manoeuvres[int(stretch.manoeuvre[0])].flight
+    return f"from {begin:.1f} s" if flight is None else f"from {flight.own_time(begin):.1f} s of {flight.name}"
 
 
 def _told(method: str, fit: DerivativeFit) -> Fitted:

@@ -22,6 +22,7 @@ from logs.identification.preparing.manoeuvre import (
     lagged,
     reference_of,
 )
+from logs.identification.preparing.split import by_flight
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import SURE, Array, student_factor
 
@@ -60,13 +61,17 @@ def identify_modes(
     aircraft: Aircraft,
     names: tuple[str, ...] = LONGITUDINAL,
     outputs: tuple[int, ...] = FITTED_OUTPUTS,
+    held_out: tuple[str, ...] = (),
 ) -> ModesResult:
     """The modes of a flight by output, equation and filter error and by the methods without a physical model.
 
+    Of joined flights those named by ``held_out`` are not fitted: `modes.validation` says how they are predicted.
+
     Raises:
-        BadInput: no usable elevator manoeuvre.
+        BadInput: no usable elevator manoeuvre, in all flights or in one that is held out.
     """
-    manoeuvres = find_manoeuvres(data, aircraft)
+    every = find_manoeuvres(data, aircraft)
+    manoeuvres, held = by_flight(every, held_out)
     reference = reference_of(data, manoeuvres)
     problem = Problem(manoeuvres, reference, aircraft, names, outputs)
     first, second = fit_derivatives(problem)
@@ -85,9 +90,11 @@ def identify_modes(
     )
     agree, statement = agreement(modes)
     period = float(np.mean([m.period for m in manoeuvres]))
-    notes = (*data.notes, *dropped_manoeuvres(data, manoeuvres))
+    notes = (*data.notes, *dropped_manoeuvres(data, every))
     fits = (second, first, third)
-    return ModesResult(modes, agree, statement, reference, len(manoeuvres), period, notes, problem, fits, filtered)
+    return ModesResult(
+        modes, agree, statement, reference, len(manoeuvres), period, notes, problem, fits, filtered, held
+    )
 
 
 def _with_gusts(data: FlightData, problem: Problem, near: DerivativeFit) -> tuple[DerivativeFit, Filtered | None]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from avionics.quantities import BadInput
-from logs.identification.data import Aircraft, FlightData
+from logs.identification.data import Aircraft, FlightData, JoinedFlight
 from logs.identification.preparing.excited import manoeuvre_spans, was_aborted
 from logs.identification.preparing.lag import behind
 from logs.identification.preparing.stroke import averaging_matrix, wing_period
@@ -57,11 +57,21 @@ class Manoeuvre(NamedTuple):
     """s; of the first raw sample, on the log's clock"""
     averaging_to_end: csr_array
     """-; (L, N), as ``averaging``, and on until the manoeuvre ends: the last averages reach half a stroke beyond"""
+    flight: JoinedFlight | None = None
+    """the one of several flights that it is from; None where there is but one"""
 
     @property
     def begin(self) -> float:
         """Of the first stroke average's first sample, s on the log's clock."""
         return self.start + float(self.at[0]) - self.period / 2
+
+    @property
+    def name(self) -> str:
+        """Number and begin as its own log has them, and which log that is where there are several."""
+        if self.flight is None:
+            return f"manoeuvre {self.number} at {self.begin:.1f} s"
+        begin = self.flight.own_time(self.begin)
+        return f"manoeuvre {self.flight.own(self.number)} at {begin:.1f} s of {self.flight.name}"
 
 
 class Reference(NamedTuple):
@@ -121,7 +131,10 @@ def dropped_manoeuvres(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> t
         if int(number) not in used:
             aborted = was_aborted(data.manoeuvre, data.aborted, number)
             why = "ended by an envelope limit" if aborted else "too short, or flown without flapping"
-            told.append(f"manoeuvre {int(number)} left out: {why}")
+            first = float(data.time[np.argmax(data.manoeuvre == number)])
+            flight = data.flight_at(first)
+            which = f"{int(number)}" if flight is None else f"{flight.own(int(number))} of {flight.name}"
+            told.append(f"manoeuvre {which} left out: {why}")
     return tuple(told)
 
 
@@ -187,7 +200,7 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Ma
     return Manoeuvre(
         number, time - zero, data.elevator[reach] - tail[first], tail[reach] - tail[first], rate[reach], slope[reach],
         data.strokes[reach], held, raw, at[:within] - zero, averaging, averaging @ raw, float(np.mean(period)),
-        float(np.mean(data.airspeed[reach])), float(zero), to_end,
+        float(np.mean(data.airspeed[reach])), float(zero), to_end, data.flight_at(float(data.time[first])),
     )  # fmt: skip
 
 

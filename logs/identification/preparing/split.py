@@ -7,16 +7,28 @@ Vehicle System Identification, 2006, chapter 11), whole manoeuvres only where th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from avionics.quantities import BadInput
+from logs.identification.data import JoinedFlight
 from logs.identification.experiment import Experiment
 
 SHARE = 1 / 3
 """-; held back, if nothing is asked"""
+
+
+class FromFlight(Protocol):
+    """A manoeuvre that knows which of several flights it is from."""
+
+    @property
+    def flight(self) -> JoinedFlight | None:
+        """None where there is but one."""
+
+
+M = TypeVar("M", bound=FromFlight)
 
 
 class Split(NamedTuple):
@@ -40,7 +52,7 @@ def split(flights: Mapping[str, Sequence[Experiment]], share: float = SHARE, see
         raise BadInput(f"a share of {share:g} to hold back is not between 0 and 1")
     flown = {name: tuple(experiments) for name, experiments in flights.items() if experiments}
     if len(flown) > 1:
-        held = _drawn(sorted(flown), share, seed)
+        held = drawn(sorted(flown), share, seed)
         names = sorted(flown)
         parts = [tuple(e for name in names if (name in held) is side for e in flown[name]) for side in (False, True)]
         return Split(
@@ -56,13 +68,30 @@ def _of_one_flight(manoeuvres: list[Experiment], share: float, seed: int) -> Spl
     names = sorted(e.name for e in manoeuvres)
     if len(set(names)) < len(names):
         raise BadInput("two manoeuvres of the flight have the same name")
-    held = _drawn(names, share, seed)
+    held = drawn(names, share, seed)
     parts = [tuple(e for e in manoeuvres if (e.name in held) is side) for side in (False, True)]
     told = f"held back: {len(held)} of {len(names)} manoeuvres ({', '.join(sorted(held))})"
     return Split(parts[0], parts[1], told + " of the only flight, whose weather and trim they share")
 
 
-def _drawn(names: list[str], share: float, seed: int) -> set[str]:
+def by_flight(manoeuvres: Sequence[M], held: Collection[str]) -> tuple[tuple[M, ...], tuple[M, ...]]:
+    """The manoeuvres of the flights that are fitted, and those of the flights named by ``held``.
+
+    Raises:
+        BadInput: a flight held out has no usable manoeuvre, or all are.
+    """
+    names = [one.flight.name if one.flight is not None else "" for one in manoeuvres]
+    lost = [name for name in held if name not in names]
+    if lost:
+        raise BadInput(f"{lost[0]} is held out and has no complete elevator manoeuvre flown with flapping wings")
+    if set(names) <= set(held):
+        raise BadInput("every flight with a usable manoeuvre is held out: none is left to fit")
+    pairs = list(zip(manoeuvres, names, strict=True))
+    return tuple(one for one, name in pairs if name not in held), tuple(one for one, name in pairs if name in held)
+
+
+def drawn(names: list[str], share: float = SHARE, seed: int = 0) -> set[str]:
+    """The ``share`` of the names that is held back: one at the least, not all."""
     count = min(max(round(share * len(names)), 1), len(names) - 1)
     order = np.random.default_rng(seed).permutation(len(names))
     return {names[int(index)] for index in order[:count]}

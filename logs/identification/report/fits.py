@@ -112,7 +112,9 @@ def _goodness(pieces: list[FitSeries]) -> Table:
     for output, unit in dict.fromkeys((one.output, one.unit) for one in pieces):
         own = [one for one in pieces if one.output == output]
         measured, model = (np.concatenate([getattr(one, key) for one in own]) for key in ("measured", "model"))
-        r_squared, *rest = (round(share, 5) for share in (_r_squared(own), *theil(measured, model)[:4]))
+        steady = np.concatenate([np.full(len(one.time), one.steady) for one in own])
+        shares = theil(measured - steady, model - steady)[:4]
+        r_squared, *rest = (round(share, 5) for share in (_r_squared(own), *shares))
         rows.append(
             (
                 output,

@@ -19,6 +19,7 @@ from logs.identification.drive.torque_speed import identify_load
 from logs.identification.kinematics.flight_log import PathResult, identify_path
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
+from logs.identification.modes.validation import Validation, validation
 from logs.identification.regression.stepwise import Step
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
@@ -29,6 +30,10 @@ from sim_bridge.vehicles import SimulatedVehicle
 SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
 """Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
+
+
+THEIL = ("coefficient", "bias", "variance", "covariance")
+"""of `accuracy.theil.Theil`, in the JSON document"""
 
 
 class Identification(NamedTuple):
@@ -207,6 +212,8 @@ def rows(result: Identification) -> tuple[Row, ...]:
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
+        tried = validation(result.modes)
+        table += [] if tried is None else [Row("modes", "held out", "", None, None, tried.statement)]
         table += [Row("modes", "taken", "", None, None, note) for note in result.modes.notes]
     return (*table, *_refusals("", result.missing))
 
@@ -311,7 +318,22 @@ def _modes(result: ModesResult, truths: Mapping[str, float]) -> dict[str, Any]:
         "notes": list(result.notes),
         "wing_period": result.wing_period,
         "reference": None if result.reference is None else _floats(result.reference._asdict()),
+        "held_out": _held_out(validation(result)),
     }
+
+
+def _held_out(tried: Validation | None) -> dict[str, Any] | None:
+    if tried is None:
+        return None
+    predictions = [
+        {
+            "flight": one.flight, "manoeuvres": one.manoeuvres, "output": one.output, "unit": one.unit,
+            "rms": _number(one.rms),
+            "theil": {key: _number(getattr(one.theil, key)) for key in THEIL},
+        }
+        for one in tried.predictions
+    ]  # fmt: skip
+    return {"flights": list(tried.held_out), "predictions": predictions, "failure": tried.failure}
 
 
 def _floats(values: Mapping[str, Any]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from logs.identification.data import DriveData
 from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.mode import KINDS, Mode, ModesResult
 from logs.identification.modes.replayed import fitted
+from logs.identification.modes.validation import validation
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.report.coefficients import aero_chapter
 from logs.identification.report.drives import drives_chapter, wings_chapter
@@ -44,6 +45,14 @@ class Subject(NamedTuple):
     """-; of its bytes, in hexadecimal digits"""
     facts: tuple[tuple[str, str], ...]
     """what else is known of it: word and value"""
+    more: tuple[tuple[str, str], ...] = ()
+    """-; name and SHA-256 of further logs of the same aircraft"""
+
+    @property
+    def sources(self) -> tuple[tuple[str, str], ...]:
+        """The logs with their sums, word and value."""
+        files = ((self.file, self.sha256), *self.more)
+        return tuple(row for name, digest in files for row in (("file", name), ("SHA-256", digest)))
 
 
 def refuse_existing(path: Path) -> None:
@@ -72,7 +81,11 @@ def write_report(
     Raises:
         BadInput: the file exists or cannot be written.
     """
-    facts = (subject.file, *(f"{word} {value}" for word, value in subject.facts[:3]))
+    facts = (
+        subject.file,
+        *(name for name, _ in subject.more),
+        *(f"{word} {value}" for word, value in subject.facts[:3]),
+    )
     return write_page(path, subject.title, facts, chapters(subject, found, drive, more))
 
 
@@ -157,12 +170,14 @@ def _shown(modes: ModesResult | None) -> Mode | None:
 
 def _data(subject: Subject, found: Identification) -> Chapter:
     """The file, the manoeuvres, and what was left out or taken from elsewhere."""
-    rows = (("file", subject.file), ("SHA-256", subject.sha256), *subject.facts)
+    rows = (*subject.sources, *subject.facts)
     tables = [Table(("", ""), rows)]
     notes: tuple[str, ...] = ()
     parts: tuple[Chapter, ...] = ()
     if found.modes is not None:
         notes = tuple(map(sentence, found.modes.notes))
+        tried = validation(found.modes)
+        notes += () if tried is None else (sentence(f"held out: {tried.statement}"),)
         if found.modes.problem is not None:
             tables.append(_manoeuvres(found.modes.problem))
             parts = (_inputs(found.modes.problem),)
@@ -173,10 +188,14 @@ def _data(subject: Subject, found: Identification) -> Chapter:
 
 def _manoeuvres(problem: Problem) -> Table:
     lengths = [float(m.at[-1] - m.at[0]) + m.period for m in problem.manoeuvres]
+    several = any(m.flight is not None for m in problem.manoeuvres)
     lines = tuple(
         (
-            f"{m.number}",
-            m.begin,
+            *(
+                (m.flight.name, f"{m.flight.own(m.number)}", m.flight.own_time(m.begin))
+                if m.flight is not None
+                else (f"{m.number}", m.begin)
+            ),
             length,
             length / m.period,
             1.0 / m.period,
@@ -187,8 +206,8 @@ def _manoeuvres(problem: Problem) -> Table:
         for m, length in zip(problem.manoeuvres, lengths, strict=True)
     )
     columns = (
-        "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)", "airspeed (m/s)",
-        "elevator, range (°)", "pitch rate, range (°/s)",
+        *(("flight",) if several else ()), "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)",
+        "airspeed (m/s)", "elevator, range (°)", "pitch rate, range (°/s)",
     )  # fmt: skip
     return Table(columns, lines, f"Used: {counted(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
 

@@ -4,15 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, Flight, by_output_error, fly, model_of
+from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, model_of
 
 from avionics.quantities import BadInput
-from logs.identification.modes.mode import short_period_of
-from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.data import FlightData
+from logs.identification.modes.flown_again import Problem
+from logs.identification.modes.longitudinal import LONGITUDINAL
+from logs.identification.modes.mode import ModesResult, short_period_of
+from logs.identification.modes.replayed import fitted
+from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes
+from logs.identification.modes.validation import validation
+from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
+from logs.identification.preparing.split import by_flight
 from logs.identification.preparing.stretches import stretches
+from logs.identification.report.numbers import Identification, document, rows
 from logs.identification.sources.joined import joined_flights
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
+NAMES = ("monday.mcap", "tuesday.mcap", "friday.mcap")
+SOFTER = TRUTH | {"M_w": 0.5 * TRUTH["M_w"], "M_q": 0.5 * TRUTH["M_q"]}
+
+
+def held_out(last: FlightData) -> ModesResult:
+    """Output error of two flights, ``last`` held out."""
+    together = joined_flights((*FLIGHTS, last), NAMES)
+    kept, held = by_flight(find_manoeuvres(together, AIRCRAFT), ("friday.mcap",))
+    reference = reference_of(together, kept)
+    problem = Problem(kept, reference, AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS)
+    first, second = fit_derivatives(problem)
+    return ModesResult((), None, "", reference, len(kept), 0.25, (), problem, (second, first, second), None, held)
 
 
 def test_the_manoeuvres_are_those_of_each_flight() -> None:
@@ -59,3 +79,62 @@ def test_flights_of_other_rates_are_not_joined() -> None:
     other = FLIGHTS[1]._replace(time=2.0 * FLIGHTS[1].time)
     with pytest.raises(BadInput, match=r"sample every 0.005 s and 0.01 s: they must agree"):
         joined_flights((FLIGHTS[0], other))
+
+
+def test_a_manoeuvre_of_joined_flights_is_named_as_its_own_log_has_it() -> None:
+    second = FLIGHTS[1]._replace(time=FLIGHTS[1].time + 100.0)
+    together = find_manoeuvres(joined_flights((FLIGHTS[0], second), NAMES[:2]), AIRCRAFT)
+    alone = [one for flight in (FLIGHTS[0], second) for one in find_manoeuvres(flight, AIRCRAFT)]
+    assert alone[7].name.startswith("manoeuvre 2 at 10")
+    flights = [name for name in NAMES[:2] for _ in range(6)]
+    assert [one.name for one in together] == [
+        f"{one.name} of {name}" for one, name in zip(alone, flights, strict=True)
+    ]
+
+
+def test_what_a_held_out_flight_holds_moves_no_number_and_is_predicted() -> None:
+    """GIVEN a third flight of the same aircraft, and one of a softer one, each held out."""
+    same, other = (held_out(fly(Flight(seed=3, truth=truth))) for truth in (TRUTH, SOFTER))
+    np.testing.assert_array_equal(same.fits[0].values, other.fits[0].values)
+    near, far = validation(same), validation(other)
+    assert near is not None and far is not None and near.held_out == ("friday.mcap",)
+    assert {one.flight for one in near.predictions} == {"friday.mcap"}
+    worst = max(one.theil.coefficient for one in near.predictions)
+    assert worst < 0.3
+    rates = [next(one.theil.coefficient for one in each.predictions if one.output == "q") for each in (near, far)]
+    assert rates[1] > 2.0 * rates[0]
+
+
+def test_the_report_draws_a_whole_flight_and_says_so() -> None:
+    """GIVEN flights of which none was asked to be held out: those of one are predicted by a second fit."""
+    result = held_out(fly(Flight(seed=3)))
+    asked = fitted(result)[0]
+    drawn = fitted(result._replace(held_out=()))[0]
+    for told, count in ((asked, 18), (drawn, 12)):
+        names = {one.experiment.rpartition(" of ")[2] for one in told.series if one.held_out}
+        assert len(names) == 1 and f"6 of {count} manoeuvres, all of {names.pop()}, were held out" in told.validation
+    assert not {one.experiment for one in drawn.series if one.held_out} & {m.name for m in result.held_out}
+
+
+def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -> None:
+    found = identify_modes(joined_flights(FLIGHTS, NAMES[:2]), AIRCRAFT, held_out=("tuesday.mcap",))
+    assert found.manoeuvres == 6 and found.problem is not None
+    assert {one.flight.name for one in found.problem.manoeuvres if one.flight} == {"monday.mcap"}
+    told = Identification(modes=found)
+    note = next(row.note for row in rows(told) if row.name == "held out")
+    assert note.startswith("tuesday.mcap (6 manoeuvres), predicted and not fitted: Theil's U q 0.")
+    entry = document(told)["modes"]["held_out"]
+    assert entry["flights"] == ["tuesday.mcap"] and [one["output"] for one in entry["predictions"]] == [
+        "q",
+        "a_x",
+        "a_z",
+    ]
+    assert all(0.0 < one["theil"]["coefficient"] < 0.3 for one in entry["predictions"])
+
+
+def test_where_nothing_would_be_left_to_fit_it_is_refused() -> None:
+    manoeuvres = find_manoeuvres(joined_flights(FLIGHTS, NAMES[:2]), AIRCRAFT)
+    with pytest.raises(BadInput, match=r"every flight with a usable manoeuvre is held out"):
+        by_flight(manoeuvres, NAMES[:2])
+    with pytest.raises(BadInput, match=r"friday.mcap is held out and has no complete elevator manoeuvre"):
+        by_flight(manoeuvres, ("friday.mcap",))
