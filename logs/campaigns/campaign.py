@@ -210,11 +210,38 @@ def _try_values(campaign: Campaign) -> None:
         check_value(key, value)
     for key, one in campaign.draw.items():
         check_value(key, one.at(0.5))
-    for key, value in _alternatives(campaign):
+    alternatives = list(_alternatives(campaign))
+    for key, value in alternatives:
         check_value(key, value)
+    _try_first(campaign, alternatives)
+    for key, value in alternatives:
         if key != "seed":
             _try(campaign, key, value)
-    _try(campaign, "seed", campaign.values(1)["seed"])
+
+
+def _try_first(campaign: Campaign, alternatives: Sequence[tuple[str, Any]]) -> None:
+    """Put the first flight together, or the last, before any value is blamed for what all flights have in common.
+
+    Raises:
+        BadInput: neither can be flown; it names the key with another value of which the first could.
+    """
+    first = campaign.values(1)
+    try:
+        _try(campaign, "seed", first["seed"])
+    except BadInput as error:
+        text = str(error)
+        blamed = next((key for key, value in alternatives if _flies(campaign, first | {key: value})), "seed")
+        told = blamed in text or blamed == "seed"
+        raise BadInput(text if told else f"{blamed} = {first[blamed]}: {text}") from None
+
+
+def _flies(campaign: Campaign, values: dict[str, Any]) -> bool:
+    """Whether a flight can be put together with these values."""
+    try:
+        prepare(campaign.stock, values)
+    except BadInput:
+        return False
+    return True
 
 
 def _alternatives(campaign: Campaign) -> Iterator[tuple[str, Any]]:

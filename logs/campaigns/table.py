@@ -96,6 +96,8 @@ def read_table(path: Path) -> Table:
         BadInput: there is none, it is no campaign's, or pyarrow is missing.
     """
     pyarrow, parquet = arrow(), arrow("pyarrow.parquet")
+    if not path.exists():
+        raise BadInput(f"cannot read {path}: there is no such file")
     try:
         table = parquet.read_table(path)
         known = json.loads((table.schema.metadata or {})[ABOUT])

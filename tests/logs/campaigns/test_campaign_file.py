@@ -129,6 +129,12 @@ REFUSED = {
     "a vehicle that nobody flies": ('[flight]\nvehicle = "hawkmoth"', "has no flight-computer file"),
     "no mission": ('[flight]\nmission = "moon"', "moon"),
     "no turbulence": ('[grid]\nturbulence = ["none", "wild"]', "wild"),
+    "a value that all have": (
+        '[flight]\nturbulence = "lite"\n[grid]\n"wind.speed" = [1, 2]', 'turbulence "lite" is unknown',
+    ),
+    "one value of a grid": (
+        '[flight]\nduration = 20\n[grid]\nfaults = ["gps_lost@30", ""]', "faults = gps_lost@30: ",
+    ),
     "no model": ('[grid]\naerodynamics = ["magic"]', "magic"),
     "no fault": ('[flight]\n"fault.rain.at" = 3', "no fault rain"),
     "a fault without a beginning": ('[flight]\n"fault.gps_lost.lasting" = 3', "needs fault.gps_lost.at"),
@@ -148,6 +154,12 @@ def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, case: str) 
         campaign_of(tmp_path, text)
     assert words in str(refused.value) and "\n" not in str(refused.value)
     assert str(refused.value).startswith(str(tmp_path / "short.toml"))
+
+
+def test_what_all_flights_have_is_not_blamed_on_a_grid(tmp_path: Path) -> None:
+    with pytest.raises(BadInput) as refused:
+        campaign_of(tmp_path, REFUSED["a value that all have"][0])
+    assert "wind" not in str(refused.value)
 
 
 def test_a_flight_that_is_not_there_and_a_file_that_is_not_there(tmp_path: Path) -> None:

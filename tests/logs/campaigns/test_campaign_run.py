@@ -144,6 +144,8 @@ def test_a_journal_without_flights_is_in_nobodys_way(tmp_path: Path) -> None:
 
 def test_a_table_is_never_overwritten_and_another_file_is_none(tmp_path: Path) -> None:
     campaign = campaign_of(tmp_path, FIVE)
+    with pytest.raises(BadInput, match="there is no such file"):
+        read_table(tmp_path / "table.parquet")
     (tmp_path / "table.parquet").write_text("mine")
     with pytest.raises(BadInput, match="exists"):
         write_table(tmp_path / "table.parquet", campaign, {})
