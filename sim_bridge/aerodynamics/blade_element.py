@@ -20,6 +20,7 @@ from avionics.quantities import Quantity
 from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD, AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.aerodynamics.strip_theory import KINEMATIC_VISCOSITY
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
+from sim_bridge.elementary import arctangent
 from sim_bridge.vectors import Floats, kernel
 
 STALL_BLEND = 0.1
@@ -133,7 +134,7 @@ def loads(
         chord, along, down = strips.chord[i], motion.along[i], motion.down[i]
         speed = math.sqrt(along * along + down * down)
         share = down_stroke_share(motion.wings[int(strips.wing[i]), 1])
-        c = section_coefficients(math.atan2(down, along), speed * chord / KINEMATIC_VISCOSITY, share, parameters)
+        c = section_coefficients(arctangent(down, along), speed * chord / KINEMATIC_VISCOSITY, share, parameters)
         scale = 0.5 * density * chord * strips.width[i] * speed
         parts[LIFT, FORWARD, i] = scale * c.lift * down
         parts[LIFT, UPWARD, i] = scale * c.lift * along

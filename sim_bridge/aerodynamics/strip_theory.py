@@ -39,6 +39,7 @@ from sim_bridge.aerodynamics.protocol import (
     Strips,
     aspect_ratio,
 )
+from sim_bridge.elementary import arctangent
 from sim_bridge.vectors import Floats, kernel
 
 STALL_BLEND = math.radians(3.0)
@@ -208,10 +209,10 @@ def stalled_share(across: float, m: SectionMotion, speed: float, p: StripParamet
     # The factor lies between 1 and its bound, so that most sections need neither it nor the angle.
     if abs(across) <= p.attached_slope * speed:
         return 0.0
-    size = abs(math.atan2(across, speed))
+    size = abs(arctangent(across, speed))
     if size >= p.stall_factor_bound * p.stall_angle + STALL_BLEND:
         return 1.0
-    plunge_angle = abs(math.atan2(m.plunge, speed))
+    plunge_angle = abs(arctangent(m.plunge, speed))
     towards = m.pitch_rate if across >= 0.0 else -m.pitch_rate
     factor = stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle, p.stall_factor_bound)
     limit = p.stall_angle * factor

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from sim_bridge.elementary import arctangent, sine_and_cosine
 from sim_bridge.vectors import Floats, kernel
 
 SEPARATED_NORMAL_FORCE = 1.98
@@ -15,7 +16,7 @@ PLATE_STALL = 0.35
 @kernel
 def plate_normal_force(angle: float, lift_slope: float) -> float:
     """Normal-force coefficient of a flat plate at any angle of attack in rad, blended at the stall."""
-    sine, cosine = math.sin(angle), math.cos(angle)
+    sine, cosine = sine_and_cosine(angle)
     attached = lift_slope * sine * cosine
     separated = SEPARATED_NORMAL_FORCE * sine
     share = min(max((abs(angle) - PLATE_STALL) / 0.35 + 0.5, 0.0), 1.0)
@@ -33,7 +34,7 @@ def plate_pressure(along: float, across: float, deflection: float, lift_slope: f
             along its normal.
         deflection: rad; turns the leading edge along the normal's positive sense.
     """
-    angle = math.atan2(-across, along) + deflection
+    angle = arctangent(-across, along) + deflection
     square = along * along + across * across
     return 0.5 * density * square * plate_normal_force(angle, lift_slope)
 

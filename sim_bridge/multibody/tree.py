@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
+from sim_bridge.elementary import sine_and_cosine
 from sim_bridge.vectors import Floats, Integers, inlined, laid_in
 
 BASE = 6
@@ -207,7 +208,7 @@ def blank_kinematics(tree: Tree) -> Kinematics:
 @inlined
 def _turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
     """``out`` (3, 3) = ``zero`` times the turn by ``angle`` about ``axis`` (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
+    s, c = sine_and_cosine(angle)
     x, y, z = axis[0], axis[1], axis[2]
     d = 1.0 - c
     m00, m01, m02 = c + d * x * x, d * x * y - s * z, d * x * z + s * y

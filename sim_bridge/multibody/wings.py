@@ -11,7 +11,6 @@ the base once.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from sim_bridge.aerodynamics.protocol import (
@@ -25,6 +24,7 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
+from sim_bridge.elementary import sine_and_cosine
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, column
 from sim_bridge.vectors import Floats, Integers, inlined, kernel
 
@@ -150,7 +150,7 @@ def _strip_motion(w: Wings, j: int, theta: float, work: WingWork) -> None:
     wx, wy, wz, vx, vy, vz = wx - ax, wy - ay, wz - az, vx - ux, vy - uy, vz - uz
     for i in range(w.first[j], w.first[j + 1]):
         eta, half, y = s.eta[i], 0.5 * s.chord[i], side * s.span[i]
-        sine, cosine = math.sin(theta * eta), math.cos(theta * eta)
+        sine, cosine = sine_and_cosine(theta * eta)
         x, z = -half * cosine, half * sine
         turn = wy + eta * theta_rate
         mx = vx + turn * z - wz * y
