@@ -17,6 +17,7 @@ from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
+from groundstation.command.identify_markers import MARKERS, identified_by_markers
 from groundstation.command.identify_out import add_outputs, check_outputs, names_of, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
@@ -29,7 +30,7 @@ from logs.identification.report import SUBJECTS, Identification, document, ident
 from logs.identification.sources.elevator import MadeElevator
 from logs.identification.sources.flight import flight_data
 from logs.identification.sources.joined import joined_flights
-from logs.identification.tables.rooms import EXAMPLES as MAPS
+from logs.identification.tables import markers, rooms
 from logs.identification.tables.subjects import ALL
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
@@ -47,6 +48,7 @@ EXAMPLES = (
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
+    "wingbeat identify capture.mcap markers --map places.toml  # motion by markers, and the wings' coefficients",
     "wingbeat identify --map-example > map.toml           # then: what your columns are, and what to fit",
     "wingbeat identify --map-example stroke > map.toml    # the same for coefficients of up- and down-stroke",
     "wingbeat identify flight.csv --map map.toml          # docs/identify_csv.md has every key and two examples",
@@ -70,6 +72,9 @@ JSON_KEYS = {
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
     "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
+    "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, time s,"
+    " quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of {names, time,"
+    " values, rates}}, notes; aero beside it where the map asks for it",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, modes of a lateral model:"
@@ -80,7 +85,9 @@ JSON_KEYS = {
 }
 
 
-KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS)))
+MAPS = {**rooms.EXAMPLES, MARKERS: markers.EXAMPLE}
+"""by subject; what `--map-example SUBJECT` prints"""
+KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS, MARKERS)))
 TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
@@ -97,7 +104,10 @@ def build_parser() -> options.Parser:
         " of numbers that a map explains."
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
-    parser.usage = f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"
+    parser.usage = (
+        f"wingbeat identify FILE [{'|'.join(SUBJECTS)}] [options]\n       {TABLE_USAGE}"
+        "\n       wingbeat identify CAPTURE markers --map MAP.toml [--report OUT.html] [--json]"
+    )
     parser.add_argument(
         "file",
         nargs="*",
@@ -151,13 +161,17 @@ def run(arguments: Sequence[str]) -> int:
         return 0
     files, what = _split(chosen.file)
     asked = bool(chosen.validate) or chosen.validate_share is not None
+    tables = any(file.suffix.lower() in TABLE_SUFFIXES for file in files)
+    if what == MARKERS:
+        _show(chosen, *identified_by_markers(files, tables, chosen))
+        return 0
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
         raise BadInput(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
     if chosen.map is not None and asked:
         raise BadInput("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
-    if (len(files) > 1 or asked) and not any(file.suffix.lower() in TABLE_SUFFIXES for file in files):
+    if (len(files) > 1 or asked) and not tables:
         return _run_together(files, what, chosen)
     if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
         raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")

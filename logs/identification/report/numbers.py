@@ -21,10 +21,12 @@ from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.modes.validation import Validation, validation
 from logs.identification.regression.stepwise import Step
+from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.remembered import Remembered
 from logs.identification.sources.topic_table import ColumnSource
+from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 
 SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")
@@ -57,6 +59,8 @@ class Identification(NamedTuple):
     """coefficients of the wings, Grauer Eq. 17 to 19"""
     path: PathResult | None = None
     """errors of the sensors by the flight path"""
+    markers: MarkersResult | None = None
+    """motion by a capture's markers"""
 
 
 class Row(NamedTuple):
@@ -193,6 +197,11 @@ def rows(result: Identification) -> tuple[Row, ...]:
             table += _refusals(subject, more.unidentified)
     if any(name.startswith("power.") for name in result.truths):
         table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
+    for motion in result.markers.motions if result.markers else ():
+        table += _estimate_rows("markers", (motion.noise,), result.truths, "")
+        table += [Row("markers", name, "", None, None, text) for name, text in marker_lines(motion)]
+    if result.markers:
+        table += [Row("markers", "taken", "", None, None, note) for note in result.markers.notes]
     for aero in result.aero.models if result.aero else ():
         table += _estimate_rows(aero.name, aero.estimates, result.truths, "")
         table += _refusals(aero.name, aero.unidentified)
@@ -238,6 +247,7 @@ def document(result: Identification) -> dict[str, Any]:
         "modes": None if result.modes is None else _modes(result.modes, result.truths),
         "aero": None if result.aero is None else _aero(result.aero, result.truths),
         "path": None if result.path is None else _path(result.path, result.truths),
+        "markers": None if result.markers is None else marker_document(result.markers),
         "missing": [entry._asdict() for entry in result.missing],
     }
 

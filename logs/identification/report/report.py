@@ -27,6 +27,7 @@ from logs.identification.report.fits import (
     validation_chapter,
 )
 from logs.identification.report.html import page
+from logs.identification.report.markers import markers_chapter
 from logs.identification.report.numbers import POWER_TRUTH, Identification
 from logs.identification.report.numbers import rows as all_rows
 from logs.identification.report.words import sentence
@@ -118,6 +119,7 @@ def chapters(
         wings_chapter(found.load, found.frequency, found.truths),
         None if found.aero is None else aero_chapter(found.aero, found.truths),
         found.path.chapter if found.path is not None else None,
+        None if found.markers is None else markers_chapter(found.markers),
         *_of_fits(fits, found),
         *more,
     ]

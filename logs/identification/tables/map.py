@@ -184,6 +184,8 @@ def load_map(path: Path) -> Map:
         raise BadInput(f"map {path}: not valid TOML: nested too deep") from None
     except (tomllib.TOMLDecodeError, ValueError) as error:
         raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    if "markers" in document:
+        raise BadInput(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_section(Map, document, "")
         found.time.check()

@@ -1,0 +1,98 @@
+"""``wingbeat identify CAPTURE markers --map MAP.toml``: a vehicle's motion from the markers of a motion capture."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from avionics.quantities import BadInput
+from groundstation.command import options
+from groundstation.command.compiling import announced
+from groundstation.command.identify_out import check_outputs, sha256
+from groundstation.views.progress import ProgressBar
+from logs.attached import simulated_vehicle
+from logs.identification.kinematics.marker_motion import Cloud
+from logs.identification.report import Identification
+from logs.identification.report.report import Subject, write_report
+from logs.identification.results import Unidentified
+from logs.identification.tables.markers import (
+    MarkersMap,
+    MarkersSection,
+    cloud_of_log,
+    clouds_of_tables,
+    identify_markers,
+    load_markers_map,
+    wings_by_markers,
+)
+from logs.reader import open_log
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vehicles import load_vehicle as load_bodies
+
+MARKERS = "markers"
+
+
+def identified_by_markers(
+    files: Sequence[Path], tables: bool, chosen: argparse.Namespace
+) -> tuple[Identification, list[str]]:
+    """What the markers tell, and lines that say what was written.
+
+    Raises:
+        BadInput: no map, an option of something else, a capture or map that cannot be used.
+    """
+    if chosen.map is None:
+        raise BadInput("markers needs --map MAP.toml (wingbeat identify --map-example markers prints one)")
+    if chosen.model is not None or chosen.elevator is not None or chosen.validate or chosen.validate_share:
+        raise BadInput("markers takes --map, --vehicle, --report and --json")
+    check_outputs(chosen)
+    mapped = load_markers_map(chosen.map)
+    with announced(chosen.json):
+        vehicle, clouds, notes = _captured(files, tables, mapped, chosen.vehicle or mapped.markers.vehicle)
+        found = _identified(vehicle, mapped.markers, clouds, notes)
+    if chosen.report is None:
+        return found, []
+    with ProgressBar("writing the report"):
+        write_report(chosen.report, _subject(files, vehicle, clouds), found)
+    return found, [f"written {chosen.report}"]
+
+
+def _captured(
+    files: Sequence[Path], tables: bool, mapped: MarkersMap, vehicle: str | None
+) -> tuple[SimulatedVehicle, tuple[Cloud, ...], tuple[str, ...]]:
+    """The vehicle's bodies and the markers of all files."""
+    if tables:
+        bodies = _bodies(vehicle)
+        return bodies, *clouds_of_tables(files, mapped)
+    found, own = [], None
+    for file in files:
+        with open_log(file) as log:
+            found.append(cloud_of_log(log, mapped.markers))
+            own = own or simulated_vehicle(log)
+    if own is not None and vehicle is not None:
+        raise BadInput(f"{files[0]} carries the file of its vehicle: leave markers.vehicle and --vehicle out")
+    return own or _bodies(vehicle), tuple(found), ()
+
+
+def _bodies(vehicle: str | None) -> SimulatedVehicle:
+    if vehicle is None:
+        raise BadInput("which vehicle's bodies are the markers on? (markers.vehicle of the map, or --vehicle)")
+    return load_bodies(options.vehicle_files(vehicle)[0])
+
+
+def _identified(
+    vehicle: SimulatedVehicle, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...]
+) -> Identification:
+    found = identify_markers(vehicle, asked, clouds, notes)
+    if not asked.aero:
+        return Identification(markers=found)
+    try:
+        return Identification(markers=found, aero=wings_by_markers(vehicle, asked, found))
+    except BadInput as error:
+        return Identification(markers=found, missing=(Unidentified("wing coefficients", str(error)),))
+
+
+def _subject(files: Sequence[Path], vehicle: SimulatedVehicle, clouds: Sequence[Cloud]) -> Subject:
+    length = sum(float(cloud.time[-1] - cloud.time[0]) for cloud in clouds)
+    facts = (("vehicle", vehicle.name), ("length", f"{length:.1f} s"))
+    (first, *more) = [(file.name, sha256(file)) for file in files]
+    return Subject(f"{vehicle.name}: motion by markers", *first, facts, tuple(more))

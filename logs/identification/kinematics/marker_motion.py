@@ -1,0 +1,129 @@
+"""From marker clouds to a vehicle's motion, told: coordinates with standard errors, generalized speeds (Grauer, IV).
+
+The markers of one record give position and attitude of the base and the joint angles (`coordinates`, Eq. 8); where
+they are told without long gaps, the speeds of Eq. 2 and their rates (`speeds`), and with masses and hinges of the
+vehicle the wings' aerodynamic coefficients (Eq. 13 to 19).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput, counted
+from logs.identification.kinematics.coordinates import Coordinates, fit_coordinates
+from logs.identification.kinematics.speeds import CUTOFF, LONGEST_GAP, Speeds, generalized_speeds
+from logs.identification.results import Array, Estimate, estimate
+from sim_bridge.mechanism import build_mechanism
+from sim_bridge.vehicles import SimulatedVehicle, vehicle_bodies
+
+BASE = ("north", "east", "down", "roll_axis", "pitch_axis", "yaw_axis")
+"""position, and turns about the base's axes"""
+HIGHEST = 0.4
+"""-; of the frame rate, to which the cut-off is lowered"""
+LEAST_FRAMES = 60
+"""frames; of a stretch whose speeds are told"""
+Places = dict[str, dict[str, tuple[float, float, float]]]
+"""m; of the markers by their names in the axes of the bodies by theirs, from the bodies' origins"""
+
+
+class Cloud(NamedTuple):
+    """Markers of one record."""
+
+    name: str
+    time: Array
+    """s; (N,), equally spaced"""
+    tracks: dict[str, Array]
+    """m; (N, 3), NED, by the marker's name, NaN where it was not seen"""
+
+
+class MarkerMotion(NamedTuple):
+    """What one record tells."""
+
+    name: str
+    time: Array
+    """s; (N,)"""
+    coordinates: Coordinates
+    speeds: tuple[Speeds, ...]
+    """of every stretch without long gaps"""
+    noise: Estimate
+    """m; standard deviation of a marker along each axis"""
+    never: tuple[str, ...] = ()
+    """-; markers that the map has and nobody saw"""
+
+    @property
+    def told(self) -> Array:
+        """-; (N,), whether the frame's coordinates are known."""
+        return np.asarray(np.isfinite(self.coordinates.position_ned[:, 0]))
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors (N, 6 + c): position m, turn rad in the base's axes, joint angles rad; NaN if not told."""
+        return np.asarray(np.sqrt(np.diagonal(self.coordinates.covariance, axis1=1, axis2=2)))
+
+
+def marker_motion(vehicle: SimulatedVehicle, places: Places, cloud: Cloud, cutoff: float = CUTOFF) -> MarkerMotion:
+    """Coordinates of ``vehicle`` and their speeds, low-passed at ``cutoff`` Hz, from the markers at ``places``.
+
+    Raises:
+        BadInput: a body that the vehicle does not have, a base without three markers, markers that do not tell the
+            coordinates, or too few frames.
+    """
+    tree = [body.name for body in vehicle_bodies(vehicle)[1]]
+    unknown = next((name for name in places if name not in tree), None)
+    if unknown is not None:
+        raise BadInput(f"markers.places.{unknown}: {vehicle.name} has no such body; it has: {', '.join(tree)}")
+    marked = {body: (tree.index(body), np.array(list(markers.values()))) for body, markers in places.items()}
+    nowhere = np.full((len(cloud.time), 3), np.nan)
+    positions = {
+        body: np.stack([cloud.tracks.get(name, nowhere) for name in markers]) for body, markers in places.items()
+    }
+    try:
+        found = fit_coordinates(build_mechanism(vehicle), marked, positions)
+    except BadInput as error:
+        raise BadInput(f"{cloud.name}: {error}") from None
+    step = float(np.mean(np.diff(cloud.time)))
+    pieces = tuple(
+        generalized_speeds(cloud.time[part], _part(found, part), min(cutoff, HIGHEST / step))
+        for part in _stretches(cloud.time, found)
+    )
+    seen = sum(int(np.isfinite(each).all(axis=2).sum()) for each in positions.values())
+    told = int(np.isfinite(found.position_ned[:, 0]).sum())
+    degrees = max(3.0 * seen * (1.0 - found.unused) - told * (6 + len(found.names)), 1.0)
+    noise = estimate("marker_noise", "m", found.noise, found.noise / np.sqrt(2.0 * degrees), degrees)
+    names = [name for markers in places.values() for name in markers]
+    never = [name for name in names if not np.isfinite(cloud.tracks.get(name, nowhere)).all(axis=1).any()]
+    return MarkerMotion(cloud.name, cloud.time, found, pieces, noise, tuple(never))
+
+
+def _part(found: Coordinates, part: slice) -> Coordinates:
+    return found._replace(
+        position_ned=found.position_ned[part],
+        quaternion=found.quaternion[part],
+        angles=found.angles[part],
+        covariance=found.covariance[part],
+    )
+
+
+def _stretches(time: Array, found: Coordinates) -> list[slice]:
+    """Where coordinates are told, gaps as long as `generalized_speeds` bridges them among them."""
+    at = np.flatnonzero(np.isfinite(found.position_ned[:, 0]))
+    longest = LONGEST_GAP + 1.5 * float(time[1] - time[0])
+    edges = np.flatnonzero(np.diff(time[at]) > longest) + 1
+    parts = [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(at, edges) if len(run)]
+    return [part for part in parts if part.stop - part.start >= LEAST_FRAMES]
+
+
+def said(motion: MarkerMotion) -> tuple[str, ...]:
+    """What is to be said of a record beside its numbers, one clause each."""
+    told, frames = int(motion.told.sum()), len(motion.time)
+    unused = motion.coordinates.unused
+    lines = [
+        f"{motion.name}: {told} of {counted(frames, 'frame')} told, {1.0 / np.mean(np.diff(motion.time)):.4g} Hz"
+    ]
+    lines += [f"{100.0 * unused:.1f} % of the samples seen were left out as wrong"] if unused > 0.0 else []
+    lines += [f"never seen: {', '.join(motion.never)}"] if motion.never else []
+    seconds = sum(float(one.time[-1] - one.time[0]) for one in motion.speeds)
+    lines.append(f"speeds over {seconds:.2f} s in {counted(len(motion.speeds), 'record')} without a gap")
+    return tuple(lines)

@@ -1,0 +1,234 @@
+"""[markers] of a map: where markers are on a vehicle, for the log of a capture or a table of their positions."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.quantities import BadInput
+from logs.identification.aerodynamics.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
+from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
+from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, Places, marker_motion
+from logs.identification.kinematics.speeds import CUTOFF
+from logs.identification.results import Array
+from logs.identification.tables.keys import read_section
+from logs.identification.tables.signals import SignalEntry, TimeSection, records_of
+from logs.identification.tables.table import Layout, read_columns
+from logs.reader import Log
+from sim_bridge.vehicles import SimulatedVehicle
+
+EXAMPLE = """\
+# A vehicle's motion from markers: wingbeat identify CAPTURE.mcap markers --map THIS.toml
+# (wingbeat log import makes CAPTURE.mcap of C3D, Vicon Nexus and OptiTrack Motive; its markers are under /mocap/)
+[markers]
+vehicle = "slow_hawk"        # name or file: bodies, hinges, masses; not needed where the log carries its vehicle
+cutoff = 50.0                # Hz; of the low-pass before differentiation
+aero = true                  # the wings' coefficients by inverse dynamics too
+wind = [0.0, 0.0, 0.0]       # m/s; north, east, down
+density = 1.225              # kg/m^3
+
+[markers.places.fuselage]    # m in the body's axes (x forward, y right, z down) from its origin, by the marker's name
+nose = [0.2, 0.0, -0.03]
+shoulder_right = [0.06, 0.08, 0.02]
+shoulder_left = [0.06, -0.08, 0.02]
+[markers.places.right_wing]
+tip_right = [-0.02, 0.6, 0.0]
+rib_right = [0.0, 0.2, 0.0]
+spar_right = [-0.2, 0.25, 0.0]
+[markers.places.left_wing]
+tip_left = [-0.02, -0.6, 0.0]
+rib_left = [0.0, -0.2, 0.0]
+spar_left = [-0.2, -0.25, 0.0]
+[markers.places.rudder]
+tail = [0.0, 0.0, 0.0]
+tail_right = [-0.17, 0.1, 0.0]
+tail_left = [-0.17, -0.1, 0.0]
+
+# Of a table of numbers (CAPTURE.csv) the map says too what its columns are, three to a marker:
+# [time]
+# column = "t"
+# [signals]
+# nose_x = { column = "nose X", unit = "mm" }
+# nose_y = { column = "nose Y", unit = "mm" }
+# nose_z = { column = "nose Z", unit = "mm" }
+# [markers]
+# axes = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]         # rows: north, east, down in the table's axes; here z is up
+"""
+TOPIC = "/mocap/"
+FIELDS = ("north", "east", "down")
+SLIP = 0.1
+"""-; of a frame, by which a stamp may lie beside the even time base"""
+NED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+Row = tuple[float, float, float]
+
+
+class MarkersSection(NamedTuple):
+    """Section [markers]."""
+
+    places: dict[str, dict[str, Row]]
+    """m; by body and marker"""
+    vehicle: str | None = None
+    axes: tuple[Row, Row, Row] = NED
+    """-; rows: north, east, down in a table's axes"""
+    cutoff: float = CUTOFF
+    """Hz"""
+    aero: bool = False
+    wind: Row = (0.0, 0.0, 0.0)
+    """m/s; NED"""
+    density: float = 1.225
+    """kg/m^3"""
+
+    def names(self) -> list[str]:
+        """Markers of all bodies."""
+        return [name for markers in self.places.values() for name in markers]
+
+
+class MarkersMap(NamedTuple):
+    """A whole map; all but [markers] are of tables."""
+
+    markers: MarkersSection
+    signals: dict[str, SignalEntry] = {}
+    time: TimeSection = TimeSection()
+    table: Layout = Layout()
+
+
+class MarkersResult(NamedTuple):
+    """What markers tell of a vehicle's motion."""
+
+    vehicle: str
+    motions: tuple[MarkerMotion, ...]
+    """one a record"""
+    notes: tuple[str, ...] = ()
+
+
+def load_markers_map(path: Path) -> MarkersMap:
+    """A map with a section [markers].
+
+    Raises:
+        BadInput: it cannot be read, or a key of it is wrong; the text names the key.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
+        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    try:
+        found: MarkersMap = read_section(MarkersMap, document, "")
+        _check(found.markers)
+    except BadInput as error:
+        raise BadInput(f"map {path}: {error}") from None
+    return found
+
+
+def _check(asked: MarkersSection) -> None:
+    names, axes = asked.names(), np.array(asked.axes)
+    twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
+    if twice is not None:
+        raise BadInput(f"markers.places: {twice} is on two bodies")
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0.0:
+        raise BadInput("markers.axes must be a rotation: rows of unit length at right angles, right-handed")
+    if not asked.density > 0.0:
+        raise BadInput("markers.density must be above 0")
+    if not asked.cutoff > 0.0:
+        raise BadInput("markers.cutoff must be above 0")
+
+
+def cloud_of_log(log: Log, asked: MarkersSection) -> Cloud:
+    """The markers under /mocap/ of a log that `wingbeat log import` made.
+
+    Raises:
+        BadInput: none of the map's markers is there, or their frames are not of one rate.
+    """
+    there = [name for name in asked.names() if TOPIC + name in log.topics]
+    if not there:
+        seen = ", ".join(name.removeprefix(TOPIC) for name in log.topics if name.startswith(TOPIC))
+        raise BadInput(f"{log.path} has none of the map's markers under {TOPIC}; it has: {seen or 'none'}")
+    columns = {name: log.columns(TOPIC + name) for name in there}
+    stamps = np.unique(np.concatenate([np.asarray(one.time, float) for one in columns.values()]))
+    if len(stamps) < 2:
+        raise BadInput(f"{log.path}: its markers were seen in a single frame")
+    step = float(np.median(np.diff(stamps)))
+    time = stamps[0] + step * np.arange(round(float(stamps[-1] - stamps[0]) / step) + 1)
+    tracks = {}
+    for name, one in columns.items():
+        at = (np.asarray(one.time, float) - stamps[0]) / step
+        if np.max(np.abs(at - np.rint(at))) > SLIP + 1e-6 * len(time):
+            raise BadInput(f"{log.path}: {TOPIC}{name} has frames between those of {1.0 / step:.4g} Hz")
+        tracks[name] = np.full((len(time), 3), np.nan)
+        tracks[name][np.rint(at).astype(int)] = np.column_stack([np.asarray(one[field], float) for field in FIELDS])
+    return Cloud(log.path.name, time, tracks)
+
+
+def clouds_of_tables(paths: Sequence[Path], chosen: MarkersMap) -> tuple[tuple[Cloud, ...], tuple[str, ...]]:
+    """The markers of tables, a cloud for every record, and what was done to make their time even.
+
+    Raises:
+        BadInput: a marker has no three signals NAME_x, NAME_y, NAME_z in m, or a table cannot be read.
+    """
+    if not chosen.signals:
+        raise BadInput("the map has no [signals] that say which columns of the table are the markers'")
+    chosen.time.check()
+    asked, notes, clouds = chosen.markers, [], []
+    there = [name for name in asked.names() if any(f"{name}_{axis}" in chosen.signals for axis in "xyz")]
+    for name in [f"{marker}_{axis}" for marker in there for axis in "xyz"]:
+        if name not in chosen.signals or chosen.signals[name].unit != "m":
+            raise BadInput(f"signals.{name} must be there, in a unit of length")
+    if not there:
+        raise BadInput("no marker of markers.places has signals NAME_x, NAME_y and NAME_z")
+    for path in paths:
+        records, told = records_of(read_columns(path, chosen.table), chosen.signals, chosen.time, None)
+        notes += told
+        for number, record in enumerate(records, 1):
+            name = record.file if len(records) == 1 else f"record {number} of {record.file}"
+            clouds.append(Cloud(name, record.time, {one: _track(record.signals, one, asked) for one in there}))
+    return tuple(clouds), tuple(notes)
+
+
+def _track(signals: dict[str, Array], name: str, asked: MarkersSection) -> Array:
+    told = np.column_stack([signals[f"{name}_{axis}"] for axis in "xyz"])
+    told[~np.isfinite(told).all(axis=1)] = np.nan
+    return np.asarray(told @ np.array(asked.axes).T)
+
+
+def identify_markers(
+    vehicle: SimulatedVehicle, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...] = ()
+) -> MarkersResult:
+    """Coordinates and speeds of every record.
+
+    Raises:
+        BadInput: as of `marker_motion`.
+    """
+    places: Places = asked.places
+    return MarkersResult(
+        vehicle.name, tuple(marker_motion(vehicle, places, cloud, asked.cutoff) for cloud in clouds), notes
+    )
+
+
+def wings_by_markers(vehicle: SimulatedVehicle, asked: MarkersSection, found: MarkersResult) -> AeroResult:
+    """The wings' coefficients (Grauer Eq. 13 to 19) by the motion that the markers tell.
+
+    Raises:
+        BadInput: no stretch of the speeds is long enough, or the wings do not move through the air.
+    """
+    notes: tuple[str, ...] = ("motion: by markers",)
+    if vehicle.wing.twists:
+        notes += ("twist of the wings: not measured, counted as at rest",)
+    told, lost = [], []
+    for motion in found.motions:
+        for piece in motion.speeds:
+            name = f"{motion.name}, {piece.time[0]:.2f} s to {piece.time[-1]:.2f} s"
+            moved = moved_by_speeds(vehicle, piece, asked.wind)
+            try:
+                told.append(
+                    coefficients(vehicle, WingMotion(name, piece.time, moved, asked.density, notes), LOW_PASS)
+                )
+            except BadInput as error:
+                lost.append(str(error))
+    if not told:
+        raise BadInput("; ".join(lost) or "the markers tell no speeds")
+    return identify_coefficients(tuple(told))

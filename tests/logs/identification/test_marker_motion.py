@@ -1,0 +1,198 @@
+"""`wingbeat identify CAPTURE markers`: a simulated capture of the Slow Hawk from files to motion and coefficients."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from avionics.quantities import BadInput
+from groundstation.command import identify
+from groundstation.command.main import main
+from logs.identification.kinematics.markers import rotations
+from logs.identification.kinematics.skeleton import skeleton
+from logs.identification.kinematics.speeds import Speeds
+from logs.identification.tables.markers import (
+    EXAMPLE,
+    clouds_of_tables,
+    identify_markers,
+    load_markers_map,
+)
+from tests.logs.identification import flown_slow_hawk as hawk
+
+NOISE = 0.0013
+FRAMES = 600
+PLACES: dict[str, dict[str, list[float]]] = tomllib.loads(EXAMPLE)["markers"]["places"]
+NAMES = [name for markers in PLACES.values() for name in markers]
+SECTION = EXAMPLE.partition("# Of a table")[0]
+UP = (1.0, -1.0, -1.0)
+"""forward, left and up, as a laboratory counts, from north, east and down"""
+Capture = dict[str, NDArray[np.float64]]
+
+
+def capture(frames: int = FRAMES) -> Capture:
+    """Positions (N, 3) in mm by marker; one wing tip is lost for 30 frames."""
+    flown = hawk.fly(3.0, 1).cut(0, frames)
+    seen = hawk.seen(flown, NOISE, 6)
+    tracks = {
+        name: 1e3 * seen[body][place] * UP for body, markers in PLACES.items() for place, name in enumerate(markers)
+    }
+    tracks["tip_right"][100:130] = np.nan
+    return tracks
+
+
+def cells(tracks: Capture, frame: int) -> str:
+    return ",".join(f"{v:.4f}" if np.isfinite(v) else "" for name in NAMES for v in tracks[name][frame])
+
+
+def table(folder: Path, tracks: Capture) -> Path:
+    """A plain table and its map."""
+    head = "t," + ",".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
+    rows = [f"{hawk.STEP * n:.4f},{cells(tracks, n)}" for n in range(len(tracks["nose"]))]
+    (folder / "take.csv").write_text("\n".join([head, *rows]) + "\n")
+    signals = [f'{n}_{a.lower()} = {{ column = "{n} {a}", unit = "mm" }}' for n in NAMES for a in "XYZ"]
+    axes = "axes = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]"
+    (folder / "take.toml").write_text(
+        "\n".join(
+            ['[time]\ncolumn = "t"\n[signals]', *signals, SECTION.replace("[markers]", f"[markers]\n{axes}", 1)]
+        )
+    )
+    return folder / "take.csv"
+
+
+def nexus(folder: Path, tracks: Capture) -> Path:
+    """The same as Vicon Nexus exports it, imported as a log."""
+    lines = ["Trajectories", "500", ",," + ",".join(f"{name},," for name in NAMES)]
+    lines += ["Frame,Sub Frame," + ",".join("X,Y,Z" for _ in NAMES), ",," + ",".join("mm,mm,mm" for _ in NAMES)]
+    lines += [f"{n + 1},0,{cells(tracks, n)}" for n in range(len(tracks["nose"]))]
+    (folder / "nexus.csv").write_text("\n".join(lines) + "\n")
+    assert main(["log", "import", str(folder / "nexus.csv"), "--to", str(folder / "capture.mcap")]) == 0
+    (folder / "places.toml").write_text(SECTION)
+    return folder / "capture.mcap"
+
+
+def test_coordinates_of_a_table_are_those_flown_within_their_errors(tmp_path: Path) -> None:
+    path = table(tmp_path, capture())
+    mapped = load_markers_map(path.with_suffix(".toml"))
+    clouds, _ = clouds_of_tables([path], mapped)
+    (motion,) = identify_markers(hawk.vehicle(), mapped.markers, clouds).motions
+    assert motion.noise.contains(NOISE) and motion.noise.value == pytest.approx(NOISE, rel=0.05)
+    flown = hawk.fly(3.0, 1).cut(0, FRAMES)
+    told = (motion.coordinates.angles - flown.states[:, 13:17]) / motion.errors[:, 6:]
+    assert motion.told.all()
+    assert np.std(told, axis=0) == pytest.approx(1.0, abs=0.15)
+    lost = motion.errors[100:130, 6].mean()
+    # The rest of the wing's markers tell its angle half as well, beside the fuselage's roll, the larger of the two.
+    assert lost > 1.1 * motion.errors[130:, 6].mean()
+    (speeds,) = motion.speeds
+    # What noise makes of a speed at 50 Hz grows with the cut-off to the power 1.5.
+    assert np.std((speeds.speeds - hawk.moved(flown).speeds)[30:-30, 2]) < 0.1
+
+
+def off(speeds: Speeds, body: str) -> tuple[float, float]:
+    """Root mean square errors in m and rad per axis of a body by the smoothed coordinates, ends left out."""
+    index, inside = hawk.marked()[body][0], slice(30, -30)
+    bones, base = skeleton(hawk.mechanism().tree, speeds.angles), rotations(speeds.quaternion)
+    position, rotation = hawk.true_poses(hawk.fly(3.0, 1).cut(0, FRAMES), body)
+    away = speeds.position_ned + np.einsum("nij,nj->ni", base, bones.place[index]) - position
+    turn = np.einsum("nji,njk->nik", rotation, base @ bones.rotation[index])
+    turns = 0.5 * np.stack([turn[:, i, j] - turn[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1)
+    at, about = (float(np.sqrt(np.mean(np.square(values[inside])))) for values in (away, turns))
+    return at, about
+
+
+def test_bodies_are_found_as_well_as_the_paper_found_them(tmp_path: Path) -> None:
+    path = table(tmp_path, capture())
+    mapped = load_markers_map(path.with_suffix(".toml"))
+    (motion,) = identify_markers(hawk.vehicle(), mapped.markers, clouds_of_tables([path], mapped)[0]).motions
+    found = {body: off(motion.speeds[0], body) for body in hawk.MARKERS}
+    assert max(at for at, _ in found.values()) < 0.001
+    assert max(about for _, about in found.values()) < 0.0045
+
+
+def test_an_imported_capture_gives_motion_and_coefficients(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = nexus(tmp_path, capture())
+    capsys.readouterr()
+    words = [str(path), "markers", "--map", str(tmp_path / "places.toml"), "--report", str(tmp_path / "r.html")]
+    assert identify.run([*words, "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    (record,) = found["markers"]["records"]
+    assert record["frames"] == record["told"] == FRAMES and found["markers"]["vehicle"] == "slow_hawk"
+    tracks = {one["name"]: one for one in record["coordinates"]}
+    flown = hawk.fly(3.0, 1).cut(0, FRAMES)
+    down = np.array(tracks["down"]["values"]) - flown.states[:, 2]
+    assert np.std(down) < 0.001
+    assert np.median(tracks["left_wing"]["standard_errors"]) < 0.01
+    assert len(record["speeds"][0]["values"]) == FRAMES
+    told = {one["name"]: one for model in found["aero"]["models"] for one in model["estimates"]}
+    assert told["C_m_omega_y"]["value"] == pytest.approx(hawk.TRUTH["C_m"]["omega_y"], rel=0.1)
+    assert told["C_L_theta_11_rate"]["value"] == pytest.approx(hawk.TRUTH["C_L"]["theta_11_rate"], rel=0.1)
+    page = (tmp_path / "r.html").read_text()
+    assert "Motion by markers" in page and "capture.mcap" in page and "Wing coefficients" in page
+
+
+def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tracks = capture()
+    for name in PLACES["left_wing"]:
+        tracks[name][300:330] = np.nan
+    path = table(tmp_path, tracks)
+    assert identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))]) == 0
+    out = capsys.readouterr().out
+    assert "take.csv: 570 of 600 frames told, 500 Hz" in out
+    assert "in 2 records without a gap" in out
+    assert "markers left wing: -0." in out and "standard error" in out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("places.rudder]", "places.ruder]", "slow_hawk has no such body; it has: fuselage"),
+        ("places.fuselage]", "places.elevator]", "the base has no markers"),
+        ("nose = ", "tail_left = ", "tail_left is on two bodies"),
+        ("nose = ", "beak = ", "the base|markers tell|three"),
+        ("cutoff = 50.0", "cutof = 50.0", "unknown key markers.cutof"),
+        ('vehicle = "slow_hawk"', "", "which vehicle's bodies are the markers on"),
+        ("[markers]", "[markers]\naxes = [[1,0,0],[0,1,0],[0,0,-1]]", "markers.axes must be a rotation"),
+        ('nose_x = { column = "nose X", unit = "mm" }', "", "signals.nose_x must be there, in a unit of length"),
+    ],
+)
+def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+    path = table(tmp_path, capture(100))
+    mapping = path.with_suffix(".toml")
+    text = mapping.read_text()
+    if "axes" in new:
+        text = "\n".join(line for line in text.splitlines() if not line.startswith("axes"))
+    assert old in text
+    mapping.write_text(text.replace(old, new, 1))
+    with pytest.raises(BadInput, match=told) as refused:
+        identify.run([str(path), "markers", "--map", str(mapping)])
+    assert "\n" not in str(refused.value)
+
+
+def test_markers_without_a_map_or_in_a_log_without_them_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(BadInput, match="markers needs --map"):
+        identify.run(["capture.mcap", "markers"])
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(EXAMPLE)
+    with pytest.raises(BadInput, match="is read by wingbeat identify FILE --map MAP"):
+        identify.run(["take.csv", "--map", str(mapping)])
+    assert identify.run(["--map-example", "markers"]) == 0
+    assert capsys.readouterr().out == EXAMPLE
+    path = nexus(tmp_path, capture(100))
+    places = "".join(f"[markers.places.{body}]\nother_{body} = [0, 0, 0]\n" for body in PLACES)
+    (tmp_path / "places.toml").write_text(f'[markers]\nvehicle = "slow_hawk"\n{places}')
+    with pytest.raises(BadInput, match=r"none of the map's markers under /mocap/; it has: .*nose"):
+        identify.run([str(path), "markers", "--map", str(tmp_path / "places.toml")])
+    with pytest.raises(BadInput, match="markers takes --map"):
+        identify.run([str(path), "markers", "--map", "m.toml", "--model", "a.toml"])
