@@ -94,8 +94,9 @@ def fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
     position = middle - np.einsum("nij,nj->ni", rotation, own_middle)
     known = (seen.sum(axis=1) >= LEAST_MARKERS) & (sizes[:, 1] > FLAT**2)
     position[~known] = np.nan
-    quaternion = quaternions(rotation)
-    quaternion[~known] = np.nan
+    quaternion = np.full((len(frames), 4), np.nan)
+    # Signs go on from the last frame that was seen: one between has no attitude to be near to.
+    quaternion[known] = quaternions(rotation[known])
     return position, quaternion
 
 

@@ -112,6 +112,21 @@ def test_speeds_and_rates_are_the_derivatives_of_the_motion() -> None:
     assert np.std((speeds.rates - truth.rates)[inside, 4]) < 0.1 * np.std(truth.rates[:, 4])
 
 
+def test_a_turn_through_south_while_nothing_is_seen_makes_no_leap() -> None:
+    flown = hawk.fly(3.0, 1).cut(0, 300)
+    heading = np.pi + 0.6 * flown.time - 0.18
+    turn = np.zeros((300, 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(heading)
+    turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(heading), -np.sin(heading), 1.0
+    clouds = {body: np.einsum("nij,mnj->mni", turn, seen) for body, seen in hawk.seen(flown, 1e-6, 9).items()}
+    for cloud in clouds.values():
+        cloud[:, 146:154] = np.nan
+    speeds = generalized_speeds(flown.time, fit_coordinates(hawk.mechanism(), hawk.marked(), clouds)).speeds
+    pitch_rate = hawk.moved(flown).speeds[:, 4]
+    assert np.abs(speeds[30:-30, 5] - 0.6).max() < 0.2
+    assert np.abs(speeds[:, 4] - pitch_rate)[30:-30].max() < 0.2
+
+
 def test_what_the_markers_cannot_tell_is_refused() -> None:
     line = MarkedBody("wing", np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.6, 0.0)]))
     with pytest.raises(BadInput, match="one line"):
