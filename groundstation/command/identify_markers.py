@@ -52,16 +52,16 @@ def identified_by_markers(
     if chosen.report is None:
         return found, []
     with ProgressBar("writing the report"):
-        write_report(chosen.report, _subject(files, vehicle, clouds), found)
+        write_report(chosen.report, _subject(files, found, clouds), found)
     return found, [f"written {chosen.report}"]
 
 
 def _captured(
     files: Sequence[Path], tables: bool, mapped: MarkersMap, vehicle: str | None
-) -> tuple[SimulatedVehicle, tuple[Cloud, ...], tuple[str, ...]]:
-    """The vehicle's bodies and the markers of all files."""
+) -> tuple[SimulatedVehicle | None, tuple[Cloud, ...], tuple[str, ...]]:
+    """The vehicle's bodies, None of a single rigid body, and the markers of all files."""
     if tables:
-        bodies = _bodies(vehicle)
+        bodies = _bodies(vehicle, mapped.markers)
         return bodies, *clouds_of_tables(files, mapped)
     found, own = [], None
     for file in files:
@@ -70,20 +70,24 @@ def _captured(
             own = own or simulated_vehicle(log)
     if own is not None and vehicle is not None:
         raise BadInput(f"{files[0]} carries the file of its vehicle: leave markers.vehicle and --vehicle out")
-    return own or _bodies(vehicle), tuple(found), ()
+    return own or _bodies(vehicle, mapped.markers), tuple(found), ()
 
 
-def _bodies(vehicle: str | None) -> SimulatedVehicle:
-    if vehicle is None:
+def _bodies(vehicle: str | None, asked: MarkersSection) -> SimulatedVehicle | None:
+    if vehicle is not None:
+        return load_bodies(options.vehicle_files(vehicle)[0])
+    if len(asked.places) != 1:
         raise BadInput("which vehicle's bodies are the markers on? (markers.vehicle of the map, or --vehicle)")
-    return load_bodies(options.vehicle_files(vehicle)[0])
+    if asked.aero:
+        raise BadInput("which vehicle's wings are the coefficients of? (markers.vehicle of the map, or --vehicle)")
+    return None
 
 
 def _identified(
-    vehicle: SimulatedVehicle, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...]
+    vehicle: SimulatedVehicle | None, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...]
 ) -> Identification:
     found = identify_markers(vehicle, asked, clouds, notes)
-    if not asked.aero:
+    if vehicle is None or not asked.aero:
         return Identification(markers=found)
     try:
         return Identification(markers=found, aero=wings_by_markers(vehicle, asked, found))
@@ -91,8 +95,9 @@ def _identified(
         return Identification(markers=found, missing=(Unidentified("wing coefficients", str(error)),))
 
 
-def _subject(files: Sequence[Path], vehicle: SimulatedVehicle, clouds: Sequence[Cloud]) -> Subject:
+def _subject(files: Sequence[Path], found: Identification, clouds: Sequence[Cloud]) -> Subject:
     length = sum(float(cloud.time[-1] - cloud.time[0]) for cloud in clouds)
-    facts = (("vehicle", vehicle.name), ("length", f"{length:.1f} s"))
+    name = found.markers.vehicle if found.markers is not None else ""
     (first, *more) = [(file.name, sha256(file)) for file in files]
-    return Subject(f"{vehicle.name}: motion by markers", *first, facts, tuple(more))
+    facts = (("vehicle", name), ("length", f"{length:.1f} s"))
+    return Subject(f"{name}: motion by markers", *first, facts, tuple(more))

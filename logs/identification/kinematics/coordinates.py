@@ -111,6 +111,22 @@ def fit_coordinates(
     return _coordinates(names, state, off, normal, told, 1.0 - float(np.isfinite(off[..., 0]).sum() / seen.sum()))
 
 
+def body_coordinates(body: MarkedBody, positions: Array) -> Coordinates:
+    """Coordinates of one rigid body without joints, from ``positions`` (m, N, 3) m of its markers in NED.
+
+    Raises:
+        BadInput: as of `body_poses`.
+    """
+    poses = body_poses(body, positions)
+    own = np.tile(np.eye(6), (len(poses.position), 1, 1))
+    own[:, :3, :3] = rotations(poses.quaternion).swapaxes(1, 2)
+    covariance = own @ poses.covariance @ own.swapaxes(1, 2)
+    seen = np.isfinite(positions).all(axis=2)
+    angles = np.zeros((len(poses.position), 0))
+    unused = 1.0 - float(poses.used.sum() / seen.sum())
+    return Coordinates((), poses.position, poses.quaternion, angles, covariance, poses.noise, unused)
+
+
 def _coordinates(
     names: tuple[str, ...], state: _State, off: Array, normal: Array, told: NDArray[np.bool_], unused: float
 ) -> Coordinates:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput, counted
-from logs.identification.kinematics.coordinates import Coordinates, fit_coordinates
+from logs.identification.kinematics.coordinates import Coordinates, body_coordinates, fit_coordinates
+from logs.identification.kinematics.markers import MarkedBody
 from logs.identification.kinematics.speeds import CUTOFF, LONGEST_GAP, Speeds, generalized_speeds
 from logs.identification.results import Array, Estimate, estimate
 from sim_bridge.mechanism import build_mechanism
@@ -63,24 +64,24 @@ class MarkerMotion(NamedTuple):
         return np.asarray(np.sqrt(np.diagonal(self.coordinates.covariance, axis1=1, axis2=2)))
 
 
-def marker_motion(vehicle: SimulatedVehicle, places: Places, cloud: Cloud, cutoff: float = CUTOFF) -> MarkerMotion:
+def marker_motion(
+    vehicle: SimulatedVehicle | None, places: Places, cloud: Cloud, cutoff: float = CUTOFF
+) -> MarkerMotion:
     """Coordinates of ``vehicle`` and their speeds, low-passed at ``cutoff`` Hz, from the markers at ``places``.
+
+    Without a vehicle ``places`` are those of one rigid body without joints.
 
     Raises:
         BadInput: a body that the vehicle does not have, a base without three markers, markers that do not tell the
-            coordinates, or too few frames.
+            coordinates, too few frames, or no vehicle to tell how several bodies hang together.
     """
-    tree = [body.name for body in vehicle_bodies(vehicle)[1]]
-    unknown = next((name for name in places if name not in tree), None)
-    if unknown is not None:
-        raise BadInput(f"markers.places.{unknown}: {vehicle.name} has no such body; it has: {', '.join(tree)}")
-    marked = {body: (tree.index(body), np.array(list(markers.values()))) for body, markers in places.items()}
     nowhere = np.full((len(cloud.time), 3), np.nan)
     positions = {
         body: np.stack([cloud.tracks.get(name, nowhere) for name in markers]) for body, markers in places.items()
     }
+    at = {body: np.array(list(markers.values())) for body, markers in places.items()}
     try:
-        found = fit_coordinates(build_mechanism(vehicle), marked, positions)
+        found = _rigid(at, positions) if vehicle is None else _jointed(vehicle, at, positions)
     except BadInput as error:
         raise BadInput(f"{cloud.name}: {error}") from None
     step = float(np.mean(np.diff(cloud.time)))
@@ -88,13 +89,33 @@ def marker_motion(vehicle: SimulatedVehicle, places: Places, cloud: Cloud, cutof
         generalized_speeds(cloud.time[part], _part(found, part), min(cutoff, HIGHEST / step))
         for part in _stretches(cloud.time, found)
     )
+    names = [name for markers in places.values() for name in markers]
+    never = [name for name in names if not np.isfinite(cloud.tracks.get(name, nowhere)).all(axis=1).any()]
+    return MarkerMotion(cloud.name, cloud.time, found, pieces, _noise(found, positions), tuple(never))
+
+
+def _rigid(places: dict[str, Array], positions: dict[str, Array]) -> Coordinates:
+    if len(places) != 1:
+        raise BadInput(f"{' and '.join(places)} need a vehicle that tells how they hang together")
+    ((name, at),) = places.items()
+    return body_coordinates(MarkedBody(name, at), positions[name])
+
+
+def _jointed(vehicle: SimulatedVehicle, places: dict[str, Array], positions: dict[str, Array]) -> Coordinates:
+    tree = [body.name for body in vehicle_bodies(vehicle)[1]]
+    unknown = next((name for name in places if name not in tree), None)
+    if unknown is not None:
+        raise BadInput(f"markers.places.{unknown}: {vehicle.name} has no such body; it has: {', '.join(tree)}")
+    marked = {body: (tree.index(body), at) for body, at in places.items()}
+    return fit_coordinates(build_mechanism(vehicle), marked, positions)
+
+
+def _noise(found: Coordinates, positions: dict[str, Array]) -> Estimate:
+    """Of a marker; every frame's coordinates are fitted to what was seen in it."""
     seen = sum(int(np.isfinite(each).all(axis=2).sum()) for each in positions.values())
     told = int(np.isfinite(found.position_ned[:, 0]).sum())
     degrees = max(3.0 * seen * (1.0 - found.unused) - told * (6 + len(found.names)), 1.0)
-    noise = estimate("marker_noise", "m", found.noise, found.noise / np.sqrt(2.0 * degrees), degrees)
-    names = [name for markers in places.values() for name in markers]
-    never = [name for name in names if not np.isfinite(cloud.tracks.get(name, nowhere)).all(axis=1).any()]
-    return MarkerMotion(cloud.name, cloud.time, found, pieces, noise, tuple(never))
+    return estimate("marker_noise", "m", found.noise, found.noise / np.sqrt(2.0 * degrees), degrees)
 
 
 def _part(found: Coordinates, part: slice) -> Coordinates:

@@ -25,7 +25,7 @@ EXAMPLE = """\
 # A vehicle's motion from markers: wingbeat identify CAPTURE.mcap markers --map THIS.toml
 # (wingbeat log import makes CAPTURE.mcap of C3D, Vicon Nexus and OptiTrack Motive; its markers are under /mocap/)
 [markers]
-vehicle = "slow_hawk"        # name or file: bodies, hinges, masses; not needed where the log carries its vehicle
+vehicle = "slow_hawk"        # name or file: bodies, hinges, masses; not for one rigid body, or a log that carries it
 cutoff = 50.0                # Hz; of the low-pass before differentiation
 aero = true                  # the wings' coefficients by inverse dynamics too
 wind = [0.0, 0.0, 0.0]       # m/s; north, east, down
@@ -100,6 +100,7 @@ class MarkersResult(NamedTuple):
     """What markers tell of a vehicle's motion."""
 
     vehicle: str
+    """-; its name, or that of a single rigid body"""
     motions: tuple[MarkerMotion, ...]
     """one a record"""
     notes: tuple[str, ...] = ()
@@ -196,17 +197,16 @@ def _track(signals: dict[str, Array], name: str, asked: MarkersSection) -> Array
 
 
 def identify_markers(
-    vehicle: SimulatedVehicle, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...] = ()
+    vehicle: SimulatedVehicle | None, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...] = ()
 ) -> MarkersResult:
-    """Coordinates and speeds of every record.
+    """Coordinates and speeds of every record; without a vehicle of the one rigid body that has markers.
 
     Raises:
         BadInput: as of `marker_motion`.
     """
     places: Places = asked.places
-    return MarkersResult(
-        vehicle.name, tuple(marker_motion(vehicle, places, cloud, asked.cutoff) for cloud in clouds), notes
-    )
+    name = vehicle.name if vehicle is not None else next(iter(places))
+    return MarkersResult(name, tuple(marker_motion(vehicle, places, cloud, asked.cutoff) for cloud in clouds), notes)
 
 
 def wings_by_markers(vehicle: SimulatedVehicle, asked: MarkersSection, found: MarkersResult) -> AeroResult:
