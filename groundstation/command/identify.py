@@ -72,8 +72,8 @@ JSON_KEYS = {
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
     "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
-    "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, time s,"
-    " quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of {names, time,"
+    "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, low_pass Hz,"
+    " time s, quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of {names, time,"
     " values, rates}}, notes; aero beside it where the map asks for it",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"

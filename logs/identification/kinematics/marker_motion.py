@@ -7,6 +7,8 @@ vehicle the wings' aerodynamic coefficients (Eq. 13 to 19).
 
 from __future__ import annotations
 
+import math
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +27,10 @@ HIGHEST = 0.4
 """-; of the frame rate, to which the cut-off is lowered"""
 LEAST_FRAMES = 60
 """frames; of a stretch whose speeds are told"""
+FAR = 1.8
+"""-; by which a distance between two markers of a body may differ from the map's, with `SLACK`"""
+SLACK = 0.02
+"""m"""
 Places = dict[str, dict[str, tuple[float, float, float]]]
 """m; of the markers by their names in the axes of the bodies by theirs, from the bodies' origins"""
 
@@ -50,6 +56,8 @@ class MarkerMotion(NamedTuple):
     """of every stretch without long gaps"""
     noise: Estimate
     """m; standard deviation of a marker along each axis"""
+    cutoff: float
+    """Hz; of the low-pass before the speeds, at most 0.4 of the frame rate"""
     never: tuple[str, ...] = ()
     """-; markers that the map has and nobody saw"""
 
@@ -81,17 +89,31 @@ def marker_motion(
     }
     at = {body: np.array(list(markers.values())) for body, markers in places.items()}
     try:
+        _check_distances(places, positions)
         found = _rigid(at, positions) if vehicle is None else _jointed(vehicle, at, positions)
     except BadInput as error:
         raise BadInput(f"{cloud.name}: {error}") from None
-    step = float(np.mean(np.diff(cloud.time)))
-    pieces = tuple(
-        generalized_speeds(cloud.time[part], _part(found, part), min(cutoff, HIGHEST / step))
-        for part in _stretches(cloud.time, found)
-    )
+    used = min(cutoff, HIGHEST / float(np.mean(np.diff(cloud.time))))
+    stretches = _stretches(cloud.time, found)
+    pieces = tuple(generalized_speeds(cloud.time[part], _part(found, part), used) for part in stretches)
     names = [name for markers in places.values() for name in markers]
     never = [name for name in names if not np.isfinite(cloud.tracks.get(name, nowhere)).all(axis=1).any()]
-    return MarkerMotion(cloud.name, cloud.time, found, pieces, _noise(found, positions), tuple(never))
+    return MarkerMotion(cloud.name, cloud.time, found, pieces, _noise(found, positions), used, tuple(never))
+
+
+def _check_distances(places: Places, positions: dict[str, Array]) -> None:
+    """Refuse markers whose distances are not those of the map: another unit, or names exchanged."""
+    for body, markers in places.items():
+        for (one, first), (other, second) in combinations(zip(markers, positions[body], strict=True), 2):
+            apart = np.linalg.norm(first - second, axis=1)
+            if not np.isfinite(apart).any():
+                continue
+            seen, mapped = float(np.nanmedian(apart)), math.dist(markers[one], markers[other])
+            if not mapped / FAR - SLACK < seen < mapped * FAR + SLACK:
+                raise BadInput(
+                    f"{one} and {other} are {seen:.3g} m apart, and {mapped:.3g} m by markers.places.{body}:"
+                    " is the unit another, or are names exchanged?"
+                )
 
 
 def _rigid(places: dict[str, Array], positions: dict[str, Array]) -> Coordinates:
@@ -146,5 +168,6 @@ def said(motion: MarkerMotion) -> tuple[str, ...]:
     lines += [f"{100.0 * unused:.1f} % of the samples seen were left out as wrong"] if unused > 0.0 else []
     lines += [f"never seen: {', '.join(motion.never)}"] if motion.never else []
     seconds = sum(float(one.time[-1] - one.time[0]) for one in motion.speeds)
-    lines.append(f"speeds over {seconds:.2f} s in {counted(len(motion.speeds), 'record')} without a gap")
+    pieces = f"{counted(len(motion.speeds), 'record')} without a gap"
+    lines.append(f"speeds over {seconds:.2f} s in {pieces}, low-passed at {motion.cutoff:.3g} Hz")
     return tuple(lines)

@@ -98,6 +98,7 @@ def _record(motion: MarkerMotion) -> dict[str, Any]:
         "told": int(motion.told.sum()),
         "left_out": motion.coordinates.unused,
         "never_seen": list(motion.never),
+        "low_pass": motion.cutoff,
         "time": _list(motion.time),
         "quaternion": [_list(row) for row in motion.coordinates.quaternion],
         "coordinates": [

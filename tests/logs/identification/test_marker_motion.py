@@ -154,7 +154,7 @@ def test_a_rigid_body_needs_no_vehicle(tmp_path: Path, capsys: pytest.CaptureFix
     error = np.transpose([one["standard_errors"] for one in record["coordinates"][:3]])
     assert record["noise"]["value"] == pytest.approx(NOISE, rel=0.05)
     assert np.std(np.einsum("nji,nj->ni", rotation, away) / error, axis=0) == pytest.approx(1.0, abs=0.1)
-    assert len(record["speeds"][0]["names"]) == 6
+    assert len(record["speeds"][0]["names"]) == 6 and record["low_pass"] == 50.0
     assert "rudder: motion by markers" in (tmp_path / "r.html").read_text()
     path.with_suffix(".toml").write_text(f"{whole}[markers]\naero = true\n{axes}\n[markers.places.rudder]\n{at}")
     with pytest.raises(BadInput, match="which vehicle's wings are the coefficients of"):
@@ -171,7 +171,7 @@ def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
     assert identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))]) == 0
     out = capsys.readouterr().out
     assert "take.csv: 570 of 600 frames told, 500 Hz" in out
-    assert "in 2 records without a gap" in out
+    assert "in 2 records without a gap, low-passed at 50 Hz" in out
     assert "markers left wing: -0." in out and "standard error" in out
 
 
@@ -182,6 +182,7 @@ def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
         ("places.fuselage]", "places.elevator]", "the base has no markers"),
         ("nose = ", "tail_left = ", "tail_left is on two bodies"),
         ("nose = ", "beak = ", "fuselage: fewer than 20 frames in which three of its markers agree"),
+        ("nose = [0.2,", "nose = [0.45,", "are 0.169 m apart, and 0.4.* m by markers.places.fuselage: is the unit"),
         ("cutoff = 50.0", "cutof = 50.0", "unknown key markers.cutof"),
         ('vehicle = "slow_hawk"', "", "which vehicle's bodies are the markers on"),
         ("[markers]", "[markers]\naxes = [[1,0,0],[0,1,0],[0,0,-1]]", "markers.axes must be a rotation"),
