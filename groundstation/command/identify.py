@@ -73,8 +73,8 @@ JSON_KEYS = {
     " records, notes",
     "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
     "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, low_pass Hz,"
-    " time s, quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of {names, time,"
-    " values, rates}}, notes; aero beside it where the map asks for it",
+    " time s, quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of"
+    " {names, time, values, rates}}, notes; aero beside it where the map asks for it",
     "missing": "list of {name, reason}: what the log does not give",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, modes of a lateral model:"

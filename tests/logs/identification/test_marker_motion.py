@@ -118,19 +118,19 @@ def test_bodies_are_found_as_well_as_the_paper_found_them(tmp_path: Path) -> Non
 def test_an_imported_capture_gives_motion_and_coefficients(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = nexus(tmp_path, capture())
+    path = nexus(tmp_path, capture(500))
     capsys.readouterr()
     words = [str(path), "markers", "--map", str(tmp_path / "places.toml"), "--report", str(tmp_path / "r.html")]
     assert identify.run([*words, "--json"]) == 0
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
     (record,) = found["markers"]["records"]
-    assert record["frames"] == record["told"] == FRAMES and found["markers"]["vehicle"] == "slow_hawk"
+    assert record["frames"] == record["told"] == 500 and found["markers"]["vehicle"] == "slow_hawk"
     tracks = {one["name"]: one for one in record["coordinates"]}
-    flown = hawk.fly(3.0, 1).cut(0, FRAMES)
+    flown = hawk.fly(3.0, 1).cut(0, 500)
     down = np.array(tracks["down"]["values"]) - flown.states[:, 2]
     assert np.std(down) < 0.001
     assert np.median(tracks["left_wing"]["standard_errors"]) < 0.01
-    assert len(record["speeds"][0]["values"]) == FRAMES
+    assert len(record["speeds"][0]["values"]) == 500
     told = {one["name"]: one for model in found["aero"]["models"] for one in model["estimates"]}
     assert told["C_m_omega_y"]["value"] == pytest.approx(hawk.TRUTH["C_m"]["omega_y"], rel=0.1)
     assert told["C_L_theta_11_rate"]["value"] == pytest.approx(hawk.TRUTH["C_L"]["theta_11_rate"], rel=0.1)
