@@ -13,12 +13,13 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.accuracy.goodness import Goodness, goodness
 from logs.identification.experiment import Experiment
+from logs.identification.regression.averaging import as_regressed
 from logs.identification.regression.collinearity import DEPENDENT, NOTABLE, Collinearity, collinearity
 from logs.identification.regression.design import INTERCEPT, Design, design_of, parameter_units
 from logs.identification.regression.equation_error import Domain, Equations, Settings, equations
 from logs.identification.regression.frequency_domain import bridged
 from logs.identification.regression.least_squares import Fit, Piece, regress_records
-from logs.identification.regression.terms import evaluate, parse
+from logs.identification.regression.terms import parse
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 
 FOLLOWING = 100.0
@@ -85,7 +86,7 @@ def coefficient_regression(
         BadInput: unknown names, unequal time steps, long runs without data, frequencies that the record cannot hold.
     """
     settings = settings or Settings()
-    design = design_of(experiments, response, regressors, settings.constants, settings.units)
+    design = design_of(experiments, response, regressors, settings.constants, settings.units, settings.averaging)
     lengths = tuple(len(record.used) for record in design.records)
     if domain == "frequency":
         design = bridged(design, settings.longest_gap)
@@ -244,11 +245,11 @@ def predict(result: CoefficientRegression, experiment: Experiment, settings: Set
     """
     if result.failure:
         raise BadInput(f"{result.response}: {result.failure}")
-    constants = (settings or Settings()).constants
+    settings = settings or Settings()
     total = np.zeros(len(experiment.time))
     for name, value in zip(result.names, result.values, strict=True):
         if name == INTERCEPT:
             total += value
         elif " of " not in name:
-            total += value * evaluate(parse(name), experiment, constants)
+            total += value * as_regressed(parse(name), experiment, settings.constants, settings.averaging)
     return total

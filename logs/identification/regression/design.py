@@ -9,7 +9,8 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
-from logs.identification.regression.terms import Term, evaluate, parse, quotient, unit_of
+from logs.identification.regression.averaging import Averaging, as_regressed
+from logs.identification.regression.terms import Term, parse, quotient, unit_of
 from logs.identification.results import Array
 
 INTERCEPT = "intercept"
@@ -65,8 +66,11 @@ def design_of(
     regressors: tuple[str, ...],
     constants: Mapping[str, float],
     units: Mapping[str, str],
+    averaging: Averaging | None = None,
 ) -> Design:
     """``response`` and ``regressors`` (`terms`) of ``experiments``; ``units`` are those of ``constants`` by name.
+
+    What is not yet averaged as ``averaging`` says is.
 
     Raises:
         BadInput: no experiment, time steps that differ, a name that is not there, a regressor named twice.
@@ -78,7 +82,7 @@ def design_of(
     step = common_step(experiments)
     known = {**units, **experiments[0].units}
     target = parse(response)
-    records = tuple(_record(experiment, target, terms, constants) for experiment in experiments)
+    records = tuple(_record(experiment, (target, *terms), constants, averaging) for experiment in experiments)
     return Design(
         response, unit_of(target, known), regressors, tuple(unit_of(t, known) for t in terms), step, records
     )
@@ -120,11 +124,10 @@ def _refuse_twins(terms: tuple[Term, ...]) -> None:
 
 
 def _record(
-    experiment: Experiment, response: Term, terms: tuple[Term, ...], constants: Mapping[str, float]
+    experiment: Experiment, terms: tuple[Term, ...], constants: Mapping[str, float], averaging: Averaging | None
 ) -> Record:
-    target = evaluate(response, experiment, constants)
-    columns = [evaluate(term, experiment, constants) for term in terms]
-    table = np.column_stack((target, *columns))
+    """Of the response, first of the ``terms``, and the regressors."""
+    table = np.column_stack([as_regressed(term, experiment, constants, averaging) for term in terms])
     used = np.all(np.isfinite(table), axis=1)
     table[~used] = 0.0
     return Record(experiment.name, table[:, 1:], table[:, 0], used.astype(np.float64))

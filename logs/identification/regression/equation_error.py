@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
+from logs.identification.regression.averaging import Averaging
 from logs.identification.regression.design import INTERCEPT, Design, Record
 from logs.identification.regression.frequency_domain import checked, default_frequencies, in_band, transform
 from logs.identification.regression.least_squares import Piece
@@ -39,6 +40,8 @@ class Settings(NamedTuple):
     """SI; by name, for regressors such as q*c/2V"""
     units: Mapping[str, str] = MappingProxyType({})
     """SI unit by the constant's name"""
+    averaging: Averaging | None = None
+    """what the columns are averaged with, where some are slopes over several samples"""
 
 
 class Equations(NamedTuple):

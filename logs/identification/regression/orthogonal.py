@@ -68,7 +68,7 @@ def orthogonal_regression(
         BadInput: unknown names, unequal time steps.
     """
     settings = settings or Settings()
-    design = design_of(experiments, response, candidates, settings.constants, settings.units)
+    design = design_of(experiments, response, candidates, settings.constants, settings.units, settings.averaging)
     lengths = tuple(len(record.used) for record in design.records)
     if design.samples < 3 * len(experiments) + 3:
         return _nothing(design, settings, lengths, f"{design.samples} samples with {response} and all candidates")

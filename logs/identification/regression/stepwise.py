@@ -109,7 +109,7 @@ def stepwise_regression(
     """
     rules, settings = rules or Rules(), settings or Settings()
     candidates = tuple(dict.fromkeys((*rules.always, *candidates)))
-    design = design_of(experiments, response, candidates, settings.constants, settings.units)
+    design = design_of(experiments, response, candidates, settings.constants, settings.units, settings.averaging)
     lengths = tuple(len(record.used) for record in design.records)
     least = len(rules.always) + len(experiments) * (2 + (settings.trend or 0)) + 3
     if design.samples < least:

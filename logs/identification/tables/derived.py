@@ -6,21 +6,28 @@ forces and moments) and 5 (as the responses of a regression). Body axes FRD abou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import savgol_coeffs
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.lever_arm import acceleration_at_centre
 from logs.identification.preparing.local_quadratic import NEIGHBOURS, local_quadratic
+from logs.identification.regression.averaging import Averaging, average_of_slope
 from logs.identification.results import Array
 
 COEFFICIENTS = ("C_X", "C_Y", "C_Z", "C_L", "C_D", "C_l", "C_m", "C_n")
 FORCES = ("a_x", "a_y", "a_z")
 SLOPE_SPAN = 0.1
 """s; over which a parabola is laid to differentiate, five samples at the least"""
+SLOPES = {
+    "p_dot": ("p_dot",), "q_dot": ("q_dot",), "r_dot": ("r_dot",), "alpha_dot": ("alpha_dot",),
+    "beta_dot": ("beta_dot",), "C_l": ("p_dot", "r_dot"), "C_m": ("q_dot",), "C_n": ("p_dot", "r_dot"),
+}  # fmt: skip
+"""-; what a signal that is made rests on, of the slopes of others"""
 
 
 class Source(NamedTuple):
@@ -61,12 +68,30 @@ class Source(NamedTuple):
 
 def slope(values: Array, step: float) -> Array:
     """Derivative (N,) by local parabolas, run by run between what was not measured; NaN where a run is too short."""
-    rates, width = np.full(len(values), np.nan), max(NEIGHBOURS, 2 * int(SLOPE_SPAN / step / 2) + 1)
+    rates, width = np.full(len(values), np.nan), _width(step)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isfinite(values), [0]))))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first >= width + 2:
             rates[first:last] = local_quadratic(values[first:last], step, width).rates
     return rates
+
+
+def _width(step: float) -> int:
+    return max(NEIGHBOURS, 2 * int(SLOPE_SPAN / step / 2) + 1)
+
+
+def averaging_of(experiments: Sequence[Experiment], wanted: Collection[str]) -> Averaging | None:
+    """What `slope` averages of those of the ``wanted`` signals that rest on one; None where none does."""
+    first = experiments[0]
+    through = frozenset(
+        name
+        for name in SLOPES.keys() & wanted
+        if name not in first.signals and any(rate not in first.signals for rate in SLOPES[name])
+    )
+    if not through:
+        return None
+    weights = savgol_coeffs(_width(first.step), 2, deriv=1, use="dot")
+    return Averaging(average_of_slope(weights), through)
 
 
 def _rate(of: str) -> Callable[[Source], Array]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.noise_level import noise_beside_steps
+from logs.identification.regression.averaging import as_regressed
+from logs.identification.regression.equation_error import Settings
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array
 
@@ -16,17 +16,24 @@ NOTABLE = 0.01
 LEAST_SAMPLES = 32
 
 
-def shrunk(names: tuple[str, ...], experiments: tuple[Experiment, ...], constants: Mapping[str, float]) -> list[str]:
+def shrunk(names: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings) -> list[str]:
     """A sentence for every regressor whose white noise shrinks its coefficient notably.
 
     Errors in variables (Klein & Morelli, Aircraft System Identification, 2006, sec. 5.1; Fuller, Measurement Error
     Models, 1987, sec. 1.1): least squares gives ``theta (1 - s^2 / v)``, s^2 the noise's variance and v that of
-    what the other regressors do not tell of this one. Other noisy regressors count to first order only.
+    what the other regressors do not tell of this one. Other noisy regressors count to first order only. An average
+    that all columns went through leaves little of the noise.
     """
-    parts = (
-        [np.column_stack([evaluate(parse(n), one, constants) for n in names]) for one in experiments] if names else []
-    )
-    variances = [np.array([noise_beside_steps(column) ** 2 for column in part.T]) for part in parts]
+    terms, constants, averaging = [parse(name) for name in names], settings.constants, settings.averaging
+    parts = [
+        np.column_stack([as_regressed(term, one, constants, averaging) for term in terms])
+        for one in experiments
+        if terms
+    ]
+    left = [float(np.sum(averaging.weights**2)) if averaging else 1.0 for _ in terms]
+    variances = [
+        np.array([noise_beside_steps(evaluate(t, one, constants)) ** 2 for t in terms]) * left for one in experiments
+    ]
     whole = [np.all(np.isfinite(part), axis=1) for part in parts]
     counts = np.array([kept.sum() for kept in whole], dtype=float)
     if not parts or counts.sum() < LEAST_SAMPLES:

@@ -10,15 +10,16 @@ from avionics.quantities import BadInput
 from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.chapter import Chapter, Table
 from logs.identification.experiment import Experiment
+from logs.identification.regression.averaging import as_regressed
 from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
 from logs.identification.regression.design import INTERCEPT
 from logs.identification.regression.equation_error import Domain, Settings
 from logs.identification.regression.orthogonal import Orthogonal, orthogonal_regression
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
-from logs.identification.regression.terms import evaluate, parse
+from logs.identification.regression.terms import parse
 from logs.identification.results import Array, FitSeries, Fitted
 from logs.identification.tables.constants import UNITS
-from logs.identification.tables.derived import MADE, with_made
+from logs.identification.tables.derived import MADE, averaging_of, with_made
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
@@ -39,13 +40,18 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     wanted = {symbol for name in (asked.response, *names) for symbol in parse(name).powers}
     fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
     held = tuple(with_made(one, wanted, constants) for one in found.held_out)
-    settings = Settings(constants=constants, units=UNITS, frequencies=_frequencies(asked, fitted))
+    settings = Settings(
+        constants=constants,
+        units=UNITS,
+        frequencies=_frequencies(asked, fitted),
+        averaging=averaging_of(found.fitted, wanted),
+    )
     if asked.method == "orthogonal":
         return _orthogonal(asked, names, (fitted, held), settings)
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    noisy = shrunk(chosen, fitted, constants) if domain == "time" and not result.failure else []
+    noisy = shrunk(chosen, fitted, settings) if domain == "time" and not result.failure else []
     notes = (*result.notes, *noisy)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 
@@ -92,7 +98,7 @@ def _orthogonal(
         f" {'kept' if one.kept else 'not kept'}"
         for one in found.functions
     )
-    noisy = () if found.failure else tuple(shrunk(found.terms, parts[0], settings.constants))
+    noisy = () if found.failure else tuple(shrunk(found.terms, parts[0], settings))
     model = found.model._replace(notes=(*told, *found.model.notes, *noisy))
     fit = _told(asked, model, *parts, settings)
     return fit._replace(
@@ -149,10 +155,10 @@ def _told(
     series: list[FitSeries] = []
     if not result.failure:
         for one, residual in zip(fitted, result.residuals, strict=True):
-            measured = evaluate(parse(asked.response), one, settings.constants)
+            measured = as_regressed(parse(asked.response), one, settings.constants, settings.averaging)
             series.append(_series(one, result, measured, measured - residual, held_out=False))
         for one in held:
-            measured = evaluate(parse(asked.response), one, settings.constants)
+            measured = as_regressed(parse(asked.response), one, settings.constants, settings.averaging)
             series.append(_series(one, result, measured, predict(result, one, settings), held_out=True))
     equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in result.names)
     correlation = correlation_among(result.estimates, result.names, result.covariance)

@@ -19,6 +19,7 @@ from logs.identification.modes.experiments import modes_of_experiments, modes_of
 from logs.identification.modes.mode import TOO_FAST
 from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
+from logs.identification.regression.equation_error import Settings
 from logs.identification.tables.noisy import shrunk
 from logs.identification.tables.run import identify_tables
 
@@ -124,7 +125,7 @@ def test_a_noisy_regressor_is_told_with_what_it_shrinks() -> None:
     for level, said in ((0.2, True), (0.02, False)):
         q = clean["q"] + level * spread * rng.normal(size=len(TIME))
         one = Experiment("one", TIME, {"q": q, "delta_e": clean["delta_e"]}, {"q": "rad/s", "delta_e": "rad"})
-        lines = shrunk(("q",), (one,), {})
+        lines = shrunk(("q",), (one,), Settings())
         assert bool(lines) is said
         if said:
             share = float(lines[0].split("about ")[1].split(" %")[0])

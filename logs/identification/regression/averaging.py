@@ -1,0 +1,58 @@
+"""A moving average that some columns of a regression went through, given to the others too.
+
+The slope of a measured rate over several samples is the true angular acceleration, averaged. Regressors as measured
+beside it give coefficients that are too small, by what the average takes of a motion, and more where an input jumps;
+regressors that went through the same average give the coefficients themselves (the filtered regression of Young,
+Automatica 17(1), 1981, with a finite filter).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.experiment import Experiment
+from logs.identification.regression.terms import Term, evaluate
+from logs.identification.results import Array
+
+
+class Averaging(NamedTuple):
+    """What the columns of a regression are averaged with."""
+
+    weights: Array
+    """-; (2 h + 1,), of a sample and its h neighbours on both sides; they add up to 1"""
+    through: frozenset[str]
+    """-; signals that went through it before"""
+
+
+def average_of_slope(slope: Array) -> Array:
+    """Weights (2 h + 1,) of the average that a slope with the weights ``slope`` (2 h + 1,) per step takes.
+
+    A sum of differences between neighbours, summed by parts; between two samples a signal is their mean.
+    """
+    between = -np.cumsum(slope)[:-1]
+    return np.asarray(np.convolve(between, (0.5, 0.5)))
+
+
+def averaged(values: Array, weights: Array) -> Array:
+    """The ``values`` (N,) averaged; NaN where a neighbour is or where there is none."""
+    half, found = len(weights) // 2, np.full(len(values), np.nan)
+    if len(values) >= len(weights):
+        found[half : len(values) - half] = np.convolve(values, weights[::-1], mode="valid")
+    return found
+
+
+def as_regressed(
+    term: Term, experiment: Experiment, constants: Mapping[str, float], averaging: Averaging | None
+) -> Array:
+    """A ``term`` (N,) as a regression has it; NaN where it has none.
+
+    Raises:
+        BadInput: it names what is neither a signal nor a constant.
+    """
+    values = evaluate(term, experiment, constants)
+    if averaging is None or averaging.through & term.powers.keys():
+        return values
+    return averaged(values, averaging.weights)
