@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.resampling import filled
 from logs.identification.regression.terms import Term, evaluate
 from logs.identification.results import Array
 
@@ -37,11 +38,14 @@ def average_of_slope(slope: Array) -> Array:
 
 
 def averaged(values: Array, weights: Array) -> Array:
-    """The ``values`` (N,) averaged; NaN where a neighbour is or where there is none."""
+    """The ``values`` (N,) averaged; NaN where they are and where more than h neighbours in a row are missing.
+
+    A straight line bridges fewer.
+    """
     half, found = len(weights) // 2, np.full(len(values), np.nan)
     if len(values) >= len(weights):
-        found[half : len(values) - half] = np.convolve(values, weights[::-1], mode="valid")
-    return found
+        found[half : len(values) - half] = np.convolve(filled(values, half), weights[::-1], mode="valid")
+    return np.where(np.isfinite(values), found, np.nan)
 
 
 def as_regressed(
