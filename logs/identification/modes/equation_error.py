@@ -91,9 +91,11 @@ def _speeds(
     known, as they began. A trend that is wrong is no polynomial any more once it is multiplied with the pitch rate:
     what it leaves is even in the input, cancels over inputs of both signs, and makes the manoeuvres look at odds.
 
-    What shakes in step with the wings is taken out of the speeds before they are multiplied: the derivatives are
-    those of the averaged motion, whose kinematics output error has too. On average the shaking multiplies to a
-    constant, which the bias takes (averaging to first order, see `modulation`); what it does beyond is 0.3 % of w.
+    What shakes in step with the wings is taken out of speeds and pitch rate before they are multiplied: the
+    derivatives are those of the averaged motion, whose kinematics output error has too. On average the shaking
+    multiplies to a constant, which the bias takes (averaging to first order, see `modulation`). Out of the speeds
+    alone was not enough: their changes times a shaking pitch rate were 0.3 % of w, and of a lightly damped aircraft's
+    frequency 0.1 %, as wide as its interval.
     """
     q, pitch = manoeuvre.raw[:, 0], manoeuvre.raw[:, 3]
     step = manoeuvre.time[1] - manoeuvre.time[0]
@@ -101,11 +103,13 @@ def _speeds(
     means = share * reference.u, share * reference.w
     u, w = (np.full(len(q), mean) for mean in means)
     shaking = _shaking(manoeuvre)
+    slow_q = q - shaking @ (shaking.T @ q)
     for _ in range(SPEED_PASSES):
-        slow_u, slow_w = (speed - shaking @ (shaking.T @ speed) for speed in (u, w))
+        changes = (speed - mean - shaking @ (shaking.T @ speed) for speed, mean in zip((u, w), means, strict=True))
+        turned_u, turned_w = (mean * q + change * slow_q for change, mean in zip(changes, means, strict=True))
         rates = (
-            forces[0] - slow_w * q - STANDARD_GRAVITY * np.sin(pitch),
-            forces[1] + slow_u * q + STANDARD_GRAVITY * np.cos(pitch),
+            forces[0] - turned_w - STANDARD_GRAVITY * np.sin(pitch),
+            forces[1] + turned_u + STANDARD_GRAVITY * np.cos(pitch),
         )
         integrated = (_integrate(rate - rate.mean(), step) for rate in rates)
         drifted = [_with_trend(manoeuvre, one, trend) for one, trend in zip(integrated, trends, strict=True)]

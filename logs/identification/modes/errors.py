@@ -15,6 +15,8 @@ from logs.identification.results import Array, Estimate, estimate
 LEAST_CLUSTERS = 5
 """-; records from which on the scatter between them is looked at"""
 WORST_CONDITION = 1e12
+MOST_OF_ALL = 0.999
+"""-; share of what is known of a direction that one record brings, beyond which it is left out of a correction"""
 
 
 class Spread(NamedTuple):
@@ -30,6 +32,8 @@ class Spread(NamedTuple):
     """-; how many `between` is from"""
     alone: bool = False
     """-; `between` counts alone where there is one, else the larger of both"""
+    parts: Array | None = None
+    """(K, p, p); of `between`, what each record brings where all have the same noise; None: as much as any other"""
 
     def standard_errors(self) -> tuple[Array, Array]:
         """Standard errors (p,) and degrees of freedom (p,), of each parameter by the kind that counts.
@@ -42,13 +46,25 @@ class Spread(NamedTuple):
             return np.sqrt(within), np.full(len(within), self.degrees)
         between = np.diag(self.between)
         chosen = (between > within) | self.alone
-        degrees = np.where(chosen, min(self.degrees, self.records - 1.0), self.degrees)
+        degrees = np.where(chosen, np.minimum(self.degrees, self._between_degrees()), self.degrees)
         return np.sqrt(np.where(chosen, between, within)), degrees
+
+    def _between_degrees(self) -> Array:
+        """Of `between`, (p,): the records that count for a parameter, less one; at least one.
+
+        The effective number of clusters of Carter, Schnepel & Steigerwald, Rev. Econ. Stat. 99(4), 2017.
+        """
+        if self.parts is None:
+            return np.full(len(self.covariance), self.records - 1.0)
+        own = np.diagonal(self.parts, axis1=1, axis2=2)
+        shares = own / np.maximum(own.sum(axis=0), 1e-300)
+        return np.asarray(np.maximum(1.0 / np.maximum(np.sum(shares**2, axis=0), 1e-300) - 1.0, 1.0))
 
     def carried(self, gradient: Array) -> Spread:
         """Of what has the ``gradient`` (k, p) with the parameters, to first order."""
         between = None if self.between is None else gradient @ self.between @ gradient.T
-        return self._replace(covariance=gradient @ self.covariance @ gradient.T, between=between)
+        parts = None if self.parts is None else gradient @ self.parts @ gradient.T
+        return self._replace(covariance=gradient @ self.covariance @ gradient.T, between=between, parts=parts)
 
     def part(self, chosen: slice) -> Spread:
         """Of the ``chosen`` parameters alone."""
@@ -83,12 +99,11 @@ def information(sensitivities: list[Array]) -> Array:
 def coloured_spread(
     residuals: list[Array], sensitivities: list[Array], reach: tuple[int, int], nuisances: int
 ) -> Spread:
-    """Cramer-Rao bounds corrected for coloured residuals and for what the ``nuisances`` took out of them.
+    """Cramer-Rao bounds within records, corrected for coloured residuals and for what ``nuisances`` took out of them.
 
     ``residuals`` (N_i, m) and ``sensitivities`` (N_i, m, p) of each record, in standard deviations, nuisances
     projected out. ``reach``, in samples, is how long the moving average was that all went through, 0 for none, and
-    how far the residuals' autocovariance is looked at. With several records the scatter between them, which tells
-    what the model lacks, is found too.
+    how far the residuals' autocovariance is looked at.
     """
     parameters = sensitivities[0].shape[2]
     flat, lags = reach
@@ -99,7 +114,7 @@ def coloured_spread(
     total = sum(piece.size for piece in residuals)
     white = inverse * sum(float(np.sum(piece**2)) for piece in residuals) / max(total - parameters - nuisances, 1)
     covariance = not_below(inverse @ core @ inverse, white) if np.all(np.diag(core) > 0) else white
-    return with_scatter(Spread(covariance, degrees), inverse, scores_of(residuals, sensitivities))
+    return Spread(covariance, degrees)
 
 
 def scores_of(residuals: list[Array], sensitivities: list[Array]) -> list[Array]:
@@ -113,6 +128,35 @@ def with_scatter(within: Spread, inverse: Array, scores: list[Array]) -> Spread:
     if count < LEAST_CLUSTERS:
         return within
     return within._replace(between=scatter_between(inverse, scores), records=count)
+
+
+def by_scatter(within: Spread, residuals: list[Array], sensitivities: list[Array]) -> Spread:
+    """The errors ``within`` records, and by the scatter between them, which then counts alone; where records are few,
+    the former.
+
+    ``residuals`` (N_i, m) and ``sensitivities`` (N_i, m, p) as `coloured_spread` takes them. A fit follows the
+    records that tell most of a parameter: their scores are too small, and are made as large as they were (the
+    bias-reduced sandwich CR2 of Bell & McCaffrey, Survey Methodology 28(2), 2002).
+    """
+    if len(residuals) < LEAST_CLUSTERS:
+        return within
+    own = np.array([information([one]) for one in sensitivities])
+    root = _root_of_inverse(own.sum(axis=0))
+    inverse = root @ root.T
+    between = np.zeros_like(inverse)
+    for share, score in zip(root.T @ own @ root, scores_of(residuals, sensitivities), strict=True):
+        values, vectors = np.linalg.eigh(share)
+        whole = vectors @ (vectors.T @ (root.T @ score) / np.sqrt(1.0 - np.minimum(values, MOST_OF_ALL)))
+        between += np.outer(root @ whole, root @ whole)
+    return within._replace(between=between, records=len(residuals), alone=True, parts=inverse @ own @ inverse)
+
+
+def _root_of_inverse(total: Array) -> Array:
+    """R (p, p) with R R^T the inverse of ``total`` (p, p), also where rounding leaves that not positive."""
+    scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
+    values, vectors = np.linalg.eigh(total / np.outer(scale, scale))
+    root: Array = vectors / np.sqrt(np.maximum(values, values[-1] / WORST_CONDITION)) / scale[:, None]
+    return root
 
 
 def scatter_between(inverse: Array, scores: list[Array]) -> Array:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from logs.identification.modes.errors import coloured_spread, determined
+from logs.identification.modes.errors import coloured_spread, determined, information, scores_of, with_scatter
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
@@ -157,5 +157,7 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
     longest = max(len(ring.outputs) for ring in rings)
     flat = round(records.blur / step)
     lags = int(min(max(longest / 10, 2 * flat), longest / 2)) + 1
-    spread = coloured_spread(fit.residuals, fit.sensitivities, (flat, lags), fit.linear)
+    within = coloured_spread(fit.residuals, fit.sensitivities, (flat, lags), fit.linear)
+    inverse = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
+    spread = with_scatter(within, inverse, scores_of(fit.residuals, fit.sensitivities))
     return paired_mode(METHOD, kinds, fit.values, spread)

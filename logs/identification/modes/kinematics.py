@@ -32,8 +32,13 @@ def second_order(model: Matrices, manoeuvre: Manoeuvre, states: Array, reference
 
 def _anchored(states: Array, manoeuvre: Manoeuvre, reference: Reference) -> Array:
     """``states`` (N, 4) with the means of u, w and the pitch that were measured: a fit with biases of its own tells
-    changes alone."""
-    share = manoeuvre.airspeed / float(np.hypot(reference.u, reference.w)) - 1
+    changes alone.
+
+    What moves across the mean flow makes the mean of the airspeed greater than the airspeed of the mean.
+    """
+    across = (states[:, 1] * reference.u - states[:, 0] * reference.w) / np.hypot(reference.u, reference.w)
+    airspeed = manoeuvre.airspeed - float(np.var(across)) / (2 * manoeuvre.airspeed)
+    share = airspeed / float(np.hypot(reference.u, reference.w)) - 1
     pitch = float(manoeuvre.raw[:, 3].mean()) - reference.pitch
     means = np.array([share * reference.u, share * reference.w, 0.0, pitch])
     moved: Array = states + np.array([1, 1, 0, 1]) * (means - states.mean(axis=0))

@@ -92,14 +92,15 @@ def fly(flight: Flight) -> FlightData:
     outputs = through_air @ model.c.T + np.outer(tail, model.d) - np.outer(_change(gust), _felt_change(flight))
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
     noise = flight.noise * rng.normal(size=(4, count))
+    speed = through_air[:, :2] + (REFERENCE.u, REFERENCE.w)
     return FlightData(
         time,
         outputs[:, 0] + 0.0066 * noise[0] + 0.004,
         outputs[:, 1] + 0.15 * noise[1] + STANDARD_GRAVITY * np.sin(REFERENCE.pitch),
         outputs[:, 2] + 0.15 * noise[2] - STANDARD_GRAVITY * np.cos(REFERENCE.pitch) + 0.05,
         outputs[:, 3] + REFERENCE.pitch,
-        REFERENCE.airspeed + through_air[:, 0] + 0.1 * noise[3],
-        np.full(count, REFERENCE.airspeed * np.sin(REFERENCE.pitch - np.arctan2(REFERENCE.w, REFERENCE.u))),
+        np.hypot(*speed.T) + 0.1 * noise[3],
+        _climb(states),
         command,
         strokes,
         active,
@@ -107,6 +108,13 @@ def fly(flight: Flight) -> FlightData:
         excitation,
         np.zeros(count),
     )  # fmt: skip
+
+
+def _climb(states: Array) -> Array:
+    """Rate (N,) of climb over ground, m/s."""
+    u, w, pitch = states[:, 0] + REFERENCE.u, states[:, 1] + REFERENCE.w, states[:, 3] + REFERENCE.pitch
+    climb: Array = u * np.sin(pitch) - w * np.cos(pitch)
+    return climb
 
 
 def _change(gust: Array) -> Array:

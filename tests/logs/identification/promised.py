@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import repeat
 
 import numpy as np
 
@@ -18,10 +19,16 @@ HEAVY = 0.5
 """-; damping, above which the frequency may be twice as far off"""
 
 
-def covered(found: Iterable[Sequence[Estimate]], truth: Mapping[str, float]) -> dict[str, float]:
-    """Share of the intervals that hold the truth, of each parameter of ``truth`` that was ``found``."""
+Truth = Mapping[str, float]
+
+
+def covered(found: Iterable[Sequence[Estimate]], truths: Truth | Sequence[Truth]) -> dict[str, float]:
+    """Share of the intervals that hold the truth, of each parameter of the ``truths`` that was ``found``.
+
+    They are one for all or one for each of ``found``, where a flight's own condition enters.
+    """
     hits: dict[str, list[bool]] = {}
-    for estimates in found:
+    for estimates, truth in zip(found, repeat(truths) if isinstance(truths, Mapping) else truths, strict=False):
         for one in estimates:
             if one.name in truth:
                 hits.setdefault(one.name, []).append(one.contains(truth[one.name]))
@@ -41,29 +48,33 @@ def missed(study: str, shares: Mapping[str, float]) -> list[str]:
 
 
 def modes_kept(
-    study: str, methods: Iterable[Sequence[Mode]], truth: Mapping[str, float], least_given: float = 0.95
+    study: str, methods: Iterable[Sequence[Mode]], truths: Truth | Sequence[Truth], least_given: float = 0.95
 ) -> None:
     """The promise of each method's short period and derivatives, its medians, and how often it gave a number.
 
-    Every method's figures are told before the first that misses the promise is complained of.
+    The ``truths`` as `covered` takes them. Every method's figures are told before the first that misses the promise
+    is complained of.
     """
-    assert not [line for modes in methods for line in _missed_of(study, modes, truth, least_given)]
+    assert not [line for modes in methods for line in _missed_of(study, modes, truths, least_given)]
 
 
-def _missed_of(study: str, modes: Sequence[Mode], truth: Mapping[str, float], least_given: float) -> list[str]:
-    given = [mode for mode in modes if mode.frequency is not None]
+def _missed_of(study: str, modes: Sequence[Mode], truths: Truth | Sequence[Truth], least_given: float) -> list[str]:
+    each = [truths] * len(modes) if isinstance(truths, Mapping) else truths
+    told = [(mode, truth) for mode, truth in zip(modes, each, strict=True) if mode.frequency is not None]
+    given, true = [mode for mode, _ in told], [truth for _, truth in told]
     what = f"{study}, {modes[0].method} ({len(given)} of {len(modes)} give a number)"
     if not given:
         return [what]
     estimates = [(*pairs(mode), *mode.derivatives) for mode in given]
-    frequency, damping = (truth[name] for name in ("short_period_frequency", "short_period_damping"))
-    errors = np.array([[found.value for found in pairs(mode)] for mode in given]) - (frequency, damping)
+    right = np.array([[truth[f"short_period_{name}"] for name in ("frequency", "damping")] for truth in true])
+    frequency, damping = np.median(right, axis=0)
+    errors = np.array([[found.value for found in pairs(mode)] for mode in given]) - right
     medians = np.median(np.abs(errors), axis=0) / (frequency, 1.0)
     median_errors = f"{what}: median errors {100 * medians[0]:.2f} % and {medians[1]:.4f}"
     print(median_errors)  # noqa: T201
     near = medians[0] <= (0.10 if damping > HEAVY else 0.05) and medians[1] <= max(0.01, 0.15 * damping)
     few = [what] if len(given) < least_given * len(modes) else []
-    return [*few, *([] if near else [median_errors]), *missed(what, covered(estimates, truth))]
+    return [*few, *([] if near else [median_errors]), *missed(what, covered(estimates, true))]
 
 
 def pairs(mode: Mode) -> tuple[Estimate, Estimate]:

@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, TRUTH, Flight, fly, model_of
+from linear_ornithopter import AIRCRAFT, TRUTH, Flight, fly
 from promised import SEEDS, modes_kept
 
 from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.longitudinal import LONGITUDINAL
+from logs.identification.modes.longitudinal import LONGITUDINAL, matrices
 from logs.identification.modes.mode import Mode, short_period_of
 from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes, mode_of
-from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
+from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
 
 PHYSICAL = ("output error", "equation error, frequency domain")
 LIGHT = Flight(truth=TRUTH | {"M_q": -0.5, "Z_w": -1.0}, settle=2.5)
 """so lightly damped that methods without a physical model tell decay from drift"""
 
 
-def flown(flight: Flight) -> dict[str, list[Mode]]:
+class Found(NamedTuple):
     """Of every flight the mode by each method, refusals too."""
-    found = (identify_modes(fly(flight._replace(seed=seed)), AIRCRAFT).modes for seed in SEEDS)
-    return {row[0].method: list(row) for row in zip(*found, strict=True)}
+
+    modes: dict[str, list[Mode]]
+    """by the method's name"""
+    truths: list[dict[str, float]]
+    """of each flight"""
 
 
-def physical(flight: Flight) -> dict[str, list[Mode]]:
-    """The same of the methods with a physical model alone, which takes a quarter of the time."""
+def flown(flight: Flight) -> Found:
+    """By every method."""
+    found = [identify_modes(fly(flight._replace(seed=seed)), AIRCRAFT) for seed in SEEDS]
+    rows = zip(*(one.modes for one in found), strict=True)
+    truths = [truth_of(flight, one.reference) for one in found if one.reference is not None]
+    return Found({row[0].method: list(row) for row in rows}, truths)
+
+
+def physical(flight: Flight) -> Found:
+    """By the methods with a physical model alone, which takes a quarter of the time."""
     found: dict[str, list[Mode]] = {method: [] for method in PHYSICAL}
+    truths = []
     for seed in SEEDS:
         data = fly(flight._replace(seed=seed))
         manoeuvres = find_manoeuvres(data, AIRCRAFT)
@@ -33,11 +48,19 @@ def physical(flight: Flight) -> dict[str, list[Mode]]:
         fits = fit_derivatives(Problem(manoeuvres, reference, AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS))
         for method, fit in zip(PHYSICAL, reversed(fits), strict=True):
             found[method].append(mode_of(method, fit, reference, AIRCRAFT))
-    return found
+        truths.append(truth_of(flight, reference))
+    return Found(found, truths)
 
 
-def truth_of(flight: Flight) -> dict[str, float]:
-    frequency, damping = short_period_of(model_of(flight).a)
+def truth_of(flight: Flight, reference: Reference) -> dict[str, float]:
+    """The derivatives, and the modes that they make at the flight condition about which a flight tells its own.
+
+    Doublets of 0.15 rad move the means: the lightly damped aircraft noses 0.004 rad down and has 0.4 % less damping
+    there, twice its interval.
+    """
+    names = tuple(flight.truth)
+    model = matrices(names, np.array([flight.truth[n] for n in names]), reference, flight.aircraft)
+    frequency, damping = short_period_of(model.a)
     return flight.truth | {"short_period_frequency": frequency, "short_period_damping": damping}
 
 
@@ -48,15 +71,16 @@ def test_what_is_promised_of_a_well_damped_short_period(modulation: float, width
     """Doublets of three widths, by wings whose stroke modulates Z_w, M_w and M_q or does not."""
     flight = Flight(modulation=modulation, width=width)
     study = f"modulation {modulation}, doublets of {width} s"
-    modes_kept(study, physical(flight).values(), truth_of(flight))
+    found = physical(flight)
+    modes_kept(study, found.modes.values(), found.truths)
 
 
 @pytest.mark.validate
 def test_what_is_promised_of_a_lightly_damped_short_period() -> None:
     """Every method that the records allow gives numbers."""
-    methods = flown(LIGHT)
-    del methods["spectrum"]
-    modes_kept("lightly damped", methods.values(), truth_of(LIGHT))
+    found = flown(LIGHT)
+    del found.modes["spectrum"]
+    modes_kept("lightly damped", found.modes.values(), found.truths)
 
 
 @pytest.mark.validate
