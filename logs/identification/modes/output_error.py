@@ -10,6 +10,8 @@ of the scatter between them, which tells what the model lacks too.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from logs.identification.modes.equation_error import NOTHING, DerivativeFit, failed
@@ -243,8 +245,9 @@ def _lack(problem: Problem, wide: Linearised, residuals: list[Array]) -> Array:
     if set(TAIL) & set(problem.names) or not np.all(np.isfinite(step)):
         return NOTHING
     spread = coloured_spread(residuals, wide.sensitivities, _reach(problem), wide.nuisances)
-    error = float(np.sqrt(spread.covariance[-1, -1]))
-    return step[:-1] if abs(step[-1]) > student_factor(spread.degrees, SURE) * error else NOTHING
+    variance = float(spread.covariance[-1, -1])
+    sure = variance > 0.0 and abs(step[-1]) > student_factor(spread.degrees, SURE) * math.sqrt(variance)
+    return step[:-1] if sure else NOTHING
 
 
 def _modulation(problem: Problem, values: Array, deviation: Array) -> list[Array]:
