@@ -26,7 +26,7 @@ LONG = 3600.0
 """s; a long list over a slow link takes as long as it takes: silence ends it, not this"""
 
 
-class VerbParser(options.Parser):
+class VerbParser(options.VerbParser):
     """A verb's parser; the common options may stand behind the verb too."""
 
     def __init__(self, **keywords: Any) -> None:

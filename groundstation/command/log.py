@@ -64,7 +64,12 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "Look into a log, show it as a page, export it, import one of another program, repair it."
     parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="info|view|live|export|import|recover")
+    verbs = parser.add_subparsers(
+        dest="verb",
+        required=True,
+        metavar="info|view|live|export|import|recover",
+        parser_class=options.VerbParser,
+    )
     for verb, text in TEXTS.items():
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument("file", type=Path, metavar="FILE")

@@ -110,6 +110,8 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["fly", "--seed", "1.5"], "1.5 is not a whole number"),
         (["fly", "--gcs", "http://here"], "is not one of udpin:HOST:PORT"),
         (["fly", "--fast"], "unrecognized arguments: --fast"),
+        (["log", "view", "a.mcap", "--fast"], "unrecognized arguments: --fast (see wingbeat log view --help)"),
+        (["gcs", "udpin:0.0.0.0:14550", "status", "--fast"], "--fast (see wingbeat gcs URL status --help)"),
         (["fly", "--aerodynamics", "panels"], 'unknown aerodynamic model "panels"; known: strip_theory, '),
         (["fly", "--aerodynamics", "regression"], "no section [regression]; it has strip_theory, quasi_steady"),
         (["sim", "--vehicle", "no_such_bird"], "no_such_bird"),

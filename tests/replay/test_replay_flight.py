@@ -85,7 +85,11 @@ def test_another_gain_holds_from_a_snapshot_on(flown: Path) -> None:
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [({"pitch.nothing": 1.0}, "unknown parameter"), ({"pitch.proportional": 1e9}, "not in its range")],
+    [
+        ({"pitch.nothing": 1.0}, "the flight computer has no gain 'pitch.nothing'"),
+        ({"pitch.proportionl": 1.0}, r"no gain 'pitch.proportionl' \(meant 'pitch.proportional'\?\)"),
+        ({"pitch.proportional": 1e9}, "not in its range"),
+    ],
 )
 def test_a_gain_that_cannot_be_is_refused(flown: Path, change: dict[str, float], said: str) -> None:
     with open_log(flown) as log, pytest.raises(BadInput, match=said):
