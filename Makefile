@@ -1,7 +1,7 @@
 # Wingbeat on a fresh machine: Python 3.11 or newer, and make.
 #
 #   make fly       fly, record, identify          (make fly ARGS="--vehicle arizona_100cm --seed 7")
-#   make test      every check
+#   make test      every check but the long studies
 #   make bench     how fast it is
 #   make validate  the long studies
 #   make clean     remove the environment and the caches; recordings stay
