@@ -6,10 +6,11 @@ their (different) vehicle files with the same reader.
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -68,6 +69,12 @@ class Schema(NamedTuple):
 def counted(number: float, noun: str) -> str:
     """A number of things, for people: 1 item, 2 items."""
     return f"{number:.12g} {noun}" + ("" if number == 1 else "s")
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """`` (meant 'x'?)``, x being the nearest to ``name`` of what is ``known``; empty where nothing is near."""
+    near = difflib.get_close_matches(name, list(known), 1)
+    return f" (meant {near[0]!r}?)" if near else ""
 
 
 def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) -> VehicleFile:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import difflib
 import math
 import sys
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
@@ -288,8 +287,7 @@ def _example(words: Sequence[str]) -> str:
     """
     subject = words[0] if len(words) == 1 else ALL
     if len(words) > 1 or subject not in MAPS:
-        near = difflib.get_close_matches(words[-1], list(MAPS), 1)
-        guess = f" (meant {near[0]!r}?)" if near else ""
+        guess = meant(words[-1], MAPS)
         raise BadInput(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
     return MAPS[subject]
 

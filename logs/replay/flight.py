@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.autopilot import Autopilot
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from avionics.sensing.plausibility import shifted
 from avionics.state import AutopilotState
 from avionics.topics import Topic
@@ -141,8 +140,7 @@ def changed(gains: FlightGains, changes: Mapping[str, float]) -> FlightGains:
     places = {place_of(parameter): name for name, parameter in table.items()}
     for name, value in changes.items():
         if name not in places and name.upper() not in table:
-            near = difflib.get_close_matches(name, places, 1) or difflib.get_close_matches(name.upper(), table, 1)
-            guess = f" (meant {near[0]!r}?)" if near else ""
+            guess = meant(name, places) or meant(name.upper(), table)
             raise BadInput(f"the flight computer has no gain {name!r}{guess}")
         change = parameters.set_value(gains, table, places.get(name, name.upper()), value)
         if not change.accepted or not math.isclose(change.value, value, rel_tol=1e-6):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import reprlib
+import tomllib
 import types
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 
 LARGEST = 1e30
 """a number beyond it is a slip of the pen, and overflows what is made of it"""
@@ -38,6 +39,22 @@ def read_section(record: type[Any], table: Any, key: str) -> Any:
     return record(**values)
 
 
+def read_document(path: Path) -> dict[str, Any]:
+    """A map's TOML, nothing of it checked yet.
+
+    Raises:
+        BadInput: it cannot be read, or is no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
+    except RecursionError:
+        raise BadInput(f"map {path}: not valid TOML: nested too deep") from None
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+
+
 def check_known(name: str, known: Any, key: str) -> None:
     """Refuse a name that is none of ``known``.
 
@@ -46,9 +63,7 @@ def check_known(name: str, known: Any, key: str) -> None:
     """
     if name in known:
         return
-    near = difflib.get_close_matches(name, list(known), 1)
-    guess = f" (meant {near[0]!r}?)" if near else ""
-    raise BadInput(f"unknown key {key}{guess}; known: {', '.join(known)}")
+    raise BadInput(f"unknown key {key}{meant(name, known)}; known: {', '.join(known)}")
 
 
 def _joined(key: str, name: str) -> str:

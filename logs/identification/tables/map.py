@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -11,7 +10,7 @@ from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
-from logs.identification.tables.keys import check_known, number, read_section
+from logs.identification.tables.keys import check_known, number, read_document, read_section
 from logs.identification.tables.prepare import PrepareSection
 from logs.identification.tables.signals import SignalEntry, TimeSection
 from logs.identification.tables.stands import StandSection
@@ -176,14 +175,7 @@ def load_map(path: Path) -> Map:
     Raises:
         BadInput: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
-    except RecursionError:
-        raise BadInput(f"map {path}: not valid TOML: nested too deep") from None
-    except (tomllib.TOMLDecodeError, ValueError) as error:
-        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    document = read_document(path)
     if "markers" in document:
         raise BadInput(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +14,7 @@ from logs.identification.aerodynamics.structure import AeroResult, identify_coef
 from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, Places, marker_motion
 from logs.identification.kinematics.speeds import CUTOFF
 from logs.identification.results import Array
-from logs.identification.tables.keys import read_section
+from logs.identification.tables.keys import read_document, read_section
 from logs.identification.tables.signals import SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Layout, read_columns
 from logs.reader import Log
@@ -112,12 +111,7 @@ def load_markers_map(path: Path) -> MarkersMap:
     Raises:
         BadInput: it cannot be read, or a key of it is wrong; the text names the key.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    document = read_document(path)
     try:
         found: MarkersMap = read_section(MarkersMap, document, "")
         _check(found.markers)

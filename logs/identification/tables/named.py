@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
-
 import numpy as np
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
 
@@ -18,8 +16,7 @@ def signal(one: Experiment, name: str, unit: str | None, key: str) -> Array:
         BadInput: it is not in [signals], is in another unit, or has no sample.
     """
     if name not in one.signals:
-        near = difflib.get_close_matches(name, list(one.signals), 1)
-        guess = f" (meant {near[0]!r}?)" if near else ""
+        guess = meant(name, one.signals)
         raise BadInput(f"{key} = {name!r} is not in [signals]{guess}; there are: {', '.join(one.signals)}")
     own = one.units.get(name, "-")
     if unit is not None and own != unit:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Collection, Mapping
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.chapter import Chapter, Table
 from logs.identification.experiment import Experiment
@@ -66,8 +65,7 @@ def check_names(asked: Regression, signals: Collection[str], constants: Collecti
     for name in (asked.response, *asked.regressors, *asked.always):
         for symbol in () if name in signals else parse(product_of(name)).powers:
             if symbol not in known:
-                near = difflib.get_close_matches(symbol, known, 1)
-                guess = f" (meant {near[0]!r}?)" if near else ""
+                guess = meant(symbol, known)
                 of = "" if symbol == name else f" of {name!r}"
                 raise BadInput(
                     f"aero.regressions of {asked.response}: {symbol!r}{of} is neither in [signals] nor in"
