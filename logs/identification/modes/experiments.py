@@ -46,4 +46,6 @@ def modes_of_records(records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ..
 def _likely(records: Records) -> tuple[str, ...]:
     slow = any(unit in SLOW_UNITS for unit in records.units)
     fast = any(unit in ("rad/s", "m/s^2") for unit in records.units) or "alpha" in records.names
-    return (PHUGOID,) if slow and not fast else (SHORT_PERIOD,)
+    if slow:
+        return (SHORT_PERIOD, PHUGOID) if fast else (PHUGOID,)
+    return (SHORT_PERIOD,)

@@ -310,6 +310,8 @@ def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation,
         given = table[:, 2:] - table[0, 2:] if asked.inputs else np.zeros((len(table), 1))
         start = np.zeros(2) if asked.inputs else table[0, :2] - table[-len(table) // 5 :, :2].mean(axis=0)
         matrix = b if asked.inputs else np.zeros((2, 1))
-        _, _, states = lsim((a, matrix, np.eye(2), np.zeros_like(matrix)), given, one.time - one.time[0], start)
+        _, _, states = lsim(
+            (a, matrix, np.eye(2), np.zeros_like(matrix)), given, one.step * np.arange(len(given)), start
+        )
         flown.append(np.column_stack((states, table[:, 2:])))
     return flown

@@ -63,7 +63,8 @@ def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode
     try:
         given = [_response(driven, records)] if driven else [periodogram(record) for record in records.pieces]
         fit = _fitted(given)
-        if driven and fit.values[0] * fit.values[1] * _rests(driven) < LEAST_DECAY:
+        span = _rests(driven) if driven else _decaying(records.pieces, given)
+        if fit.values[0] * fit.values[1] * span < LEAST_DECAY:
             raise ValueError("the records end before the motion has died away: their spectra leak")
         spread = _spread(fit)
     except ValueError as error:
@@ -74,6 +75,14 @@ def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode
 def _rests(records: list[Record]) -> float:
     """Seconds from the input's rest to the record's end, of the shortest."""
     return min((len(record.outputs) - record.free_from) * record.step for record in records)
+
+
+def _decaying(records: tuple[Record, ...], given: list[Ordinates]) -> float:
+    """Seconds of the shortest record whose motion decays; infinite where it is random in all of them."""
+    return min(
+        (len(one.outputs) * one.step for one, powers in zip(records, given, strict=True) if powers.decays),
+        default=math.inf,
+    )
 
 
 def periodogram(record: Record) -> Ordinates:

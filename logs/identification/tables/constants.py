@@ -36,6 +36,7 @@ class ConstantsSection(NamedTuple):
     imu_x: Measure | None = None
     imu_y: Measure | None = None
     imu_z: Measure | None = None
+    vane_x: Measure | None = None
     flapping: Measure | None = None
     others: dict[str, float] = {}
     """as the regressors take them; any further numbers that those name"""
@@ -45,7 +46,7 @@ UNITS = {
     "mass": "kg", "weight": "N", "I_x": "kg m^2", "I_y": "kg m^2", "I_z": "kg m^2", "I_xz": "kg m^2", "S": "m^2",
     "c": "m", "b": "m", "rho": "kg/m^3", "altitude": "m", "V": "m/s", "alpha": "rad", "theta": "rad", "phi": "rad",
     "qbar": "Pa", "thrust": "N", "thrust_angle": "rad", "thrust_x": "m", "thrust_z": "m",
-    "imu_x": "m", "imu_y": "m", "imu_z": "m", "flapping": "Hz",
+    "imu_x": "m", "imu_y": "m", "imu_z": "m", "vane_x": "m", "flapping": "Hz",
 }  # fmt: skip
 POSITIVE = ("mass", "weight", "I_x", "I_y", "I_z", "S", "c", "b", "rho", "V", "qbar", "flapping")
 ALTITUDES = (-1000.0, 20000.0)

@@ -17,7 +17,7 @@ from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
-from logs.identification.results import Array, Estimate, FitSeries, Fitted
+from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import DELAY, OutputError
@@ -31,6 +31,10 @@ BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
 """how the optimum is looked for, by the word in the map"""
+OFF = 8.0
+"""-; robust standard deviations of the residuals, from which a sample is no noise; one in 1e15 of normal noise"""
+OVERDRIVEN = 20.0
+"""-; angle of attack or sideslip per angle of the input, from which the input's unit is asked for"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
 JUMP, STILL = 0.2, 0.03
@@ -64,9 +68,13 @@ def output_error_fit(
         fit = output_error(problem, search)
         if fit.status not in ("not converged", "diverged"):
             break
+    fit = _within_sampling(fit, chosen, fitted.experiments)
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
-    doubts = _missing(series), _jumping(asked, found.fitted), _coarse(asked, found.fitted)
+    doubts = (
+        _missing(series), _off(series), _jumping(asked, found.fitted), coarse(_lines(asked), found.fitted),
+        _overdriven(asked, found.fitted),
+    )  # fmt: skip
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
         fit.unidentified, correlation, series,
@@ -95,8 +103,9 @@ def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[s
 
     A command that is held from its sample on acts half a sample later than the line to the next one, and at once.
     """
-    free = [name for name in asked.inputs if name not in asked.hold]
-    names = [name for name in free if any(name in one.signals and jumps(one.signals[name]) for one in experiments)]
+    names = [
+        name for name in _lines(asked) if any(name in one.signals and jumps(one.signals[name]) for one in experiments)
+    ]
     if not names:
         return ()
     one, told = len(names) == 1, ", ".join(f'"{name}"' for name in names)
@@ -107,14 +116,18 @@ def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[s
     )
 
 
-def _coarse(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
+def _lines(asked: OutputError) -> tuple[str, ...]:
+    return tuple(name for name in asked.inputs if name not in asked.hold)
+
+
+def coarse(names: Sequence[str], experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
     """What is said of inputs that move so far from one sample to the next that lines are no course of theirs.
 
     Ramps of one to three samples between 3-2-1-1 levels, at 10 Hz and 2.8 rad/s, left M_q and M_delta 1 to 20 % off,
     outside their intervals, with the delay free or not; the same ramps at 25 Hz a quarter of that.
     """
     told = []
-    for name in (one for one in asked.inputs if one not in asked.hold):
+    for name in names:
         series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
         largest = max((_largest_change(one) for one in series), default=0.0)
         if largest > JUMP and not any(map(jumps, series)):
@@ -126,14 +139,67 @@ def _coarse(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[st
 
 
 def _largest_change(values: Array) -> float:
-    """From one sample of an input (N,) to the next, as a share of its range."""
+    """From one measured sample of an input (N,) to the next one measured, as a share of its range."""
     known = values[np.isfinite(values)]
     span = float(np.ptp(known)) if len(known) > 1 else 0.0
-    return (
-        float(np.max(np.abs(np.diff(values)), initial=0.0, where=np.isfinite(np.diff(values)))) / span
-        if span
-        else 0.0
-    )
+    return float(np.max(np.abs(np.diff(known)))) / span if span else 0.0
+
+
+def _off(series: Sequence[FitSeries]) -> tuple[str, ...]:
+    """What is said of outputs with samples that are no noise: spikes, drop-outs, numbers that stand for nothing."""
+    told = []
+    for one in series:
+        left = one.measured - one.model
+        known = left[np.isfinite(left)]
+        if len(known) < LEAST_RUN:
+            continue
+        deviation = 1.4826 * float(np.median(np.abs(known - np.median(known))))
+        far = np.flatnonzero(np.abs(left - np.median(known)) > OFF * deviation) if deviation else np.zeros(0, int)
+        if len(far):
+            told.append(
+                f"{one.experiment}: {counted(len(far), 'sample')} of {one.output} from {one.time[far[0]]:.6g} s on"
+                f" {'is' if len(far) == 1 else 'are'} off by more than {OFF:.0f} times the usual: spikes, drop-outs?"
+                " missing = [...] leaves them out"
+            )
+    return tuple(told)
+
+
+def _overdriven(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
+    """What is said of inputs so small beside the flow angles that they may be in rad, where the map says deg."""
+    told = []
+    for one in experiments:
+        reach = {name: _reach(one.signals.get(name, np.zeros(0))) for name in (*asked.inputs, "alpha", "beta")}
+        for name in asked.inputs:
+            moved = max(reach[angle] for angle in ("alpha", "beta") if angle != name)
+            if one.units.get(name) == "rad" and 0 < OVERDRIVEN * reach[name] < moved:
+                told.append(
+                    f"{one.name}: a flow angle moves {moved / reach[name]:.0f} times as far as {name}:"
+                    f" is {name} in rad, not in deg?"
+                )
+    return tuple(told)
+
+
+def _reach(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) else 0.0
+
+
+def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ...]) -> Fit:
+    """The fit, or none where the motion that it found is faster than the samples could show."""
+    if fit.failure or not chosen.linear:
+        return fit
+    held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
+    values = {name: one.value for name, one in chosen.model.parameters.items()} | held
+    system = chosen.system(values | dict(zip(fit.names, fit.values.tolist(), strict=True)))
+    fastest, step = float(np.max(np.abs(np.linalg.eigvals(system).imag))), max(one.step for one in experiments)
+    if fastest * step <= np.pi:
+        return fit
+    why = f"it found a motion of {fastest:.3g} rad/s, faster than {np.pi / step:.3g} rad/s, half the sampling rate"
+    nothing = tuple(Unidentified(name, why) for name in fit.names)
+    return fit._replace(
+        status="not converged", failure=why, estimates=(), unidentified=nothing, own=(), histories=(),
+        values=np.full(len(fit.values), np.nan),
+    )  # fmt: skip
 
 
 def jumps(values: Array) -> bool:
@@ -157,6 +223,9 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
     for experiment in (chosen.about(one) for one in experiments):
         pieces += _whole_runs(experiment, tuple(chosen.model.inputs), fill, notes)
     if not pieces:
+        longest = max(len(one.time) for one in experiments)
+        if longest < LEAST_RUN or not chosen.model.inputs:
+            raise BadInput(f"the longest manoeuvre has {counted(longest, 'sample')}: it takes {LEAST_RUN}")
         raise BadInput(f"no {LEAST_RUN} samples on end have every input ({', '.join(chosen.model.inputs)})")
     return Driven(tuple(chosen.from_trim(one) for one in pieces), tuple(notes))
 

@@ -23,6 +23,12 @@ LEAST_EXPLAINED = 0.9
 """-; of an angle, by what the rates add up to: below it nothing is concluded"""
 NEAR = 1.3
 """-; factor within which a known mistake explains another one"""
+SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
+"""-; by how much a number in this unit is larger than in m/s"""
+NEAR_SPEED = 1.05
+"""-; the same as `NEAR`, of these: they are closer to what an airspeed could be off by"""
+WIDEST_TRAVEL = math.pi / 2.0
+"""rad; of an input's angle from one end to the other in all manoeuvres"""
 LEAST_RUN = 20
 """-; samples on end in which all was measured"""
 DEGREES = math.degrees(1.0)
@@ -30,13 +36,17 @@ ANGLE_RATES = (("theta", "q"), ("phi", "p"))
 HINT = "body axes are x forward, y right, z down"
 
 
-def check_plausible(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
+def check_plausible(
+    experiments: Sequence[Experiment], constants: Mapping[str, float], inputs: Sequence[str] = ()
+) -> None:
     """Refuse signals that cannot all be what the map calls them.
 
     Raises:
-        BadInput: a_z is positive on the mean as one that counts upward is; or an angle changes against the rates, or
-            57 times as fast or as slowly as they say; or a_z is against alpha and q, or in g.
+        BadInput: an input's angle moves as only one in degrees does; a_z is positive on the mean as one that counts
+            upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
+            a_z is against alpha and q, or in g; or the airspeed is in another unit than it is called by.
     """
+    _check_inputs(experiments, inputs)
     _check_gravity(experiments)
     for angle, rate in ANGLE_RATES:
         shares = _shares(experiments, angle, (rate,), constants)
@@ -46,6 +56,17 @@ def check_plausible(experiments: Sequence[Experiment], constants: Mapping[str, f
     if shares is not None:
         _check_share(shares[0], "alpha", "q")
         _check_force(shares[1])
+        _check_speed(shares[1] / shares[0])
+
+
+def _check_inputs(experiments: Sequence[Experiment], inputs: Sequence[str]) -> None:
+    for name in inputs:
+        angles = [np.asarray(one.signals[name]) for one in experiments if one.units.get(name) == "rad"
+                  and name in one.signals and name not in ("beta", "phi", "psi")]  # fmt: skip
+        known = np.concatenate([one[np.isfinite(one)] for one in angles]) if angles else np.zeros(0)
+        if len(known) and float(np.ptp(known)) > WIDEST_TRAVEL:
+            travel = math.degrees(float(np.ptp(known)))
+            raise BadInput(f"signals.{name} moves through {travel:.0f} deg: is it in deg, not in rad?")
 
 
 def _check_gravity(experiments: Sequence[Experiment]) -> None:
@@ -69,6 +90,10 @@ def _check_share(share: float, angle: str, rate: str) -> None:
     for factor, fast in ((DEGREES, "as fast"), (1.0 / DEGREES, "as slowly")):
         if _is(share, factor):
             raise BadInput(f"{angle} changes 57 times {fast} as {rate} says: the unit of one of them is wrong")
+    for power in (3, 6, 9):
+        for factor, fast in ((10.0**power, "as fast"), (10.0**-power, "as slowly")):
+            if _is(share, factor):
+                raise BadInput(f"{angle} changes 1e{power} times {fast} as {rate} says: time.unit (or rate) is wrong")
 
 
 def _check_force(share: float) -> None:
@@ -78,6 +103,20 @@ def _check_force(share: float) -> None:
     for factor, unit in ((STANDARD_GRAVITY, "in g, not in m/s^2"), (1.0 / STANDARD_GRAVITY, "in m/s^2, not in g")):
         if _is(share, factor):
             raise BadInput(f"a_z does not fit the changes of alpha and q: it is {unit}, or V is wrong")
+    for factor, units in ((DEGREES, "deg, not in rad"), (1.0 / DEGREES, "rad, not in deg")):
+        if _is(share, factor):
+            raise BadInput(f"alpha and q do not fit a_z and V: both are in {units}, or the unit of a_z or V is wrong")
+
+
+def _check_speed(share: float) -> None:
+    """``share`` is the airspeed over what alpha, q and a_z say, apart from what alpha's own scale explains."""
+    for unit, factor in SPEEDS.items():
+        for told, is_in, times in (("m/s", unit, factor), (unit, "m/s", 1.0 / factor)):
+            if share / times > 0 and abs(math.log(share / times)) < math.log(NEAR_SPEED):
+                raise BadInput(
+                    f"V is {share:.2g} times what alpha, q and a_z say: is it in {is_in}, not in {told}, or is the"
+                    " scale of a_z wrong?"
+                )
 
 
 def _is(share: float, factor: float) -> bool:

@@ -24,6 +24,8 @@ from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
 from logs.identification.tables.named import band_frequencies
 from logs.identification.tables.noisy import shrunk
+from logs.identification.tables.output_errors import coarse
+from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
 
 NAMED = "Each number in brackets is called by what it multiplies."
@@ -51,8 +53,18 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
     noisy = shrunk(chosen, fitted, settings) if domain == "time" and not result.failure else []
-    notes = (*result.notes, *noisy)
+    notes = (*result.notes, *noisy, *_between_samples(chosen, found.fitted, settings))
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
+
+
+def _between_samples(
+    chosen: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings
+) -> tuple[str, ...]:
+    """What is said of controls that move too far between samples for what is averaged over them beside a slope."""
+    if settings.averaging is None:
+        return ()
+    symbols = dict.fromkeys(symbol for name in chosen for symbol in parse(name).powers if symbol not in SIGNALS)
+    return coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
 
 
 def check_names(asked: Regression, signals: Collection[str], constants: Collection[str]) -> None:

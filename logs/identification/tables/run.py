@@ -23,6 +23,7 @@ from logs.identification.tables.rooms import ROOMS
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
 from logs.identification.tables.systems import with_lateral_modes
 from logs.identification.tables.table import Columns, read_columns
+from logs.identification.tables.vane import at_centre
 
 T = TypeVar("T")
 
@@ -68,8 +69,10 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     """
     constants = read_constants(chosen.constants)
     _check_regressors(chosen, found, constants, what)
+    seen = found
+    found = at_centre(found, constants) if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero) else found
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
-        check_plausible((*found.fitted, *found.held_out), constants)
+        check_plausible((*found.fitted, *found.held_out), constants, _inputs(chosen))
     missing: list[Unidentified] = []
     fits: list[TableFit] = []
     modes: ModesResult | None = None
@@ -81,7 +84,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
         for name, work in _aero(chosen.aero, found, constants, chosen.time.fill):
             one = _attempt(name, work, missing)
             fits += [] if one is None else [one]
-    fits += _of_rooms(chosen, found, constants, what, missing)
+    fits += _of_rooms(chosen, seen, constants, what, missing)
     if not fits and modes is None:
         raise BadInput("; ".join(dict.fromkeys(one.reason for one in missing)))
     tare = stands.tare_name(chosen.stand, found) if chosen.stand is not None and what == STAND else None

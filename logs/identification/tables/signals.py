@@ -21,6 +21,15 @@ LEAST_SAMPLES = 5
 MOST_SAMPLES = 5_000_000
 WIDEST_GAP = 1.5
 """-; steps between two rows; over it nothing is interpolated between them"""
+STANDS_FOR_NOTHING = (
+    999.0, 9999.0, 99999.0, 999999.0, 9999999.0, 999.9, 9999.9, 999.99, 9999.99, 32767.0, 32768.0, 65535.0, 1e10,
+    1e20, 1e30, 1e34, 1e35, 1e36, 2147483647.0, 2147483648.0, 4294967295.0,
+)  # fmt: skip
+"""-; sizes of numbers that loggers write for what was not measured"""
+FAR = 2.0
+"""-; spans of all others, by which such a number is away from them"""
+COARSE = 0.05
+"""-; share of the rows that have another's time and other values, from which the stamps are too coarse for them"""
 LONGEST_FILL = 5
 """-; samples missing on end that do not cut a record, and over which an input is interpolated"""
 FOLLOWING = 0.1
@@ -96,12 +105,25 @@ class SignalEntry(NamedTuple):
             raw = np.full(columns.rows, entry.value, dtype=np.float64)
         else:
             raw = columns.column(entry.column.column, self.key)
-        raw = np.where(np.isin(raw, entry.missing), np.nan, raw)
+        raw = np.where(np.isin(raw, (*entry.missing, *self.stand_for_nothing(columns))), np.nan, raw)
         with np.errstate(over="ignore", invalid="ignore"):
             values: Array = (raw * entry.scale + entry.offset) * told.factor + told.offset
         values[~(np.abs(values) < 1e15)] = np.nan
         _check_angle(self.key, told.unit, values)
         return values
+
+    def stand_for_nothing(self, columns: Columns) -> tuple[float, ...]:
+        """Numbers of its column, not told by the map, that loggers write for nothing and that are far from others."""
+        if self.entry.column is None:
+            return ()
+        raw = columns.column(self.entry.column.column, self.key)
+        suspect = np.isin(np.abs(raw), STANDS_FOR_NOTHING) & ~np.isin(raw, self.entry.missing)
+        others = raw[np.isfinite(raw) & ~suspect & ~np.isin(raw, self.entry.missing)]
+        if not suspect.any() or not len(others):
+            return ()
+        span, low, high = float(np.ptp(others)), float(others.min()), float(others.max())
+        found: list[float] = np.unique(raw[suspect]).tolist()
+        return tuple(one for one in found if max(low - one, one - high) > FAR * max(span, abs(low), abs(high)))
 
 
 def _check_angle(key: str, unit: str, values: Array) -> None:
@@ -165,12 +187,17 @@ def records_of(
         BadInput: a column that is not there, no time in it, or none of the rows can be used.
     """
     signals = {name: entry.read(columns) for name, entry in entries.items()}
+    silent = [
+        f"{columns.file}: {number:g} in {name} is far from all else, and taken as not measured"
+        for name, entry in entries.items()
+        for number in entry.stand_for_nothing(columns)
+    ]
     marked = None if marks is None else columns.column(marks.column, "manoeuvres.column")
     times = _times(columns, base)
     rows = np.flatnonzero(np.isfinite(times))
     if not len(rows):
-        raise BadInput(f"{columns.file}: no row has a time (time.column)")
-    notes = list(columns.notes)
+        raise BadInput(f"{columns.file}: no row has a time (time.column){_said(columns, base)}")
+    notes = [*columns.notes, *silent]
     bounds = [0, *_cuts(columns.file, times[rows], base, notes), len(rows)]
     if len(rows) < len(times):
         notes.append(f"{columns.file}: {counted(len(times) - len(rows), 'row')} without a time left out")
@@ -182,8 +209,21 @@ def records_of(
             continue
         found.append(_even(columns.file, times[piece], piece, signals, marked, notes))
     if not found:
+        back = int(np.count_nonzero(np.diff(times[rows]) < 0))
+        if 2 * back > len(rows):
+            raise BadInput(
+                f"{columns.file}: its time goes back in {back} of {len(rows)} rows: it must be sorted by time"
+            )
         raise BadInput(f"{columns.file}: it has fewer than {LEAST_SAMPLES} rows with a time of their own")
     return found, notes
+
+
+def _said(columns: Columns, base: TimeSection) -> str:
+    """What stands in the time's column where it has no number."""
+    wanted = None if base.column is None else base.column.column
+    name = columns.order[wanted - 1] if isinstance(wanted, int) else wanted
+    told = columns.texts.get(name or "")
+    return "" if told is None else f": {told!r} is neither a number nor a clock (16:04:05.25) or a date in ISO 8601"
 
 
 def _cuts(file: str, times: Array, base: TimeSection, notes: list[str]) -> list[int]:
@@ -204,18 +244,19 @@ def _times(columns: Columns, base: TimeSection) -> Array:
         return np.arange(columns.rows) / base.rate
     if base.column is None:
         raise BadInput("[time] must have either a column or a rate")
-    told = converted(base.unit, "s", "time.unit")
-    return columns.column(base.column.column, "time.column") * told.factor
+    told, wanted = converted(base.unit, "s", "time.unit"), base.column.column
+    values = columns.column(wanted, "time.column")
+    name = columns.order[wanted - 1] if isinstance(wanted, int) else wanted
+    if name in columns.clocks and told.factor != 1.0:
+        raise BadInput(f"time.unit is {base.unit!r}, but {columns.file} has clocks in {name!r}: their unit is s")
+    return values * told.factor
 
 
 def _even(
     file: str, time: Array, rows: NDArray[np.int64], signals: dict[str, Array], marks: Array | None, notes: list[str]
 ) -> Record:
     """A record on the even base that its time stamps are nearest to."""
-    keep = np.concatenate(([True], np.diff(time) > 0))
-    if not keep.all():
-        notes.append(f"{file}: {counted(int((~keep).sum()), 'row')} with the time of the row before left out")
-    time, rows = time[keep], rows[keep]
+    time, rows, read = _apart(file, time, rows, {name: values[rows] for name, values in signals.items()}, notes)
     step = _usual_step(time)
     if time[-1] - time[0] > step * min(MOST_SAMPLES, 1000 * len(time)):
         raise BadInput(
@@ -231,16 +272,65 @@ def _even(
         if count > len(time):
             notes.append(f"{file}: {counted(count - len(time), 'sample')} missing in the time, taken as not measured")
         even: Array = np.asarray(start + step * np.arange(count), dtype=np.float64)
-        taken = {name: _spread(values[rows], places, count) for name, values in signals.items()}
+        taken = {name: _spread(values, places, count) for name, values in read.items()}
         before = np.searchsorted(places, np.arange(count), side="right") - 1
     else:
         even = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1 + 1e-9)) + 1)
         notes.append(f"{file}: uneven time (by up to {off:.2g} s) interpolated to {1 / step:.4g} Hz")
-        taken = {name: _interpolated(even, time, values[rows], step) for name, values in signals.items()}
+        taken = {name: _interpolated(even, time, values, step) for name, values in read.items()}
         before = np.searchsorted(time, even, side="right") - 1
     before = np.clip(before, 0, None)
     numbers = np.asarray(rows[before] + 1.0, dtype=np.float64)
     return Record(file, even, numbers, taken, None if marks is None else marks[rows][before])
+
+
+def _apart(
+    file: str, time: Array, rows: NDArray[np.int64], read: dict[str, Array], notes: list[str]
+) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
+    """Times, rows and signals of which none has another's time.
+
+    Rows of one time that tell different signals, or the same, are one row. Where many rows tell other values at the
+    time of the row before, the stamps are coarser than the rows, and these are even between them.
+
+    Raises:
+        BadInput: such rows are not even, and so have no time.
+    """
+    first = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0)))
+    extra = len(time) - len(first)
+    if not extra:
+        return time, rows, read
+    lowest = {name: np.fmin.reduceat(values, first) for name, values in read.items()}
+    doubtful = np.zeros(len(first), dtype=bool)
+    for name, values in read.items():
+        doubtful |= np.fmax.reduceat(values, first) > lowest[name]
+    others = int(np.sum((np.diff(np.append(first, len(time))) - 1)[doubtful]))
+    if others > COARSE * len(time):
+        return _between_stamps(file, time, first, notes), rows, read
+    if others:
+        notes.append(f"{file}: {counted(others, 'row')} with the time of the row before left out")
+    if extra > others:
+        notes.append(f"{file}: {counted(extra - others, 'row')} with the time of the row before joined with it")
+    joined = {name: np.asarray(np.where(doubtful, values[first], lowest[name])) for name, values in read.items()}
+    return time[first], rows[first], joined
+
+
+def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: list[str]) -> Array:
+    """Even times of rows whose stamps ``time`` are rounded so coarsely that neighbours share them.
+
+    Raises:
+        BadInput: no even rate has these stamps.
+    """
+    count, coarse = np.arange(len(time)), float(np.median(np.diff(time[first]))) if len(first) > 1 else 0.0
+    step, start = (float(one) for one in np.polyfit(count, time, 1))
+    even: Array = np.asarray(start + step * count, dtype=np.float64)
+    shared = len(time) - len(first)
+    if not coarse or float(np.max(np.abs(even - time))) > 0.75 * coarse:
+        raise BadInput(
+            f"{file}: {counted(shared, 'row')} of {len(time)} have the time of the row before and other values: the "
+            "time is too coarse; give [time] rate in its place, or a column that tells it finer"
+        )
+    notes.append(f"{file}: time stamps of {coarse:.3g} s that rows share; the rows taken as even, {1 / step:.4g} Hz")
+    return even
 
 
 def _usual_step(time: Array) -> float:

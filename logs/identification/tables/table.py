@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.results import Array
+from logs.identification.tables.clock import clock_column
 from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
 
 LOOKED_AT = 200
@@ -50,6 +52,10 @@ class Columns(NamedTuple):
     """-; N"""
     notes: tuple[str, ...]
     """-; what was found strange in it, one clause each"""
+    clocks: frozenset[str] = frozenset()
+    """-; names of columns of clocks or dates, which are in s"""
+    texts: Mapping[str, str] = MappingProxyType({})
+    """-; first cell of every column without a number, by its name"""
 
     def column(self, wanted: str | int, key: str) -> Array:
         """A column by its name, or by its number from 1.
@@ -100,9 +106,28 @@ def _columns(file: str, data: bytes, layout: Layout) -> Columns:
     names = _names(lines[:first], lines[first], form) if layout.names is not False else None
     if layout.names and names is None:
         raise BadInput("there is no line of names above its numbers (table.names, table.skip)")
-    body = "\n".join(lines[first:]).encode()
-    table = parse_table(body, {"delimiter": form.delimiter, "decimal": form.decimal, "names": False})
-    return _named(file, table, names, layout)
+    body = "\n".join(lines[first:])
+    table = parse_table(body.encode(), {"delimiter": form.delimiter, "decimal": form.decimal, "names": False})
+    return _with_clocks(_named(file, table, names, layout), lines[first:], form)
+
+
+def _with_clocks(columns: Columns, lines: list[str], form: _Form) -> Columns:
+    """With the seconds of columns of clocks, and the first cell of others without a number."""
+    silent = [place for place, name in enumerate(columns.order) if not np.isfinite(columns.by_name[name]).any()]
+    if not silent:
+        return columns
+    rows = split_rows(lines, form.delimiter)
+    by_name, clocks, texts = dict(columns.by_name), set(), {}
+    for place in silent:
+        cells = [row[place] if place < len(row) else "" for row in rows]
+        told = next((cell.strip() for cell in cells if cell.strip()), None)
+        seconds = None if told is None else clock_column(cells, form.decimal)
+        if seconds is not None:
+            by_name[columns.order[place]] = seconds
+            clocks.add(columns.order[place])
+        elif told is not None:
+            texts[columns.order[place]] = told
+    return columns._replace(by_name=by_name, clocks=frozenset(clocks), texts=texts)
 
 
 def _text(data: bytes, encoding: str | None) -> str:
@@ -146,10 +171,14 @@ def _score(sample: list[str], form: _Form) -> tuple[float, float, bool]:
     return numbers / max(len(cells), 1), width, form.decimal == "."
 
 
+def _all_cells(line: str, form: _Form) -> list[str]:
+    rows = split_rows([line], form.delimiter)
+    return [cell.strip() for cell in rows[0]] if rows else []
+
+
 def _cells(line: str, form: _Form) -> list[str]:
     """Of one line, without the empty ones that a delimiter at its end makes."""
-    rows = split_rows([line], form.delimiter)
-    cells = [cell.strip() for cell in rows[0]] if rows else []
+    cells = _all_cells(line, form)
     while cells and not cells[-1]:
         cells.pop()
     return cells
@@ -162,21 +191,35 @@ def _is_row(cells: list[str], form: _Form) -> bool:
 
 
 def _first_row(lines: list[str], form: _Form) -> int:
-    """The first line of numbers that the next line of numbers is as wide as."""
+    """The first line of numbers that the next line of numbers is as wide as, or that only lacks some of them."""
     rows = ((place, _cells(line, form)) for place, line in enumerate(lines) if line)
     numeric = [(place, len(cells)) for place, cells in rows if _is_row(cells, form)][: 50 + LOOKED_AT]
     if not numeric:
         raise BadInput("there is no row of numbers in it")
     usual = sorted(width for _, width in numeric)[len(numeric) // 2]
-    return next(place for place, width in numeric if width >= usual)
+    first = next(place for place, width in numeric if width >= usual)
+    delimiters = len(_all_cells(lines[first], form))
+    while first and _lacks_some(lines[first - 1], form, delimiters):
+        first -= 1
+    return first
+
+
+def _lacks_some(line: str, form: _Form, width: int) -> bool:
+    """Whether a line is a row with as many delimiters as others and nothing but numbers between them, or nothing."""
+    told = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
+    numbers = bool(told) and all(np.isfinite(number_of(cell, form.decimal)) for cell in told)
+    return numbers and len(_all_cells(line, form)) == width
 
 
 def _names(above: list[str], row: str, form: _Form) -> list[str] | None:
     """The names right above the numbers: of the lines as wide as a row the topmost, a line of units is below it."""
-    width, found = len(_cells(row, form)), None
+    width, widest, found = len(_cells(row, form)), len(_all_cells(row, form)), None
     for line in reversed(above):
         cells = _cells(line, form)
-        if line and (len(cells) != width or _is_row(cells, form)):
+        as_wide = width <= len(cells) <= widest or (
+            len(_all_cells(line, form)) == widest <= 2 * len(list(filter(None, cells)))
+        )
+        if line and (not as_wide or _is_row(cells, form)):
             break
         found = cells if line else found
     return found

@@ -1,0 +1,210 @@
+"""Records as other people's loggers write them: clocks, coarse stamps, drop-outs, units, vanes on booms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.experiment import Experiment
+from logs.identification.modes.experiments import modes_of_experiments
+from logs.identification.modes.mode import PHUGOID
+from logs.identification.modes.records import records_of
+from logs.identification.modes.spectrum import spectrum
+from logs.identification.tables.clock import seconds_of
+from logs.identification.tables.plausible import check_plausible
+from logs.identification.tables.results import TableIdentification
+from logs.identification.tables.run import identify_tables
+from tests.logs.identification.test_tables_identified import BASE, assert_truth, flight, numbers
+from tests.logs.identification.test_tables_plausible import SPEED, flown
+from tests.logs.identification.test_tables_reading import read
+
+THETA = BASE.replace("[constants]", 'theta = { column = "theta", unit = "rad" }\n[constants]\ntheta = 0.07')
+
+
+def identified(folder: Path, columns: Mapping[str, Any], mapping: str = BASE) -> TableIdentification:
+    """As from a file whose cells are written as Python writes them."""
+    rows = zip(*columns.values(), strict=True)
+    text = ",".join(columns) + "\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+    (folder / "run.csv").write_text(text)
+    (folder / "map.toml").write_text(mapping)
+    return identify_tables([folder / "run.csv"], folder / "map.toml", "modes")
+
+
+def said(found: TableIdentification) -> str:
+    return "; ".join((*found.notes, *(note for fit in found.fits for note in fit.fitted.notes)))
+
+
+def test_time_since_1970_gives_what_time_from_zero_gives(tmp_path: Path) -> None:
+    columns = flight()
+    plain, late = (identified(tmp_path, columns | {"t": columns["t"] + start}) for start in (0.0, 1.7e9))
+    for name, one in numbers(plain.fits[0]).items():
+        assert numbers(late.fits[0])[name].value == pytest.approx(one.value, rel=1e-3)
+    assert plain.modes is not None
+    assert late.modes is not None
+    assert [one.frequency is None for one in plain.modes.modes] == [one.frequency is None for one in late.modes.modes]
+
+
+@pytest.mark.parametrize("coarse", [0.1, 1.0])
+def test_stamps_that_rows_share_lie_evenly_between(tmp_path: Path, coarse: float) -> None:
+    columns = flight(50.0)
+    found = identified(tmp_path, columns | {"t": np.floor(columns["t"] / coarse + 1e-9) * coarse})
+    assert "that rows share; the rows taken as even" in said(found)
+    assert_truth(found.fits[0])
+
+
+def test_coarse_stamps_of_rows_that_are_not_even_are_refused(tmp_path: Path) -> None:
+    columns = flight(50.0)
+    kept = np.concatenate((np.arange(0, 300), np.arange(300, len(columns["t"]), 5)))
+    coarse = {name: values[kept] for name, values in columns.items()} | {"t": np.floor(columns["t"][kept])}
+    with pytest.raises(BadInput, match="the time is too coarse; give"):
+        identified(tmp_path, coarse)
+
+
+def test_rows_of_one_time_that_tell_different_signals_are_one_row(tmp_path: Path) -> None:
+    columns = flight()
+    twice = {name: np.repeat(values, 2) for name, values in columns.items()}
+    twice["alpha"][::2] = np.nan
+    twice["q"][1::2] = np.nan
+    found = identified(tmp_path, twice)
+    assert f"{len(columns['t'])} rows with the time of the row before joined with it" in said(found)
+    assert numbers(found.fits[0]) == numbers(identified(tmp_path, columns).fits[0])
+
+
+@pytest.mark.parametrize(
+    ("cell", "decimal", "seconds"),
+    [
+        ("16:04:05.25", ".", 57845.25),
+        ("16:04:05,25", ",", 57845.25),
+        ("04:05.25", ".", 245.25),
+        ("123:16:04:05.25", ".", 123 * 86400 + 57845.25),
+        ("1970-01-02T00:00:01.5", ".", 86401.5),
+        ("1970-01-02 02:00:01.5+02:00", ".", 86401.5),
+        ("noon", ".", np.nan),
+        ("12.5", ".", np.nan),
+    ],
+)
+def test_clocks_and_dates_in_seconds(cell: str, decimal: str, seconds: float) -> None:
+    assert seconds_of(cell, decimal) == pytest.approx(seconds, nan_ok=True)
+
+
+def test_a_column_of_clocks_is_a_time(tmp_path: Path) -> None:
+    columns = flight()
+    clocks = [f"16:04:{float(t):09.6f}" for t in columns["t"]]
+    found, plain = (identified(tmp_path, columns | {"t": t}) for t in (clocks, columns["t"]))
+    for name, one in numbers(plain.fits[0]).items():
+        assert numbers(found.fits[0])[name].value == pytest.approx(one.value, rel=1e-6)
+    with pytest.raises(BadInput, match="'noon' is neither a number nor a clock"):
+        identified(tmp_path, columns | {"t": ["noon"] * len(clocks)})
+    with pytest.raises(BadInput, match=r"clocks in 't': their unit is s"):
+        identified(tmp_path, columns | {"t": clocks}, BASE.replace('column = "t"', 'column = "t"\nunit = "ms"', 1))
+
+
+def test_time_that_runs_backwards_is_told(tmp_path: Path) -> None:
+    columns = flight()
+    with pytest.raises(BadInput, match="its time goes back in 374 of 375 rows"):
+        identified(tmp_path, {name: values[::-1] for name, values in columns.items()})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,a,b\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
+        "t,a,b\ns,deg,\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
+        "Flight 12,,\nt,a,b\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
+    ],
+)
+def test_a_last_cell_that_is_blank_in_the_first_rows_takes_no_names(tmp_path: Path, text: str) -> None:
+    columns = read(tmp_path, text)
+    assert columns.column("a", "key").tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert np.isnan(columns.column("b", "key")).tolist() == [True, True, False, False]
+
+
+def test_a_number_that_stands_for_nothing_is_taken_for_it_where_it_is_far_from_all_else(tmp_path: Path) -> None:
+    columns = flight()
+    columns["a_z"] = columns["a_z"].copy()
+    columns["a_z"][100:110] = np.nan
+    missing = identified(tmp_path, columns)
+    columns["a_z"][100:110] = -9999
+    found = identified(tmp_path, columns)
+    assert "-9999 in a_z is far from all else, and taken as not measured" in said(found)
+    assert numbers(found.fits[0]) == numbers(missing.fits[0])
+
+
+def test_spikes_are_told(tmp_path: Path) -> None:
+    columns = flight()
+    columns["q"] = columns["q"].copy()
+    assert "times the usual" not in said(identified(tmp_path, columns))
+    columns["q"][100:103] = 1.0
+    assert "3 samples of q from 4 s on are off by more than 8 times the usual" in said(identified(tmp_path, columns))
+
+
+def test_units_of_inputs_that_their_size_contradicts(tmp_path: Path) -> None:
+    columns = flight()
+    degrees = columns | {"delta_e": np.degrees(columns["delta_e"])}
+    with pytest.raises(BadInput, match="delta_e moves through 344 deg: is it in deg, not in rad"):
+        identified(tmp_path, degrees)
+    small = columns | {"delta_e": np.radians(columns["delta_e"])}
+    assert "times as far as delta_e: is delta_e in rad, not in deg?" in said(identified(tmp_path, small))
+    assert "times as far" not in said(identified(tmp_path, columns))
+
+
+def test_angles_speed_and_time_in_another_unit_are_named() -> None:
+    one = flown()
+    both = {name: np.radians(one.signals[name]) for name in ("alpha", "q", "theta")}
+    with pytest.raises(BadInput, match="both are in rad, not in deg"):
+        check_plausible((one._replace(signals={**one.signals, **both}),), {"V": SPEED})
+    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+        check_plausible((one,), {"V": SPEED * 3600.0 / 1852.0})
+    with pytest.raises(BadInput, match="1e3 times as slowly as q says: time"):
+        check_plausible((one._replace(time=1000.0 * one.time),), {})
+
+
+def test_pitch_alone_does_not_tell_what_only_gravity_would(tmp_path: Path) -> None:
+    columns = flight(50.0)
+    columns["theta"] = np.cumsum(columns["q"]) / 50.0 + np.random.default_rng(3).normal(0, 0.001, len(columns["t"]))
+    found = identified(tmp_path, columns, THETA.replace('["alpha", "q", "a_z"]', '["q", "theta"]')).fits[0]
+    told = {one.name for one in found.fitted.estimates}
+    assert not told & {"Z_alpha", "Z_delta", "M_q"}, found.fitted.estimates
+
+
+def test_a_vane_on_a_boom_tells_the_derivatives_of_the_centre_of_mass(tmp_path: Path) -> None:
+    columns = flight()
+    ahead = columns | {"alpha": columns["alpha"] - columns["q"] * 6.0 / 100.0}
+    told = BASE.replace("V = 100", "V = 100\nvane_x = 6")
+    assert_truth(identified(tmp_path, ahead, told).fits[0])
+    wrong = numbers(identified(tmp_path, ahead).fits[0])["M_alpha"]
+    assert not wrong.contains(-6.0)
+    lacking = told.replace('q = { column = "q", unit = "rad/s" }\n', "").replace('"alpha", "q"', '"alpha"')
+    with pytest.raises(BadInput, match=r"constants.vane_x needs signals.q"):
+        identified(tmp_path, columns, lacking)
+
+
+def ringing(rate: float, duration: float) -> Experiment:
+    """A ring-down of 6.3 rad/s and 0.055 in white noise."""
+    frequency, damping, time = 6.3, 0.055, np.arange(0.0, duration, 1.0 / rate)
+    q = np.exp(-damping * frequency * time) * np.cos(frequency * np.sqrt(1 - damping**2) * time)
+    noise = 0.03 * np.random.default_rng(1).normal(size=len(time))
+    return Experiment("one", time, {"q": q + noise}, {"q": "rad/s"})
+
+
+def test_a_spectrum_of_a_ring_down_that_is_cut_off_is_refused() -> None:
+    cut_off, whole = (spectrum(records_of((ringing(200.0, span),), None, ("q",))) for span in (4.0, 12.0))
+    assert cut_off.frequency is None
+    assert "leak" in cut_off.unidentified[0].reason
+    assert whole.damping is not None
+    assert whole.damping.contains(0.055)
+
+
+def test_a_record_with_the_speed_in_it_holds_a_phugoid_as_well() -> None:
+    time = np.arange(0.0, 300.0, 0.5)
+    slow = np.exp(-0.003 * time) * np.cos(0.067 * time)
+    noise = np.random.default_rng(2).normal(size=(2, len(time)))
+    signals = {"u": 5.0 * slow + 0.1 * noise[0], "q": 0.001 * np.gradient(slow, time) + 1e-6 * noise[1]}
+    one = Experiment("one", time, signals, {"u": "m/s", "q": "rad/s"})
+    for mode in modes_of_experiments((one,), None, ("u", "q")).modes:
+        assert mode.phugoid is not None or PHUGOID in {lost.name for lost in mode.unidentified}, mode.method
