@@ -7,13 +7,14 @@ the fuselage (about 1 m/s either way) is real, and is taken out of the message b
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from avionics.constants import STANDARD_GRAVITY
+from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.messages import AirData, Altitude
 from avionics.quantities import Quantity
 from avionics.records import new
@@ -23,7 +24,6 @@ LONGEST_STEP = 0.5
 LONGEST_MEMORY = 1.3
 """s; of climb rates kept for the mean over a wing period"""
 
-Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 
@@ -114,21 +114,17 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
         return state, _message(gains, state, state.x[1])
-    from filterpy.kalman import update  # takes a second, which a reader of the gains need not wait for
-
     x, p = _predicted(gains, state, dt)
-    innovation = air.pressure_altitude - float(x[0])
-    variance = float(p[0, 0]) + gains.baro_noise**2
+    innovation = air.pressure_altitude - x.item(0)
+    variance = p.item(0) + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
     if refused > gains.gate_patience:
         # Believed again: then it is the altitude that must be doubted.
         p[0, 0] += innovation**2
         refused = 0.0
     if refused == 0.0:
-        x, p = update(x, p, air.pressure_altitude, gains.baro_noise**2, H=_PRESSURE)[:2]
-    state = _kept(state, air.time_us, dt, x, p)._replace(
-        refused=refused, innovation=innovation, innovation_variance=variance
-    )
+        x, p = filterpy().update(x, p, np.array((air.pressure_altitude,)), _measured(gains.baro_noise), H=_PRESSURE)
+    state = _kept(state, air.time_us, dt, (x, p), (refused, innovation, variance))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
@@ -147,58 +143,68 @@ def coast(
     dt = min(LONGEST_STEP, (time_us - state.time_us) * 1e-6)
     if state.time_us < 0 or dt <= 0.0:
         return state, _message(gains, state, state.x[1])
-    from filterpy.kalman import update
-
     x, p = _predicted(gains, state, dt)
     if fix is not None:
         noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
-        x, p = update(x, p, np.array(fix), noise, H=_FIX)[:2]
-    state = _kept(state, time_us, dt, x, p)._replace(refused=0.0, innovation=0.0, innovation_variance=0.0)
+        x, p = filterpy().update(x, p, np.array(fix), noise, H=_FIX)
+    state = _kept(state, time_us, dt, (x, p), (0.0, 0.0, 0.0))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
 def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
-    from filterpy.kalman import predict
-
     accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
-    doubt = gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION
-    x, p = predict(
-        np.array(state.x), np.array(state.p), F=_transition(dt), Q=_noise(gains, dt, doubt), u=accel, B=_input(dt)
-    )
+    transition, effect = _motion(dt)
+    noise = _noise(gains.bias_walk, dt, gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION)
+    x, p = filterpy().predict(np.array(state.x), np.array(state.p), F=transition, Q=noise, u=accel, B=effect)
     return x, p
 
 
-def _kept(state: State, time_us: int, dt: float, x: Array, p: Array) -> State:
-    keep = round(LONGEST_MEMORY / dt)
-    climbs = (*state.climbs[-keep:], float(x[1]))
-    rows = (0.5 * (p + p.T)).tolist()
-    covariance = (tuple(rows[0]), tuple(rows[1]), tuple(rows[2]))
-    return state._replace(
-        time_us=time_us, x=tuple(x.tolist()), p=covariance, accel_sum=0.0, accel_count=0, climbs=climbs
-    )
+def _kept(
+    state: State, time_us: int, dt: float, estimate: tuple[Array, Array], seen: tuple[float, float, float]
+) -> State:
+    """The state with an estimate in it, and what was ``seen``: s refused, innovation, variance expected of it."""
+    altitude, climb_rate, bias = estimate[0].tolist()
+    (refused, innovation, expected), keep = seen, round(LONGEST_MEMORY / dt)
+    return new(State, (
+        time_us, (altitude, climb_rate, bias), _symmetric(estimate[1]), 0.0, 0, refused, innovation,
+        (*state.climbs[-keep:], climb_rate), expected, state.since_us,
+    ))  # fmt: skip
+
+
+def _symmetric(p: Array) -> tuple[Vector3, Vector3, Vector3]:
+    """The symmetric part."""
+    (a, b, c), (d, e, f), (g, h, i) = p.tolist()
+    b, c, f = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
+    return (a, b, c), (b, e, f), (c, f, i)
 
 
 _FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _PRESSURE = np.array([[1.0, 0.0, 0.0]])
 
 
-def _transition(dt: float) -> Array:
-    return np.array([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+@lru_cache(maxsize=32)
+def _motion(dt: float) -> tuple[Array, Array]:
+    """How the state moves by itself, and with the acceleration."""
+    transition = constant([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+    return transition, constant([0.5 * dt * dt, dt, 0.0])
 
 
-def _input(dt: float) -> Array:
-    return np.array([0.5 * dt * dt, dt, 0.0])
-
-
-def _noise(gains: Gains, dt: float, doubt: float) -> Array:
+@lru_cache(maxsize=32)
+def _noise(bias_walk: float, dt: float, doubt: float) -> Array:
     """Covariance of one step: an acceleration (m/s^2, one sigma) constant over it, and the walk of its bias."""
     way, variance = 0.5 * dt * dt, doubt**2
     tied = way * dt * variance
-    return np.array([
+    return constant([
         [way * way * variance, tied, 0.0],
         [tied, dt * dt * variance, 0.0],
-        [0.0, 0.0, gains.bias_walk**2 * dt],
+        [0.0, 0.0, bias_walk**2 * dt],
     ])  # fmt: skip
+
+
+@lru_cache(maxsize=32)
+def _measured(sigma: float) -> Array:
+    """Covariance of one number."""
+    return constant([[sigma**2]])
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:
@@ -224,6 +230,6 @@ def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
     # A first-order process that was nothing when the barometer's zero was taken.
     span = (time_us - state.since_us) * 1e-6
     drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
-    return Altitude(
+    return new(Altitude, (
         time_us, altitude, climb_rate, bias, p[0][0] + drift, p[1][1], state.innovation, state.innovation_variance
-    )
+    ))  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import cos, pi, sin, sqrt
 
 SEMI_MAJOR_AXIS = 6378137.0
@@ -12,6 +13,7 @@ LEAST_COSINE = 1e-3
 """-; of the latitude, next to a pole"""
 
 
+@lru_cache(maxsize=64)
 def metres_per_radian(latitude: float) -> tuple[float, float]:
     """Metres north per rad of latitude and metres east per rad of longitude at ``latitude`` (rad)."""
     bulge = 1.0 - ECCENTRICITY_SQUARED * sin(latitude) ** 2

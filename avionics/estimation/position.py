@@ -11,20 +11,21 @@ velocity: one figure for calm air and gusts would be wrong by ten in one of them
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import cos, isfinite, sin, sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from avionics.estimation.geodesy import to_geodetic, to_local
+from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
 from avionics.quantities import Quantity
+from avionics.records import new
 
 Vector4 = tuple[float, float, float, float]
 Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]
-Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.5
 """s; between predictions"""
@@ -121,7 +122,7 @@ def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
     across = air.airspeed * attitude.heading_sigma
     # The mean of both components: which of them is along the heading changes with it.
     variance = 0.5 * (air.airspeed_variance + across * across)
-    return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
+    return new(Motion, (air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance))
 
 
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
@@ -138,12 +139,12 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         state = _started(gains, now.time_us)
     dt = min(LONGEST_STEP, (now.time_us - state.time_us) * 1e-6)
     if dt > 0.0:
-        from filterpy.kalman import predict  # takes a second, which a reader of the gains need not wait for
-
+        transition, effect = _transition(dt)
+        noise = _noise(gains.air_velocity_noise, _walk(gains, state), dt)
         x, p = np.array(state.x), np.array(state.p)
-        x, p = predict(x, p, F=_transition(dt), Q=_noise(gains, state, dt), u=np.array(v_air), B=_input(dt))
+        x, p = filterpy().predict(x, p, F=transition, Q=noise, u=np.array(v_air), B=effect)
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
+        state = new(State, (now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past))
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
     return state, _message(gains, state, v_air, now.variance)
@@ -161,21 +162,19 @@ def _air_velocity(now: Motion) -> tuple[float, float]:
     return level * cos(now.yaw), level * sin(now.yaw)
 
 
-def _transition(dt: float) -> Array:
-    f = UNITY.copy()
-    f[0, 2] = f[1, 3] = dt
-    return f
+@lru_cache(maxsize=32)
+def _transition(dt: float) -> tuple[Array, Array]:
+    """How the state moves by itself, and with the velocity through the air."""
+    f, b = np.eye(4), np.zeros((4, 2))
+    f[0, 2] = f[1, 3] = b[0, 0] = b[1, 1] = dt
+    return constant(f), constant(b)
 
 
-def _input(dt: float) -> Array:
-    b = np.zeros((4, 2))
-    b[0, 0] = b[1, 1] = dt
-    return b
-
-
-def _noise(gains: Gains, state: State, dt: float) -> Array:
-    place, wind = gains.air_velocity_noise**2 * dt, _walk(gains, state) * dt
-    return _diagonal((place, place, wind, wind))
+@lru_cache(maxsize=32)
+def _noise(air_velocity_noise: float, walk: float, dt: float) -> Array:
+    """Covariance of one step: both random walks, ``walk`` in m^2/s^3 that of the wind."""
+    place, wind = air_velocity_noise**2 * dt, walk * dt
+    return constant(_diagonal((place, place, wind, wind)))
 
 
 def _walk(gains: Gains, state: State) -> float:
@@ -191,8 +190,10 @@ def _diagonal(values: Vector4) -> Array:
 
 def _covariance(p: Array) -> Matrix4:
     """The symmetric part."""
-    one, two, three, four = (0.5 * (p + p.T)).tolist()
-    return tuple(one), tuple(two), tuple(three), tuple(four)
+    (a, b, c, d), (b_, f, g, h), (c_, g_, k, m), (d_, h_, m_, n) = p.tolist()
+    b, c, d = 0.5 * (b + b_), 0.5 * (c + c_), 0.5 * (d + d_)
+    g, h, m = 0.5 * (g + g_), 0.5 * (h + h_), 0.5 * (m + m_)
+    return (a, b, c, d), (b, f, g, h), (c, g, k, m), (d, h, m, n)
 
 
 def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
@@ -246,9 +247,7 @@ def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noi
         if (state.fix_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
             return state
         p = p + np.diag(off**2)
-    from filterpy.kalman import update
-
-    x, p = update(x, p, np.array(measured), _diagonal(noise), H=UNITY)[:2]
+    x, p = filterpy().update(x, p, np.array(measured), _diagonal(noise), H=UNITY)
     return state._replace(x=tuple(x.tolist()), p=_covariance(p), refused_since_us=-1)
 
 
@@ -277,9 +276,9 @@ def _message(gains: Gains, state: State, v_air: tuple[float, float], air_varianc
     p, expected = state.p, state.expected
     # What a fix tells is as old as it is; since then the wind has walked on.
     velocity = max(p[2][2], p[3][3]) + _walk(gains, state) * gains.gps_delay
-    return Position(
+    return new(Position, (
         state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,
         latitude, longitude, max(p[0][0], p[1][1]) + state.slow_variance, state.valid,
         velocity, velocity + air_variance, *state.innovation,
         max(expected[0], expected[1]), max(expected[2], expected[3]),
-    )  # fmt: skip
+    ))  # fmt: skip

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics.link.dialect import mavlink
 from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, checksum
+from avionics.records import new
 
 FULL_DEFLECTION = math.pi / 2
 """rad; an angle of this size is a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder alike."""
@@ -73,6 +74,7 @@ _SPARE_CHANNELS = (0,) * 4
 _NO_PRESSURE = (0.0, 0.0, 0.0, 0.0, IMU_FIELDS, 0)
 _SPARE_CONTROLS = (0.0,) * 11
 _IMU32 = struct.Struct("<9f")
+_CONTROLS32 = struct.Struct("<5f")
 
 
 def _padded(layout: struct.Struct, payload: bytes) -> tuple[Any, ...]:
@@ -91,7 +93,7 @@ def encode_imu(imu: m.ImuSample) -> bytes:
 
 def decode_imu(payload: bytes) -> m.ImuSample:
     """From a payload of HIL_SENSOR."""
-    return m.ImuSample._make(_padded(_SENSOR, payload)[:10])
+    return new(m.ImuSample, _padded(_SENSOR, payload)[:10])
 
 
 def encode_gps(fix: m.GpsFix) -> bytes:
@@ -150,7 +152,7 @@ def encode_encoder(sample: m.EncoderSample) -> bytes:
 
 def decode_encoder(payload: bytes) -> m.EncoderSample:
     """From a payload of WINGBEAT_ENCODER."""
-    return m.EncoderSample._make(_padded(_ENCODER, payload))
+    return new(m.EncoderSample, _padded(_ENCODER, payload))
 
 
 def encode_pressures(sample: m.PressureSample) -> bytes:
@@ -282,9 +284,37 @@ class FrameAssembler:
 # --- actuators -------------------------------------------------------------------------------------------
 
 
+Controls = tuple[float, float, float, float, float]
+"""left and right wing, elevator, rudder, throttle, as the first five of ``HIL_ACTUATOR_CONTROLS.controls``"""
+
+
 def _limited(control: float) -> float:
-    # A NaN travels as it is; the reader refuses it.
-    return control if math.isnan(control) else max(-1.0, min(1.0, control))
+    # A NaN, of which no comparison holds, travels as it is; the reader refuses it.
+    if control > 1.0:
+        return 1.0
+    return -1.0 if control < -1.0 else control
+
+
+def _controls(command: m.ActuatorCommand) -> Controls:
+    _, left, right, throttle, elevator, rudder, _ = command
+    return (
+        _limited(left / FULL_DEFLECTION),
+        _limited(right / FULL_DEFLECTION),
+        _limited(elevator / FULL_DEFLECTION),
+        _limited(rudder / FULL_DEFLECTION),
+        _limited(throttle),
+    )
+
+
+def _commanded(time_us: int, controls: Controls, armed: int) -> m.ActuatorCommand | None:
+    """The command of its controls; None when one is not a finite number."""
+    left, right, elevator, rudder, throttle = controls
+    if not math.isfinite(left + right + elevator + rudder + throttle):
+        return None
+    return new(m.ActuatorCommand, (
+        time_us, left * FULL_DEFLECTION, right * FULL_DEFLECTION, throttle,
+        elevator * FULL_DEFLECTION, rudder * FULL_DEFLECTION, 1 if armed else 0,
+    ))  # fmt: skip
 
 
 def encode_actuators(command: m.ActuatorCommand) -> bytes:
@@ -292,35 +322,15 @@ def encode_actuators(command: m.ActuatorCommand) -> bytes:
 
     The time is that of the sensor frame answered, and the flags say so.
     """
-    return _ACTUATORS.pack(
-        command.time_us,
-        LOCKSTEP,
-        _limited(command.wing_left / FULL_DEFLECTION),
-        _limited(command.wing_right / FULL_DEFLECTION),
-        _limited(command.elevator / FULL_DEFLECTION),
-        _limited(command.rudder / FULL_DEFLECTION),
-        _limited(command.throttle),
-        *_SPARE_CONTROLS,
-        _CUSTOM_MODE | (ARMED if command.armed else 0),
-    )
+    mode = _CUSTOM_MODE | (ARMED if command.armed else 0)
+    return _ACTUATORS.pack(command.time_us, LOCKSTEP, *_controls(command), *_SPARE_CONTROLS, mode)
 
 
 def decode_actuators(payload: bytes) -> ActuatorReply | None:
     """From a payload of HIL_ACTUATOR_CONTROLS; None when a control is not a finite number."""
-    time_us, flags, *controls, mode = _padded(_ACTUATORS, payload)
-    left, right, elevator, rudder, throttle = controls[:5]
-    if not math.isfinite(left + right + elevator + rudder + throttle):
-        return None
-    command = m.ActuatorCommand(
-        time_us,
-        left * FULL_DEFLECTION,
-        right * FULL_DEFLECTION,
-        throttle,
-        elevator * FULL_DEFLECTION,
-        rudder * FULL_DEFLECTION,
-        1 if mode & ARMED else 0,
-    )
-    return ActuatorReply(command, bool(flags & LOCKSTEP))
+    values = _padded(_ACTUATORS, payload)
+    command = _commanded(values[0], values[2:7], values[-1] & ARMED)
+    return None if command is None else ActuatorReply(command, bool(values[1] & LOCKSTEP))
 
 
 # --- the same numbers in one process and over the wire -----------------------------------------------------
@@ -346,5 +356,5 @@ def quantised(frame: m.SensorFrame) -> m.SensorFrame:
 
 def quantised_command(command: m.ActuatorCommand) -> m.ActuatorCommand:
     """``command`` as the wire delivers it; a command that is not finite is returned as it is."""
-    reply = decode_actuators(encode_actuators(command))
-    return command if reply is None else reply.command
+    controls = _CONTROLS32.unpack(_CONTROLS32.pack(*_controls(command)))
+    return _commanded(command.time_us, controls, command.armed) or command
