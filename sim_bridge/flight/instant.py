@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.observation import Vector
+from sim_bridge.observation import Vector, new
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats, njit
 
@@ -37,7 +37,7 @@ class Look:
         plant, turned = self._plant, self._turned
         _turn(plant.y, plant.scratch.r, wind[0], wind[1], wind[2], self._nose, turned)
         a, b, c, d, e, f, g, h, i = turned.tolist()
-        return Instant(plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i))
+        return new(Instant, (plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i)))
 
 
 @njit(cache=True)

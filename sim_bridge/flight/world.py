@@ -19,6 +19,7 @@ from avionics.messages import (
     TorqueSample,
 )
 from avionics.quantities import BadInput
+from avionics.records import new
 from avionics.topics import Publish, Topic
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
@@ -253,8 +254,9 @@ class SimulatedWorld:
         self._current_before = self._means.current
         self._blow()
         self._watch_launcher(bool(command.armed))
-        self._means = self.plant.advance(self._controls(command), self._surroundings(air))
-        now = self._look.at(self._air_velocity())
+        wind = self._air_velocity()
+        self._means = self.plant.advance(self._controls(command), self._surroundings(air, wind))
+        now = self._look.at(wind)
         self._v_ned = now.v_ned
         self._watch_rest(now)
         self._unrecorded = now if self._recorded else None
@@ -363,12 +365,11 @@ class SimulatedWorld:
     def _air(self) -> Air:
         return isa(self.scenario.home.altitude - float(self.plant.y[2]))
 
-    def _surroundings(self, air: Air) -> k.Surroundings:
+    def _surroundings(self, air: Air, wind: Vector) -> k.Surroundings:
         turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
-        (a, b, c), (x, y, z) = self._wind, self._gust.velocity
-        return k.Surroundings(a + x, b + y, c + z, air.density, self._launcher(), self._push, 0.0, 0.0, *turn)
+        return new(k.Surroundings, (*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
 
-    def _air_velocity(self) -> tuple[float, float, float]:
+    def _air_velocity(self) -> Vector:
         """m/s; of the air at the vehicle, NED: the steady wind and the gust."""
         (a, b, c), (x, y, z) = self._wind, self._gust.velocity
         return a + x, b + y, c + z
@@ -387,10 +388,11 @@ class SimulatedWorld:
         if command.armed:
             self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
         throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
-        return k.Controls(
-            before[0], self._targets[0], before[1], self._targets[1], throttle,
-            _clip(command.elevator, tail), _clip(command.rudder, tail), self._clock.length, 1.0,
-        )  # fmt: skip
+        (left, right), (left_before, right_before) = self._targets, before
+        elevator, rudder = _clip(command.elevator, tail), _clip(command.rudder, tail)
+        return new(k.Controls, (
+            left_before, left, right_before, right, throttle, elevator, rudder, self._clock.length, 1.0
+        ))  # fmt: skip
 
     def _watch_rest(self, now: Instant) -> None:
         still = self.plant.touching and math.hypot(*now.y[7:10]) < REST_SPEED
@@ -419,41 +421,29 @@ class SimulatedWorld:
         return battery.full_voltage + (battery.empty_voltage - battery.full_voltage) * drawn
 
     def _observe(self, air: Air, now: Instant) -> Observation:
-        y, means, drive = now.y, self._means, self.vehicle.drive
-        left, right = self.plant.layout.flap
-        return Observation(
-            self.time_us,
-            (y[3], y[4], y[5], y[6]),
-            (y[10], y[11], y[12]),
-            means[4:],
-            (y[0], y[1], y[2]),
-            now.v_ned,
-            now.v_pitot_frd,
-            *air,
-            y[left],
-            y[right],
-            means.torque_left,
-            means.torque_right,
-            0.5 * (means.current + self._current_before),
-            self._open_circuit(y),
-            self.vehicle.battery.resistance,
-            drive.pulse_current,
-            drive.pwm_frequency,
-        )
+        y, v_ned, _, v_pitot_frd = now
+        torque_left, torque_right, current, _, *specific_force = self._means
+        (left, right), drive = self.plant.layout.flap, self.vehicle.drive
+        return new(Observation, (
+            self.time_us, tuple(y[3:7]), tuple(y[10:13]), tuple(specific_force), tuple(y[0:3]), v_ned, v_pitot_frd,
+            *air, y[left], y[right], torque_left, torque_right, 0.5 * (current + self._current_before),
+            self._open_circuit(y), self.vehicle.battery.resistance, drive.pulse_current, drive.pwm_frequency,
+        ))  # fmt: skip
 
 
 def sensor_frame(raw: RawFrame) -> SensorFrame:
     """The raw numbers as the board delivers them."""
-    return SensorFrame(
-        raw.time_us,
-        ImuSample._make(raw.imu),
-        EncoderSample._make(raw.encoder) if raw.encoder else None,
-        PressureSample(*raw.pressures) if raw.pressures else None,
-        AdcBurst(*raw.adc) if raw.adc else None,
-        TorqueSample(*raw.torque) if raw.torque else None,
-        GpsFix(*raw.gps) if raw.gps else None,
-        ReceiverSample(*raw.receiver) if raw.receiver else None,
-    )
+    time_us, imu, encoder, pressures, adc, torque, gps, receiver = raw
+    return new(SensorFrame, (
+        time_us,
+        new(ImuSample, imu),
+        new(EncoderSample, encoder) if encoder else None,
+        new(PressureSample, pressures) if pressures else None,
+        new(AdcBurst, adc) if adc else None,
+        new(TorqueSample, torque) if torque else None,
+        new(GpsFix, gps) if gps else None,
+        new(ReceiverSample, receiver) if receiver else None,
+    ))  # fmt: skip
 
 
 def _clip(value: float, limit: float) -> float:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
+from sim_bridge.observation import new
+
 BURST_LENGTH = 60
 """samples; of one ADC burst"""
 CHANNELS = 8
@@ -51,7 +53,7 @@ def imu_on_the_wire(time_us: int, *values: float) -> RawImu:
     Raises:
         struct.error: ``values`` are not nine.
     """
-    return RawImu(time_us, *_ON_THE_WIRE.unpack(_ON_THE_WIRE.pack(*values)))
+    return new(RawImu, (time_us, *_ON_THE_WIRE.unpack(_ON_THE_WIRE.pack(*values))))
 
 
 class RawEncoder(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from avionics.quantities import BadInput
 from sim_bridge.environment.home import Home
-from sim_bridge.observation import Observation, Vector
+from sim_bridge.observation import Observation, Vector, new
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
@@ -158,18 +158,19 @@ class SensorSuite:
             SimulationDiverged: a value of the observation is not finite, or above 1e6 in its unit.
         """
         require_finite(observation)
-        time_us = observation.time_us
+        time_us, ticks = observation.time_us, self._ticks
         self._pitot.sense(observation.v_air_frd, observation.density)
-        return RawFrame(
+        powered = tick % ticks.power == 0
+        return new(RawFrame, (
             time_us,
             self._imu(observation, tick),
-            RawEncoder(time_us, *self.encoder.read(observation.flap_left, observation.flap_right)),
-            self._pressures(observation) if tick % self._ticks.pressures == 0 else None,
-            RawAdc(time_us, *self._power_sensor.read(observation)) if tick % self._ticks.power == 0 else None,
-            self._torque(observation) if self._torque_installed and tick % self._ticks.power == 0 else None,
+            new(RawEncoder, (time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
+            self._pressures(observation) if tick % ticks.pressures == 0 else None,
+            new(RawAdc, (time_us, *self._power_sensor.read(observation))) if powered else None,
+            self._torque(observation) if powered and self._torque_installed else None,
             self._fix(observation, tick),
-            self._receiver.read(observation) if tick % self._ticks.receiver == 0 else None,
-        )
+            self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
+        ))  # fmt: skip
 
     def _imu(self, observation: Observation, tick: int) -> RawImu:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
@@ -201,7 +202,7 @@ def require_finite(observation: Observation) -> None:
     """
     # One sum finds any inf or nan among the numbers; only then is it worth asking where.
     time_us, q, omega, force, position, v_ned, v_air, *scalars = observation
-    total = sum(q) + sum(omega) + sum(force) + sum(position) + sum(v_ned) + sum(v_air) + sum(scalars)
+    total = sum((*q, *omega, *force, *position, *v_ned, *v_air, *scalars))
     if -LARGEST < total < LARGEST:
         return
     for name, value in zip(observation._fields[1:], observation[1:], strict=True):
