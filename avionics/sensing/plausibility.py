@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import lru_cache
 from typing import Annotated, Any, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
@@ -108,13 +109,19 @@ def adc_plausible(burst: AdcBurst) -> bool:
     samples = len(voltage)
     if not samples or samples != len(current):
         return False
-    whole = f"{samples}H"
+    pack = _whole(samples).pack
     try:
-        struct.pack(whole, *voltage)
-        struct.pack(whole, *current)
+        pack(*voltage)
+        pack(*current)
     except struct.error:
         return False
     return True
+
+
+@lru_cache(maxsize=8)
+def _whole(samples: int) -> struct.Struct:
+    """So many whole numbers of 16 bits."""
+    return struct.Struct(f"{samples}H")
 
 
 def torque_plausible(gains: Gains, sample: TorqueSample) -> bool:

@@ -278,7 +278,7 @@ class SimulatedWorld:
         grounded = self.plant.touching or self._launcher() != k.FREE
         flow = (speed, math.atan2(air[2], air[0]))
         wind = self._air_velocity()
-        return TruthState._make((self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+        return new(TruthState, (self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
         """Wings and drives at the end of the last step; current and power averaged over it."""
@@ -288,7 +288,8 @@ class SimulatedWorld:
         y, at = now.y, self.plant.layout
         (left, right), (twist_left, twist_right) = at.flap, at.twist
         voltage, power = self._supply(y)
-        return TruthWing._make(
+        return new(
+            TruthWing,
             (
                 self.time_us,
                 y[left],
@@ -303,7 +304,7 @@ class SimulatedWorld:
                 power,
                 y[at.elevator] if at.elevator >= 0 else 0.0,
                 y[at.rudder] if at.rudder >= 0 else 0.0,
-            )
+            ),
         )
 
     def truth_loads(self) -> TruthLoads:
