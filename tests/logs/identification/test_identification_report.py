@@ -120,19 +120,30 @@ def drive() -> RecordedTopics:
     return RecordedTopics(drive_topics())
 
 
+@pytest.fixture(scope="module")
+def modes(motion: RecordedTopics) -> Identification:
+    return identify(motion, "modes", AIRCRAFT, TRUTHS)
+
+
+@pytest.fixture(scope="module")
+def everything(motion: RecordedTopics) -> Identification:
+    return identify(motion, "all", AIRCRAFT, TRUTHS)
+
+
 def numbers(result: Identification) -> dict[tuple[str, str], tuple[float, float | None]]:
     return {(r.subject, r.name): (r.estimate.value, r.truth) for r in rows(result) if r.estimate is not None}
 
 
-def test_modes_from_topics(motion: RecordedTopics) -> None:
-    found = numbers(identify(motion, "modes", AIRCRAFT, TRUTHS))
+def test_modes_from_topics(modes: Identification) -> None:
+    found = numbers(modes)
     value, true = found["output error", "short_period_frequency"]
     assert true == FREQUENCY
     assert value == pytest.approx(FREQUENCY, rel=0.02)
 
 
-def test_a_calibrated_imu_is_corrected_and_a_wrong_one_is_not(motion: RecordedTopics) -> None:
+def test_a_calibrated_imu_is_corrected_and_a_wrong_one_is_not() -> None:
     """GIVEN an accelerometer with a scale and an offset THEN its calibration gives what a perfect one gives."""
+    motion = RecordedTopics(motion_topics(fly(Flight(seed=3, doublets=2))))
     imu = dict(motion.tables[topics.IMU.name])
     imu["accel_x"], imu["accel_z"] = imu["accel_x"] / 1.1 + 0.4, imu["accel_z"] / 1.15 - 0.7
     wrong = RecordedTopics({**motion.tables, topics.IMU.name: imu})
@@ -176,24 +187,23 @@ def test_a_real_flight_has_no_truth(drive: RecordedTopics) -> None:
     assert {row.truth for row in rows(result)} == {None}
 
 
-def test_all_gives_what_there_is_and_says_what_is_missing(motion: RecordedTopics) -> None:
-    result = identify(motion, "all", AIRCRAFT)
-    assert result.modes is not None and result.torque is None
-    assert "/main/drive_torque" in result.missing[0].reason
+def test_all_gives_what_there_is_and_says_what_is_missing(everything: Identification) -> None:
+    assert everything.modes is not None and everything.torque is None
+    assert "/main/drive_torque" in everything.missing[0].reason
 
 
-def test_a_row_has_its_number_with_the_truth_or_the_reason_why_there_is_none(motion: RecordedTopics) -> None:
-    found = rows(identify(motion, "all", AIRCRAFT, TRUTHS))
+def test_a_row_has_its_number_with_the_truth_or_the_reason_why_there_is_none(everything: Identification) -> None:
+    found = rows(everything)
     assert {row.truth for row in found if row.name == "short_period_damping"} == {DAMPING}
     assert any(row.estimate is None and row.note.startswith("not identified: ") for row in found)
 
 
-@pytest.mark.parametrize("what", ["modes", "all"])
-def test_the_document_is_strict_json(motion: RecordedTopics, what: str) -> None:
-    written = json.dumps(document(identify(motion, what, AIRCRAFT, TRUTHS)), allow_nan=False)
-    modes = json.loads(written)["modes"]
-    assert modes["methods"][0]["frequency"]["truth"] == FREQUENCY
-    assert isinstance(modes["agree"], bool)
+@pytest.mark.parametrize("what", ["modes", "everything"])
+def test_the_document_is_strict_json(request: pytest.FixtureRequest, what: str) -> None:
+    written = json.dumps(document(request.getfixturevalue(what)), allow_nan=False)
+    told = json.loads(written)["modes"]
+    assert told["methods"][0]["frequency"]["truth"] == FREQUENCY
+    assert isinstance(told["agree"], bool)
 
 
 def test_the_document_of_the_drives_is_strict_json(drive: RecordedTopics) -> None:

@@ -98,10 +98,14 @@ def aircraft_of(world: SimulatedVehicle) -> Aircraft:
 
 
 @pytest.fixture(scope="module")
-def cycle(tmp_path_factory: pytest.TempPathFactory) -> Cycle:
+def first() -> ModesResult:
+    return identify_modes(fly(Flight(seed=3)), AIRCRAFT)
+
+
+@pytest.fixture(scope="module")
+def cycle(first: ModesResult, tmp_path_factory: pytest.TempPathFactory) -> Cycle:
     """The base's own lateral motion and drive are given: finding them takes longer than all else here."""
     folder, own = tmp_path_factory.mktemp("cycle"), load_model(KEPT)
-    first = identify_modes(fly(Flight(seed=3)), AIRCRAFT)
     with pytest.MonkeyPatch.context() as patch:
         whole = linear_model(first, LOG)._replace(lateral=own.lateral, drive=own.drive)
         patch.setattr("logs.identification.model_file.linear_model", lambda *_: whole)
@@ -161,8 +165,7 @@ def test_the_flight_code_flies_the_identified_world(cycle: Cycle) -> None:
     assert flight.pitch_rms < 0.15
 
 
-def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path) -> None:
-    first = identify_modes(fly(Flight(seed=3)), AIRCRAFT)
+def test_nothing_is_overwritten_and_nothing_half_written(first: ModesResult, tmp_path: Path) -> None:
     (tmp_path / "bird").mkdir()
     with pytest.raises(BadInput, match=r"bird exists: it is not overwritten$"):
         write_model(tmp_path / "bird.toml", first, LOG, base())
@@ -173,8 +176,7 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path) -> None
         write_model(tmp_path / "nowhere" / "bird.toml", first, LOG, None)
 
 
-def test_without_bodies_the_model_is_written_alone_and_it_is_said(tmp_path: Path) -> None:
-    first = identify_modes(fly(Flight(seed=3)), AIRCRAFT)
+def test_without_bodies_the_model_is_written_alone_and_it_is_said(first: ModesResult, tmp_path: Path) -> None:
     written = write_model(tmp_path / "alone.toml", first, LOG, None)
     assert written.paths == (tmp_path / "alone.toml",)
     assert written.notes == (
@@ -184,8 +186,7 @@ def test_without_bodies_the_model_is_written_alone_and_it_is_said(tmp_path: Path
     assert load_model(written.paths[0]).vehicle == ""
 
 
-def test_a_flight_without_a_whole_model_writes_none(tmp_path: Path) -> None:
-    first = identify_modes(fly(Flight(seed=3)), AIRCRAFT)
+def test_a_flight_without_a_whole_model_writes_none(first: ModesResult, tmp_path: Path) -> None:
     bare = first._replace(modes=tuple(mode._replace(short_period=None) for mode in first.modes))
     with pytest.raises(BadInput, match=r"^no model is written: no method gives all longitudinal derivatives"):
         write_model(tmp_path / "none.toml", bare, LOG, None)
