@@ -81,9 +81,14 @@ bound_values: Callable[[Bound], Any] = cast(Any, _values)
 
 
 def _loaded(builder: ir.IRBuilder, place: Any, kind: ir.Type) -> Any:
-    """The value at ``place``, member by member: those that a kernel does not ask for are never read."""
+    """The value at ``place``, member by member: those that a kernel does not ask for are never read.
+
+    What a kernel writes changes none of them, so that each may be read where it is needed.
+    """
     if not isinstance(kind, ir.LiteralStructType | ir.ArrayType):
-        return builder.load(place)
+        value = builder.load(place)
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
     whole = ir.Constant(kind, ir.Undefined)
     members = kind.elements if isinstance(kind, ir.LiteralStructType) else [kind.element] * kind.count
     for i, member in enumerate(members):

@@ -36,7 +36,8 @@ SINE = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 9))
 """coefficients of ``(sin(x) / x - 1) / x^2``, lowest power of x^2 first; the rest is below 1e-18 up to 45 deg"""
 COSINE = tuple((-1.0) ** n / math.factorial(2 * n) for n in range(1, 10))
 """coefficients of ``(cos(x) - 1) / x^2``, likewise"""
-_QUARTER = math.pi / 4.0
+QUARTER = math.pi / 4.0
+"""rad; up to which `small_sine_and_cosine` holds"""
 
 
 @inlined
@@ -47,7 +48,7 @@ def arctangent(y: float, x: float) -> float:
     low = a if a < b else b
     high = b if a < b else a
     steep = low > STEEP * high
-    z = (low - high) / (low + high) if steep else low / (high if high != 0.0 else 1.0)
+    z = (low - high if steep else low) / (low + high if steep else high if high != 0.0 else 1.0)
     u = z * z
     c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12 = ARCTANGENT
     # In halves and quarters, which the processor computes beside each other.
@@ -57,20 +58,15 @@ def arctangent(y: float, x: float) -> float:
     second = (c4 + c5 * u) + (c6 + c7 * u) * u2
     third = (c8 + c9 * u) + (c10 + c11 * u) * u2
     angle = z + z * u * (first + u4 * (second + u4 * (third + u4 * c12)))
-    if steep:
-        angle += _QUARTER
-    if a > b:
-        angle = 2.0 * _QUARTER - angle
-    if x < 0.0:
-        angle = 4.0 * _QUARTER - angle
+    angle = QUARTER + angle if steep else angle
+    angle = 2.0 * QUARTER - angle if a > b else angle
+    angle = 4.0 * QUARTER - angle if x < 0.0 else angle
     return math.copysign(angle, y)
 
 
 @inlined
-def sine_and_cosine(angle: float) -> tuple[float, float]:
-    """Of an ``angle`` in rad; the C library's beyond 45 deg."""
-    if abs(angle) > _QUARTER:
-        return math.sin(angle), math.cos(angle)
+def small_sine_and_cosine(angle: float) -> tuple[float, float]:
+    """Of an ``angle`` of at most `QUARTER` rad: without a branch, for loops that take several at a time."""
     u = angle * angle
     s0, s1, s2, s3, s4, s5, s6, s7 = SINE
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = COSINE
@@ -79,3 +75,11 @@ def sine_and_cosine(angle: float) -> tuple[float, float]:
     sine = ((s0 + s1 * u) + (s2 + s3 * u) * u2) + u4 * ((s4 + s5 * u) + (s6 + s7 * u) * u2)
     cosine = ((c0 + c1 * u) + (c2 + c3 * u) * u2) + u4 * ((c4 + c5 * u) + (c6 + c7 * u) * u2 + u4 * c8)
     return angle + angle * u * sine, 1.0 + u * cosine
+
+
+@inlined
+def sine_and_cosine(angle: float) -> tuple[float, float]:
+    """Of an ``angle`` in rad; the C library's beyond 45 deg."""
+    if abs(angle) > QUARTER:
+        return math.sin(angle), math.cos(angle)
+    return small_sine_and_cosine(angle)

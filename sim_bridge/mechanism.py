@@ -141,7 +141,6 @@ def wing_work(mechanism: Mechanism) -> WingWork:
         frame=np.zeros((2, 5, 6)),
         twist_rate=np.zeros(2),
         inertia=np.zeros((6, 6)),
-        turned=np.zeros((6, 6)),
         wrench=np.zeros((2, 6)),
         column=np.zeros(6),
     )
@@ -183,7 +182,7 @@ def _wings(wing: Wing, tree: Tree, order: dict[str, int], names: list[str]) -> t
         body=bodies,
         twist=twist,
         flap=np.array([_first_joint(tree, int(body)) for body in bodies], dtype=np.int64),
-        first=np.array([0, wing.strips, 2 * wing.strips], dtype=np.int64),
+        first=np.array([0, wing.strips, 2 * wing.strips], dtype=np.uint64),
         side=np.array([-1.0, 1.0]),
         washout=np.array([wing.washout, wing.washout]),
         membrane=membrane,

@@ -22,7 +22,7 @@ from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
-from sim_bridge.vectors import Floats, Integers, inlined, kernel, laid_in, rotation
+from sim_bridge.vectors import Floats, Integers, add_scaled, apart, clear, inlined, inner, kernel, laid_in, rotation
 
 VOLTAGE_ROUNDS = 3
 """of torque, current and sag, see `_drive_wings`"""
@@ -320,27 +320,53 @@ def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch) -> 
 
     After `set_motion`.
     """
+    _load_sections(y, density, p, s)
+    _add_loads(density, p, s)
+
+
+@inlined
+def _load_sections(y: Floats, density: float, p: PlantParameters, s: Scratch) -> None:
     start = aero_start(p.joints.kind.shape[0])
     models.loads(p.air, p.wings.strips, s.wings.motion, density, y[start:], s.wings.loads)
     for i in range(y.shape[0] - start):
         s.rate[start + i] = s.wings.loads.rates[i]
+
+
+@inlined
+def _add_loads(density: float, p: PlantParameters, s: Scratch) -> None:
     add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
-    add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
+    add_plates(s.tree, p.plates, s.outside[3:9], density, s.plate_load)
     load_fuselage(density, p.drag_areas, s)
 
 
 @laid_in
 def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
     """Let its drag, and what the aerodynamic model tells of the body, act on the base."""
-    told = s.wings.loads.body
-    s.body_load[3:6] = 0.0
-    body_drag(s.wings.motion.body[0:3], drag_areas[0], drag_areas[1], density, s.body_load[0:3])
+    load_base(density, drag_areas, s.wings.motion.body, s.wings.loads.body, s.body_load, s.tree.force[0])
+
+
+@apart
+def load_base(
+    density: float, drag_areas: Floats, body: Floats, told: Floats, body_load: Floats, force: Floats
+) -> None:
+    """`load_fuselage` of the arrays that it is about."""
+    body_drag(body[0:3], drag_areas[0], drag_areas[1], density, body_load[0:3])
+    f0, f1, f2, n0, n1, n2 = body_load[0], body_load[1], body_load[2], 0.0, 0.0, 0.0
     for part in range(told.shape[0]):
-        for i in range(6):
-            s.body_load[i] += told[part, i]
-    for i in range(3):
-        s.tree.force[0, i] -= s.body_load[3 + i]
-        s.tree.force[0, 3 + i] -= s.body_load[i]
+        f0 += told[part, 0]
+        f1 += told[part, 1]
+        f2 += told[part, 2]
+        n0 += told[part, 3]
+        n1 += told[part, 4]
+        n2 += told[part, 5]
+    load = (f0, f1, f2, n0, n1, n2)
+    body_load[0], body_load[1], body_load[2], body_load[3], body_load[4], body_load[5] = load
+    force[0] -= n0
+    force[1] -= n1
+    force[2] -= n2
+    force[3] -= f0
+    force[4] -= f1
+    force[5] -= f2
 
 
 @inlined
@@ -464,11 +490,41 @@ def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, bound: B
 
     ``bound`` is (`PlantParameters`, `Scratch`), as in what follows.
     """
+    _set_motion(y, around, bound)
+    _set_loads(y, around.density, bound)
+    _act(around.density, bound)
+    return _accelerate(y, t, c, around, bound)
+
+
+# The right-hand side is compiled in four pieces, each of which takes from `Bound` what it needs: as one, its hundreds
+# of addresses would be moved to and fro all the time.
+
+
+@inner
+def _set_motion(y: Floats, around: Surroundings, bound: Bound) -> None:
     p, s = bound_values(bound)
-    s.mass[:, :] = 0.0
-    s.load[:] = 0.0
     set_motion(y, around, p, s)
-    add_air_loads(y, around.density, p, s)
+
+
+@inner
+def _set_loads(y: Floats, density: float, bound: Bound) -> None:
+    p, s = bound_values(bound)
+    _load_sections(y, density, p, s)
+
+
+@inner
+def _act(density: float, bound: Bound) -> None:
+    """Begin the equations of motion with what the air does."""
+    p, s = bound_values(bound)
+    clear(s.mass)
+    clear(s.load)
+    _add_loads(density, p, s)
+
+
+@inner
+def _accelerate(y: Floats, t: float, c: Controls, around: Surroundings, bound: Bound) -> bool:
+    """Finish the equations of motion and solve them; returns whether the ground is touched."""
+    p, s = bound_values(bound)
     touching = _contacts(y, p.contacts, p.weight, s)
     assemble(p.tree, s.tree, s.mass, s.load)
     _hold_joints(y, p.joints, s.load)
@@ -563,8 +619,7 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
         s.total[:] = 0.0
         for stage in range(4):
             ahead = LEADS[stage] * h
-            for i in range(y.shape[0]):
-                s.trial[i] = y[i] + ahead * s.rate[i]
+            add_scaled(y, ahead, s.rate, s.trial)
             touched = derivatives(s.trial, step * h + ahead, c, around, bound)
             for i in range(y.shape[0]):
                 s.total[i] += WEIGHTS[stage] * s.rate[i]

@@ -21,7 +21,7 @@ from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD, Aerodynam
 from sim_bridge.aerodynamics.strip_theory import KINEMATIC_VISCOSITY
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
 from sim_bridge.elementary import arctangent
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined, kernel
 
 STALL_BLEND = 0.1
 """rad; chosen: half width over which attached and separated loads are blended, as a hard switch makes a jump"""
@@ -124,7 +124,7 @@ def section_coefficients(
     )
 
 
-@kernel
+@inlined
 def loads(
     parameters: BladeParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
 ) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 
 from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined, kernel
 
 REACH = 0.3
 """-; of the airspeed: w as far from its trim is an angle of attack of 17 degrees, about where wings stall (chosen)"""
@@ -283,7 +283,7 @@ def row(r: Row, first: float, second: float, third: float, tail: float) -> float
     return r.first * first + r.second * second + r.third * third + r.tail * tail
 
 
-@kernel
+@inlined
 def loads(
     parameters: DerivativesParameters,
     strips: Strips,

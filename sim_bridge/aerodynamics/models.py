@@ -20,7 +20,7 @@ from sim_bridge.aerodynamics.vortex_lattice import coupled as vortex_lattice
 from sim_bridge.aerodynamics.vortex_lattice.coupled import FarLattice, far_lattice
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
 from sim_bridge.bound import call_far
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined
 
 __all__ = ["MODELS", "Air", "advance", "air_of", "compiled_apart", "find_model", "loads"]
 
@@ -79,7 +79,7 @@ def _blank(kind: type[Any]) -> Any:
     return kind(*(_blank(hint) for hint in get_type_hints(kind).values()))
 
 
-@kernel
+@inlined
 def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads) -> None:
     """Fill ``out`` with the loads of the chosen model, see `sim_bridge.aerodynamics.protocol`."""
     if air.which == STRIP_THEORY:
@@ -97,7 +97,7 @@ def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Float
         call_far(far.loads, far.parameters, (strips, motion, state, out), density)
 
 
-@kernel
+@inlined
 def advance(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
     """Move that share of the chosen model's state that has a clock of its own over ``dt`` s."""
     if air.which == STRIP_THEORY:

@@ -42,7 +42,7 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined, kernel
 
 PARTS = ("translational_lift", "translational_drag", "translational_moment", "rotational")
 LIFT, DRAG, MOMENT, ROTATIONAL = range(len(PARTS))
@@ -272,7 +272,7 @@ def add_translation(along: float, down: float, k: Factors, scale: float, chord: 
     load[MOMENT, NOSE_UP] = pressure * chord * about_middle * onto * turned
 
 
-@kernel
+@inlined
 def loads(
     parameters: QuasiSteadyParameters,
     strips: Strips,

@@ -25,7 +25,7 @@ import numpy as np
 
 from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined, kernel
 
 MEAN_AIRSPEED = 9.2
 """m/s; of the flight, Grauer V.A"""
@@ -280,7 +280,7 @@ def wing_loads(parameters: RegressionParameters, strips: Strips, motion: Motion,
     return WingLoads(force * c.lift, force * c.thrust, force * parameters.chord * c.moment)
 
 
-@kernel
+@inlined
 def loads(
     parameters: RegressionParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
 ) -> None:

@@ -40,7 +40,7 @@ from sim_bridge.aerodynamics.protocol import (
     aspect_ratio,
 )
 from sim_bridge.elementary import arctangent
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, apart, inlined, kernel
 
 STALL_BLEND = math.radians(3.0)
 """rad; half width over which attached and separated loads are blended: a hard switch makes the force jump"""
@@ -168,7 +168,7 @@ def initial(parameters: StripParameters, strips: Strips) -> Floats:
     return np.zeros(strips.chord.shape[0] if parameters.c1 != 0.0 else 0)
 
 
-@kernel
+@inlined
 def stall_factor(
     plunge_angle: float, towards: float, chord: float, speed: float, stall_angle: float, bound: float = 2.0
 ) -> float:
@@ -192,7 +192,7 @@ def _friction_polynomial() -> tuple[float, ...]:
 FRICTION_POLYNOMIAL = _friction_polynomial()
 
 
-@kernel
+@inlined
 def friction_coefficient(reynolds: float) -> float:
     """Skin friction of both faces of a plate, 0.89 / (log10 Re)^2.58, to 1e-5 from Re 1e3 to 1e7.
 
@@ -206,12 +206,19 @@ def friction_coefficient(reynolds: float) -> float:
 @kernel
 def stalled_share(across: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
     """How much of a section is stalled, 0 to 1; the angle of DeLaurier's stall criterion is atan(across / speed)."""
-    # The factor lies between 1 and its bound, so that most sections need neither it nor the angle.
-    if abs(across) <= p.attached_slope * speed:
-        return 0.0
+    return _share_beyond(across, m, speed, p) if may_stall(across, speed, p) else 0.0
+
+
+@inlined
+def may_stall(across: float, speed: float, p: StripParameters) -> bool:
+    """Whether a section's angle is beyond that below which none stalls: Kim's factor is at least 1."""
+    return abs(across) > p.attached_slope * speed
+
+
+@inlined
+def _share_beyond(across: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
+    """`stalled_share` without a branch."""
     size = abs(arctangent(across, speed))
-    if size >= p.stall_factor_bound * p.stall_angle + STALL_BLEND:
-        return 1.0
     plunge_angle = abs(arctangent(m.plunge, speed))
     towards = m.pitch_rate if across >= 0.0 else -m.pitch_rate
     factor = stall_factor(plunge_angle, towards, m.chord, speed, p.stall_angle, p.stall_factor_bound)
@@ -220,15 +227,47 @@ def stalled_share(across: float, m: SectionMotion, speed: float, p: StripParamet
     return share * share * (3.0 - 2.0 * share)
 
 
+class Incidence(NamedTuple):
+    """Of a section, m/s."""
+
+    three_quarter: float
+    """air against the normal at three quarters of the chord"""
+    wash: float
+    """what of it makes lift, by the wing's span and the wake"""
+    across: float
+    """against the normal, of the angle of attack that stalls"""
+    speed: float
+    """along the chord, at least `SLOWEST`"""
+
+
+@inlined
+def incidence(m: SectionMotion, lag: float, p: StripParameters) -> Incidence:
+    """How the air meets a section; ``lag`` in m/s is the wake's state."""
+    three_quarter = m.down + 0.25 * m.chord * m.pitch_rate
+    wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
+    return Incidence(three_quarter, wash, wash - 0.75 * m.chord * m.pitch_rate, max(abs(m.along), SLOWEST))
+
+
 @kernel
 def section_loads(m: SectionMotion, density: float, lag: float, p: StripParameters) -> Section:
     """Loads a unit span of one section; ``lag`` in m/s is the wake's state, ``density`` in kg/m^3."""
+    at = incidence(m, lag, p)
+    return _loads_at(m, at, stalled_share(at.across, m, at.speed, p), density, lag, p)
+
+
+@inlined
+def _lag_rate(at: Incidence, chord: float, lag: float, p: StripParameters) -> float:
+    """m/s^2; of the wake's state."""
+    return 2.0 * at.speed / chord * p.c2 * (at.three_quarter - lag)
+
+
+@inlined
+def _loads_at(
+    m: SectionMotion, at: Incidence, stalled: float, density: float, lag: float, p: StripParameters
+) -> Section:
     along, pitch_rate, chord = m.along, m.pitch_rate, m.chord
-    three_quarter = m.down + 0.25 * chord * pitch_rate
-    speed = max(abs(along), SLOWEST)
-    wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
+    wash, speed = at.wash, at.speed
     resultant = math.sqrt(along * along + (wash - 0.5 * chord * pitch_rate) ** 2)
-    stalled = stalled_share(wash - 0.75 * chord * pitch_rate, m, speed, p)
     pressure = 0.5 * density * chord
     attached = (1.0 - stalled) * pressure
     suction = wash - 0.25 * chord * pitch_rate
@@ -239,36 +278,100 @@ def section_loads(m: SectionMotion, density: float, lag: float, p: StripParamete
         attached * p.suction_efficiency * 2.0 * math.pi * suction * suction * resultant / speed,
         attached * 2.0 * math.pi * p.zero_lift_angle * wash * resultant,
         -attached * skin * along * abs(along),
-        2.0 * speed / chord * p.c2 * (three_quarter - lag),
+        _lag_rate(at, chord, lag, p),
         (1.0 - 0.5 * stalled) * density * math.pi * chord * chord / 4.0,
         stalled,
     )
 
 
-@kernel
+@inlined
 def loads(
     parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
 ) -> None:
     """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
-    parts, has_wake = out.parts, state.shape[0] > 0
-    for i in range(strips.chord.shape[0]):
-        chord, width, along, turn = strips.chord[i], strips.width[i], motion.along[i], motion.pitch_rate[i]
-        lag = state[i] if has_wake else 0.0
-        section = section_loads(
-            SectionMotion(along, motion.plunge[i], motion.down[i], turn, chord), density, lag, parameters
-        )
-        apparent = section.apparent * width
-        parts[CIRCULATORY, UPWARD, i] = section.circulatory * width
-        parts[CIRCULATORY, NOSE_UP, i] = 0.25 * chord * section.circulatory * width
-        parts[SEPARATED, UPWARD, i] = section.separated * width
-        parts[SUCTION, FORWARD, i] = section.suction * width
-        parts[CAMBER, FORWARD, i] = section.camber * width
-        parts[FRICTION, FORWARD, i] = section.friction * width
-        parts[COUPLE, NOSE_UP, i] = -0.25 * apparent * chord * abs(along) * turn
-        out.apparent[MASS, i] = apparent
-        out.apparent[INERTIA, i] = apparent * chord * chord / 32.0
-        if has_wake:
-            out.rates[i] = section.lag_rate
+    p, m, parts, has_wake = parameters, motion, out.parts, state.shape[0] > 0
+    # Without a wake c1 is 0: whatever stands in the place of the lags has no effect.
+    lags = state if has_wake else m.down
+    # The shares that are stalled wait where the separated loads will be.
+    stalled = parts[SEPARATED, UPWARD]
+    fill_stalled(p, strips.chord, m.along, m.plunge, m.down, m.pitch_rate, lags, stalled)
+    fill_loads(
+        p, density, strips.chord, strips.width, m.along, m.down, m.pitch_rate, lags, parts[CIRCULATORY, UPWARD],
+        parts[CIRCULATORY, NOSE_UP], stalled, parts[SUCTION, FORWARD], parts[CAMBER, FORWARD],
+        parts[FRICTION, FORWARD], parts[COUPLE, NOSE_UP], out.apparent[MASS], out.apparent[INERTIA],
+    )  # fmt: skip
+    if has_wake:
+        fill_lag_rates(p, strips.chord, m.along, m.down, m.pitch_rate, lags, out.rates)
+
+
+@apart
+def fill_stalled(
+    p: StripParameters,
+    chord: Floats,
+    along: Floats,
+    plunge: Floats,
+    down: Floats,
+    pitch_rate: Floats,
+    lag: Floats,
+    stalled: Floats,
+) -> None:
+    """Share of every section that is stalled; mostly none is, which is seen without arctangents."""
+    beyond = 0
+    for i in range(stalled.shape[0]):
+        at = incidence(SectionMotion(along[i], plunge[i], down[i], pitch_rate[i], chord[i]), lag[i], p)
+        beyond += 1 if may_stall(at.across, at.speed, p) else 0
+        stalled[i] = 0.0
+    if beyond > 0:
+        for i in range(stalled.shape[0]):
+            m = SectionMotion(along[i], plunge[i], down[i], pitch_rate[i], chord[i])
+            at = incidence(m, lag[i], p)
+            stalled[i] = _share_beyond(at.across, m, at.speed, p)
+
+
+@apart
+def fill_loads(
+    p: StripParameters,
+    density: float,
+    chord: Floats,
+    width: Floats,
+    along: Floats,
+    down: Floats,
+    pitch_rate: Floats,
+    lag: Floats,
+    circulatory: Floats,
+    circulatory_moment: Floats,
+    separated: Floats,
+    suction: Floats,
+    camber: Floats,
+    friction: Floats,
+    couple: Floats,
+    mass: Floats,
+    inertia: Floats,
+) -> None:
+    """Loads of every section; ``separated`` is given the share that is stalled."""
+    for i in range(chord.shape[0]):
+        m = SectionMotion(along[i], 0.0, down[i], pitch_rate[i], chord[i])
+        section = _loads_at(m, incidence(m, lag[i], p), separated[i], density, lag[i], p)
+        apparent = section.apparent * width[i]
+        circulatory[i] = section.circulatory * width[i]
+        circulatory_moment[i] = 0.25 * chord[i] * section.circulatory * width[i]
+        separated[i] = section.separated * width[i]
+        suction[i] = section.suction * width[i]
+        camber[i] = section.camber * width[i]
+        friction[i] = section.friction * width[i]
+        couple[i] = -0.25 * apparent * chord[i] * abs(along[i]) * pitch_rate[i]
+        mass[i] = apparent
+        inertia[i] = apparent * chord[i] * chord[i] / 32.0
+
+
+@apart
+def fill_lag_rates(
+    p: StripParameters, chord: Floats, along: Floats, down: Floats, pitch_rate: Floats, lag: Floats, rates: Floats
+) -> None:
+    """Rate in m/s^2 of the wake's state of every section."""
+    for i in range(chord.shape[0]):
+        at = incidence(SectionMotion(along[i], 0.0, down[i], pitch_rate[i], chord[i]), lag[i], p)
+        rates[i] = _lag_rate(at, chord[i], lag[i], p)
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sim_bridge.elementary import arctangent, sine_and_cosine
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats, inlined
 
 SEPARATED_NORMAL_FORCE = 1.98
 """-; normal-force coefficient of a plate across the flow (Hoerner), as DeLaurier uses it for stalled sections"""
@@ -13,7 +13,7 @@ PLATE_STALL = 0.35
 """rad; chosen: a low-aspect-ratio plate keeps its attached flow to about 20 degrees"""
 
 
-@kernel
+@inlined
 def plate_normal_force(angle: float, lift_slope: float) -> float:
     """Normal-force coefficient of a flat plate at any angle of attack in rad, blended at the stall."""
     sine, cosine = sine_and_cosine(angle)
@@ -25,7 +25,7 @@ def plate_normal_force(angle: float, lift_slope: float) -> float:
     return (1.0 - share) * attached + share * separated
 
 
-@kernel
+@inlined
 def plate_pressure(along: float, across: float, deflection: float, lift_slope: float, density: float) -> float:
     """Normal pressure in Pa of a surface, positive against ``across``.
 
@@ -39,7 +39,7 @@ def plate_pressure(along: float, across: float, deflection: float, lift_slope: f
     return 0.5 * density * square * plate_normal_force(angle, lift_slope)
 
 
-@kernel
+@inlined
 def body_drag(speeds: Floats, drag_area: float, side_area: float, density: float, force: Floats) -> None:
     """Fuselage drag (3,) in N, body axes, for its speed (3,) through the air."""
     speed = math.sqrt(speeds[0] ** 2 + speeds[1] ** 2 + speeds[2] ** 2)

@@ -16,7 +16,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from sim_bridge.elementary import sine_and_cosine
-from sim_bridge.vectors import Floats, Integers, inlined, laid_in
+from sim_bridge.vectors import Floats, Integers, apart, inlined, laid_in
 
 BASE = 6
 """speeds of the base, before those of the coordinates"""
@@ -57,6 +57,8 @@ class Tree(NamedTuple):
     """(b, 3, 3)"""
     axis: Floats
     """(b, 3); of unit length or zero"""
+    turning: Floats
+    """(b, 2, 3, 3); what sine, and 1 less cosine, of the joint's angle add to ``rotation`` (Rodrigues)"""
     mass: Floats
     """(b,) kg"""
     center: Floats
@@ -79,10 +81,10 @@ class Kinematics(NamedTuple):
     bias: Floats
     """(b, 6); spatial acceleration that is there without any rate of the speeds"""
     inertia: Floats
-    """(b, 6, 6); spatial, about the base's origin; of the subtree after `assemble`"""
+    """(b, 6, 6); spatial, about the base's origin, upper triangle; after `assemble` of the subtree, base's whole"""
     force: Floats
     """(b, 6) N m, N; what the bias motion takes less what acts on the body, about the base's origin"""
-    turned: Floats
+    local: Floats
     """(3, 3); scratch: r_parent_from_body"""
     unit: Floats
     """(6,); scratch: force of a joint's unit acceleration"""
@@ -110,17 +112,27 @@ def build_tree(bodies: list[Body]) -> tuple[Tree, list[str]]:
     axes = np.array([body.axis for body in ordered], dtype=np.float64)
     lengths = np.linalg.norm(axes, axis=1)
     axes[lengths > 0.0] /= lengths[lengths > 0.0, None]
+    rotation = np.array([body.rotation for body in ordered], dtype=np.float64)
     tree = Tree(
         parent=np.array([index.get(body.parent, -1) for body in ordered], dtype=np.int64),
         coordinate=np.array(coordinate, dtype=np.int64),
         place=np.array([body.place for body in ordered], dtype=np.float64),
-        rotation=np.array([body.rotation for body in ordered], dtype=np.float64),
+        rotation=rotation,
         axis=axes,
+        turning=_turning(rotation, axes),
         mass=np.array([body.mass for body in ordered], dtype=np.float64),
         center=np.array([body.center for body in ordered], dtype=np.float64),
         inertia=np.array([inertia_matrix(body.inertia) for body in ordered]),
     )
     return tree, names
+
+
+def _turning(rotation: Floats, axes: Floats) -> Floats:
+    """`Tree.turning` of bodies turned by ``rotation`` (b, 3, 3) at zero angle."""
+    x, y, z = axes.T
+    none = np.zeros_like(x)
+    across = np.stack((none, -z, y, z, none, -x, -y, x, none), axis=1).reshape(-1, 3, 3)
+    return np.stack((rotation @ across, rotation @ across @ across), axis=1)
 
 
 def inertia_matrix(inertia: tuple[float, float, float, float, float, float]) -> Floats:
@@ -200,120 +212,143 @@ def blank_kinematics(tree: Tree) -> Kinematics:
         bias=np.zeros((b, 6)),
         inertia=np.zeros((b, 6, 6)),
         force=np.zeros((b, 6)),
-        turned=np.zeros((3, 3)),
+        local=np.zeros((3, 3)),
         unit=np.zeros(6),
     )
 
 
 @inlined
-def _turn(axis: Floats, angle: float, zero: Floats, out: Floats) -> None:
-    """``out`` (3, 3) = ``zero`` times the turn by ``angle`` about ``axis`` (Rodrigues)."""
-    s, c = sine_and_cosine(angle)
-    x, y, z = axis[0], axis[1], axis[2]
-    d = 1.0 - c
-    m00, m01, m02 = c + d * x * x, d * x * y - s * z, d * x * z + s * y
-    m10, m11, m12 = d * x * y + s * z, c + d * y * y, d * y * z - s * x
-    m20, m21, m22 = d * x * z - s * y, d * y * z + s * x, c + d * z * z
-    for i in range(3):
-        a, b, e = zero[i, 0], zero[i, 1], zero[i, 2]
-        out[i, 0] = a * m00 + b * m10 + e * m20
-        out[i, 1] = a * m01 + b * m11 + e * m21
-        out[i, 2] = a * m02 + b * m12 + e * m22
-
-
-@inlined
 def _place_body(tree: Tree, b: int, angle: float, k: Kinematics) -> None:
-    up, local = tree.parent[b], k.turned
-    _turn(tree.axis[b], angle, tree.rotation[b], local)
+    up = tree.parent[b]
+    _place(
+        angle, tree.place[b], tree.rotation[b], tree.turning[b], tree.axis[b], k.r[up], k.p[up], k.local,
+        k.r[b], k.p[b], k.s[b],
+    )  # fmt: skip
+
+
+@apart
+def _place(
+    angle: float,
+    place: Floats,
+    zero: Floats,
+    turning: Floats,
+    axis: Floats,
+    up_r: Floats,
+    up_p: Floats,
+    local: Floats,
+    r: Floats,
+    p: Floats,
+    s: Floats,
+) -> None:
+    """Fill ``r``, ``p`` and ``s`` of a body whose parent's are ``up_r`` and ``up_p``."""
+    sine, cosine = sine_and_cosine(angle)
+    rest = 1.0 - cosine
     for i in range(3):
-        r0, r1, r2 = k.r[up, i, 0], k.r[up, i, 1], k.r[up, i, 2]
-        k.p[b, i] = k.p[up, i] + r0 * tree.place[b, 0] + r1 * tree.place[b, 1] + r2 * tree.place[b, 2]
         for j in range(3):
-            k.r[b, i, j] = r0 * local[0, j] + r1 * local[1, j] + r2 * local[2, j]
+            local[i, j] = zero[i, j] + sine * turning[0, i, j] + rest * turning[1, i, j]
     for i in range(3):
-        k.s[b, i] = k.r[b, i, 0] * tree.axis[b, 0] + k.r[b, i, 1] * tree.axis[b, 1] + k.r[b, i, 2] * tree.axis[b, 2]
-    a0, a1, a2 = k.s[b, 0], k.s[b, 1], k.s[b, 2]
-    k.s[b, 3] = k.p[b, 1] * a2 - k.p[b, 2] * a1
-    k.s[b, 4] = k.p[b, 2] * a0 - k.p[b, 0] * a2
-    k.s[b, 5] = k.p[b, 0] * a1 - k.p[b, 1] * a0
+        r0, r1, r2 = up_r[i, 0], up_r[i, 1], up_r[i, 2]
+        p[i] = up_p[i] + r0 * place[0] + r1 * place[1] + r2 * place[2]
+        for j in range(3):
+            r[i, j] = r0 * local[0, j] + r1 * local[1, j] + r2 * local[2, j]
+        s[i] = r[i, 0] * axis[0] + r[i, 1] * axis[1] + r[i, 2] * axis[2]
+    s[3] = p[1] * s[2] - p[2] * s[1]
+    s[4] = p[2] * s[0] - p[0] * s[2]
+    s[5] = p[0] * s[1] - p[1] * s[0]
 
 
 @inlined
 def _move_body(up: int, b: int, rate: float, k: Kinematics) -> None:
-    v, s = k.velocity[up], k.s[b]
-    for i in range(6):
-        k.velocity[b, i] = v[i] + rate * s[i]
-        k.bias[b, i] = k.bias[up, i]
-    for i in range(3):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
-        k.bias[b, i] += rate * (v[i1] * s[i2] - v[i2] * s[i1])
-        linear = v[i1] * s[3 + i2] - v[i2] * s[3 + i1] + v[3 + i1] * s[i2] - v[3 + i2] * s[i1]
-        k.bias[b, 3 + i] += rate * linear
+    _add_joint(rate, k.s[b], k.velocity[up], k.bias[up], k.velocity[b], k.bias[b])
+
+
+@apart
+def _add_joint(rate: float, s: Floats, up: Floats, up_bias: Floats, velocity: Floats, bias: Floats) -> None:
+    """``velocity`` and ``bias`` of a body that turns on one which moves at ``up`` (6,); its own is v x s rate."""
+    v0, v1, v2, v3, v4, v5 = up[0], up[1], up[2], up[3], up[4], up[5]
+    j0, j1, j2, j3, j4, j5 = rate * s[0], rate * s[1], rate * s[2], rate * s[3], rate * s[4], rate * s[5]
+    velocity[0], velocity[1], velocity[2] = v0 + j0, v1 + j1, v2 + j2
+    velocity[3], velocity[4], velocity[5] = v3 + j3, v4 + j4, v5 + j5
+    bias[0] = up_bias[0] + v1 * j2 - v2 * j1
+    bias[1] = up_bias[1] + v2 * j0 - v0 * j2
+    bias[2] = up_bias[2] + v0 * j1 - v1 * j0
+    bias[3] = up_bias[3] + v1 * j5 - v2 * j4 + v4 * j2 - v5 * j1
+    bias[4] = up_bias[4] + v2 * j3 - v0 * j5 + v5 * j0 - v3 * j2
+    bias[5] = up_bias[5] + v0 * j4 - v1 * j3 + v3 * j1 - v4 * j0
 
 
 @inlined
 def _load_body(tree: Tree, b: int, gravity: Floats, k: Kinematics) -> None:
     """Set the body's own inertia and the force of its bias motion and weight."""
-    r, m, inertia = k.r[b], tree.mass[b], k.inertia[b]
-    x = k.p[b, 0] + r[0, 0] * tree.center[b, 0] + r[0, 1] * tree.center[b, 1] + r[0, 2] * tree.center[b, 2]
-    y = k.p[b, 1] + r[1, 0] * tree.center[b, 0] + r[1, 1] * tree.center[b, 1] + r[1, 2] * tree.center[b, 2]
-    z = k.p[b, 2] + r[2, 0] * tree.center[b, 0] + r[2, 1] * tree.center[b, 1] + r[2, 2] * tree.center[b, 2]
-    inertia[:, :] = 0.0
-    own = tree.inertia[b]
-    for i in range(3):
-        t0 = r[i, 0] * own[0, 0] + r[i, 1] * own[1, 0] + r[i, 2] * own[2, 0]
-        t1 = r[i, 0] * own[0, 1] + r[i, 1] * own[1, 1] + r[i, 2] * own[2, 1]
-        t2 = r[i, 0] * own[0, 2] + r[i, 1] * own[1, 2] + r[i, 2] * own[2, 2]
-        for j in range(3):
-            inertia[i, j] = t0 * r[j, 0] + t1 * r[j, 1] + t2 * r[j, 2]
-        inertia[3 + i, 3 + i] = m
-    inertia[0, 0] += m * (y * y + z * z)
-    inertia[1, 1] += m * (x * x + z * z)
-    inertia[2, 2] += m * (x * x + y * y)
-    inertia[0, 1] -= m * x * y
-    inertia[1, 0] -= m * x * y
-    inertia[0, 2] -= m * x * z
-    inertia[2, 0] -= m * x * z
-    inertia[1, 2] -= m * y * z
-    inertia[2, 1] -= m * y * z
-    inertia[0, 4] = inertia[4, 0] = -m * z
-    inertia[0, 5] = inertia[5, 0] = m * y
-    inertia[1, 3] = inertia[3, 1] = m * z
-    inertia[1, 5] = inertia[5, 1] = -m * x
-    inertia[2, 3] = inertia[3, 2] = -m * y
-    inertia[2, 4] = inertia[4, 2] = m * x
-    _bias_force(inertia, k.velocity[b], k.bias[b], k.force[b])
-    g0, g1, g2 = m * gravity[0], m * gravity[1], m * gravity[2]
-    k.force[b, 0] -= y * g2 - z * g1
-    k.force[b, 1] -= z * g0 - x * g2
-    k.force[b, 2] -= x * g1 - y * g0
-    k.force[b, 3] -= g0
-    k.force[b, 4] -= g1
-    k.force[b, 5] -= g2
+    _load(
+        tree.mass[b], tree.center[b], tree.inertia[b], gravity, k.r[b], k.p[b], k.velocity[b], k.bias[b],
+        k.inertia[b], k.force[b],
+    )  # fmt: skip
+
+
+@apart
+def _load(
+    m: float,
+    center: Floats,
+    own: Floats,
+    gravity: Floats,
+    r: Floats,
+    p: Floats,
+    v: Floats,
+    a: Floats,
+    inertia: Floats,
+    force: Floats,
+) -> None:
+    """Fill ``inertia`` (6, 6) and ``force`` (6,) of one body by Newton and Euler about its centre of mass."""
+    w0, w1, w2 = v[0], v[1], v[2]
+    x = p[0] + r[0, 0] * center[0] + r[0, 1] * center[1] + r[0, 2] * center[2]
+    y = p[1] + r[1, 0] * center[0] + r[1, 1] * center[1] + r[1, 2] * center[2]
+    z = p[2] + r[2, 0] * center[0] + r[2, 1] * center[1] + r[2, 2] * center[2]
+    ixx, ixy, ixz, iyy, iyz, izz = _turned(r, own)
+    # The velocity of the centre of mass, then m times its acceleration less gravity.
+    vx, vy, vz = v[3] + w1 * z - w2 * y, v[4] + w2 * x - w0 * z, v[5] + w0 * y - w1 * x
+    fx = m * (a[3] + a[1] * z - a[2] * y + w1 * vz - w2 * vy - gravity[0])
+    fy = m * (a[4] + a[2] * x - a[0] * z + w2 * vx - w0 * vz - gravity[1])
+    fz = m * (a[5] + a[0] * y - a[1] * x + w0 * vy - w1 * vx - gravity[2])
+    hx, hy, hz = ixx * w0 + ixy * w1 + ixz * w2, ixy * w0 + iyy * w1 + iyz * w2, ixz * w0 + iyz * w1 + izz * w2
+    force[0] = ixx * a[0] + ixy * a[1] + ixz * a[2] + w1 * hz - w2 * hy + y * fz - z * fy
+    force[1] = ixy * a[0] + iyy * a[1] + iyz * a[2] + w2 * hx - w0 * hz + z * fx - x * fz
+    force[2] = ixz * a[0] + iyz * a[1] + izz * a[2] + w0 * hy - w1 * hx + x * fy - y * fx
+    force[3], force[4], force[5] = fx, fy, fz
+    mx, my, mz = m * x, m * y, m * z
+    inertia[0, 0], inertia[0, 1], inertia[0, 2] = ixx + my * y + mz * z, ixy - mx * y, ixz - mx * z
+    inertia[1, 1], inertia[1, 2], inertia[2, 2] = iyy + mx * x + mz * z, iyz - my * z, izz + mx * x + my * y
+    inertia[0, 3], inertia[0, 4], inertia[0, 5] = 0.0, -mz, my
+    inertia[1, 3], inertia[1, 4], inertia[1, 5] = mz, 0.0, -mx
+    inertia[2, 3], inertia[2, 4], inertia[2, 5] = -my, mx, 0.0
+    inertia[3, 3], inertia[3, 4], inertia[3, 5] = m, 0.0, 0.0
+    inertia[4, 4], inertia[4, 5], inertia[5, 5] = m, 0.0, m
 
 
 @inlined
-def _bias_force(inertia: Floats, v: Floats, bias: Floats, force: Floats) -> None:
-    """``force`` (6,) = inertia bias + v x* (inertia v)."""
-    h0 = h1 = h2 = l0 = l1 = l2 = 0.0
-    for j in range(6):
-        h0 += inertia[0, j] * v[j]
-        h1 += inertia[1, j] * v[j]
-        h2 += inertia[2, j] * v[j]
-        l0 += inertia[3, j] * v[j]
-        l1 += inertia[4, j] * v[j]
-        l2 += inertia[5, j] * v[j]
-    for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += inertia[i, j] * bias[j]
-        force[i] = total
-    force[0] += v[1] * h2 - v[2] * h1 + v[4] * l2 - v[5] * l1
-    force[1] += v[2] * h0 - v[0] * h2 + v[5] * l0 - v[3] * l2
-    force[2] += v[0] * h1 - v[1] * h0 + v[3] * l1 - v[4] * l0
-    force[3] += v[1] * l2 - v[2] * l1
-    force[4] += v[2] * l0 - v[0] * l2
-    force[5] += v[0] * l1 - v[1] * l0
+def _turned(r: Floats, own: Floats) -> tuple[float, float, float, float, float, float]:
+    """xx, xy, xz, yy, yz, zz of a symmetric ``own`` (3, 3), turned: r own r^T."""
+    x0, x1, x2 = _row(r, 0, own)
+    y0, y1, y2 = _row(r, 1, own)
+    z0, z1, z2 = _row(r, 2, own)
+    return (
+        x0 * r[0, 0] + x1 * r[0, 1] + x2 * r[0, 2],
+        x0 * r[1, 0] + x1 * r[1, 1] + x2 * r[1, 2],
+        x0 * r[2, 0] + x1 * r[2, 1] + x2 * r[2, 2],
+        y0 * r[1, 0] + y1 * r[1, 1] + y2 * r[1, 2],
+        y0 * r[2, 0] + y1 * r[2, 1] + y2 * r[2, 2],
+        z0 * r[2, 0] + z1 * r[2, 1] + z2 * r[2, 2],
+    )
+
+
+@inlined
+def _row(r: Floats, i: int, own: Floats) -> tuple[float, float, float]:
+    """Row ``i`` of r own."""
+    return (
+        r[i, 0] * own[0, 0] + r[i, 1] * own[1, 0] + r[i, 2] * own[2, 0],
+        r[i, 0] * own[0, 1] + r[i, 1] * own[1, 1] + r[i, 2] * own[2, 1],
+        r[i, 0] * own[0, 2] + r[i, 1] * own[1, 2] + r[i, 2] * own[2, 2],
+    )
 
 
 @inlined
@@ -347,37 +382,55 @@ def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
         k.force[b, 3 + i] -= force[i]
 
 
-@laid_in
-def point_velocity(k: Kinematics, b: int, point: Floats, out: Floats) -> None:
-    """Velocity (3,) in m/s of the point of body ``b`` at ``point`` (3,), both in the base's axes."""
-    v = k.velocity[b]
-    out[0] = v[3] + v[1] * point[2] - v[2] * point[1]
-    out[1] = v[4] + v[2] * point[0] - v[0] * point[2]
-    out[2] = v[5] + v[0] * point[1] - v[1] * point[0]
-
-
 @inlined
 def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
     """Add the tree to ``mass`` (6 + c, 6 + c), upper triangle, and ``load`` (6 + c,); folds the subtrees of ``k``."""
     for b in range(tree.mass.shape[0] - 1, 0, -1):
         up, c = tree.parent[b], tree.coordinate[b]
         if c >= 0:
-            for i in range(6):
-                k.unit[i] = _dot(k.inertia[b, i], k.s[b])
+            _times(k.inertia[b], k.s[b], k.unit)
             mass[BASE + c, BASE + c] += _dot(k.s[b], k.unit)
             column(tree, k, up, k.unit, mass, BASE + c)
             load[BASE + c] -= _dot(k.s[b], k.force[b])
-        for i in range(6):
-            k.force[up, i] += k.force[b, i]
-            for j in range(6):
-                k.inertia[up, i, j] += k.inertia[b, i, j]
+        _fold(k.inertia[b], k.force[b], k.inertia[up], k.force[up])
+    _add_base(k.inertia[0], k.force[0], mass, load)
+
+
+@apart
+def _times(inertia: Floats, s: Floats, out: Floats) -> None:
+    """``out`` (6,) = ``inertia`` (6, 6) of an upper triangle times ``s`` (6,)."""
+    for i in range(6):
+        total = 0.0
+        for j in range(6):
+            total += inertia[min(i, j), max(i, j)] * s[j]
+        out[i] = total
+
+
+@apart
+def _fold(inertia: Floats, force: Floats, onto: Floats, force_onto: Floats) -> None:
+    """Add a subtree's inertia, upper triangle, and force to those of the body that it hangs on."""
+    for i in range(6):
+        force_onto[i] += force[i]
+        for j in range(6):
+            if j >= i:
+                onto[i, j] += inertia[i, j]
+
+
+@apart
+def _add_base(inertia: Floats, force: Floats, mass: Floats, load: Floats) -> None:
+    """Add the whole tree to the equations of the base, and fill its ``inertia`` below the diagonal."""
+    for i in range(6):
+        for j in range(6):
+            if j < i:
+                inertia[i, j] = inertia[j, i]
     for i in range(3):
-        load[i] -= k.force[0, 3 + i]
-        load[3 + i] -= k.force[0, i]
+        load[i] -= force[3 + i]
+        load[3 + i] -= force[i]
         for j in range(3):
-            mass[i, j] += k.inertia[0, 3 + i, 3 + j]
-            mass[3 + i, 3 + j] += k.inertia[0, i, j]
-            mass[i, 3 + j] += k.inertia[0, 3 + i, j]
+            mass[i, 3 + j] += inertia[3 + i, j]
+            if j >= i:
+                mass[i, j] += inertia[3 + i, 3 + j]
+                mass[3 + i, 3 + j] += inertia[i, j]
 
 
 @laid_in
@@ -385,9 +438,7 @@ def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, a
     """Fill column ``at`` of ``mass`` with what a unit rate's ``force`` (6,) makes on the base and on the joints of
     body ``start`` and those that it hangs on.
     """
-    for i in range(3):
-        mass[i, at] += force[3 + i]
-        mass[3 + i, at] += force[i]
+    _add_to_base(force, mass, at)
     b = start
     while b > 0:
         c = tree.coordinate[b]
@@ -397,6 +448,13 @@ def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, a
         b = tree.parent[b]
 
 
+@apart
+def _add_to_base(force: Floats, mass: Floats, at: int) -> None:
+    for i in range(3):
+        mass[i, at] += force[3 + i]
+        mass[3 + i, at] += force[i]
+
+
 @inlined
 def _dot(a: Floats, b: Floats) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
@@ -404,43 +462,124 @@ def _dot(a: Floats, b: Floats) -> float:
 
 @inlined
 def hold(mass: Floats, load: Floats, held: Integers, rates: Floats) -> None:
-    """Impose the rates (n,) of the speeds whose ``held`` (n,) is not zero, keeping ``mass`` symmetric."""
+    """Impose the rates (n,) of the speeds whose ``held`` (n,) is not zero, in the upper triangle of ``mass``."""
     n = load.shape[0]
     for i in range(n):
         if held[i] == 0:
             continue
-        for j in range(n):
+        rate = rates[i]
+        for j in range(i):
             if held[j] == 0:
-                load[j] -= (mass[i, j] if i <= j else mass[j, i]) * rates[i]
-    for i in range(n):
-        if held[i] == 0:
-            continue
-        for j in range(n):
-            mass[i, j] = 0.0
+                load[j] -= mass[j, i] * rate
             mass[j, i] = 0.0
+        for j in range(i + 1, n):
+            if held[j] == 0:
+                load[j] -= mass[i, j] * rate
+            mass[i, j] = 0.0
         mass[i, i] = 1.0
-        load[i] = rates[i]
+        load[i] = rate
 
 
 @inlined
 def solve(mass: Floats, load: Floats) -> None:
-    """Solve ``mass x = load`` in place (x in ``load``) by a U D U^T of the upper triangle.
+    """Solve ``mass x = load`` in place (x in ``load``) of six speeds of the base and any number of others.
 
-    From the last row up: branches of the tree that do not touch stay apart until only the base is left. A matrix that
-    is not positive definite leaves not-a-number in ``load``.
+    The others go first, by a U D U^T of the upper triangle from the last row up: branches of the tree that do not
+    touch stay apart until only the base is left. A matrix that is not positive definite may leave not-a-number in
+    ``load``.
     """
     n = load.shape[0]
-    for i in range(n - 1, -1, -1):
-        pivot = 1.0 / mass[i, i]
-        for j in range(i):
-            factor = mass[j, i] * pivot
-            if factor != 0.0:
-                for k in range(j + 1):
-                    mass[k, j] -= factor * mass[k, i]
-                load[j] -= factor * load[i]
-        load[i] *= pivot
-    for i in range(n):
-        total, pivot = load[i], 1.0 / mass[i, i]
+    for i in range(n - 1, BASE - 1, -1):
+        _eliminate(mass, load, i)
+    _solve_base(mass, load)
+    for i in range(BASE, n):
+        total, row = 0.0, mass[i]
         for k in range(i):
-            total -= mass[k, i] * pivot * load[k]
-        load[i] = total
+            total += row[k] * load[k]
+        load[i] -= row[i] * total
+
+
+@inlined
+def _eliminate(mass: Floats, load: Floats, i: int) -> None:
+    """Take the speed ``i`` out of the equations of those before it; leaves the inverse of its pivot in its place."""
+    pivot = 1.0 / mass[i, i]
+    own = load[i] * pivot
+    load[i], mass[i, i] = own, pivot
+    # Its column lies side by side in its row, of which nothing below the diagonal is in use.
+    row = mass[i]
+    for j in range(i):
+        row[j] = mass[j, i]
+    _take_off_base(row, pivot, own, mass, load)
+    for j in range(BASE, i):
+        if row[j] != 0.0:
+            load[j] -= row[j] * own
+            factor = row[j] * pivot
+            for k in range(j + 1):
+                mass[k, j] -= factor * row[k]
+
+
+@apart
+def _take_off_base(row: Floats, pivot: float, own: float, mass: Floats, load: Floats) -> None:
+    """What eliminating a speed takes off the base's equations."""
+    for i in range(BASE):
+        load[i] -= row[i] * own
+        factor = row[i] * pivot
+        for j in range(BASE):
+            if j >= i:
+                mass[i, j] -= factor * row[j]
+
+
+@apart
+def _solve_base(mass: Floats, load: Floats) -> None:
+    """Solve for the base's six speeds, its turning taken out of the equations of its moving.
+
+    Of [[D, B], [B^T, A]] [v, w] = [f, n]: (D - B A^-1 B^T) v = f - B A^-1 n and w = A^-1 (n - B^T v).
+    """
+    a, n = _inverse(mass, 3), (load[3], load[4], load[5])
+    b0 = (mass[0, 3], mass[0, 4], mass[0, 5])
+    b1 = (mass[1, 3], mass[1, 4], mass[1, 5])
+    b2 = (mass[2, 3], mass[2, 4], mass[2, 5])
+    g0, g1, g2 = _of(a, b0), _of(a, b1), _of(a, b2)
+    mass[0, 0] -= _inner(g0, b0)
+    mass[0, 1] -= _inner(g0, b1)
+    mass[0, 2] -= _inner(g0, b2)
+    mass[1, 1] -= _inner(g1, b1)
+    mass[1, 2] -= _inner(g1, b2)
+    mass[2, 2] -= _inner(g2, b2)
+    v = _of(_inverse(mass, 0), (load[0] - _inner(g0, n), load[1] - _inner(g1, n), load[2] - _inner(g2, n)))
+    w = _of(a, n)
+    load[0], load[1], load[2] = v
+    load[3] = w[0] - g0[0] * v[0] - g1[0] * v[1] - g2[0] * v[2]
+    load[4] = w[1] - g0[1] * v[0] - g1[1] * v[1] - g2[1] * v[2]
+    load[5] = w[2] - g0[2] * v[0] - g1[2] * v[1] - g2[2] * v[2]
+
+
+Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+
+
+@inlined
+def _inverse(mass: Floats, at: int) -> Symmetric:
+    """xx, xy, xz, yy, yz, zz of the inverse of the block of three from ``at`` on the diagonal of ``mass``."""
+    xx, xy, xz = mass[at, at], mass[at, at + 1], mass[at, at + 2]
+    yy, yz, zz = mass[at + 1, at + 1], mass[at + 1, at + 2], mass[at + 2, at + 2]
+    cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    share = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
+    return (
+        share * cxx, share * cxy, share * cxz,
+        share * (xx * zz - xz * xz), share * (xy * xz - xx * yz), share * (xx * yy - xy * xy),
+    )  # fmt: skip
+
+
+@inlined
+def _of(m: Symmetric, v: Vector) -> Vector:
+    return (
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        m[1] * v[0] + m[3] * v[1] + m[4] * v[2],
+        m[2] * v[0] + m[4] * v[1] + m[5] * v[2],
+    )
+
+
+@inlined
+def _inner(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

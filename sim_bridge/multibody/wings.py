@@ -24,9 +24,11 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
-from sim_bridge.elementary import sine_and_cosine
+from sim_bridge.elementary import QUARTER, sine_and_cosine, small_sine_and_cosine
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, column
-from sim_bridge.vectors import Floats, Integers, inlined, kernel
+from sim_bridge.vectors import Floats, Integers, Places, apart, inlined, kernel
+
+Vector = tuple[float, float, float]
 
 
 class Wings(NamedTuple):
@@ -39,7 +41,7 @@ class Wings(NamedTuple):
     """(w,); the coordinate of the tip twist, -1 for a wing that does not twist"""
     flap: Integers
     """(w,); the coordinate that is called the flap angle"""
-    first: Integers
+    first: Places
     """(w + 1,); the first strip of each wing, and the number of all"""
     side: Floats
     """(w,); +1 for a right wing, -1 for a left one"""
@@ -67,9 +69,7 @@ class WingWork(NamedTuple):
     twist_rate: Floats
     """(w,) rad/s; of the tips"""
     inertia: Floats
-    """(6, 6); of one wing at its root, wing axes"""
-    turned: Floats
-    """(6, 6)"""
+    """(6, 6); of one wing at its root, wing axes; upper triangle"""
     wrench: Floats
     """(2, 6); the twist's column and the bias force of one wing"""
     column: Floats
@@ -104,64 +104,102 @@ def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, outside: Floa
 @inlined
 def _root(k: Kinematics, b: int, outside: Floats, frame: Floats) -> None:
     """Fill the rows of one wing's ``frame`` (5, 6), see `WingWork`."""
-    r, p = k.r[b], k.p[b]
-    for row in range(5):
-        a0, a1, a2, l0, l1, l2 = _spatial(k, b, outside, row)
-        l0 += a1 * p[2] - a2 * p[1]
-        l1 += a2 * p[0] - a0 * p[2]
-        l2 += a0 * p[1] - a1 * p[0]
-        for i in range(3):
-            frame[row, i] = r[0, i] * a0 + r[1, i] * a1 + r[2, i] * a2
-            frame[row, 3 + i] = r[0, i] * l0 + r[1, i] * l1 + r[2, i] * l2
+    _fill_frame(k.r[b], k.p[b], k.velocity[b], k.velocity[0], k.bias[b], outside, frame)
+
+
+@apart
+def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outside: Floats, frame: Floats) -> None:
+    """`_root` of a wing whose body is turned by ``r``, placed at ``p``, and moves at ``v`` (6,) with bias ``a``."""
+    g, air, turn = outside[0:3], outside[3:6], outside[6:9]
+    w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
+    v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
+    _tell(r, p, (v[0], v[1], v[2]), (v[3], v[4], v[5]), frame[0])
+    _tell(r, p, (turn[0], turn[1], turn[2]), (air[0], air[1], air[2]), frame[1])
+    _tell(r, p, (w0, w1, w2), (v0, v1, v2), frame[2])
+    _tell(r, p, (a[0], a[1], a[2]), (a[3] - g[0], a[4] - g[1], a[5] - g[2]), frame[3])
+    # In the wing's axes the air's motion has a rate although in the base's axes its turning has none, and in NED's
+    # the velocity at the base's origin: V x A of the wing less that of the base, whose axes and origin it goes by.
+    turning = (
+        a[0] + w1 * turn[2] - w2 * turn[1],
+        a[1] + w2 * turn[0] - w0 * turn[2],
+        a[2] + w0 * turn[1] - w1 * turn[0],
+    )
+    along = (
+        a[3] + v[1] * air[2] - v[2] * air[1] + v1 * turn[2] - v2 * turn[1],
+        a[4] + v[2] * air[0] - v[0] * air[2] + v2 * turn[0] - v0 * turn[2],
+        a[5] + v[0] * air[1] - v[1] * air[0] + v0 * turn[1] - v1 * turn[0],
+    )
+    _tell(r, p, turning, along, frame[4])
 
 
 @inlined
-def _spatial(k: Kinematics, b: int, outside: Floats, row: int) -> tuple[float, float, float, float, float, float]:
-    v, base, a, air = k.velocity[b], k.velocity[0], k.bias[b], outside[3:9]
-    if row == 0:
-        return v[0], v[1], v[2], v[3], v[4], v[5]
-    if row == 1:
-        return air[3], air[4], air[5], air[0], air[1], air[2]
-    if row == 2:
-        return v[0] - base[0], v[1] - base[1], v[2] - base[2], v[3] - base[3], v[4] - base[4], v[5] - base[5]
-    if row == 3:
-        return a[0], a[1], a[2], a[3] - outside[0], a[4] - outside[1], a[5] - outside[2]
-    # In the wing's axes the air's motion has a rate although in the base's axes its turning has none, and in NED's
-    # the velocity at the base's origin: V x A of the wing less that of the base, whose axes and origin it goes by.
-    w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
-    v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
-    return (
-        a[0] + w1 * air[5] - w2 * air[4],
-        a[1] + w2 * air[3] - w0 * air[5],
-        a[2] + w0 * air[4] - w1 * air[3],
-        a[3] + v[1] * air[2] - v[2] * air[1] + v1 * air[5] - v2 * air[4],
-        a[4] + v[2] * air[0] - v[0] * air[2] + v2 * air[3] - v0 * air[5],
-        a[5] + v[0] * air[1] - v[1] * air[0] + v0 * air[4] - v1 * air[3],
-    )
+def _tell(r: Floats, p: Floats, angular: Vector, linear: Vector, row: Floats) -> None:
+    """A motion told at the base's origin in its axes, told at the wing's root in the wing's axes."""
+    a0, a1, a2 = angular
+    l0 = linear[0] + a1 * p[2] - a2 * p[1]
+    l1 = linear[1] + a2 * p[0] - a0 * p[2]
+    l2 = linear[2] + a0 * p[1] - a1 * p[0]
+    for i in range(3):
+        row[i] = r[0, i] * a0 + r[1, i] * a1 + r[2, i] * a2
+        row[3 + i] = r[0, i] * l0 + r[1, i] * l1 + r[2, i] * l2
 
 
 @inlined
 def _strip_motion(w: Wings, j: int, theta: float, work: WingWork) -> None:
-    m, f, side, s, theta_rate = work.motion, work.frame[j], w.side[j], w.strips, work.twist_rate[j]
-    wx, wy, wz, vx, vy, vz = f[0, 0], f[0, 1], f[0, 2], f[0, 3], f[0, 4], f[0, 5]
-    ax, ay, az, ux, uy, uz = f[1, 0], f[1, 1], f[1, 2], f[1, 3], f[1, 4], f[1, 5]
-    jx, jz, px, pz = f[2, 0], f[2, 2], f[2, 3], f[2, 5]
-    # The section turns through the air at wx - ax, ...; its points move through it likewise.
-    wx, wy, wz, vx, vy, vz = wx - ax, wy - ay, wz - az, vx - ux, vy - uy, vz - uz
-    for i in range(w.first[j], w.first[j + 1]):
-        eta, half, y = s.eta[i], 0.5 * s.chord[i], side * s.span[i]
-        sine, cosine = sine_and_cosine(theta * eta)
-        x, z = -half * cosine, half * sine
-        turn = wy + eta * theta_rate
+    m, s, first, last = work.motion, w.strips, w.first[j], w.first[j + 1]
+    _turn_strips(first, last, theta, s.eta, work.sine, work.cosine)
+    _move_strips(
+        first, last, w.side[j], work.twist_rate[j], work.frame[j], s.eta, s.chord, s.span, work.sine, work.cosine,
+        m.along, m.down, m.outward, m.pitch_rate, m.plunge,
+    )  # fmt: skip
+
+
+@apart
+def _turn_strips(first: int, last: int, theta: float, eta: Floats, sine: Floats, cosine: Floats) -> None:
+    """Sine and cosine of every section's twist; ``eta`` is at most 1."""
+    if abs(theta) <= QUARTER:
+        for i in range(first, last):
+            sine[i], cosine[i] = small_sine_and_cosine(theta * eta[i])
+    else:
+        for i in range(first, last):
+            sine[i], cosine[i] = sine_and_cosine(theta * eta[i])
+
+
+@apart
+def _move_strips(
+    first: int,
+    last: int,
+    side: float,
+    twist_rate: float,
+    frame: Floats,
+    eta: Floats,
+    chord: Floats,
+    span: Floats,
+    sine: Floats,
+    cosine: Floats,
+    along: Floats,
+    down: Floats,
+    outward: Floats,
+    pitch_rate: Floats,
+    plunge: Floats,
+) -> None:
+    """Fill the columns of `Motion` for one wing's strips."""
+    f, jx, jz, px, pz = frame, frame[2, 0], frame[2, 2], frame[2, 3], frame[2, 5]
+    # The section turns through the air at wx, ...; its points move through it likewise.
+    wx, wy, wz = f[0, 0] - f[1, 0], f[0, 1] - f[1, 1], f[0, 2] - f[1, 2]
+    vx, vy, vz = f[0, 3] - f[1, 3], f[0, 4] - f[1, 4], f[0, 5] - f[1, 5]
+    for i in range(first, last):
+        half, y = 0.5 * chord[i], side * span[i]
+        x, z = -half * cosine[i], half * sine[i]
+        turn = wy + eta[i] * twist_rate
         mx = vx + turn * z - wz * y
         my = vy + wz * x - wx * z
         mz = vz + wx * y - turn * x
-        work.sine[i], work.cosine[i] = sine, cosine
-        m.along[i] = mx * cosine - mz * sine
-        m.down[i] = mx * sine + mz * cosine
-        m.outward[i] = side * my
-        m.pitch_rate[i] = turn
-        m.plunge[i] = (px - jz * y) * sine + (pz + jx * y) * cosine
+        along[i] = mx * cosine[i] - mz * sine[i]
+        down[i] = mx * sine[i] + mz * cosine[i]
+        outward[i] = side * my
+        pitch_rate[i] = turn
+        plunge[i] = (px - jz * y) * sine[i] + (pz + jx * y) * cosine[i]
 
 
 @kernel
@@ -204,14 +242,15 @@ def add_wings(tree: Tree, k: Kinematics, w: Wings, work: WingWork, equations: Eq
             column(tree, k, w.body[j], work.column, equations.mass, at)
 
 
-@inlined
+@apart
 def _sum_parts(parts: Floats, total: Floats) -> None:
     for c in range(4):
-        for i in range(total.shape[1]):
-            total[c, i] = parts[0, c, i]
-        for p in range(1, parts.shape[0]):
-            for i in range(total.shape[1]):
-                total[c, i] += parts[p, c, i]
+        one = total[c]
+        for i in range(one.shape[0]):
+            one[i] = parts[0, c, i] + parts[1, c, i]
+        for p in range(2, parts.shape[0]):
+            for i in range(one.shape[0]):
+                one[i] += parts[p, c, i]
 
 
 class _Strip(NamedTuple):
@@ -351,45 +390,77 @@ def _sum_inertia(w: Wings, j: int, work: WingWork) -> None:
 @inlined
 def _carry(k: Kinematics, b: int, work: WingWork) -> None:
     """Add the wing's sums, told at the root in wing axes, to body ``b`` about the base's origin."""
-    r, p, c, inertia = k.r[b], k.p[b], work.inertia, k.inertia[b]
+    _carry_inertia(k.r[b], k.p[b], work.inertia, k.inertia[b])
     for i in range(6):
-        for j in range(i):
-            c[i, j] = c[j, i]
-    turned = work.turned
-    for block in range(4):
-        at, to = 3 * (block // 2), 3 * (block % 2)
-        for i in range(3):
-            a0 = r[i, 0] * c[at, to] + r[i, 1] * c[at + 1, to] + r[i, 2] * c[at + 2, to]
-            a1 = r[i, 0] * c[at, to + 1] + r[i, 1] * c[at + 1, to + 1] + r[i, 2] * c[at + 2, to + 1]
-            a2 = r[i, 0] * c[at, to + 2] + r[i, 1] * c[at + 1, to + 2] + r[i, 2] * c[at + 2, to + 2]
-            for j in range(3):
-                turned[at + i, to + j] = a0 * r[j, 0] + a1 * r[j, 1] + a2 * r[j, 2]
-    # A force at the root has a moment about the origin: rows first, then columns.
-    for i in range(6):
-        turned[0, i] += p[1] * turned[5, i] - p[2] * turned[4, i]
-        turned[1, i] += p[2] * turned[3, i] - p[0] * turned[5, i]
-        turned[2, i] += p[0] * turned[4, i] - p[1] * turned[3, i]
-    for i in range(6):
-        turned[i, 0] += p[1] * turned[i, 5] - p[2] * turned[i, 4]
-        turned[i, 1] += p[2] * turned[i, 3] - p[0] * turned[i, 5]
-        turned[i, 2] += p[0] * turned[i, 4] - p[1] * turned[i, 3]
-        for j in range(6):
-            inertia[i, j] += turned[i, j]
-    _carry_wrench(r, p, work.wrench[0], work.column, 0.0)
-    _carry_wrench(r, p, work.wrench[1], k.force[b], 1.0)
+        work.column[i] = 0.0
+    _add_wrench(k.r[b], k.p[b], work.wrench[0], work.column)
+    _add_wrench(k.r[b], k.p[b], work.wrench[1], k.force[b])
+
+
+@apart
+def _carry_inertia(r: Floats, p: Floats, own: Floats, out: Floats) -> None:
+    """Add a spatial inertia ``own`` (6, 6), told at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
+
+    With its blocks A, B, D of turning, both and moving: a force at ``p`` has the moment p x F about the origin.
+    """
+    c = own
+    a = _turned(r, ((c[0, 0], c[0, 1], c[0, 2]), (c[0, 1], c[1, 1], c[1, 2]), (c[0, 2], c[1, 2], c[2, 2])))
+    b = _turned(r, ((c[0, 3], c[0, 4], c[0, 5]), (c[1, 3], c[1, 4], c[1, 5]), (c[2, 3], c[2, 4], c[2, 5])))
+    d = _turned(r, ((c[3, 3], c[3, 4], c[3, 5]), (c[3, 4], c[4, 4], c[4, 5]), (c[3, 5], c[4, 5], c[5, 5])))
+    x, y, z = p[0], p[1], p[2]
+    # B + p x D, then A + p x B^T + (B + p x D) (p x)^T.
+    b0, b1, b2 = b
+    d0, d1, d2 = d
+    e0 = (b0[0] + y * d2[0] - z * d1[0], b0[1] + y * d2[1] - z * d1[1], b0[2] + y * d2[2] - z * d1[2])
+    e1 = (b1[0] + z * d0[0] - x * d2[0], b1[1] + z * d0[1] - x * d2[1], b1[2] + z * d0[2] - x * d2[2])
+    e2 = (b2[0] + x * d1[0] - y * d0[0], b2[1] + x * d1[1] - y * d0[1], b2[2] + x * d1[2] - y * d0[2])
+    out[0, 0] += a[0][0] + y * b0[2] - z * b0[1] + y * e0[2] - z * e0[1]
+    out[0, 1] += a[0][1] + y * b1[2] - z * b1[1] + z * e0[0] - x * e0[2]
+    out[0, 2] += a[0][2] + y * b2[2] - z * b2[1] + x * e0[1] - y * e0[0]
+    out[1, 1] += a[1][1] + z * b1[0] - x * b1[2] + z * e1[0] - x * e1[2]
+    out[1, 2] += a[1][2] + z * b2[0] - x * b2[2] + x * e1[1] - y * e1[0]
+    out[2, 2] += a[2][2] + x * b2[1] - y * b2[0] + x * e2[1] - y * e2[0]
+    for j in range(3):
+        out[0, 3 + j] += e0[j]
+        out[1, 3 + j] += e1[j]
+        out[2, 3 + j] += e2[j]
+    out[3, 3] += d0[0]
+    out[3, 4] += d0[1]
+    out[3, 5] += d0[2]
+    out[4, 4] += d1[1]
+    out[4, 5] += d1[2]
+    out[5, 5] += d2[2]
 
 
 @inlined
-def _carry_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats, keep: float) -> None:
-    """``out`` = ``keep`` times itself plus ``wrench`` carried from the root in wing axes to the base."""
+def _turned(r: Floats, a: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
+    """r a r^T."""
+    return _row(r, 0, a), _row(r, 1, a), _row(r, 2, a)
+
+
+@inlined
+def _row(r: Floats, i: int, a: tuple[Vector, Vector, Vector]) -> Vector:
+    x = r[i, 0] * a[0][0] + r[i, 1] * a[1][0] + r[i, 2] * a[2][0]
+    y = r[i, 0] * a[0][1] + r[i, 1] * a[1][1] + r[i, 2] * a[2][1]
+    z = r[i, 0] * a[0][2] + r[i, 1] * a[1][2] + r[i, 2] * a[2][2]
+    return (
+        x * r[0, 0] + y * r[0, 1] + z * r[0, 2],
+        x * r[1, 0] + y * r[1, 1] + z * r[1, 2],
+        x * r[2, 0] + y * r[2, 1] + z * r[2, 2],
+    )
+
+
+@apart
+def _add_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats) -> None:
+    """Add ``wrench`` (6,), told at the root in wing axes, to ``out`` about the base's origin."""
     f0 = r[0, 0] * wrench[3] + r[0, 1] * wrench[4] + r[0, 2] * wrench[5]
     f1 = r[1, 0] * wrench[3] + r[1, 1] * wrench[4] + r[1, 2] * wrench[5]
     f2 = r[2, 0] * wrench[3] + r[2, 1] * wrench[4] + r[2, 2] * wrench[5]
     for i in range(3):
-        out[i] = keep * out[i] + r[i, 0] * wrench[0] + r[i, 1] * wrench[1] + r[i, 2] * wrench[2]
+        out[i] += r[i, 0] * wrench[0] + r[i, 1] * wrench[1] + r[i, 2] * wrench[2]
     out[0] += p[1] * f2 - p[2] * f1
     out[1] += p[2] * f0 - p[0] * f2
     out[2] += p[0] * f1 - p[1] * f0
-    out[3] = keep * out[3] + f0
-    out[4] = keep * out[4] + f1
-    out[5] = keep * out[5] + f2
+    out[3] += f0
+    out[4] += f1
+    out[5] += f2

@@ -133,7 +133,7 @@ def mirrored(plant: Plant, y: Floats) -> Floats:
 
 def mirrored_strips(plant: Plant) -> Any:
     """For each strip the index of its mirror image."""
-    n = plant.mechanism.wings.first[1]
+    n = int(plant.mechanism.wings.first[1])
     return np.concatenate((np.arange(n, 2 * n), np.arange(n)))
 
 

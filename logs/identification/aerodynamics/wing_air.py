@@ -58,7 +58,7 @@ def _required(states: Floats, rates: Floats, winds: Floats, density: float, boun
         s.load[:] = 0.0
         k.set_motion(states[n], around, p, s)
         add_wings(p.tree, s.tree, p.wings, s.wings, Equations(s.mass, s.load))
-        add_plates(s.tree, p.plates, s.outside[3:9], density, s.work, s.plate_load)
+        add_plates(s.tree, p.plates, s.outside[3:9], density, s.plate_load)
         k.load_fuselage(density, p.drag_areas, s)
         assemble(p.tree, s.tree, s.mass, s.load)
         for i in range(BASE):
