@@ -21,14 +21,25 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 
+# Until all tests are collected next to nothing becomes garbage, and looking for it takes a seventh of that time.
+gc.disable()
+
 LONG = (
-    "tests/sitl/",
+    "tests/sim_bridge/test_aerodynamics.py",
+    "tests/logs/identification/test_identification_short_period.py",
     "tests/groundstation/test_fly.py",
+    "tests/sitl/",
+    "tests/clients/",
+    "tests/sim_bridge/test_validation.py",
+    "tests/sim_bridge/test_vortex_lattice_coupled.py",
+    "tests/groundstation/test_lattice_pictures.py",
+    "tests/replay/test_replay_flight.py",
     "tests/sim_bridge/test_tuning_cascade.py",
     "tests/sim_bridge/test_trim.py",
     "tests/avionics/test_autopilot_flights.py",
     "tests/avionics/test_piloting.py",
 )
+"""by what their tests and the kernels that they compile take, the longest first"""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -38,7 +49,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first where workers share the tests, so that none is left alone with one at the end."""
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+        items.sort(
+            key=lambda item: next((n for n, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
+        )
 
 
 def pytest_collection_finish() -> None:
@@ -46,3 +59,4 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 20, 20)
+    gc.enable()
