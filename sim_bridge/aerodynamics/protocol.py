@@ -77,7 +77,7 @@ class SectionLoads(NamedTuple):
     """What a model fills in."""
 
     parts: Floats
-    """(parts, 4, n) N, N, N, N m; FORWARD, UPWARD, OUTWARD, NOSE_UP of each strip"""
+    """(parts, 4, n) N, N, N, N m; two parts or more: FORWARD, UPWARD, OUTWARD, NOSE_UP of each strip"""
     apparent: Floats
     """(2, n) kg, kg m^2; MASS and INERTIA of the air that the strip's acceleration moves"""
     rates: Floats

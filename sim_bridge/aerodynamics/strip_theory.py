@@ -315,7 +315,7 @@ def fill_stalled(
     lag: Floats,
     stalled: Floats,
 ) -> None:
-    """Share of every section that is stalled; mostly none is, which is seen without arctangents."""
+    """Fill ``stalled`` (n,) with the share of every section; mostly none is, which is seen without arctangents."""
     beyond = 0
     for i in range(stalled.shape[0]):
         at = incidence(SectionMotion(along[i], plunge[i], down[i], pitch_rate[i], chord[i]), lag[i], p)
@@ -348,7 +348,10 @@ def fill_loads(
     mass: Floats,
     inertia: Floats,
 ) -> None:
-    """Loads of every section; ``separated`` is given the share that is stalled."""
+    """Fill the parts, N and N m, and the apparent ``mass`` and ``inertia``, kg and kg m^2, of every section, (n,).
+
+    ``separated`` is given with the share that is stalled in it.
+    """
     for i in range(chord.shape[0]):
         m = SectionMotion(along[i], 0.0, down[i], pitch_rate[i], chord[i])
         section = _loads_at(m, incidence(m, lag[i], p), separated[i], density, lag[i], p)
@@ -368,7 +371,7 @@ def fill_loads(
 def fill_lag_rates(
     p: StripParameters, chord: Floats, along: Floats, down: Floats, pitch_rate: Floats, lag: Floats, rates: Floats
 ) -> None:
-    """Rate in m/s^2 of the wake's state of every section."""
+    """Rate in m/s^2 of every section's wake; arrays (n,), m/s and rad/s as in `Motion`."""
     for i in range(chord.shape[0]):
         at = incidence(SectionMotion(along[i], 0.0, down[i], pitch_rate[i], chord[i]), lag[i], p)
         rates[i] = _lag_rate(at, chord[i], lag[i], p)

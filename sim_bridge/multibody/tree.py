@@ -18,6 +18,10 @@ from avionics.quantities import BadInput
 from sim_bridge.elementary import sine_and_cosine
 from sim_bridge.vectors import Floats, Integers, apart, inlined, laid_in
 
+Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+"""xx, xy, xz, yy, yz, zz"""
+
 BASE = 6
 """speeds of the base, before those of the coordinates"""
 ROUNDING = 0.02
@@ -81,7 +85,7 @@ class Kinematics(NamedTuple):
     bias: Floats
     """(b, 6); spatial acceleration that is there without any rate of the speeds"""
     inertia: Floats
-    """(b, 6, 6); spatial, about the base's origin, upper triangle; after `assemble` of the subtree, base's whole"""
+    """(b, 6, 6); spatial, about the base's origin, upper half; after `assemble` of the subtree, the base's full"""
     force: Floats
     """(b, 6) N m, N; what the bias motion takes less what acts on the body, about the base's origin"""
     local: Floats
@@ -264,7 +268,7 @@ def _move_body(up: int, b: int, rate: float, k: Kinematics) -> None:
 
 @apart
 def _add_joint(rate: float, s: Floats, up: Floats, up_bias: Floats, velocity: Floats, bias: Floats) -> None:
-    """``velocity`` and ``bias`` of a body that turns on one which moves at ``up`` (6,); its own is v x s rate."""
+    """Fill ``velocity`` and ``bias`` of a body that turns on one moving at ``up`` (6,): its own is v x s rate."""
     v0, v1, v2, v3, v4, v5 = up[0], up[1], up[2], up[3], up[4], up[5]
     j0, j1, j2, j3, j4, j5 = rate * s[0], rate * s[1], rate * s[2], rate * s[3], rate * s[4], rate * s[5]
     velocity[0], velocity[1], velocity[2] = v0 + j0, v1 + j1, v2 + j2
@@ -326,7 +330,7 @@ def _load(
 
 
 @inlined
-def _turned(r: Floats, own: Floats) -> tuple[float, float, float, float, float, float]:
+def _turned(r: Floats, own: Floats) -> Symmetric:
     """xx, xy, xz, yy, yz, zz of a symmetric ``own`` (3, 3), turned: r own r^T."""
     x0, x1, x2 = _row(r, 0, own)
     y0, y1, y2 = _row(r, 1, own)
@@ -342,7 +346,7 @@ def _turned(r: Floats, own: Floats) -> tuple[float, float, float, float, float, 
 
 
 @inlined
-def _row(r: Floats, i: int, own: Floats) -> tuple[float, float, float]:
+def _row(r: Floats, i: int, own: Floats) -> Vector:
     """Row ``i`` of r own."""
     return (
         r[i, 0] * own[0, 0] + r[i, 1] * own[1, 0] + r[i, 2] * own[2, 0],
@@ -552,10 +556,6 @@ def _solve_base(mass: Floats, load: Floats) -> None:
     load[3] = w[0] - g0[0] * v[0] - g1[0] * v[1] - g2[0] * v[2]
     load[4] = w[1] - g0[1] * v[0] - g1[1] * v[1] - g2[1] * v[2]
     load[5] = w[2] - g0[2] * v[0] - g1[2] * v[1] - g2[2] * v[2]
-
-
-Vector = tuple[float, float, float]
-Symmetric = tuple[float, float, float, float, float, float]
 
 
 @inlined

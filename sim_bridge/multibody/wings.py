@@ -109,7 +109,7 @@ def _root(k: Kinematics, b: int, outside: Floats, frame: Floats) -> None:
 
 @apart
 def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outside: Floats, frame: Floats) -> None:
-    """`_root` of a wing whose body is turned by ``r``, placed at ``p``, and moves at ``v`` (6,) with bias ``a``."""
+    """`_root` of a wing whose body is turned by ``r``, placed at ``p``, with motion ``v`` and bias ``a`` (6,)."""
     g, air, turn = outside[0:3], outside[3:6], outside[6:9]
     w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
     v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
