@@ -27,8 +27,8 @@ SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
 """-; by how much a number in this unit is larger than in m/s"""
 NEAR_SPEED = 1.05
 """-; the same as `NEAR`, of these: they are closer to what an airspeed could be off by"""
-WIDEST_TRAVEL = math.pi / 2.0
-"""rad; of an input's angle from one end to the other in all manoeuvres"""
+WIDEST_TRAVEL = math.pi
+"""rad; of an input's angle from one end to the other in all manoeuvres: wings flap through two thirds of it"""
 LEAST_RUN = 20
 """-; samples on end in which all was measured"""
 DEGREES = math.degrees(1.0)
