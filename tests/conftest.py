@@ -3,6 +3,7 @@
 import gc
 import os
 import tempfile
+from collections.abc import Generator
 
 import pytest
 from hypothesis import settings
@@ -20,9 +21,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A machine that is busy with something else makes a test late, not wrong.
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
-
-# Until all tests are collected next to nothing becomes garbage, and looking for it takes a seventh of that time.
-gc.disable()
 
 LONG = (
     "tests/sim_bridge/test_aerodynamics.py",
@@ -46,6 +44,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bench-table", metavar="FILE", help="replace the table of benchmarks in this file")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Next to nothing becomes garbage while tests are collected: to look for it takes a seventh of that time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long files first where workers share the tests, so that none is left alone with one at the end."""
     if hasattr(config, "workerinput"):
@@ -59,4 +67,3 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 20, 20)
-    gc.enable()
