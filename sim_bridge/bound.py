@@ -83,7 +83,8 @@ bound_values: Callable[[Bound], Any] = cast(Any, _values)
 def _loaded(builder: ir.IRBuilder, place: Any, kind: ir.Type) -> Any:
     """The value at ``place``, member by member: those that a kernel does not ask for are never read.
 
-    What a kernel writes changes none of them, so that each may be read where it is needed.
+    What a kernel writes changes none of them, so that each may be read where it is needed; who calls it writes them
+    before.
     """
     if not isinstance(kind, ir.LiteralStructType | ir.ArrayType):
         value = builder.load(place)

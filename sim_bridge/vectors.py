@@ -16,6 +16,7 @@ from llvmlite import ir
 from numba import njit as njit  # for all who compile: by here the cache has its folder
 from numba.core import cgutils
 from numba.core.cpu import CPUTargetOptions
+from numba.core.errors import TypingError
 from numba.core.options import TargetOptions
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ def laid_in(function: Compiled) -> Compiled:
 
 
 def apart(function: Compiled) -> Compiled:
-    """An `inlined` one whose arrays lie apart: none that it writes shares a number with another of its arguments.
+    """An `inlined` one whose arrays lie apart: no number that it writes is read or written through another of them.
 
     The compiler then keeps in registers what it has read, and takes four strips of a loop at a time; nobody checks.
     """
@@ -114,6 +115,9 @@ def inner(function: Compiled) -> Compiled:
 
 @intrinsic
 def _clear(typing: Any, array: Any) -> Any:
+    if array.layout not in "CF":
+        raise TypingError("clear takes a contiguous array")
+
     def write(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> Any:
         view = context.make_array(array)(context, builder, arguments[0])
         cast(Any, cgutils).memset(builder, view.data, builder.mul(view.nitems, view.itemsize), 0)

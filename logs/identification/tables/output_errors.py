@@ -34,7 +34,7 @@ SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "n
 OFF = 8.0
 """-; robust standard deviations of the residuals, from which a sample is no noise; one in 1e15 of normal noise"""
 OVERDRIVEN = 20.0
-"""-; angle of attack or sideslip per angle of the input, from which the input's unit is asked for"""
+"""-; angle of attack or sideslip per angle of the input, from which the unit of either is asked for"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
 JUMP, STILL = 0.2, 0.03
@@ -132,7 +132,7 @@ def coarse(names: Sequence[str], experiments: tuple[Experiment, ...]) -> tuple[s
         largest = max((_largest_change(one) for one in series), default=0.0)
         if largest > JUMP and not any(map(jumps, series)):
             told.append(
-                f"{name} moves by up to {100 * largest:.0f} % of its range from one sample to the next, and was flown"
+                f"{name} moves by up to {100 * largest:.0f} % of its range from one sample to the next, and counts"
                 " as a line between them: derivatives may be off by more than their intervals; record it faster"
             )
     return tuple(told)
@@ -165,7 +165,7 @@ def _off(series: Sequence[FitSeries]) -> tuple[str, ...]:
 
 
 def _overdriven(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs so small beside the flow angles that they may be in rad, where the map says deg."""
+    """What is said of inputs so small beside the flow angles that the unit of one of the two is in doubt."""
     told = []
     for one in experiments:
         reach = {name: _reach(one.signals.get(name, np.zeros(0))) for name in (*asked.inputs, "alpha", "beta")}
@@ -174,7 +174,7 @@ def _overdriven(asked: OutputError, experiments: tuple[Experiment, ...]) -> tupl
             if one.units.get(name) == "rad" and 0 < OVERDRIVEN * reach[name] < moved:
                 told.append(
                     f"{one.name}: a flow angle moves {moved / reach[name]:.0f} times as far as {name}:"
-                    f" is {name} in rad, not in deg?"
+                    f" is {name} in rad and called deg, or the angle in deg and called rad?"
                 )
     return tuple(told)
 
@@ -191,7 +191,7 @@ def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ..
     held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
     values = {name: one.value for name, one in chosen.model.parameters.items()} | held
     system = chosen.system(values | dict(zip(fit.names, fit.values.tolist(), strict=True)))
-    fastest, step = float(np.max(np.abs(np.linalg.eigvals(system).imag))), max(one.step for one in experiments)
+    fastest, step = float(np.max(np.abs(np.linalg.eigvals(system).imag))), min(one.step for one in experiments)
     if fastest * step <= np.pi:
         return fit
     why = f"it found a motion of {fastest:.3g} rad/s, faster than {np.pi / step:.3g} rad/s, half the sampling rate"

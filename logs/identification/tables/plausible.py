@@ -29,6 +29,8 @@ NEAR_SPEED = 1.05
 """-; the same as `NEAR`, of these: they are closer to what an airspeed could be off by"""
 WIDEST_TRAVEL = math.pi
 """rad; of an input's angle from one end to the other in all manoeuvres: wings flap through two thirds of it"""
+ENDS = (0.5, 99.5)
+"""%; of the samples between which an input moves: a spike is no travel"""
 LEAST_RUN = 20
 """-; samples on end in which all was measured"""
 DEGREES = math.degrees(1.0)
@@ -42,7 +44,8 @@ def check_plausible(
     """Refuse signals that cannot all be what the map calls them.
 
     Raises:
-        BadInput: an input's angle moves as only one in degrees does; a_z is positive on the mean as one that counts
+        BadInput: one of ``inputs``, which the map calls radians, moves as only degrees do;
+            a_z is positive on the mean as one that counts
             upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
             a_z is against alpha and q, or in g; or the airspeed is in another unit than it is called by.
     """
@@ -61,12 +64,11 @@ def check_plausible(
 
 def _check_inputs(experiments: Sequence[Experiment], inputs: Sequence[str]) -> None:
     for name in inputs:
-        angles = [np.asarray(one.signals[name]) for one in experiments if one.units.get(name) == "rad"
-                  and name in one.signals and name not in ("beta", "phi", "psi")]  # fmt: skip
+        angles = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
         known = np.concatenate([one[np.isfinite(one)] for one in angles]) if angles else np.zeros(0)
-        if len(known) and float(np.ptp(known)) > WIDEST_TRAVEL:
-            travel = math.degrees(float(np.ptp(known)))
-            raise BadInput(f"signals.{name} moves through {travel:.0f} deg: is it in deg, not in rad?")
+        travel = float(np.ptp(np.percentile(known, ENDS))) if len(known) else 0.0
+        if travel > WIDEST_TRAVEL:
+            raise BadInput(f"signals.{name} moves through {math.degrees(travel):.0f} deg: is it in deg, not in rad?")
 
 
 def _check_gravity(experiments: Sequence[Experiment]) -> None:

@@ -72,7 +72,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     seen = found
     found = at_centre(found, constants) if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero) else found
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
-        check_plausible((*found.fitted, *found.held_out), constants, _inputs(chosen))
+        check_plausible((*found.fitted, *found.held_out), constants, _in_radians(chosen))
     missing: list[Unidentified] = []
     fits: list[TableFit] = []
     modes: ModesResult | None = None
@@ -125,6 +125,12 @@ def _of_rooms(
 def _inputs(chosen: Map) -> tuple[str, ...]:
     sections = (*((chosen.modes,) if chosen.modes else ()), *(chosen.aero.output_error if chosen.aero else ()))
     return tuple(dict.fromkeys(name for section in sections for name in section.inputs))
+
+
+def _in_radians(chosen: Map) -> tuple[str, ...]:
+    """Inputs that the map calls radians."""
+    entries = {name: chosen.signals[name].entry for name in _inputs(chosen) if name in chosen.signals}
+    return tuple(name for name, entry in entries.items() if entry.unit == "rad")
 
 
 def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T | None:

@@ -30,6 +30,8 @@ FAR = 2.0
 """-; spans of all others, by which such a number is away from them"""
 COARSE = 0.05
 """-; share of the rows that have another's time and other values, from which the stamps are too coarse for them"""
+MOSTLY = 0.5
+"""-; the same, from which rows that are not even have no time that could be told"""
 LONGEST_FILL = 5
 """-; samples missing on end that do not cut a record, and over which an input is interpolated"""
 FOLLOWING = 0.1
@@ -105,12 +107,18 @@ class SignalEntry(NamedTuple):
             raw = np.full(columns.rows, entry.value, dtype=np.float64)
         else:
             raw = columns.column(entry.column.column, self.key)
+            self._check_number(columns)
         raw = np.where(np.isin(raw, (*entry.missing, *self.stand_for_nothing(columns))), np.nan, raw)
         with np.errstate(over="ignore", invalid="ignore"):
             values: Array = (raw * entry.scale + entry.offset) * told.factor + told.offset
         values[~(np.abs(values) < 1e15)] = np.nan
         _check_angle(self.key, told.unit, values)
         return values
+
+    def _check_number(self, columns: Columns) -> None:
+        wanted = None if self.entry.column is None else self.entry.column.column
+        if (columns.order[wanted - 1] if isinstance(wanted, int) else wanted) in columns.clocks:
+            raise BadInput(f"{self.key}: column {wanted!r} of {columns.file} holds clocks or dates, no numbers")
 
     def stand_for_nothing(self, columns: Columns) -> tuple[float, ...]:
         """Numbers of its column, not told by the map, that loggers write for nothing and that are far from others."""
@@ -119,8 +127,8 @@ class SignalEntry(NamedTuple):
         raw = columns.column(self.entry.column.column, self.key)
         suspect = np.isin(np.abs(raw), STANDS_FOR_NOTHING) & ~np.isin(raw, self.entry.missing)
         others = raw[np.isfinite(raw) & ~suspect & ~np.isin(raw, self.entry.missing)]
-        if not suspect.any() or not len(others):
-            return ()
+        if 2 * suspect.sum() > len(raw) or not suspect.any() or not len(others) or not np.ptp(others):
+            return ()  # the one of two levels is no gap in the other
         span, low, high = float(np.ptp(others)), float(others.min()), float(others.max())
         found: list[float] = np.unique(raw[suspect]).tolist()
         return tuple(one for one in found if max(low - one, one - high) > FAR * max(span, abs(low), abs(high)))
@@ -290,10 +298,11 @@ def _apart(
     """Times, rows and signals of which none has another's time.
 
     Rows of one time that tell different signals, or the same, are one row. Where many rows tell other values at the
-    time of the row before, the stamps are coarser than the rows, and these are even between them.
+    time of the row before, the stamps are coarser than the rows, and these are even between them; rows that are not
+    even are left out where a few of them share a stamp.
 
     Raises:
-        BadInput: such rows are not even, and so have no time.
+        BadInput: most rows share a stamp and are not even, and so have no time.
     """
     first = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0)))
     extra = len(time) - len(first)
@@ -305,7 +314,9 @@ def _apart(
         doubtful |= np.fmax.reduceat(values, first) > lowest[name]
     others = int(np.sum((np.diff(np.append(first, len(time))) - 1)[doubtful]))
     if others > COARSE * len(time):
-        return _between_stamps(file, time, first, notes), rows, read
+        even = _between_stamps(file, time, first, notes)
+        if even is not None:
+            return even, rows, read
     if others:
         notes.append(f"{file}: {counted(others, 'row')} with the time of the row before left out")
     if extra > others:
@@ -314,17 +325,20 @@ def _apart(
     return time[first], rows[first], joined
 
 
-def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: list[str]) -> Array:
-    """Even times of rows whose stamps ``time`` are rounded so coarsely that neighbours share them.
+def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: list[str]) -> Array | None:
+    """Even times of rows whose stamps ``time`` are rounded so coarsely that neighbours share them; None where no even
+    rate has these stamps, which jitter and drop-outs make of rows that share few.
 
     Raises:
-        BadInput: no even rate has these stamps.
+        BadInput: likewise, of rows that mostly share theirs.
     """
     count, coarse = np.arange(len(time)), float(np.median(np.diff(time[first]))) if len(first) > 1 else 0.0
     step, start = (float(one) for one in np.polyfit(count, time, 1))
     even: Array = np.asarray(start + step * count, dtype=np.float64)
     shared = len(time) - len(first)
     if not coarse or float(np.max(np.abs(even - time))) > 0.75 * coarse:
+        if shared <= MOSTLY * len(time):
+            return None
         raise BadInput(
             f"{file}: {counted(shared, 'row')} of {len(time)} have the time of the row before and other values: the "
             "time is too coarse; give [time] rate in its place, or a column that tells it finer"

@@ -219,7 +219,8 @@ def _names(above: list[str], row: str, form: _Form) -> list[str] | None:
         as_wide = width <= len(cells) <= widest or (
             len(_all_cells(line, form)) == widest <= 2 * len(list(filter(None, cells)))
         )
-        if line and (not as_wide or _is_row(cells, form)):
+        fewer = found is not None and len(list(filter(None, cells))) < len(list(filter(None, found)))
+        if line and (not as_wide or fewer or _is_row(cells, form)):
             break
         found = cells if line else found
     return found

@@ -46,7 +46,8 @@ def _moved(one: Experiment, place: float, constants: Mapping[str, float]) -> Exp
 
 def _airspeed(one: Experiment, constants: Mapping[str, float]) -> Array | float:
     if "V" in one.signals:
-        return np.asarray(one.signals["V"], dtype=np.float64)
+        speed: Array = np.asarray(one.signals["V"], dtype=np.float64)
+        return np.asarray(np.where(speed > 0.0, speed, np.nan))
     if "V" not in constants:
         raise BadInput(f"constants.{PLACE} needs constants.V or signals.V")
     return constants["V"]

@@ -65,6 +65,16 @@ def test_coarse_stamps_of_rows_that_are_not_even_are_refused(tmp_path: Path) -> 
         identified(tmp_path, coarse)
 
 
+def test_jittered_stamps_of_which_some_are_shared_are_used(tmp_path: Path) -> None:
+    """GIVEN rows that jitter by a third of their step under stamps as coarse THEN what shares a stamp is left out."""
+    columns = flight(100.0)
+    jitter = np.random.default_rng(2).uniform(-0.006, 0.006, len(columns["t"]))
+    late = columns["t"] + np.where(columns["t"] > columns["t"].mean(), 0.4, 0.0)  # and a second half that came later
+    found = identified(tmp_path, columns | {"t": np.sort(np.round((late + jitter) / 0.01) * 0.01)})
+    assert "with the time of the row before left out" in said(found)
+    assert found.fits[0].fitted.estimates
+
+
 def test_rows_of_one_time_that_tell_different_signals_are_one_row(tmp_path: Path) -> None:
     columns = flight()
     twice = {name: np.repeat(values, 2) for name, values in columns.items()}
@@ -100,6 +110,8 @@ def test_a_column_of_clocks_is_a_time(tmp_path: Path) -> None:
         assert numbers(found.fits[0])[name].value == pytest.approx(one.value, rel=1e-6)
     with pytest.raises(BadInput, match="'noon' is neither a number nor a clock"):
         identified(tmp_path, columns | {"t": ["noon"] * len(clocks)})
+    with pytest.raises(BadInput, match=r"column 'alpha' of run\.csv holds clocks or dates, no numbers"):
+        identified(tmp_path, columns | {"alpha": clocks})
     with pytest.raises(BadInput, match=r"clocks in 't': their unit is s"):
         identified(tmp_path, columns | {"t": clocks}, BASE.replace('column = "t"', 'column = "t"\nunit = "ms"', 1))
 
@@ -116,6 +128,7 @@ def test_time_that_runs_backwards_is_told(tmp_path: Path) -> None:
         "t,a,b\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
         "t,a,b\ns,deg,\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
         "Flight 12,,\nt,a,b\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
+        "Flight 12,pilot Smith\nt,a,b\n0,1,\n1,2,\n2,3,5\n3,4,6\n",
     ],
 )
 def test_a_last_cell_that_is_blank_in_the_first_rows_takes_no_names(tmp_path: Path, text: str) -> None:
@@ -148,8 +161,10 @@ def test_units_of_inputs_that_their_size_contradicts(tmp_path: Path) -> None:
     degrees = columns | {"delta_e": np.degrees(columns["delta_e"])}
     with pytest.raises(BadInput, match="delta_e moves through 344 deg: is it in deg, not in rad"):
         identified(tmp_path, degrees)
+    called = BASE.replace('"delta_e", unit = "rad"', '"delta_e", unit = "deg"')
+    assert_truth(identified(tmp_path, degrees, called).fits[0])
     small = columns | {"delta_e": np.radians(columns["delta_e"])}
-    assert "times as far as delta_e: is delta_e in rad, not in deg?" in said(identified(tmp_path, small))
+    assert "times as far as delta_e: is delta_e in rad and called deg" in said(identified(tmp_path, small))
     assert "times as far" not in said(identified(tmp_path, columns))
 
 
@@ -208,3 +223,12 @@ def test_a_record_with_the_speed_in_it_holds_a_phugoid_as_well() -> None:
     one = Experiment("one", time, signals, {"u": "m/s", "q": "rad/s"})
     for mode in modes_of_experiments((one,), None, ("u", "q")).modes:
         assert mode.phugoid is not None or PHUGOID in {lost.name for lost in mode.unidentified}, mode.method
+
+
+def test_an_input_of_two_levels_is_no_gap(tmp_path: Path) -> None:
+    """GIVEN counts of which the upper is what other loggers write for nothing THEN the input is what it says."""
+    columns = flight()
+    level = np.where(columns["delta_e"] > 0, 999.0, 0.0)
+    told = BASE.replace('"delta_e", unit = "rad"', '"delta_e", unit = "rad", scale = 1e-4')
+    found = identified(tmp_path, columns | {"delta_e": level}, told)
+    assert "taken as not measured" not in said(found)
