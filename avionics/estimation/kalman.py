@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import ModuleType
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ def filterpy() -> ModuleType:
     """filterpy's functions, imported at the first call: it takes a second, which a reader of gains is spared."""
     import filterpy.kalman as functions
 
-    return functions  # type: ignore[no-any-return]
+    return cast(ModuleType, functions)
 
 
 def constant(rows: object) -> Array:

@@ -42,7 +42,7 @@ def identify(flight: Flight, aircraft: Aircraft = AIRCRAFT) -> ModesResult:
 
 def test_derivatives_lie_within_their_intervals() -> None:
     hits = total = 0
-    for seed in range(6):
+    for seed in range(10):
         for estimate in by_output_error(fly(Flight(seed=seed, modulation=0.2))).derivatives:
             hits += estimate.contains(TRUTH[estimate.name])
             total += 1
@@ -358,11 +358,13 @@ def test_a_wider_span_smooths_gusts_for_longer() -> None:
 
 def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
     """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
-    found = identify(Flight(modulation=0.3)).modes[2]
+    results = [identify(Flight(seed=seed, modulation=0.3)) for seed in range(3)]
     frequency, damping = true_mode(Flight())
-    assert found.method == FILTER_ERROR
-    assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
-    assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
+    for result in results:
+        found = result.modes[2]
+        assert found.method == FILTER_ERROR
+        assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
+        assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
 
 
 def test_a_tail_lag_that_is_not_known_is_found_by_filter_error_too() -> None:

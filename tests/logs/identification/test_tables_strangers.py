@@ -185,6 +185,7 @@ def test_pitch_alone_does_not_tell_what_only_gravity_would(tmp_path: Path) -> No
     found = identified(tmp_path, columns, THETA.replace('["alpha", "q", "a_z"]', '["q", "theta"]')).fits[0]
     told = {one.name for one in found.fitted.estimates}
     assert not told & {"Z_alpha", "Z_delta", "M_q"}, found.fitted.estimates
+    assert {one.name for one in found.fitted.unidentified} >= {"Z_alpha", "Z_delta", "M_q"}
 
 
 def test_a_vane_on_a_boom_tells_the_derivatives_of_the_centre_of_mass(tmp_path: Path) -> None:
