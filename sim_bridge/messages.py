@@ -70,11 +70,11 @@ class TruthWing(NamedTuple):
     twist_right: float
     """rad; tip twist, leading edge up is positive"""
     torque_left: float
-    """N m; of the drive on the wing"""
+    """N m; of the drive on the wing, averaged over the step"""
     torque_right: float
-    """N m; of the drive on the wing"""
+    """N m; of the drive on the wing, averaged over the step"""
     current: float
-    """A; drawn by both drives, averaged over the PWM"""
+    """A; drawn by both drives, averaged over the step and the PWM"""
     voltage: float
     """V; at the drives' terminals, averaged over the PWM"""
     electrical_power: float

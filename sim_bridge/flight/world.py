@@ -281,7 +281,7 @@ class SimulatedWorld:
         return new(TruthState, (self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
-        """Wings and drives at the end of the last step; current and power averaged over it."""
+        """Wings at the end of the last step; torques, current and power averaged over it."""
         return self._truth_wing(self._look.at(self._air_velocity()))
 
     def _truth_wing(self, now: Instant) -> TruthWing:
@@ -298,8 +298,7 @@ class SimulatedWorld:
                 y[at.rate(right)],
                 y[twist_left] if twist_left >= 0 else 0.0,
                 y[twist_right] if twist_right >= 0 else 0.0,
-                *self.plant.scratch.drive[:2].tolist(),
-                self._means.current,
+                *self._means[:3],
                 voltage,
                 power,
                 y[at.elevator] if at.elevator >= 0 else 0.0,

@@ -7,18 +7,32 @@ stall torque and no-load speed both in proportion to the voltage. A wing asks fo
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from avionics.quantities import BadInput
 from logs.identification.data import DriveData
 from logs.identification.delta import propagate
 from logs.identification.drive.servo import ServoModel
+from logs.identification.preparing.resampling import Channel, even
 from logs.identification.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.strokes import stroke_cuts
 
 LEAST_SAMPLES = 20
+LEAST_STROKES = 10
+"""-; of wings whose load is to be told: held in a hand, or thrown with still drives, they tell nothing of it"""
 LEAST_SPREAD = 0.05
 """-; of the greatest rate or voltage: what varies less tells no slope of its own"""
+PER_STROKE = 5.0
+"""-; samples of a stroke that torque and motion are brought to, which leaves what moves at one and a half times its
+frequency or less: a servo's corrections fold among what the readings have of the harmonics"""
+HIGHEST_INFLATION = 10.0
+"""-; of the acceleration by the angle (variance inflation), above which nothing tells inertia from stiffness"""
+ALIKE = "the wings beat at one frequency, at which inertia and stiffness look alike"
 CONSTANTS = {"stall_torque": "N m", "no_load_speed": "rad/s", "torque_speed_slope": "N m s/rad"}
 LOAD = ("wing_torque_constant", "wing_inertia")
 
@@ -89,33 +103,69 @@ def identify_load(data: DriveData) -> ServoModel:
 
     ``tau = c omega + J omega' + k (angle) + tau_0``: the angle is the rate's integral without its drift. Inertia is
     with the air's apparent mass, and both with what the membrane's twist makes of them at the flapping frequency.
+    Only what lies between the first stroke and the last counts.
 
     Raises:
-        BadInput: no motion of the wings, too few samples.
+        BadInput: no motion of the wings, too few strokes or samples.
     """
     if not len(data.wing_time):
         raise BadInput("the log has no motion of the wings (/main/wing), which the wing's load needs")
-    inside = (data.torque_time >= data.wing_time[0]) & (data.torque_time <= data.wing_time[-1])
-    if inside.sum() < LEAST_SAMPLES:
-        raise BadInput(f"the log has {int(inside.sum())} torque readings while the wings' motion is known")
+    cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
+    if len(cuts) <= LEAST_STROKES:
+        raise BadInput(f"the wings made {max(len(cuts) - 1, 0)} strokes; their load needs {LEAST_STROKES}")
+    flapping = (data.torque_time >= cuts[0]) & (data.torque_time <= cuts[-1])
     sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
-    rows = [_side(data, torque, rate, inside) for torque, rate in sides]
-    moving = np.concatenate([row[1] for row in rows])
-    if float(np.ptp(moving)) < 1.0:
+    if flapping.sum() < LEAST_SAMPLES:
+        raise BadInput(f"the log has {int(flapping.sum())} torque readings while the wings flap")
+    pace = PER_STROKE / float(np.median(np.diff(cuts)))
+    rows = [_side(data, torque, rate, flapping, pace) for torque, rate in sides]
+    samples = int(min(row.used.sum() for row in rows))
+    if max(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
         lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
-        return ServoModel((), lost, 0.0, 0.0, 0.0, int(inside.sum()))
-    fits = [regress(np.column_stack(row[1:]), row[0], np.ones(len(row[0]))) for row in rows]
-    return _mean_load(fits, int(inside.sum()))
+        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
+    model = _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
+    return _without_inertia(model) if min(_inflation(row) for row in rows) > HIGHEST_INFLATION else model
 
 
-def _side(data: DriveData, torque: Array, rate: Array, inside: Array) -> tuple[Array, ...]:
-    """Torque, and what it is regressed on: rate, acceleration, angle, one."""
-    time, at = data.wing_time, data.torque_time[inside]
-    step = np.diff(time, prepend=time[0])
-    swept = np.cumsum(rate * step)
-    angle = swept - np.polyval(np.polyfit(time - time[0], swept, 1), time - time[0])
-    columns = (rate, np.gradient(rate, time), angle)
-    return (torque[inside], *(np.interp(at, time, column) for column in columns), np.ones(len(at)))
+class _Side(NamedTuple):
+    """One wing, every signal through the same low pass."""
+
+    torque: Array
+    """N m; (N,)"""
+    regressors: Array
+    """(N, 4); rate rad/s, acceleration rad/s^2, angle rad, one"""
+    used: Array
+    """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
+
+
+def _inflation(side: _Side) -> float:
+    """Variance inflation of the acceleration's coefficient."""
+    known = side.regressors[side.used > 0.0, :-1]
+    return float(np.linalg.pinv(np.corrcoef(known.T))[1, 1])
+
+
+def _without_inertia(model: ServoModel) -> ServoModel:
+    kept = tuple(found for found in model.estimates if found.name != LOAD[1])
+    lost = tuple(one for one in model.unidentified if one.name != LOAD[1])
+    return model._replace(estimates=kept, unidentified=(*lost, Unidentified(LOAD[1], ALIKE)))
+
+
+def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool_], pace: float) -> _Side:
+    """Torque and motion while the wings are ``flapping`` (N,), at about ``pace`` Hz.
+
+    A torque that the servo's corrections shake and an acceleration that is smoothed by being a slope are of different
+    frequencies: regressed on each other as they are, the inertia was up to a half too small.
+    """
+    time, now = data.wing_time, data.torque_time[flapping]
+    smooth = CubicSpline(time, rate)
+    turned = smooth.antiderivative()(now)
+    angle = turned - np.polyval(np.polyfit(now - now[0], turned, 1), now - now[0])
+    at = now[:: max(1, round(1.0 / (pace * float(np.median(np.diff(now))))))]
+    signals = {"torque": torque[flapping], "rate": smooth(now), "acceleration": smooth(now, 1), "angle": angle}
+    columns = [even(Channel(name, "", now, values), at, 0.0) for name, values in signals.items()]
+    used = np.all(np.isfinite(columns), axis=0)
+    known = np.where(used, columns, 0.0)
+    return _Side(known[0], np.column_stack((*known[1:], used)), used.astype(float))
 
 
 def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
@@ -130,3 +180,13 @@ def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
     kept = tuple(e for e in found if e.low * e.high > 0.0)
     lost = tuple(Unidentified(e.name, "its 95 % interval spans zero") for e in found if e not in kept)
     return ServoModel(kept, lost, 0.0, 0.0, spread, samples)
+
+
+def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
+    """What ``measured`` tells of the wings' load, by the same regression on true drive ``data``: name to value.
+
+    Raises:
+        BadInput: as `identify_load`.
+    """
+    told = {found.name for found in measured.estimates}
+    return {found.name: found.value for found in identify_load(data).estimates if found.name in told}

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 from avionics.quantities import BadInput
 from logs.identification.aerodynamics.flight import identify_aero
 from logs.identification.aerodynamics.structure import AeroResult
-from logs.identification.data import Aircraft
+from logs.identification.data import Aircraft, GaugeErrors
 from logs.identification.drive.frequency import FrequencyModel, identify_frequency
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel, ServoResult
 from logs.identification.drive.torque import identify_torque
-from logs.identification.drive.torque_speed import identify_load
+from logs.identification.drive.torque_speed import identify_load, load_truth
 from logs.identification.kinematics.flight_log import PathResult, identify_path
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
@@ -108,9 +108,11 @@ def identify(
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
-        load, frequency = _load_and_frequency(source, missing)
+        load, frequency = _load_and_frequency(source, aircraft.gauges, missing)
     if power is not None:
         known |= _power_truths(source, power)
+    if load is not None:
+        known |= _load_truths(source, load)
     if what in ("modes", "all"):
         modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if what == "path":
@@ -164,13 +166,13 @@ def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Un
 
 
 def _load_and_frequency(
-    source: ColumnSource, missing: list[Unidentified]
+    source: ColumnSource, gauges: GaugeErrors, missing: list[Unidentified]
 ) -> tuple[ServoModel | None, FrequencyModel | None]:
     """What the wings ask of the drives, and how fast they beat by the throttle, where the log has what they need."""
     load = frequency = None
     drive, throttle = (_attempt(lambda read=read: read(source), "", []) for read in (drive_data, throttle_data))
     if drive is not None and len(drive.wing_time):
-        load = _attempt(lambda: identify_load(drive), "wing load", missing)
+        load = _attempt(lambda: with_gauge_errors(identify_load, drive, gauges), "wing load", missing)
     if throttle is not None:
         frequency = _attempt(lambda: identify_frequency(throttle), "flapping frequency", missing)
     return load, frequency
@@ -182,6 +184,13 @@ def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
     except BadInput:
         return {}  # a log of a real flight has no truth to compare with
     return {f"power.{name}": value for name, value in truth.items()}
+
+
+def _load_truths(source: ColumnSource, load: ServoModel) -> dict[str, float]:
+    try:
+        return load_truth(true_drive_data(source), load)
+    except BadInput:
+        return {}
 
 
 def rows(result: Identification) -> tuple[Row, ...]:

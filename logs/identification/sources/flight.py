@@ -168,10 +168,21 @@ def drive_data(source: ColumnSource) -> DriveData:
     """
     torque = TopicTable(source, topics.DRIVE_TORQUE, "left", "right")
     power = TopicTable(source, topics.POWER, "current", "voltage")
+    wing_time, *motion = _motion(source)
+    middle = torque.time - _cell_window(source, wing_time) / 2
     return DriveData(
         power.time, power["current"], power["voltage"], BURST_LENGTH / BURST_RATE,
-        torque.time, torque["left"], torque["right"], *_motion(source),
+        middle, torque["left"], torque["right"], wing_time, *motion,
     )  # fmt: skip
+
+
+def _cell_window(source: ColumnSource, ticks: Array) -> float:
+    """s; over which a torque cell that our board samples tells the mean: one of its ``ticks``; 0 for any other."""
+    try:
+        TopicTable(source, topics.TORQUE_RAW, "left_counts")
+    except BadInput:
+        return 0.0
+    return float(np.median(np.diff(ticks))) if len(ticks) else 0.0
 
 
 def throttle_data(source: ColumnSource) -> ThrottleData:
@@ -218,9 +229,10 @@ def true_drive_data(source: ColumnSource) -> DriveData:
     fields = ("current", "voltage", "torque_left", "torque_right", "rate_left", "rate_right")
     true = TopicTable(source, truth.WING, *fields)
     wing, strokes = _strokes(source)
+    tick = float(np.median(np.diff(wing.time)))
     return DriveData(
-        true.time, true["current"], true["voltage"], 0.0,
-        true.time, true["torque_left"], true["torque_right"],
+        true.time, true["current"], true["voltage"], tick,
+        true.time - tick / 2, true["torque_left"], true["torque_right"],
         true.time, true["rate_left"], true["rate_right"],
         np.interp(true.time, wing.time, strokes),
     )  # fmt: skip

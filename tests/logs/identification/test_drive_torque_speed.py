@@ -8,7 +8,7 @@ import pytest
 from avionics.quantities import BadInput
 from logs.identification.data import DriveData
 from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.torque_speed import identify_load, identify_torque_speed
+from logs.identification.drive.torque_speed import identify_load, identify_torque_speed, load_truth
 from logs.identification.results import Array, Estimate
 from sim_bridge.actuators.drives import torque_bound
 
@@ -61,13 +61,18 @@ def test_a_servo_that_is_not_at_its_bound_is_refused() -> None:
         identify_torque_speed(rate[:40], rate, voltage)
 
 
-def flapping(seed: int = 0, amplitude: float = 0.4) -> DriveData:
-    """Wings with a load of 0.2 N m s/rad and an inertia of 0.004 kg m^2 at a frequency that wanders about 4 Hz."""
+def flapping(seed: int = 0, amplitude: float = 0.4, wander: float = 1.0, ripple: float = 0.0) -> DriveData:
+    """Wings with a load of 0.2 N m s/rad and an inertia of 0.004 kg m^2 at a frequency that wanders about 4 Hz.
+
+    ``ripple`` in N m is that of a servo whose corrections, locked to the stroke, fold at the gauges' 100 Hz.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(0, 20.0, 0.005)
-    turn = 2 * np.pi * np.cumsum(4.0 + 0.5 * np.sin(2 * np.pi * time / 5)) * 0.005
+    turning = 2 * np.pi * (4.0 + wander * np.sin(2 * np.pi * time / 5))
+    turn = 2 * np.pi * (4.0 * time + wander * (1.0 - np.cos(2 * np.pi * time / 5)) * 5 / (2 * np.pi))
     rate = amplitude * 25.0 * (np.cos(turn) + 0.2 * np.cos(3 * turn))
-    torque = 0.2 * rate + 0.004 * np.gradient(rate, time) + 0.05
+    acceleration = -amplitude * 25.0 * turning * (np.sin(turn) + 0.6 * np.sin(3 * turn))
+    torque = 0.2 * rate + 0.004 * acceleration + 0.05 + ripple * np.cos(22 * turn)
     gauges = torque[::2] + 0.01 * rng.normal(size=(2, len(time[::2])))
     nothing = np.zeros(0)
     return DriveData(
@@ -79,6 +84,35 @@ def test_the_wing_s_torque_constant_and_inertia() -> None:
     found = by_name(identify_load(flapping()))
     assert found["wing_torque_constant"].value == pytest.approx(0.2, rel=0.01)
     assert found["wing_inertia"].value == pytest.approx(0.004, rel=0.02)
+
+
+def test_a_servo_s_ripple_is_not_taken_for_inertia() -> None:
+    found = by_name(identify_load(flapping(ripple=0.1)))
+    assert found["wing_torque_constant"].contains(0.2)
+    assert found["wing_inertia"].contains(0.004)
+
+
+def test_at_one_frequency_inertia_and_stiffness_look_alike() -> None:
+    model = identify_load(flapping(wander=0.0))
+    assert by_name(model)["wing_torque_constant"].value == pytest.approx(0.2, rel=0.01)
+    assert [(one.name, "look alike" in one.reason) for one in model.unidentified] == [("wing_inertia", True)]
+
+
+def test_wings_that_hardly_flapped_tell_nothing() -> None:
+    few = flapping()
+    short = few.wing_time < 2.0
+    cut = few._replace(
+        wing_time=few.wing_time[short],
+        rate_left=few.rate_left[short],
+        rate_right=few.rate_right[short],
+        strokes=few.strokes[short],
+    )
+    with pytest.raises(BadInput, match=r"made \d strokes; their load needs 10"):
+        identify_load(cut)
+
+
+def test_the_truth_is_the_same_regression_on_true_drives() -> None:
+    assert load_truth(flapping(), identify_load(flapping(wander=0.0))).keys() == {"wing_torque_constant"}
 
 
 def test_wings_at_rest_have_no_load_that_could_be_told() -> None:

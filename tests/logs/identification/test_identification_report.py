@@ -85,6 +85,12 @@ def integral(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
 def drive_topics() -> dict[str, Mapping[str, Any]]:
     world = simulate(DRIVES)
     data, true = measure(world, DRIVES), exact(world)
+    tick = float(np.median(np.diff(data.wing_time)))
+
+    def over_the_tick(values: np.ndarray) -> np.ndarray:
+        """As the world tells it: the mean over the tick that ends there, to first order its value in the middle."""
+        return np.interp(true.power_time - tick / 2, true.power_time, values)
+
     return {
         topics.POWER.name: {"time_us": micros(data.power_time), "current": data.current, "voltage": data.voltage},
         topics.DRIVE_TORQUE.name: {
@@ -100,10 +106,10 @@ def drive_topics() -> dict[str, Mapping[str, Any]]:
         },
         truth.WING.name: {
             "time_us": micros(true.power_time),
-            "current": true.current,
-            "voltage": true.voltage,
-            "torque_left": true.torque_left,
-            "torque_right": true.torque_right,
+            "current": over_the_tick(true.current),
+            "voltage": over_the_tick(true.voltage),
+            "torque_left": over_the_tick(true.torque_left),
+            "torque_right": over_the_tick(true.torque_right),
             "rate_left": true.rate_left,
             "rate_right": true.rate_right,
         },
