@@ -23,7 +23,7 @@ from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
 from logs.identification.tables.named import band_frequencies
-from logs.identification.tables.noisy import shrunk
+from logs.identification.tables.noisy import with_noise
 from logs.identification.tables.output_errors import coarse
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
@@ -52,8 +52,8 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    noisy = shrunk(chosen, fitted, settings) if domain == "time" and not result.failure else []
-    notes = (*result.notes, *noisy, *_between_samples(chosen, found.fitted, settings))
+    result = with_noise(result, fitted, settings) if domain == "time" else result
+    notes = (*result.notes, *_between_samples(chosen, found.fitted, settings))
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 
 
@@ -108,8 +108,8 @@ def _orthogonal(
         f" {'kept' if one.kept else 'not kept'}"
         for one in found.functions
     )
-    noisy = () if found.failure else tuple(shrunk(found.terms, parts[0], settings))
-    model = found.model._replace(notes=(*told, *found.model.notes, *noisy))
+    model = with_noise(found.model, parts[0], settings)
+    model = model._replace(notes=(*told, *model.notes))
     fit = _told(asked, model, *parts, settings)
     return fit._replace(
         fitted=fit.fitted._replace(method=f"regression of {asked.response}, orthogonal functions"),
