@@ -59,7 +59,8 @@ def with_noise(
         if gone and name != INTERCEPT
     }
     kept = tuple(_widened(one, off, result) for one in result.estimates if one.name not in refused)
-    found = tuple(Unidentified(name, why) for name, why in refused.items())
+    before = {one.name for one in result.unidentified}
+    found = tuple(Unidentified(name, why) for name, why in refused.items() if name not in before)
     told = _said(kept, off, _noisy(names, moments, noise))
     failure = "" if any(one.name != INTERCEPT for one in kept) else "every regressor is noise for the most part"
     return result._replace(
