@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.signal import lsim
 from test_tables_identified import identified
 
@@ -80,3 +81,47 @@ def test_a_trim_that_nothing_tells_is_said(tmp_path: Path) -> None:
     told += f"\n[constants]\nalpha = {ALPHA}\ntheta = {ALPHA}\n"
     (fit,) = identified(tmp_path, lateral_flight(), told, "aero").fits
     assert not any("taken to be 0" in note for note in fit.fitted.notes)
+
+
+LIFT = """
+[time]
+column = "t"
+[signals]
+alpha = { column = "alpha", unit = "rad" }
+a_x = { column = "a_x", unit = "m/s^2" }
+a_z = { column = "a_z", unit = "m/s^2" }
+[constants]
+%s
+S = 20.0
+V = 60.0
+rho = 1.0
+[[aero.regressions]]
+response = "C_D"
+regressors = ["alpha"]
+%s
+"""
+
+
+def gliding(thrust: float) -> dict[str, np.ndarray]:
+    """C_D = 0.03 + 0.3 alpha, C_L = 0.3 + 5 alpha at 60 m/s, 2000 lb and 20 m^2, with noise in the forces."""
+    time = 0.02 * np.arange(1000)
+    alpha, force = 0.05 + 0.03 * np.sin(1.3 * time), 0.5 * 60.0**2 * 20.0
+    drag, lift = 0.03 + 0.3 * alpha, 0.3 + 5 * alpha
+    mass, noise = 2000 * 0.45359237, 0.01 * np.random.default_rng(1).normal(size=(2, 1000))
+    a_x = (force * (lift * np.sin(alpha) - drag * np.cos(alpha)) + thrust) / mass + noise[0]
+    a_z = -force * (lift * np.cos(alpha) + drag * np.sin(alpha)) / mass + noise[1]
+    return {"t": time, "alpha": alpha, "a_x": a_x, "a_z": a_z}
+
+
+@pytest.mark.parametrize("more", ["", 'method = "orthogonal"'])
+def test_a_drag_with_the_thrust_in_it_is_said(tmp_path: Path, more: str) -> None:
+    """GIVEN no thrust in the map THEN C_D is told with what is in it, and with thrust told it is the truth."""
+    weight = 'weight = { value = 2000, unit = "lb" }'
+    (fit,) = identified(tmp_path, gliding(1000.0), LIFT % (weight, more), "aero").fits
+    assert any(note.startswith("thrust is neither told nor measured: C_D is of") for note in fit.fitted.notes)
+    assert not fit.fitted.estimates[0].contains(0.03)
+    (fit,) = identified(tmp_path, gliding(1000.0), LIFT % (f"{weight}\nthrust = 1000.0", more), "aero").fits
+    assert not any("thrust" in note for note in fit.fitted.notes)
+    found = {one.name: one for one in fit.fitted.estimates}
+    assert abs(found["intercept"].value - 0.03) < 1.6 * (found["intercept"].high - found["intercept"].value)
+    assert abs(found["alpha"].value - 0.3) < 1.6 * (found["alpha"].high - found["alpha"].value)
