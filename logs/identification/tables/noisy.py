@@ -20,6 +20,7 @@ from logs.identification.regression.averaging import as_regressed
 from logs.identification.regression.coefficients import CoefficientRegression
 from logs.identification.regression.design import INTERCEPT
 from logs.identification.regression.equation_error import Settings
+from logs.identification.regression.frequency_domain import in_band
 from logs.identification.regression.terms import evaluate, parse
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 
@@ -32,6 +33,8 @@ MOSTLY = 0.5
 MOST = 0.9
 """-; share that is reckoned with at most"""
 LEAST_SAMPLES = 32
+TREND = "t^"
+"""how the names of a manoeuvre's trends begin"""
 
 
 def with_noise(
@@ -44,19 +47,19 @@ def with_noise(
     """
     if result.failure:
         return result
-    names = tuple(name for name in result.names if name != INTERCEPT)
-    columns = _columns(names, experiments, settings)
-    if not names or len(columns) < LEAST_SAMPLES:
+    names = tuple(name for name in result.names if name != INTERCEPT and not name.startswith(TREND))
+    parts = _columns(names, experiments, settings)
+    if not names or sum(map(len, parts)) < LEAST_SAMPLES:
         return result
-    noise, common = _noise(names, result.response, experiments, settings)
-    moments = columns.T @ columns / len(columns)
-    own = [result.names.index(name) for name in (INTERCEPT, *names)]
-    bias, lost = _bias(moments, noise, common, result.values[own])
-    off = dict(zip((INTERCEPT, *names), bias.tolist(), strict=True))
+    moments, left = _moments(parts, result.frequencies, experiments[0].step)
+    left *= _through_average(settings, result.frequencies, experiments[0].step)
+    noise, common = (left * one for one in _noise(names, result.response, experiments, settings))
+    bias, lost = _bias(moments, noise, common, result.values[[result.names.index(name) for name in names]])
+    off = dict(zip(names, bias.tolist(), strict=True)) | {INTERCEPT: -float(np.vstack(parts).mean(axis=0) @ bias)}
     refused = {
         name: "its regressor is noise for the most part, but for what the others tell of it"
-        for name, gone in zip((INTERCEPT, *names), lost, strict=True)
-        if gone and name != INTERCEPT
+        for name, gone in zip(names, lost, strict=True)
+        if gone
     }
     kept = tuple(_widened(one, off, result) for one in result.estimates if one.name not in refused)
     before = {one.name for one in result.unidentified}
@@ -69,23 +72,51 @@ def with_noise(
     )  # fmt: skip
 
 
-def _columns(names: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings) -> Array:
-    """Intercept and regressors (M, 1 + p) of the samples that have all of them."""
+def _columns(names: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings) -> list[Array]:
+    """Regressors (M_i, p) of the samples of each manoeuvre that have all of them."""
     parts = []
-    for one in experiments:
+    for one in experiments if names else ():
         columns = [as_regressed(parse(name), one, settings.constants, settings.averaging) for name in names]
-        part = np.column_stack((np.ones(len(one.time)), *columns))
+        part = np.column_stack(columns)
         parts.append(part[np.all(np.isfinite(part), axis=1)])
-    return np.vstack(parts)
+    return [part for part in parts if len(part)]
+
+
+def _moments(parts: list[Array], frequencies: Array, step: float) -> tuple[Array, float]:
+    """Moments (p, p) of the regressors about their means, and the share of white noise that is in them.
+
+    In the frequency domain each manoeuvre's line is taken off too, and the noise is that of the band.
+    """
+    count = sum(map(len, parts))
+    if not len(frequencies):
+        whole = np.vstack(parts)
+        whole = whole - whole.mean(axis=0)
+        return np.asarray(whole.T @ whole / count), 1.0
+    total = np.zeros((parts[0].shape[1],) * 2)
+    for part in parts:
+        line = np.vander(np.linspace(-1.0, 1.0, len(part)), 2)
+        clean = part - line @ np.linalg.lstsq(line, part, rcond=None)[0]
+        total += in_band(clean, frequencies, step).T @ clean
+    return np.asarray((total + total.T) / (2.0 * count)), 2.0 * len(frequencies) * len(parts) / count
+
+
+def _through_average(settings: Settings, frequencies: Array, step: float) -> float:
+    """The share of white noise that an average over all columns leaves, of all of it or of that in a band."""
+    if settings.averaging is None:
+        return 1.0
+    weights = settings.averaging.weights
+    if not len(frequencies):
+        return float(np.sum(weights**2))
+    places = np.arange(len(weights)) - len(weights) // 2
+    return float(np.mean((np.cos(2.0 * np.pi * step * np.outer(frequencies, places)) @ weights) ** 2))
 
 
 def _noise(
     names: tuple[str, ...], response: str, experiments: tuple[Experiment, ...], settings: Settings
 ) -> tuple[Array, Array]:
-    """Covariance (1 + p, 1 + p) of the noise in intercept and regressors, and that (1 + p,) with the response's.
+    """Covariance (p, p) of the noise in the regressors, and that (p,) with the response's.
 
-    An average that all columns went through leaves the share ``sum(w^2)`` of the noise. A slope, odd about its
-    sample, has no noise in common with averages, which are even.
+    A slope, odd about its sample, has no noise in common with averages, which are even.
     """
     asked = (*names, response) if settings.averaging is None else names
     terms = [parse(name) for name in asked]
@@ -95,14 +126,9 @@ def _noise(
             for one in experiments
         ]
     )
-    left = 1.0 if settings.averaging is None else float(np.sum(settings.averaging.weights**2))
-    covariance = _covariance(differences) * left
+    covariance = _covariance(differences)
     p = len(names)
-    noise, common = np.zeros((p + 1, p + 1)), np.zeros(p + 1)
-    noise[1:, 1:] = covariance[:p, :p]
-    if settings.averaging is None:
-        common[1:] = covariance[:p, p]
-    return noise, common
+    return covariance[:p, :p], covariance[:p, p] if settings.averaging is None else np.zeros(p)
 
 
 def _covariance(differences: Array) -> Array:
@@ -150,8 +176,8 @@ def _widened(one: Estimate, off: Mapping[str, float], result: CoefficientRegress
 
 def _noisy(names: tuple[str, ...], moments: Array, noise: Array) -> list[str]:
     """The regressors with noise that counts, beside what the others do not tell of each."""
-    own = 1.0 / np.diag(np.linalg.pinv(moments))[1:]
-    shares = np.diag(noise)[1:] / np.maximum(own, 1e-300)
+    own = 1.0 / np.diag(np.linalg.pinv(moments))
+    shares = np.diag(noise) / np.maximum(own, 1e-300)
     return [name for name, share in zip(names, shares, strict=True) if share >= max(0.1 * shares.max(), 1e-300)]
 
 
@@ -167,5 +193,5 @@ def _said(kept: tuple[Estimate, ...], off: Mapping[str, float], noisy: list[str]
         return ()
     return (
         f"noise in {', '.join(noisy)} puts off {', '.join(told)}, which the intervals hold; smooth it, or use"
-        ' domain = "frequency" with a band',
+        ' domain = "frequency" with a narrow band',
     )

@@ -56,7 +56,7 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    result = with_noise(result, fitted, settings) if domain == "time" else result
+    result = with_noise(result, fitted, settings)
     notes = (*result.notes, *_between_samples(chosen, found.fitted, settings), *thrust)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 

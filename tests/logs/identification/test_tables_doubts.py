@@ -149,6 +149,21 @@ def test_intervals_hold_what_noise_in_a_regressor_puts_off_everywhere(level: flo
     assert (np.mean(plain, axis=0)[1] < 0.5) is np.bool_(said)
 
 
+def test_what_noise_does_in_a_band_is_less_and_in_the_interval_too() -> None:
+    band = Settings(frequencies=np.arange(1, 101) / 25.0)
+    held, shares = [], []
+    for seed in range(20):
+        flights = (noisy_moment(seed, 0.4),)
+        settings = (Settings(), band)
+        time, found = (
+            with_noise(coefficient_regression(flights, "C", ("q", "delta"), domain, own), flights, own)
+            for domain, own in zip(("time", "frequency"), settings, strict=True)
+        )
+        shares.append(found.estimates[1].standard_error / time.estimates[1].standard_error)
+        held.append([one.contains(true) for one, true in zip(found.estimates, (0.0, 3.0, -2.0), strict=True)])
+    assert np.all(np.mean(held, axis=0) >= 0.9) and np.median(shares) < 0.6
+
+
 def test_noise_in_one_regressor_puts_off_another() -> None:
     """GIVEN three parts in ten of noise in q THEN delta, measured without, is off by as much as is said."""
     flights = tuple(noisy_moment(seed, 0.3) for seed in range(20))
