@@ -5,6 +5,10 @@ noise in a short record they took most. The likelihood of what is orthogonal to 
 Patterson & Thompson, Biometrika 58, 1971; Harville, JASA 72, 1977) does not suffer from that. The order is the one of
 least corrected information criterion (Hurvich & Tsai, Biometrika 76, 1989).
 
+That likelihood does not ask what the regressors explain: where a response is smoother than what disturbs its
+regressors, a slow noise that makes all of the response, and the coefficients chance, can be the likeliest. The
+residuals as they are contradict it: an order under which they are less likely than as white noise is passed over.
+
 Each contiguous run of samples has its exact likelihood: its first samples are predicted from the few before them
 (Levinson's recursion). All that depends on the samples is in products of them, summed once, so that the search costs
 the same for ten thousand samples as for a hundred.
@@ -181,11 +185,21 @@ def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Arr
         if order:
             start = _minimum(of, np.append(start, 0.0))
         score = _criteria(of, start[None])[0] + 2 * (order + 1) * free / max(free - order - 2, 1.0)
-        if score < best:
+        if score < best and (not order or _likelier_than_white(of, start)):
             best, chosen, since = score, (of, start), 0
         elif (since := since + 1) >= PATIENCE:
             break
     return _model(*chosen, free)
+
+
+def _likelier_than_white(of: Products, at: Array) -> bool:
+    """Whether the autoregression at artanh(reflections) ``at`` (k,) makes the residuals likelier, as they are."""
+
+    def criterion(transformed: Array) -> float:
+        total, variances = _whitened(of, np.tanh(transformed)[None])
+        return float(np.log(variances[0]) @ of.counts + of.counts.sum() * np.log(max(total[0, -1, -1], 1e-300)))
+
+    return criterion(at) < criterion(np.zeros(len(at)))
 
 
 def _highest_order(used: list[Array], width: int) -> int:

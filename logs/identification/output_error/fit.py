@@ -92,20 +92,20 @@ def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
     accuracy = accuracy_of(flight, found, names)
     lost = {u.name for u in accuracy.unidentified}
     errors, units = np.sqrt(np.diag(accuracy.covariance)), problem.model.parameters
-    rows = zip(names, found.unknowns.values, errors, strict=True)
+    rows = zip(names, found.unknowns.values, errors, accuracy.degrees, strict=True)
     return Fit(
         status="converged" if len(lost) < len(names) else "not identifiable",
         failure="" if len(lost) < len(names) else f"no parameter is identified: {accuracy.unidentified[0].reason}",
         estimates=tuple(
-            estimate(name, units[name].unit, float(value), float(error), accuracy.degrees)
-            for name, value, error in rows
+            estimate(name, units[name].unit, float(value), float(error), float(degrees))
+            for name, value, error, degrees in rows
             if name not in lost
         ),
         unidentified=accuracy.unidentified,
         names=names,
         values=found.unknowns.values,
         covariance=accuracy.covariance,
-        degrees=accuracy.degrees,
+        degrees=float(np.median(accuracy.degrees)),
         noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(found.unknowns)),
         cost=found.cost,
         iterations=found.iterations,

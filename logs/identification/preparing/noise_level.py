@@ -48,9 +48,18 @@ def noise_beside_steps(values: Array) -> float:
     What is smooth is gone from it; a step is in four of them and moves the median by little. It takes nearly three
     times the samples to be as exact. 0 where no four neighbours were measured.
     """
-    differences = np.abs(np.diff(values, THIRD))
-    differences = differences[np.isfinite(differences)]
-    return MEDIAN_TO_DEVIATION * float(np.median(differences)) / sqrt(_growth(THIRD)) if len(differences) else 0.0
+    return noise_of_differences(third_differences(values))
+
+
+def third_differences(values: Array) -> Array:
+    """Of neighbours in ``values`` (N,) or (N, k): (N - 3, ...), none where there are fewer than four."""
+    return np.asarray(np.diff(values, THIRD, axis=0))
+
+
+def noise_of_differences(differences: Array) -> float:
+    """Standard deviation of the white noise whose `third_differences` (N,) these are, NaN left out."""
+    known = np.abs(differences[np.isfinite(differences)])
+    return MEDIAN_TO_DEVIATION * float(np.median(known)) / sqrt(_growth(THIRD)) if len(known) else 0.0
 
 
 def _growth(order: int) -> int:

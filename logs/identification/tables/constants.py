@@ -49,6 +49,8 @@ UNITS = {
     "imu_x": "m", "imu_y": "m", "imu_z": "m", "vane_x": "m", "flapping": "Hz",
 }  # fmt: skip
 POSITIVE = ("mass", "weight", "I_x", "I_y", "I_z", "S", "c", "b", "rho", "V", "qbar", "flapping")
+MASSES = ("lb", "kg", "slug")
+"""units in which a weight is told as a mass is"""
 ALTITUDES = (-1000.0, 20000.0)
 
 
@@ -61,7 +63,9 @@ def read_constants(section: ConstantsSection) -> dict[str, float]:
     known = dict(section.others)
     for name in get_type_hints(ConstantsSection):
         measure = getattr(section, name)
-        if name != "others" and measure is not None:
+        if name == "weight" and measure is not None and measure.unit in MASSES:
+            known["mass"] = measure.si(UNITS["mass"], 0.0)
+        elif name != "others" and measure is not None:
             known[name] = measure.si(UNITS[name], 0.0 if name in POSITIVE else -math.inf)
     for name, other in (("mass", "weight"), ("rho", "altitude")):
         if getattr(section, name) is not None and getattr(section, other) is not None:

@@ -7,14 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
-from logs.identification.kinematics.flight_path import Setup, reconstruct
+from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
 from logs.identification.kinematics.flight_records import LEAST_SAMPLES
 from logs.identification.kinematics.flight_sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
 from logs.identification.kinematics.flight_told import fitted_path, input_names, path_chapter
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.resampling import whole_records
+from logs.identification.results import Array
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.keys import check_known
@@ -82,7 +84,7 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     if not fitted:
         raise BadInput("path: " + "; ".join(notes))
     held = _records(found.held_out, setup.longitudinal, fill, notes)
-    result = reconstruct(fitted, setup)
+    result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
     told = fitted_path(fitted, result, setup, held)
     told = told._replace(notes=(*notes, *told.notes))
     chapter = path_chapter(fitted, result)
@@ -92,6 +94,35 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
         chapters=() if chapter is None else (chapter,),
     )  # fmt: skip
     return [one]
+
+
+def _with_level_wings(found: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
+    """What was ``found``, or nothing where the longitudinal motion alone was flown with a measured bank that counts.
+
+    A turn's pitch rate ``r sin(phi)`` would be a bias of q, and what a bank takes off ``g cos(phi)`` one of a_z.
+    """
+    banked = [one for one in records if "phi" in one.signals]
+    if not longitudinal or found.failure or not banked:
+        return found
+    phi = np.concatenate([one.signals["phi"] for one in banked])
+    turning = np.concatenate([_yaw_rate(one) for one in banked]) * np.sin(phi)
+    made = {"bias_q": np.nanmean(turning), "bias_a_z": STANDARD_GRAVITY * np.nanmean(1.0 - np.cos(phi))}
+    for one in found.parameters:
+        if abs(made.get(one.name, 0.0)) > one.high - one.value:
+            why = (
+                f"phi of up to {np.degrees(np.nanmax(np.abs(phi))):.0f} deg is not level: the bank alone makes"
+                f" {made[one.name]:.2g} {one.unit} of {one.name}; tell p, r and a_y, or cut where the wings are level"
+            )
+            return found._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
+    return found
+
+
+def _yaw_rate(one: Experiment) -> Array:
+    """Measured (N,), or that of a coordinated turn."""
+    if "r" in one.signals:
+        return np.asarray(one.signals["r"], dtype=np.float64)
+    speed = np.asarray(one.signals["airspeed"], dtype=np.float64)
+    return np.asarray(STANDARD_GRAVITY * np.sin(one.signals["phi"]) / np.where(speed > 0.0, speed, np.nan))
 
 
 def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]) -> tuple[Setup, list[str]]:

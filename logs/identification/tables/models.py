@@ -28,6 +28,8 @@ TELL_THE_FORCE = {"alpha", "a_z", "n_z"}
 """outputs of a short period without which gravity's change with theta is left out. That alone would tell Z_alpha,
 Z_delta and M_q from one another by the pitch motion, and is no larger than the change of the airspeed, which is left
 out too: Z_delta came out as 1.6 (1.1 to 2.0) where -0.16 was true"""
+TRIM = ("V", "alpha", "theta")
+"""constants of the steady flight that signals tell too"""
 DROPPED = ("Z_q", "X_q", "Y_p", "Y_r")
 """derivatives that are seldom told apart from others: zero unless a map names them"""
 AERODYNAMIC = ("C_D_0", "C_D_alpha", "C_L_0", "C_L_alpha", "C_m_0", "C_m_alpha", "C_m_q", "C_m_delta")
@@ -159,10 +161,31 @@ def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:
 
 
 def with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
-    """The trim's airspeed is the mean of the measured one where it is not told."""
-    speeds = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
-    measured = np.concatenate([one[np.isfinite(one)] for one in speeds]) if speeds else np.zeros(0)
-    return ({"V": float(measured.mean())} if len(measured) else {}) | dict(constants)
+    """The trim's airspeed, angle of attack and pitch are the means of the measured ones where they are not told."""
+    return {name: mean for name in TRIM if (mean := _mean(name, experiments)) is not None} | dict(constants)
+
+
+def _mean(name: str, experiments: tuple[Experiment, ...]) -> float | None:
+    series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
+    measured = np.concatenate([one[np.isfinite(one)] for one in series]) if series else np.zeros(0)
+    return float(measured.mean()) if len(measured) else None
+
+
+def untold_trim(
+    asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
+) -> tuple[str, ...]:
+    """What is said of a trim's angles that nothing tells, where the model turns its axes by them."""
+    if asked.model not in ("longitudinal", "lateral") or "beta" in asked.inputs:
+        return ()
+    absent = [name for name in TRIM[1:] if name not in with_speed(constants, experiments)]
+    if not absent:
+        return ()
+    one = len(absent) == 1
+    told = ", ".join(f"constants.{name}" for name in absent)
+    return (
+        f"{told} {'is' if one else 'are'} neither told nor measured: taken to be 0, and derivatives are"
+        " off by more than their intervals where that is wrong",
+    )
 
 
 def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:

@@ -21,7 +21,7 @@ from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unid
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import DELAY, OutputError
-from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
+from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model, untold_trim
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.signals import LONGEST_FILL
@@ -73,7 +73,7 @@ def output_error_fit(
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     doubts = (
         _missing(series), _off(series), _jumping(asked, found.fitted), coarse(_lines(asked), found.fitted),
-        _overdriven(asked, found.fitted),
+        _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted),
     )  # fmt: skip
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),

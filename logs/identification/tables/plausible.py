@@ -8,7 +8,7 @@ ch. 10: data compatibility). Only what a known mistake explains is refused; any 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,8 @@ UPRIGHT = (0.7, 1.4)
 """-; mean of a_z over g, of which a flight's is -1 and an a_z that counts upward's +1"""
 LEAST_EXPLAINED = 0.9
 """-; of an angle, by what the rates add up to: below it nothing is concluded"""
+LEAST_MEAN = 0.5
+"""m/s^2; mean specific force along an axis, from which on an accelerometer's bias does not turn its sign"""
 NEAR = 1.3
 """-; factor within which a known mistake explains another one"""
 SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
@@ -47,7 +49,8 @@ def check_plausible(
         BadInput: one of ``inputs``, which the map calls radians, moves as only degrees do;
             a_z is positive on the mean as one that counts
             upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
-            a_z is against alpha and q, or in g; or the airspeed is in another unit than it is called by.
+            a_z is against alpha and q, or in g; a_x or a_y is against what the speed along its axis and gravity
+            say, or in g; or the airspeed is in another unit than it is called by.
     """
     _check_inputs(experiments, inputs)
     _check_gravity(experiments)
@@ -60,6 +63,73 @@ def check_plausible(
         _check_share(shares[0], "alpha", "q")
         _check_force(shares[1])
         _check_speed(shares[1] / shares[0])
+    for force, (names, speed_and_rest) in ALONG.items():
+        share = _force_share(experiments, force, names, speed_and_rest)
+        if share is not None:
+            _check_along(share, force)
+
+
+def _forward(of: Mapping[str, Array]) -> tuple[Array, Array]:
+    """``u``, and what of its slope a_x does not make."""
+    down = of["V"] * np.sin(of["alpha"])
+    return of["V"] * np.cos(of["alpha"]), -STANDARD_GRAVITY * np.sin(of["theta"]) - of["q"] * down
+
+
+def _sideways(of: Mapping[str, Array]) -> tuple[Array, Array]:
+    """``v``, and what of its slope a_y does not make."""
+    level = of["V"] * np.cos(of["beta"])
+    turning = of["p"] * level * np.sin(of["alpha"]) - of["r"] * level * np.cos(of["alpha"])
+    return of["V"] * np.sin(of["beta"]), STANDARD_GRAVITY * np.cos(of["theta"]) * np.sin(of["phi"]) + turning
+
+
+Along = Callable[[Mapping[str, Array]], tuple[Array, Array]]
+ALONG: dict[str, tuple[tuple[str, ...], Along]] = {
+    "a_x": (("V", "alpha", "theta", "q"), _forward),
+    "a_y": (("V", "alpha", "beta", "phi", "theta", "p", "r"), _sideways),
+}
+"""by specific force: the signals that tell the motion along its axis, and how"""
+
+
+def _force_share(experiments: Sequence[Experiment], force: str, names: tuple[str, ...], along: Along) -> float | None:
+    """By what factor the speed along an axis follows the integral of a specific force; None where it does not.
+
+    A line of each record stands for the accelerometer's bias and the start. Where that leaves too little, the mean
+    force tells the sign, if it should be more than any bias.
+    """
+    given, made, means = [], [], []
+    for one in experiments:
+        if not {force, *names} <= set(one.signals):
+            continue
+        columns = {name: np.asarray(one.signals[name]) for name in (force, *names)}
+        start, stop = _longest(np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1))
+        if stop - start < LEAST_RUN:
+            continue
+        speed, rest = along({name: values[start:stop] for name, values in columns.items()})
+        both = np.column_stack((columns[force][start:stop], rest))
+        summed = np.vstack((np.zeros(2), np.cumsum((both[1:] + both[:-1]) / 2.0 * one.step, axis=0)))
+        change = speed - summed[:, 1]
+        means.append((summed[-1, 0], change[-1] - change[0], (stop - start - 1) * one.step))
+        level = _level(np.column_stack((summed[:, 0], change)))
+        given.append(level[:, 0])
+        made.append(level[:, 1])
+    if not given or not np.ptp(np.concatenate(given)) > 0 or not np.ptp(np.concatenate(made)) > 0:
+        return None
+    x, y = np.concatenate(given), np.concatenate(made)
+    share = float(x @ y / (x @ x))
+    explained = 1.0 - float(np.sum((y - share * x) ** 2) / np.sum(y**2))
+    if explained >= LEAST_EXPLAINED:
+        return share
+    felt, should, lasted = np.sum(means, axis=0)
+    return float(should / felt) if abs(should) > LEAST_MEAN * lasted and should * felt < 0 else None
+
+
+def _check_along(share: float, force: str) -> None:
+    """``share`` is how much of a speed's change the ``force`` makes over what it should."""
+    if _is(share, -1.0):
+        raise BadInput(f"{force} is against what airspeed, flow angles and attitude say: its sign is wrong ({HINT})")
+    for factor, unit in ((STANDARD_GRAVITY, "in g, not in m/s^2"), (1.0 / STANDARD_GRAVITY, "in m/s^2, not in g")):
+        if _is(share, factor):
+            raise BadInput(f"{force} does not fit airspeed, flow angles and attitude: it is {unit}")
 
 
 def _check_inputs(experiments: Sequence[Experiment], inputs: Sequence[str]) -> None:

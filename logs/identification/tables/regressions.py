@@ -23,11 +23,13 @@ from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
 from logs.identification.tables.named import band_frequencies
-from logs.identification.tables.noisy import shrunk
+from logs.identification.tables.noisy import with_noise
 from logs.identification.tables.output_errors import coarse
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
 
+OF_THRUST = ("C_X", "C_Z", "C_L", "C_D")
+"""responses that thrust is taken off"""
 NAMED = "Each number in brackets is called by what it multiplies."
 
 
@@ -47,13 +49,15 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
         frequencies=_frequencies(asked, fitted),
         averaging=averaging_of(found.fitted, wanted),
     )
+    thrust = _without_thrust(asked, found.fitted, constants)
     if asked.method == "orthogonal":
-        return _orthogonal(asked, names, (fitted, held), settings)
+        fit = _orthogonal(asked, names, (fitted, held), settings)
+        return fit._replace(fitted=fit.fitted._replace(notes=(*fit.fitted.notes, *thrust)))
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    noisy = shrunk(chosen, fitted, settings) if domain == "time" and not result.failure else []
-    notes = (*result.notes, *noisy, *_between_samples(chosen, found.fitted, settings))
+    result = with_noise(result, fitted, settings)
+    notes = (*result.notes, *_between_samples(chosen, found.fitted, settings), *thrust)
     return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
 
 
@@ -65,6 +69,19 @@ def _between_samples(
         return ()
     symbols = dict.fromkeys(symbol for name in chosen for symbol in parse(name).powers if symbol not in SIGNALS)
     return coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
+
+
+def _without_thrust(
+    asked: Regression, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
+) -> tuple[str, ...]:
+    """What is said of a force that was made of accelerations where no thrust was told."""
+    made = asked.response in OF_THRUST and asked.response not in experiments[0].signals
+    if not made or "thrust" in experiments[0].signals or "thrust" in constants:
+        return ()
+    return (
+        f"thrust is neither told nor measured: {asked.response} is of all that pushes, not of the air alone"
+        " (thrust = 0.0 in [constants] is a glide)",
+    )
 
 
 def check_names(asked: Regression, signals: Collection[str], constants: Collection[str]) -> None:
@@ -108,8 +125,8 @@ def _orthogonal(
         f" {'kept' if one.kept else 'not kept'}"
         for one in found.functions
     )
-    noisy = () if found.failure else tuple(shrunk(found.terms, parts[0], settings))
-    model = found.model._replace(notes=(*told, *found.model.notes, *noisy))
+    model = with_noise(found.model, parts[0], settings)
+    model = model._replace(notes=(*told, *model.notes))
     fit = _told(asked, model, *parts, settings)
     return fit._replace(
         fitted=fit.fitted._replace(method=f"regression of {asked.response}, orthogonal functions"),

@@ -18,13 +18,17 @@ from output_error_cases import (
     covered,
     flown,
     jet,
+    noise,
     parameters,
     pitching,
     steps,
+    vector,
 )
 from promised import covered as held_shares
 from promised import promise_kept
+from scipy.signal import lsim
 
+from logs.identification.experiment import Experiment
 from logs.identification.output_error.fit import Search, output_error
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
 from logs.identification.output_error.problem import Nuisances, Parameter, Problem, window
@@ -170,12 +174,34 @@ def study(seeds: range, pole: float) -> float:
     return held / (len(seeds) * len(SHORT_PERIOD_TRUTH))
 
 
-@pytest.mark.parametrize("pole", [0.0, 0.9])
+@pytest.mark.parametrize("pole", [0.0, 0.9, 0.99])
 def test_coverage(pole: float) -> None:
     assert study(range(20), pole) >= 0.85
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("pole", [0.0, 0.7, 0.9])
+@pytest.mark.parametrize("pole", [0.0, 0.7, 0.9, 0.99])
 def test_coverage_of_many(pole: float) -> None:
     promise_kept(f"output error, pole {pole}", shares_of(lambda seed: short_problem(seed, pole), SHORT_PERIOD_TRUTH))
+
+
+def gusty_problem(seed: int) -> Problem:
+    """60 s of the longitudinal motion at 10 Hz in gusts of 0.4 m/s along and of 0.01 rad across, 2.5 s long."""
+    step, time = 0.1, 0.1 * np.arange(600)
+    delta = steps(time, 2.0, 0.5, 0.05) - 0.01 * ((time > 8) & (time < 14)) + 0.01 * ((time > 30) & (time < 38))
+    whole = LONGITUDINAL.matrices(vector(LONGITUDINAL, LONGITUDINAL_TRUTH))
+    gusts = noise(seed + 5000, (600, 2), np.array([0.4, 0.01]), 0.96)
+    forced = np.column_stack((whole.b[:, :1], whole.a[:, :2]))
+    _, _, moved = lsim((whole.a, forced, np.eye(4), np.zeros((4, 3))), np.column_stack((delta, gusts)), time)
+    raw = moved + noise(seed, moved.shape, np.array([0.05, 0.001, 0.002, 0.001]))
+    signals = dict(zip(("u", "alpha", "q", "theta"), raw.T, strict=True)) | {"delta_e": delta}
+    units = {"u": "m/s", "alpha": "rad", "q": "rad/s", "theta": "rad", "delta_e": "rad"}
+    record = Experiment(f"gusts {seed}", step * np.arange(600), signals, units)
+    return Problem(LONGITUDINAL, (record,), parameters(LONGITUDINAL_TRUTH, 0.8), ("u", "alpha", "q", "theta"))
+
+
+def test_intervals_hold_in_gusts_whose_wander_is_as_slow_as_the_record() -> None:
+    """A lag window of a tenth of the record alone held 80 % of these (X_u and X_alpha are seldom told)."""
+    fits = [output_error(gusty_problem(seed)) for seed in range(40)]
+    shares = held_shares([fit.estimates for fit in fits if not fit.failure], LONGITUDINAL_TRUTH)
+    assert np.mean([share for name, share in shares.items() if not name.startswith("X_")]) >= 0.85, shares

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from promised import LEAST, SEEDS, promise_kept
 
+from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
 from tests.logs.identification.coloured_noise import KINDS, TRUTH, flown
@@ -68,3 +69,21 @@ def test_all_lags_promise_too_much_over_many_flights(kind: str, count: int) -> N
     told = ", ".join(f"{name} {100 * share:.1f} %" for name, share in found.items())
     print(f"all lags {kind} N={count}: {told}")  # noqa: T201
     assert min(found.values()) < LEAST
+
+
+def test_a_smooth_response_is_not_taken_for_slow_noise() -> None:
+    """GIVEN a response smoother than the noise in its regressor THEN the errors are those of what is left over.
+
+    The likeliest noise would make all of the response, and errors forty times as large as the scatter.
+    """
+    time, values, errors = 0.04 * np.arange(625), [], []
+    motion = np.sin(2.0 * time) * np.exp(-0.1 * time)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        measured = motion + 0.1 * rng.normal(size=len(time))
+        told = 3.0 * motion + 0.005 * rng.normal(size=len(time))
+        one = Experiment("one", time, {"q": measured, "C": told}, {"q": "rad/s", "C": "-"})
+        (_, found) = coefficient_regression((one,), "C", ("q",)).estimates
+        values.append(found.value)
+        errors.append(found.standard_error)
+    assert 0.7 < np.median(errors) / np.std(values) < 1.7

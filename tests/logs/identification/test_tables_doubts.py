@@ -19,8 +19,9 @@ from logs.identification.modes.experiments import modes_of_experiments, modes_of
 from logs.identification.modes.mode import TOO_FAST
 from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
+from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
-from logs.identification.tables.noisy import shrunk
+from logs.identification.tables.noisy import with_noise
 from logs.identification.tables.run import identify_tables
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -118,19 +119,68 @@ def test_an_input_that_rests_is_not_called_unmeasured() -> None:
     assert modes[0].unidentified[0].reason == "the input does not move where all was measured"
 
 
-def test_a_noisy_regressor_is_told_with_what_it_shrinks() -> None:
-    rng = np.random.default_rng(2)
-    clean = driven().signals
-    spread = float(np.std(clean["q"]))
-    for level, said in ((0.2, True), (0.02, False)):
-        q = clean["q"] + level * spread * rng.normal(size=len(TIME))
-        one = Experiment("one", TIME, {"q": q, "delta_e": clean["delta_e"]}, {"q": "rad/s", "delta_e": "rad"})
-        lines = shrunk(("q",), (one,), Settings())
+def noisy_moment(seed: int, level: float) -> Experiment:
+    """A coefficient of two rates that move together, the second measured with noise ``level`` of its spread."""
+    rng, signals = np.random.default_rng(seed), driven().signals
+    q, delta = signals["q"], filtered(signals["delta_e"], 2.5, 0.5)
+    told = 3 * q - 2 * delta + 0.02 * float(np.std(q)) * rng.normal(size=len(TIME))
+    measured = q + level * float(np.std(q)) * rng.normal(size=len(TIME))
+    units = {"q": "rad/s", "delta": "rad", "C": "-"}
+    return Experiment("one", TIME, {"q": measured, "delta": delta, "C": told}, units)
+
+
+@pytest.mark.parametrize(("level", "said"), [(0.15, True), (0.005, False)])
+def test_intervals_hold_what_noise_in_a_regressor_puts_off_everywhere(level: float, said: bool) -> None:
+    """GIVEN q with noise THEN its coefficient, the other's and the intercept are off, and every interval holds it."""
+    held, plain, names = [], [], ("q", "delta")
+    for seed in range(30):
+        flights = (noisy_moment(seed, level),)
+        bare = coefficient_regression(flights, "C", names)
+        found = with_noise(bare, flights, Settings())
+        assert [one.value for one in found.estimates] == [one.value for one in bare.estimates]
+        truth = {"intercept": 0.0, "q": 3.0, "delta": -2.0}
+        held.append([one.contains(truth[one.name]) for one in found.estimates])
+        plain.append([one.contains(truth[one.name]) for one in bare.estimates])
+        lines = [note for note in found.notes if note.startswith("noise in q puts off ")]
         assert bool(lines) is said
         if said:
-            share = float(lines[0].split("about ")[1].split(" %")[0])
-            slope = float(np.polyfit(q, 3 * clean["q"], 1)[0])
-            assert share == pytest.approx(100 * (1 - slope / 3), abs=0.8)
+            assert "puts off q by about -" in lines[0]
+    assert np.all(np.mean(held, axis=0) >= 0.9)
+    assert (np.mean(plain, axis=0)[1] < 0.5) is np.bool_(said)
+
+
+def test_what_noise_does_in_a_band_is_less_and_in_the_interval_too() -> None:
+    band = Settings(frequencies=np.arange(1, 101) / 25.0)
+    held, shares = [], []
+    for seed in range(20):
+        flights = (noisy_moment(seed, 0.4),)
+        settings = (Settings(), band)
+        time, found = (
+            with_noise(coefficient_regression(flights, "C", ("q", "delta"), domain, own), flights, own)
+            for domain, own in zip(("time", "frequency"), settings, strict=True)
+        )
+        shares.append(found.estimates[1].standard_error / time.estimates[1].standard_error)
+        held.append([one.contains(true) for one, true in zip(found.estimates, (0.0, 3.0, -2.0), strict=True)])
+    assert np.all(np.mean(held, axis=0) >= 0.9) and np.median(shares) < 0.6
+
+
+def test_noise_in_one_regressor_puts_off_another() -> None:
+    """GIVEN three parts in ten of noise in q THEN delta, measured without, is off by as much as is said."""
+    flights = tuple(noisy_moment(seed, 0.3) for seed in range(20))
+    found = with_noise(coefficient_regression(flights, "C", ("q", "delta")), flights, Settings())
+    delta = found.estimates[2]
+    share = float(found.notes[0].split("delta by about ")[1].split(" %")[0])
+    assert delta.value == pytest.approx(-2.0 * (1 + share / 100), rel=0.02) and abs(share) > 4.0
+
+
+def test_a_regressor_that_is_noise_has_no_coefficient() -> None:
+    """GIVEN q that is 1.5 parts of noise THEN it is refused, and what moves by itself keeps its number."""
+    flights = (noisy_moment(1, 1.5),)
+    found = with_noise(coefficient_regression(flights, "C", ("q", "delta")), flights, Settings())
+    assert [one.name for one in found.estimates] == ["intercept", "delta"]
+    assert "noise for the most part" in found.unidentified[0].reason and found.unidentified[0].name == "q"
+    alone = with_noise(coefficient_regression(flights, "C", ("q",)), flights, Settings())
+    assert not alone.estimates and "noise for the most part" in alone.failure
 
 
 def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:

@@ -22,7 +22,7 @@ from tests.logs.recorded import record
 
 LONGITUDINAL = ("q", "a_x", "a_z", "airspeed", "alpha", "theta", "altitude")
 UNITS = {"q": "deg/s", "p": "deg/s", "r": "deg/s", "a_x": "g", "a_y": "g", "a_z": "g", "airspeed": "kn",
-         "alpha": "deg", "theta": "deg", "altitude": "ft"}  # fmt: skip
+         "alpha": "deg", "theta": "deg", "phi": "deg", "altitude": "ft"}  # fmt: skip
 FACTORS = {"deg/s": np.degrees(1.0), "deg": np.degrees(1.0), "g": 1 / 9.80665, "kn": 3600 / 1852, "ft": 1 / 0.3048}
 PLACED = "[path.places]"
 MAP = """
@@ -219,3 +219,23 @@ def test_a_column_of_nonsense_gives_a_reason(
     else:
         (fit,) = json.loads(said.out)["fits"]
         assert fit["failure"] or fit["unidentified"] or not fit["estimates"], fit
+
+
+@pytest.mark.parametrize(("bank", "level"), [(0.01, True), (0.3, False)])
+def test_the_longitudinal_motion_alone_is_refused_where_the_wings_were_not_level(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bank: float, level: bool
+) -> None:
+    """GIVEN bank measured, and p, r and a_y not THEN errors that the bank would make are not called the sensors'."""
+    flown = measured(Flight(seed=3, longitudinal=True, duration=16))
+    phi = bank * np.sin(0.7 * flown.time) + 0.002 * np.random.default_rng(1).normal(size=len(flown.time))
+    q = flown.signals["q"] + 9.80665 / 20.0 * np.sin(phi) * np.tan(phi)
+    names = (*LONGITUDINAL, "phi")
+    write(tmp_path / "run.csv", flown._replace(signals={**flown.signals, "phi": phi, "q": q}), names)
+    (tmp_path / "map.toml").write_text(MAP.format(signals=signals(names), validate="[]", more=""))
+    words = [str(tmp_path / "run.csv"), "--map", str(tmp_path / "map.toml"), "path", "--json"]
+    assert identify.run(words) == 0
+    (fit,) = json.loads(capsys.readouterr().out)["fits"]
+    if level:
+        assert all(inside(fit["estimates"], ERRORS, 1.6))
+    else:
+        assert "deg is not level: the bank alone makes" in fit["failure"] and not fit["estimates"]

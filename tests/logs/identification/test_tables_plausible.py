@@ -72,3 +72,54 @@ def test_nothing_is_concluded_from_noise_gaps_or_missing_signals() -> None:
     gaps.signals["q"][::10] = np.nan
     for one in (noisy, gaps, without(flown(theta=-1.0), "q"), without(flown(a_z=-1.0), "a_z", "theta")):
         check_plausible((one,), {})
+
+
+def turning(seed: int = 1, **scales: float) -> Experiment:
+    """Speed, bank, pitch and sideslip that swing as prescribed, 20 s; specific forces and rates follow."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 20.0, STEP)
+    theta, phi = 0.1 + 0.08 * np.sin(0.5 * time), 0.3 * np.sin(0.6 * time)
+    u, v = 30.0 + 3.0 * np.cos(0.5 * time), 1.5 * np.sin(1.1 * time)
+    w, heading = 2.0 + 0.5 * np.sin(0.9 * time), 0.15 * np.sin(0.6 * time)
+    p = np.gradient(phi, STEP) - heading * np.sin(theta)
+    q = np.gradient(theta, STEP) * np.cos(phi) + heading * np.cos(theta) * np.sin(phi)
+    r = -np.gradient(theta, STEP) * np.sin(phi) + heading * np.cos(theta) * np.cos(phi)
+    g, speed = STANDARD_GRAVITY, np.sqrt(u**2 + v**2 + w**2)
+    a_x = np.gradient(u, STEP) + q * w - r * v + g * np.sin(theta)
+    a_y = np.gradient(v, STEP) + r * u - p * w - g * np.cos(theta) * np.sin(phi)
+    signals = {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / speed), "theta": theta, "phi": phi}
+    signals |= {"p": p, "q": q, "r": r, "a_x": a_x + 0.2, "a_y": a_y - 0.15}
+    for name, size in (("V", 0.3), ("alpha", 3e-3), ("beta", 3e-3), ("a_x", 0.1), ("a_y", 0.1)):
+        signals[name] = (signals[name] + size * rng.normal(size=len(time))) * scales.get(name, 1.0)
+    return Experiment("one", time, signals, {})
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("scale", [0.85, 1.0, 1.15])
+def test_forces_that_speed_and_attitude_bear_out_are_taken(seed: int, scale: float) -> None:
+    check_plausible((turning(seed, a_x=scale, a_y=scale),), {})
+
+
+@pytest.mark.parametrize("force", ["a_x", "a_y"])
+@pytest.mark.parametrize(
+    ("scale", "said"), [(-1.0, "its sign is wrong"), (1 / STANDARD_GRAVITY, "it is in g"), (9.80665, "it is in m/s")]
+)
+def test_a_force_against_speed_and_attitude_is_refused(force: str, scale: float, said: str) -> None:
+    with pytest.raises(BadInput, match=f"{force} .*{said}"):
+        check_plausible((turning(**{force: scale}),), {})
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1.0, ""), (0.0, ""), (-1.0, "its sign is wrong")])
+def test_a_steady_climb_tells_the_sign_of_a_x_by_its_mean(scale: float, said: str) -> None:
+    """GIVEN 0.1 rad of pitch at constant speed THEN a_x is g sin(theta), whatever its bias."""
+    rng, count = np.random.default_rng(4), 500
+    signals = {"V": np.full(count, 40.0), "alpha": np.full(count, 0.06), "theta": np.full(count, 0.1)}
+    signals |= {"q": np.zeros(count), "a_x": np.full(count, STANDARD_GRAVITY * np.sin(0.1) + 0.2)}
+    for name, size in (("V", 0.3), ("alpha", 3e-3), ("theta", 2e-3), ("q", 3e-3), ("a_x", 0.05)):
+        signals[name] = signals[name] + size * rng.normal(size=count)
+    signals["a_x"] = scale * signals["a_x"]
+    one = Experiment("one", STEP * np.arange(count), signals, {})
+    if not said:
+        return check_plausible((one,), {})
+    with pytest.raises(BadInput, match=f"a_x .*{said}"):
+        check_plausible((one,), {})
+    return None
