@@ -13,6 +13,7 @@ from logs.identification.results import Unidentified
 from logs.identification.tables import stands
 from logs.identification.tables.constants import read_constants
 from logs.identification.tables.experiments import Cut, cut
+from logs.identification.tables.joints import apart
 from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
@@ -70,7 +71,8 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     constants = read_constants(chosen.constants)
     _check_regressors(chosen, found, constants, what)
     seen = found
-    found = at_centre(found, constants) if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero) else found
+    if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero):
+        found = at_centre(apart(found), constants)
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
         check_plausible((*found.fitted, *found.held_out), constants, _in_radians(chosen))
     missing: list[Unidentified] = []
