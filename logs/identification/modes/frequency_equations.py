@@ -2,11 +2,11 @@
 
 Grauer Eq. 20 and 21; Klein & Morelli, Aircraft System Identification, 2006, ch. 7. Derivatives are central
 differences; what they are regressed on goes through the mean that a central difference is of a rate. Of motions that
-is Simpson's (1/6, 2/3, 1/6), of inputs that are lines between samples 1/4, 1/2, 1/4, of inputs that are held their own
-value's and the last one's. The trapezoids' mean of motions as well made all derivatives of M and the frequency 0.5 %
-too large at 12 rad/s and 50 Hz, and with an input that was held at 25 Hz M_q 2.5 %. Noise in the regressors would shrink
-their coefficients: the fitted equations, flown with the measured inputs, are the instruments of the next pass (Young,
-Recursive Estimation and Time-Series Analysis, 1984, ch. 8), which need no other method's model.
+is Simpson's (1/6, 2/3, 1/6), of inputs that are lines between samples 1/4, 1/2, 1/4, of inputs that are held their
+own value's and the last one's. The trapezoids' mean of motions as well made all derivatives of M and the frequency
+0.5 % too large at 12 rad/s and 50 Hz, and with an input that was held at 25 Hz M_q 2.5 %. Noise in the regressors
+would shrink their coefficients: the fitted equations, flown with the measured inputs, are the instruments of the next
+pass (Young, Recursive Estimation and Time-Series Analysis, 1984, ch. 8), which need no other method's model.
 """
 
 from __future__ import annotations
