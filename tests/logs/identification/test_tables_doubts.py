@@ -204,3 +204,21 @@ def test_a_channel_that_is_late_is_more_than_noise(tmp_path: Path, late: int, to
     columns["alpha"] = np.concatenate((np.repeat(columns["alpha"][0], late), columns["alpha"]))[: len(columns["t"])]
     found = identified(tmp_path, columns)
     assert ("what the model leaves of alpha is" in notes_of(found)) is told
+
+
+def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None:
+    """GIVEN a second input THEN only what is free after both is used; one that rests with noise changes nothing."""
+    one = driven()
+    given = np.where((TIME > 9.0) & (TIME < 11.0), 0.05, 0.0)
+    noise = np.random.default_rng(3).normal(0.0, 1e-4, len(TIME))
+    signals = one.signals | {"q": one.signals["q"] + np.gradient(filtered(given, 2.0, 0.3), STEP)}
+    both, resting = (one._replace(signals=signals | {"flap": flap}) for flap in (given + noise, noise))
+    found = modes_of_experiments((both,), "delta_e", ("q",), others=("flap",)).modes
+    told = {mode.method: mode for mode in found}
+    for name in ("equivalent system", "eigensystem realization", "spectrum"):
+        assert told[name].unidentified[0].reason == "flap moves as well: it knows one input"
+    assert records_of((both,), "delta_e", ("q",), ("flap",)).pieces[0].free_from >= np.searchsorted(TIME, 11.0)
+    plain = modes_of_experiments((resting,), "delta_e", ("q",)).modes
+    assert [m.frequency for m in modes_of_experiments((resting,), "delta_e", ("q",), others=("flap",)).modes] == [
+        m.frequency for m in plain
+    ]
