@@ -28,8 +28,8 @@ def lacking(series: Sequence[FitSeries]) -> tuple[str, ...]:
             worst[one.output] = told
     return tuple(
         f"what the model leaves of {name} is {times:.0f} times its noise, {100 * share:.1g} % of its power:"
-        " turbulence or slow noise, which the intervals hold, or a signal that is late, an input or a motion that the"
-        " model lacks, which they do not"
+        " turbulence or slow noise, which the intervals hold, or a signal that is late, two manoeuvres in one, an"
+        " input or a motion that the model lacks, which they do not"
         for name, (times, share) in worst.items()
     )
 
