@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.special import chdtrc, ndtr
 
 from logs.identification.results import Array
@@ -83,14 +84,18 @@ def autocorrelation(records: Sequence[Array], lags: int) -> tuple[Array, Array]:
     known = np.concatenate([one[own] for one, own in zip(records, there, strict=True)])
     mean = float(known.mean())
     centred = [np.where(own, one - mean, 0.0) for one, own in zip(records, there, strict=True)]
-    sums, pairs = _lagged(centred, lags), _lagged([own.astype(np.float64) for own in there], lags)
+    sums, pairs = _lagged(centred, lags), np.round(_lagged([own.astype(np.float64) for own in there], lags))
     spread = sums[0] / pairs[0]
     return sums / np.maximum(pairs, 1.0) / (spread if spread > 0 else 1.0), pairs
 
 
 def _lagged(records: list[Array], lags: int) -> Array:
     """Sums of products (lags + 1,) of samples so far apart in one record."""
-    return np.array([sum(float(one[: max(len(one) - k, 0)] @ one[k:]) for one in records) for k in range(lags + 1)])
+    total = np.zeros(lags + 1)
+    for one in records:
+        size = next_fast_len(len(one) + lags, real=True)  # so long that nothing wraps around
+        total += np.fft.irfft(np.abs(np.fft.rfft(one, size)) ** 2, size)[: lags + 1]
+    return total
 
 
 def _runs(values: Array) -> tuple[int, float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.manoeuvre import Manoeuvre
+from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array
 
 LEAST_SAMPLES = 16
@@ -16,6 +17,8 @@ LONGEST_GAP = 3
 """-; samples; a gap up to that is bridged by a straight line, at a longer one the record is cut"""
 AT_REST = 0.03
 """-; of the input's range: what remains of it when it rests"""
+MOVED = 6.0
+"""-; deviations of its noise, from which on an input has moved"""
 AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
 """of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
@@ -47,10 +50,19 @@ class Records(NamedTuple):
     """s; length of the moving average that input and outputs went through, 0 for none"""
     notes: tuple[str, ...] = ()
     """-; what was bridged or left out, one clause each"""
+    beside: tuple[str, ...] = ()
+    """-; inputs beside the one in the pieces, that move as well"""
 
 
-def records_of(experiments: tuple[Experiment, ...], input_name: str | None, output_names: tuple[str, ...]) -> Records:
-    """The longest stretch of each experiment on which input and outputs were measured.
+def records_of(
+    experiments: tuple[Experiment, ...],
+    input_name: str | None,
+    output_names: tuple[str, ...],
+    others: tuple[str, ...] = (),
+) -> Records:
+    """The longest stretch of each experiment on which inputs and outputs were measured.
+
+    A motion is free once the ``others``, inputs beside ``input_name``, rest as well.
 
     Raises:
         BadInput: a signal that is named is not there, or no experiment is long enough.
@@ -58,15 +70,22 @@ def records_of(experiments: tuple[Experiment, ...], input_name: str | None, outp
     if not output_names:
         raise BadInput("no output is named: modes need at least one")
     pieces, notes = [], []
+    moving: set[str] = set()
     for experiment in experiments:
-        columns, note = _without_gaps(_columns(experiment, input_name, output_names))
+        columns, note = _without_gaps(_columns(experiment, input_name, (*output_names, *others)))
         notes += [f"{experiment.name}: {note}"] if note else []
-        if len(columns) >= LEAST_SAMPLES:
-            pieces.append(_record(experiment, columns, input_name is not None))
+        if len(columns) < LEAST_SAMPLES:
+            continue
+        m, end = len(output_names), len(output_names) + len(others)
+        record = _record(experiment, np.delete(columns, np.s_[m:end], axis=1), input_name is not None)
+        moved = {name: given for name, given in zip(others, columns[:, m:end].T, strict=True) if _moves(given)}
+        pieces.append(record._replace(free_from=max((record.free_from, *map(rest_of, moved.values())))))
+        moving |= moved.keys()
     if not pieces:
         raise BadInput(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
-    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes))
+    beside = tuple(name for name in others if name in moving)
+    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes), beside)
 
 
 def _columns(experiment: Experiment, input_name: str | None, output_names: tuple[str, ...]) -> Array:
@@ -104,6 +123,11 @@ def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
     outputs = columns[:, :-1] if driven else columns
     given = columns[:, -1] - columns[0, -1] if driven else None
     return Record(experiment.name, experiment.step, given, outputs - outputs.mean(axis=0), rest_of(given))
+
+
+def _moves(values: Array) -> bool:
+    """Whether an input (N,) leaves its usual place by more than its noise."""
+    return float(np.max(np.abs(values - np.median(values)))) > MOVED * noise_beside_steps(values)
 
 
 def rest_of(given: Array | None) -> int:

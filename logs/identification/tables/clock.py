@@ -15,6 +15,8 @@ LOOKED_AT = 50
 """cells by which a column is known"""
 _CLOCK = re.compile(r"(?:(?:(\d{1,3}):)?(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)")
 _PARTS = (86400.0, 3600.0, 60.0, 1.0)
+_MOST = (math.inf, 24.0, 60.0, 61.0)
+"""each part stays below; a leap second has number 60"""
 
 
 def seconds_of(cell: str, decimal: str = ".") -> float:
@@ -23,7 +25,7 @@ def seconds_of(cell: str, decimal: str = ".") -> float:
     text = cell.strip().replace(decimal, ".")
     clock = _CLOCK.fullmatch(text)
     if clock:
-        return sum(float(part) * unit for part, unit in zip(clock.groups(), _PARTS, strict=True) if part)
+        return _told(clock.groups())
     try:
         date = datetime.fromisoformat(text) if ":" in text else None
     except ValueError:
@@ -31,6 +33,16 @@ def seconds_of(cell: str, decimal: str = ".") -> float:
     if date is None:
         return math.nan
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def _told(groups: tuple[str | None, ...]) -> float:
+    """Of day, hours, minutes and seconds; what has a larger part before it goes no further than that part begins."""
+    total, above = 0.0, False
+    for part, unit, most in zip(groups, _PARTS, _MOST, strict=True):
+        if part and float(part) >= most and (above or unit == 1.0):
+            return math.nan
+        total, above = total + float(part or 0.0) * unit, above or bool(part)
+    return total
 
 
 def clock_column(cells: Sequence[str], decimal: str) -> Array | None:

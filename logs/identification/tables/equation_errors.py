@@ -45,9 +45,8 @@ def by_equations(
     named = tuple(_renamed(one, asked.inputs, inputs) for one in experiments)
     speed = with_speed(constants, experiments).get("V")
     arm = float(constants.get("imu_x", 0.0))
-    # The mean of a held input about a sample is that of its own value and the last: a line half a sample late.
-    late = delay + (experiments[0].step / 2.0 if asked.hold else 0.0)
-    equations = Asked(inputs, _held(asked, inputs), speed, arm, late, error, frequencies)
+    hold = tuple(own for own, name in zip(inputs, asked.inputs, strict=True) if name in asked.hold)
+    equations = Asked(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies, hold)
     return frequency_equation_error(named, equations)
 
 

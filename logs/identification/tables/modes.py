@@ -60,7 +60,9 @@ def modes_fit(
         known = (*known, by_equations(asked, found.fitted, constants, fits))
     first = asked.inputs[0] if asked.inputs else None
     try:
-        return fits, modes_of_experiments(found.fitted, first, asked.outputs, asked.kinds or None, known)
+        return fits, modes_of_experiments(
+            found.fitted, first, asked.outputs, asked.kinds or None, known, asked.inputs[1:]
+        )
     except BadInput as error:
         if not known:
             raise

@@ -20,6 +20,7 @@ from logs.identification.regression.terms import quotient
 from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
+from logs.identification.tables.lacking import lacking
 from logs.identification.tables.map import DELAY, OutputError
 from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model, untold_trim
 from logs.identification.tables.prediction import predicted
@@ -73,7 +74,7 @@ def output_error_fit(
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     doubts = (
         _missing(series), _off(series), _jumping(asked, found.fitted), coarse(_lines(asked), found.fitted),
-        _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted),
+        _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
     )  # fmt: skip
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ from logs.identification.results import Unidentified
 from logs.identification.tables import stands
 from logs.identification.tables.constants import read_constants
 from logs.identification.tables.experiments import Cut, cut
+from logs.identification.tables.joints import apart
 from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
@@ -70,7 +72,8 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     constants = read_constants(chosen.constants)
     _check_regressors(chosen, found, constants, what)
     seen = found
-    found = at_centre(found, constants) if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero) else found
+    if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero):
+        found = at_centre(apart(found), constants, _flow_angles(chosen, what))
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
         check_plausible((*found.fitted, *found.held_out), constants, _in_radians(chosen))
     missing: list[Unidentified] = []
@@ -120,6 +123,22 @@ def _of_rooms(
         if asked is not None and what in (name, ALL):
             fits += _attempt(name, partial(room, asked, found, constants, chosen.time.fill), missing) or []
     return fits
+
+
+def _flow_angles(chosen: Map, what: str) -> tuple[str, ...]:
+    """Those of alpha and beta that what is fitted names, or is made of."""
+    words: list[str] = []
+    if chosen.modes is not None and what in (MODES, ALL):
+        words += (*chosen.modes.inputs, *chosen.modes.outputs)
+    if chosen.aero is not None and what in (AERO, ALL):
+        for model in chosen.aero.output_error:
+            words += (*model.inputs, *model.outputs)
+        for one in chosen.aero.regressions:
+            words += re.findall(r"\w+", " ".join((one.response, *one.regressors, *one.always)))
+    made = {"alpha": {"C_L", "C_D", "u", "w"}, "beta": {"v"}}
+    return tuple(
+        angle for angle, of in made.items() if any(w == angle or w.startswith(f"{angle}_") or w in of for w in words)
+    )
 
 
 def _inputs(chosen: Map) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ that turning moves across it. The same of sideslip, ``beta = beta_vane - r x / V
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -19,8 +19,10 @@ PLACE = "vane_x"
 RATES = (("alpha", "q", 1.0), ("beta", "r", -1.0))
 
 
-def at_centre(found: Cut, constants: Mapping[str, float]) -> Cut:
+def at_centre(found: Cut, constants: Mapping[str, float], used: Collection[str]) -> Cut:
     """The manoeuvres with the flow angles of the centre of mass, where ``constants`` tell the vanes' place.
+
+    An angle that nothing of what is fitted uses (``used``) stays as it is where its rate was not told.
 
     Raises:
         BadInput: the rate or the airspeed that this takes was not told.
@@ -28,14 +30,16 @@ def at_centre(found: Cut, constants: Mapping[str, float]) -> Cut:
     place = constants.get(PLACE, 0.0)
     if not place:
         return found
-    fitted, held = (tuple(_moved(one, place, constants) for one in part) for part in (found.fitted, found.held_out))
+    fitted, held = (
+        tuple(_moved(one, place, constants, used) for one in part) for part in (found.fitted, found.held_out)
+    )
     return found._replace(fitted=fitted, held_out=held)
 
 
-def _moved(one: Experiment, place: float, constants: Mapping[str, float]) -> Experiment:
+def _moved(one: Experiment, place: float, constants: Mapping[str, float], used: Collection[str]) -> Experiment:
     signals = dict(one.signals)
     for angle, rate, sign in RATES:
-        if angle not in signals:
+        if angle not in signals or (rate not in signals and angle not in used):
             continue
         if rate not in signals:
             raise BadInput(f"constants.{PLACE} needs signals.{rate}: {angle} of the centre of mass is made of both")

@@ -12,7 +12,7 @@ from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened,
 from logs.identification.accuracy.correlation import correlation_of
 from logs.identification.accuracy.goodness import goodness
 from logs.identification.accuracy.theil import theil
-from logs.identification.accuracy.whiteness import whiteness_of
+from logs.identification.accuracy.whiteness import autocorrelation, whiteness_of
 
 
 def test_autocovariance_is_that_of_the_filter() -> None:
@@ -145,3 +145,17 @@ def test_goodness() -> None:
     assert found.nrmse == pytest.approx(0.1 / 3)
     assert found.samples == 4
     assert np.isnan(goodness(np.ones(5), np.zeros(5)).r_squared)
+
+
+def test_autocorrelation_is_that_of_the_pairs_that_were_measured() -> None:
+    """GIVEN two records, one with a gap THEN each lag is the mean over the pairs of samples within one record."""
+    rng = np.random.default_rng(4)
+    records = (rng.normal(1.0, 1.0, 61), rng.normal(1.0, 1.0, 40))
+    records[0][20:25] = np.nan
+    found, pairs = autocorrelation(records, 30)
+    mean = np.nanmean(np.concatenate(records))
+    spread = np.nanmean((np.concatenate(records) - mean) ** 2)
+    for lag in (0, 1, 7, 30):
+        products = np.concatenate([(one[: len(one) - lag] - mean) * (one[lag:] - mean) for one in records])
+        assert pairs[lag] == np.isfinite(products).sum()
+        assert found[lag] == pytest.approx(np.nanmean(products) / spread, abs=1e-12)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
+from scipy.signal import cont2discrete, dlsim
 
 from logs.identification.experiment import Experiment
 from logs.identification.modes.frequency_equations import Asked, frequency_equation_error
@@ -48,3 +48,35 @@ def test_equations_whose_own_motion_runs_away_give_nothing() -> None:
     signals = {name: values[kept] for name, values in short.signals.items()}
     mode = frequency_equation_error((short._replace(time=TIME[kept], signals=signals),), Asked(("delta",)))
     assert mode.frequency is None and "runs away" in mode.unidentified[0].reason
+
+
+FAST = {"Z_alpha": -6.0, "Z_delta": -0.6, "M_alpha": -90.0, "M_q": -9.0, "M_delta": -110.0}
+SLOW = {"Z_alpha": -1.3, "Z_delta": -0.12, "M_alpha": -6.0, "M_q": -2.9, "M_delta": -10.0}
+
+
+def exact(truth: dict[str, float], step: float, way: str, unit: float) -> Experiment:
+    """A 3-2-1-1 of ``unit`` s without noise, between samples as ``way`` (``zoh`` or ``foh``) has it."""
+    time = np.arange(0.0, 24.0 * unit, step)
+    given = np.zeros(len(time))
+    for start, end, size in ((3, 6, 0.05), (6, 8, -0.05), (8, 9, 0.05), (9, 10, -0.05)):
+        given[(start * unit - 1e-9 <= time) & (end * unit - 1e-9 > time)] = size
+    a = np.array([[truth["Z_alpha"], 1.0], [truth["M_alpha"], truth["M_q"]]])
+    b = np.array([[truth["Z_delta"]], [truth["M_delta"]]])
+    _, states, _ = dlsim((*cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), step, way)[:4], step), given)
+    acting = np.concatenate((given[:1], given[:-1])) if way == "zoh" else given
+    force = 100.0 * (truth["Z_alpha"] * states[:, 0] + truth["Z_delta"] * acting)
+    signals = {"alpha": states[:, 0], "q": states[:, 1], "delta": given, "a_z": force}
+    return Experiment("exact", time, signals, UNITS | {"a_z": "m/s^2"})
+
+
+@pytest.mark.parametrize("airspeed", [None, 100.0])
+@pytest.mark.parametrize(("truth", "step", "way", "unit"), [(FAST, 0.02, "foh", 0.16), (SLOW, 0.04, "zoh", 0.64)])
+def test_few_samples_a_radian_leave_no_derivative_off(
+    truth: dict[str, float], step: float, way: str, unit: float, airspeed: float | None
+) -> None:
+    """GIVEN 4 samples a radian, or an input that is held at 8 THEN the means beside the slopes leave no per cent."""
+    hold = ("delta",) if way == "zoh" else ()
+    asked = Asked(("delta",), {"Z_q": 0.0}, airspeed, hold=hold)
+    mode = frequency_equation_error((exact(truth, step, way, unit),), asked)
+    for one in mode.derivatives:
+        assert one.value == pytest.approx(truth[one.name], rel=0.03 if one.name == "Z_delta" else 0.003), one.name

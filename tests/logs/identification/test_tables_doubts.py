@@ -23,6 +23,10 @@ from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
 from logs.identification.tables.noisy import with_noise
 from logs.identification.tables.run import identify_tables
+from tests.logs.identification.test_frequency_equations import SLOW, exact
+from tests.logs.identification.test_tables_identified import flight
+from tests.logs.identification.test_tables_strangers import identified
+from tests.logs.identification.test_tables_strangers import said as notes_of
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 STEP = 0.04
@@ -224,3 +228,47 @@ def test_an_equivalent_system_needs_some_periods_of_the_mode() -> None:
     assert given[1].frequency is not None
     twice = equivalent_system(records_of((short, short, short), "delta_e", ("q", "theta")))
     assert twice.frequency is not None, "several short records are as good as a long one"
+
+
+@pytest.mark.parametrize("outputs", [("q_dot",), ("q_dot", "a_z")])
+def test_an_angular_acceleration_answers_the_input_at_once(outputs: tuple[str, ...]) -> None:
+    """GIVEN 3.13 rad/s and 0.67 in q_dot WHEN the model has its direct power THEN the equivalent system has them.
+
+    Without it q_dot alone gave 25 rad/s, with a_z 3.32.
+    """
+    one = exact(SLOW, 0.02, "foh", 0.8)
+    q_dot = SLOW["M_alpha"] * one.signals["alpha"] + SLOW["M_q"] * one.signals["q"]
+    q_dot = q_dot + SLOW["M_delta"] * one.signals["delta"]
+    noise = np.random.default_rng(1).normal(0.0, 0.01, len(q_dot))
+    whole = one._replace(signals={**one.signals, "q_dot": q_dot + noise}, units={**one.units, "q_dot": "rad/s^2"})
+    mode = equivalent_system(records_of((whole,), "delta", outputs))
+    assert mode.frequency is not None and mode.damping is not None
+    assert mode.frequency.value == pytest.approx(math.sqrt(1.3 * 2.9 + 6.0), rel=0.015)
+    assert mode.damping.value == pytest.approx(4.2 / 2.0 / math.sqrt(1.3 * 2.9 + 6.0), rel=0.015)
+
+
+@pytest.mark.parametrize(("late", "told"), [(0, False), (3, True)])
+def test_a_channel_that_is_late_is_more_than_noise(tmp_path: Path, late: int, told: bool) -> None:
+    """GIVEN a vane that is 0.12 s late THEN it is said how much more than noise the model leaves of it."""
+    columns = flight(noise=0.5)
+    columns["alpha"] = np.concatenate((np.repeat(columns["alpha"][0], late), columns["alpha"]))[: len(columns["t"])]
+    found = identified(tmp_path, columns)
+    assert ("what the model leaves of alpha is" in notes_of(found)) is told
+
+
+def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None:
+    """GIVEN a second input THEN only what is free after both is used; one that rests with noise changes nothing."""
+    one = driven()
+    given = np.where((TIME > 9.0) & (TIME < 11.0), 0.05, 0.0)
+    noise = np.random.default_rng(3).normal(0.0, 1e-4, len(TIME))
+    signals = one.signals | {"q": one.signals["q"] + np.gradient(filtered(given, 2.0, 0.3), STEP)}
+    both, resting = (one._replace(signals=signals | {"flap": flap}) for flap in (given + noise, noise))
+    found = modes_of_experiments((both,), "delta_e", ("q",), others=("flap",)).modes
+    told = {mode.method: mode for mode in found}
+    for name in ("equivalent system", "eigensystem realization", "spectrum"):
+        assert told[name].unidentified[0].reason == "flap moves as well: it knows one input"
+    assert records_of((both,), "delta_e", ("q",), ("flap",)).pieces[0].free_from >= np.searchsorted(TIME, 11.0)
+    plain = modes_of_experiments((resting,), "delta_e", ("q",)).modes
+    assert [m.frequency for m in modes_of_experiments((resting,), "delta_e", ("q",), others=("flap",)).modes] == [
+        m.frequency for m in plain
+    ]

@@ -96,6 +96,10 @@ def test_rows_of_one_time_that_tell_different_signals_are_one_row(tmp_path: Path
         ("1970-01-02 02:00:01.5+02:00", ".", 86401.5),
         ("noon", ".", np.nan),
         ("12.5", ".", np.nan),
+        ("99:12.5", ".", 99 * 60 + 12.5),
+        ("99:99", ".", np.nan),
+        ("16:75:05", ".", np.nan),
+        ("123:24:04:05", ".", np.nan),
     ],
 )
 def test_clocks_and_dates_in_seconds(cell: str, decimal: str, seconds: float) -> None:
@@ -198,6 +202,17 @@ def test_a_vane_on_a_boom_tells_the_derivatives_of_the_centre_of_mass(tmp_path: 
     lacking = told.replace('q = { column = "q", unit = "rad/s" }\n', "").replace('"alpha", "q"', '"alpha"')
     with pytest.raises(BadInput, match=r"constants.vane_x needs signals.q"):
         identified(tmp_path, columns, lacking)
+
+
+def test_a_sideslip_that_nothing_uses_needs_no_yaw_rate_for_a_vane_ahead(tmp_path: Path) -> None:
+    """GIVEN both vanes on a boom and no yaw rate THEN the short period is fitted, and what uses beta is refused."""
+    columns = flight()
+    ahead = columns | {"alpha": columns["alpha"] - columns["q"] * 6.0 / 100.0, "beta": columns["q"]}
+    told = BASE.replace("V = 100", "V = 100\nvane_x = 6")
+    told = told.replace("[constants]", 'beta = { column = "beta", unit = "rad" }\n[constants]')
+    assert_truth(identified(tmp_path, ahead, told).fits[0])
+    with pytest.raises(BadInput, match=r"constants.vane_x needs signals.r"):
+        identified(tmp_path, ahead, told.replace('inputs = ["delta_e"]', 'inputs = ["delta_e", "beta"]'))
 
 
 def ringing(rate: float, duration: float) -> Experiment:
