@@ -21,6 +21,29 @@ def numbered(path: Path) -> Iterator[Path]:
         number += 1
 
 
+def check_new(path: Path, *, made: bool = False) -> None:
+    """Refuse a name for a new file that could not be written, before the work for it; nothing is written here.
+
+    Args:
+        path: of the file.
+        made: whether folders that are missing will be made.
+
+    Raises:
+        BadInput: it exists, its folder is missing or is none, or cannot be written to.
+    """
+    if path.exists() or path.is_symlink():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    folder = path.parent
+    while made and not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.exists():
+        raise BadInput(f"cannot write {path}: there is no folder {folder}")
+    if not folder.is_dir():
+        raise BadInput(f"cannot write {path}: {folder} is no folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise BadInput(f"cannot write {path}: folder {folder.resolve()} cannot be written to")
+
+
 @contextlib.contextmanager
 def draft(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
     """An unbuffered temporary file beside ``path``; it is on the disk when the block ends, and gone if that raised.
