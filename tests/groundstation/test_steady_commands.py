@@ -70,6 +70,21 @@ def test_what_cannot_be_trimmed_is_one_line(words: list[str], part: str, capsys:
     assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
 
 
+def test_where_flight_ends_does_not_depend_on_how_far_beyond_it_the_question_lies(capsys: Capture) -> None:
+    told = set()
+    for airspeed in ("12", "70"):  # at the one the search begins well, at the other it comes to no numbers
+        assert main(["trim", "robo_raven_ii_d", "--airspeed", airspeed]) == 2
+        line = capsys.readouterr().err
+        assert line.startswith(f"wingbeat: robo_raven_ii_d: no trim at {airspeed} m/s climbing 0 m/s: ")
+        told.add(line.partition(" m/s: ")[2])
+    (reason,) = told
+    limit = re.search(r"(?:above|already at) ([\d.]+) m/s", reason)
+    assert limit is not None and "cruise" not in reason
+    near = float(limit[1]) - 0.1
+    assert main(["trim", "robo_raven_ii_d", "--airspeed", f"{near:g}", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["inputs"]["amplitude"] < 0.9
+
+
 @pytest.mark.validate
 def test_a_linear_model_is_told_to_programs(capsys: Capture) -> None:
     assert main(["linearize", BIRD, "--json"]) == 0
