@@ -37,6 +37,17 @@ def test_a_trim_is_told_to_programs(capsys: Capture) -> None:
         assert all(name in trim.JSON_KEYS[section] for name in told[section])
 
 
+@pytest.mark.parametrize("name", ["hawkmoth", "entomopter"])
+def test_what_a_vehicle_without_a_drive_would_draw_is_not_told_as_nothing(name: str, capsys: Capture) -> None:
+    assert main(["trim", name]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"power +not modelled: ", said) and " 0 W" not in said and "economy" not in said
+    assert main(["trim", name, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["means"]["current"] is told["means"]["electrical_power"] is told["figures"]["endurance"] is None
+    assert told["figures"]["cost_of_transport"] is None and told["figures"]["strouhal"] > 0.0
+
+
 def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
     found = []
     for words in ([], ["--aerodynamics", "quasi_steady"]):
