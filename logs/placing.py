@@ -99,7 +99,11 @@ def why_not(folder: Path, *, made: bool = False) -> str:
         return f"there is no folder {folder}"
     if not folder.is_dir():
         return f"{folder} is no folder"
-    return "" if os.access(folder, os.W_OK | os.X_OK) else f"folder {folder.resolve()} cannot be written to"
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return f"folder {folder.resolve()} cannot be written to ({error.strerror})"
+    return ""
 
 
 @contextlib.contextmanager

@@ -28,7 +28,7 @@ ACTIONS = "list|get|set|diff|save|load"
 
 def add_verbs(verbs: Any) -> None:
     """The actions."""
-    parser = verbs.add_parser("param", help="list, get, set, compare, save or load parameters")
+    parser = verbs.add_parser("param", help="list, get, set, diff, save or load parameters")
     actions = parser.add_subparsers(dest="action", required=True, metavar=ACTIONS, parser_class=VerbParser)
     actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
     actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")

@@ -92,7 +92,7 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
         "--vehicle",
         default=DEFAULT_VEHICLE,
         metavar="V|PATH",
-        help=f"name or file of a vehicle ({DEFAULT_VEHICLE})",
+        help=f"name, file or folder of a vehicle ({DEFAULT_VEHICLE})",
     )
 
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Pilot, Sticks
 
@@ -53,7 +53,7 @@ def load_script(path: str | Path) -> Script:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read {path}: {error}") from None
+        raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()[:1] not in ("", "#")]
     rows = list(csv.reader(line for _, line in lines))
     if len(rows) < 2:

@@ -148,6 +148,13 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
+        (["fly", "--sticks", "by_hand.csv"], "cannot read by_hand.csv: there is no such file\n"),
+        (["fly", "--mission", "no.plan"], "no mission no.plan: neither a file nor one of circuit\n"),
+        (["fly", "--vehicle", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
+        (["tune", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
+        (["tune", "no.json"], "unknown vehicle 'no.json'"),
+        (["campaign", "no.toml"], "cannot read the campaign no.toml: there is no such file\n"),
+        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: there is no folder no\n"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -340,6 +347,43 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     assert re.search(r"bodies\.fuselage\.mass +[0-9.]+ kg ", told)
     assert re.search(r"fuselage\.imu_position +0\.02 0 0 m ", told)
     assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element, vortex_lattice too" in told
+
+
+def test_a_folder_is_a_vehicle_of_the_list_too(tmp_path: Path, capsys: Capture) -> None:
+    folder = tmp_path / "bird"
+    folder.mkdir()
+    (folder / "world.toml").write_text((WORLDS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
+    for flies in (False, True):
+        if flies:
+            (folder / "avionics.toml").write_text((COMPUTERS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
+        assert main(["vehicles", str(folder), "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["vehicles"][0]["flies"] is flies and told["values"]
+        assert main(["vehicles", str(folder)]) == 0
+        assert ("the flight computer's file has" in capsys.readouterr().out) is flies
+    (folder / "avionics.toml").unlink()
+    assert main(["fly", "--vehicle", str(folder)]) == 2
+    assert complaint(capsys) == (
+        f"wingbeat: cannot read vehicle file {folder / 'avionics.toml'}: there is no such file\n"
+    )
+
+
+@pytest.mark.parametrize("command", [["fly"], ["campaign"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
+def test_a_folder_that_cannot_be_written_to_is_one_clear_line(
+    command: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recordings").write_text("a file where the folder would be")
+    campaign = [str(Path(__file__).parents[2] / "docs" / "examples" / "gusts.toml")]
+    assert main([*command, *(campaign if command == ["campaign"] else [])]) == 2
+    assert "recordings is no folder" in complaint(capsys)
+
+
+def test_the_help_of_gcs_names_the_verbs_as_they_are_written(capsys: Capture) -> None:
+    assert main(["gcs", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "or compare" not in told and "set, compare" not in told
+    assert len(re.findall(r"^ +(?:param|mission)  +.*\bdiff\b", told, re.M)) == 2
 
 
 @pytest.mark.parametrize("name", [[], ["robo_raven_ii_a"], ["hawkmoth"]])
