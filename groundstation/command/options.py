@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
 
 if TYPE_CHECKING:
     from sim_bridge.flight.faults import Fault
 
+HIDDEN = argparse.SUPPRESS
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
 NO_PARAMETERS = "none"
@@ -32,7 +33,17 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""
-        raise BadInput(f"{message} (see {self.prog} --help)")
+        raise BadInput(f"{message}{self._guess(message)} (see {self.prog} --help)")
+
+    def _guess(self, message: str) -> str:
+        """The choice or option that may have been meant, in words."""
+        if choice := re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)$", message):
+            return meant(choice[1], [name.strip("'") for name in choice[2].split(", ")])
+        if unknown := re.match(r"unrecognized arguments: --([^\s=]+)", message):
+            told = (one for one in self._actions if one.help != HIDDEN)
+            names = [name[2:] for one in told for name in one.option_strings if name.startswith("--")]
+            return meant(unknown[1], names).replace("'", "'--", 1)
+        return ""
 
 
 class VerbParser(Parser):

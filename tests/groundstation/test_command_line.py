@@ -148,6 +148,13 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
+        (["fyl"], "there is no command 'fyl' (meant 'fly'?); commands: fly,"),
+        (["trim", "robo_raven_ii"], "unknown vehicle 'robo_raven_ii' (meant 'robo_raven_ii_d'?); known:"),
+        (["fly", "--vehicle", "arizona_100"], "(meant 'arizona_100cm'?)"),
+        (["fly", "--mision", "circuit"], "--mision circuit (meant '--mission'?) (see wingbeat fly --help)"),
+        (["log", "inof", "a.mcap"], "(meant 'info'?) (see wingbeat log --help)"),
+        (["gcs", "udpin:0.0.0.0:14550", "staus"], "(meant 'status'?) (see wingbeat gcs --help)"),
+        (["gcs", "udpin:0.0.0.0:14550", "param", "gett", "X"], "(meant 'get'?)"),
         (["fly", "--sticks", "by_hand.csv"], "cannot read by_hand.csv: there is no such file\n"),
         (["fly", "--mission", "no.plan"], "no mission no.plan: neither a file nor one of circuit\n"),
         (["fly", "--vehicle", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
@@ -210,6 +217,31 @@ def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("verb", [["log", "info"], ["log", "view"], ["identify"], ["replay"]])
+@pytest.mark.parametrize(
+    ("name", "content", "part"),
+    [
+        ("00000012.BIN", b"any", "wingbeat log import 00000012.BIN makes one of it\n"),
+        ("a.tlog", b"any", "wingbeat log import a.tlog makes one of it\n"),
+        ("flight", b"ULog\x01\x12\x35\x01", "wingbeat log import flight makes one of it\n"),
+        ("a flight.log", b"\xa3\x95\x80\x80", "wingbeat log import 'a flight.log' makes one of it\n"),
+        ("README.md", b"# Wingbeat", "makes one of .bin, .ulg, .tlog, .c3d, and with --map MAP.toml of any table\n"),
+    ],
+)
+def test_what_makes_a_log_of_another_file_is_told(
+    verb: list[str], name: str, content: bytes, part: str,
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    assert main([*verb, name]) == 2
+    told = complaint(capsys)
+    assert told.startswith(f"wingbeat: {name} is not an MCAP log: ") and told.endswith(part)
+    (tmp_path / "a.csv").write_text("t,a\n1,2\n")
+    assert main([*verb, "a.csv"]) == 2
+    assert "--map MAP.toml" in complaint(capsys)
+
+
 @pytest.mark.parametrize("command", [["fly"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
 def test_the_parameters_of_another_vehicle_are_refused_and_left_alone(
     command: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
@@ -268,7 +300,9 @@ def test_log_info_and_export(log: Path, tmp_path: Path, capsys: Capture) -> None
     (file,) = json.loads(capsys.readouterr().out)["files"]
     assert len(Path(file).read_text().splitlines()) == 401
     assert main(["log", "export", str(log), "--topic", "/nope"]) == 2
-    assert "/nope" in complaint(capsys)
+    assert "/nope; it has" in complaint(capsys)
+    assert main(["log", "export", str(log), "--topic", "/attitude/ahsr"]) == 2
+    assert "/attitude/ahsr (meant '/attitude/ahrs'?); it has" in complaint(capsys)
 
 
 def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: Path, capsys: Capture) -> None:
@@ -303,6 +337,8 @@ def test_log_view_writes_a_page_beside_the_log_and_never_over_another(
     assert said[0].startswith(f"{log.with_name(log.stem + '-2.html')}   ") and said[1].startswith("not in this log: ")
     page = tmp_path / "mine.html"
     page.write_text("mine")
+    assert main(["log", "view", str(log), "--to", str(tmp_path / "to.html")]) == 0
+    assert (tmp_path / "to.html").exists() and capsys.readouterr().out.startswith(str(tmp_path / "to.html"))
     assert main(["log", "view", str(log), "--out", str(page)]) == 2
     assert capsys.readouterr().err == f"wingbeat: {page} exists: it is not overwritten\n"
     assert page.read_text() == "mine"
