@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,6 +52,8 @@ EXAMPLES = (
     "wingbeat avionics --board razor:/dev/ttyUSB0",
     "wingbeat avionics --board razor:/dev/ttyUSB0,57600,ox --duration 10 --json",
 )
+LINE_EVERY = 10.0
+"""s; of flight time between two lines of the state on a terminal, as of ``fly``"""
 JSON_KEYS = {
     "vehicle": "name",
     "board": "address",
@@ -249,7 +252,9 @@ def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account
         raise BadInput(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
         board.hurry()
-    told = ToldBoard(board, onboard.view, account, link.announced)
+    # A Razor on the bench has a picture of its own.
+    shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
+    told = ToldBoard(board, onboard.view, account, link.announced, LINE_EVERY if shown else math.inf)
     ended, silent = _flown(chosen, board, told, onboard, link)
     board.close()
     own = board.angles if isinstance(board, RazorBoard) else None
