@@ -252,12 +252,15 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
 def add_sticks(parser: argparse.ArgumentParser) -> None:
     """Offer ``--sticks``."""
     from sim_bridge.sensors.receiver import Sticks
+    from sim_bridge.sensors.transmitter import MODES
 
     columns = ", ".join(Sticks._fields)
+    modes = ", ".join(f"{position} or {name}" for position, name in enumerate(MODES))
     parser.add_argument(
         "--sticks",
         metavar="FILE",
-        help=f"a transmitter moved by a table of comma-separated values: time (s since boot) and any of {columns}",
+        help=f"a transmitter moved by a table of comma-separated values: time (s since boot) and any of {columns};"
+        f" mode is {modes}; arm takes throttle 0, and the arm switch moved from 0 to 1",
     )
 
 
