@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -315,6 +316,20 @@ def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start
     assert [path.name for path in sorted(tmp_path.glob("*.mcap"))] == ["a.mcap"]
     with open_log(tmp_path / "a.mcap") as log:
         assert {STATE.name, topics.IMU.name} <= set(log.topics)
+
+
+def test_with_a_link_for_a_station_the_launcher_looks_whether_it_is_armed(recorded: Recorded, tmp_path: Path) -> None:
+    """GIVEN a station that says nothing THEN it is the same flight, but for what the launcher says of the arming."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        flight = fly(tmp_path, *RECORDED, "--gcs", f"udpout:127.0.0.1:{station.getsockname()[1]}")
+        _, err = flight.communicate(timeout=180)
+    assert (flight.returncode, err) == (0, "")
+    with_station, without = (payloads(folder / "flight.mcap") for folder in (tmp_path, recorded.folder))
+    assert with_station["/truth/state"] == without["/truth/state"]
+    with open_log(tmp_path / "flight.mcap") as log, open_log(recorded.folder / "flight.mcap") as plain:
+        said, usual = ([one.text for one in each.events() if one.source == "world"] for each in (log, plain))
+    assert said == ["armed: the launcher throws in 6 s", "thrown"] and usual == []
 
 
 def test_recordings_of_different_flights_are_never_joined(tmp_path: Path) -> None:
