@@ -121,8 +121,8 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 def _file_failure(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
-    return f"{place}{error.strerror or error}"
+    reason = error.strerror or str(error)
+    return f"cannot read or write {error.filename}: {reason}" if error.filename else reason
 
 
 def _complain(error: object, code: int) -> int:

@@ -415,6 +415,11 @@ def test_a_folder_that_cannot_be_written_to_is_one_clear_line(
     assert "recordings is no folder" in complaint(capsys)
 
 
+def test_a_file_that_the_system_refuses_is_told_with_what_was_wanted_of_it(capsys: Capture) -> None:
+    assert main(["validate", "--only", "grauer", "--plots", "/dev/null/pictures"]) == 2
+    assert complaint(capsys) == "wingbeat: cannot read or write /dev/null/pictures: Not a directory\n"
+
+
 def test_the_help_of_gcs_names_the_verbs_as_they_are_written(capsys: Capture) -> None:
     assert main(["gcs", "--help"]) == 0
     told = capsys.readouterr().out
