@@ -71,6 +71,13 @@ def counted(number: float, noun: str) -> str:
     return f"{number:.12g} {noun}" + ("" if number == 1 else "s")
 
 
+def why_unread(error: OSError | UnicodeDecodeError) -> str:
+    """Why a file cannot be read as text, in words."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    return "there is no such file" if isinstance(error, FileNotFoundError) else (error.strerror or str(error))
+
+
 def meant(name: str, known: Iterable[str]) -> str:
     """`` (meant 'x'?)``, x being the nearest to ``name`` of what is ``known``; empty where nothing is near."""
     near = difflib.get_close_matches(name, list(known), 1)
@@ -124,7 +131,7 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read vehicle file {path}: {error}") from None
+        raise BadInput(f"cannot read vehicle file {path}: {why_unread(error)}") from None
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -3,20 +3,48 @@
 from __future__ import annotations
 
 import importlib
+import re
+import shlex
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from avionics.quantities import BadInput
 
 
-def load_extra(module: str, package: str, what: str, install: str = "") -> Any:
+def load_extra(module: str, package: str, what: str, install: Sequence[str] = ()) -> Any:
     """Import ``module``, which ``what`` needs.
 
     Raises:
-        BadInput: it is not installed; the line says how to ``install`` the ``package``.
+        BadInput: it is not installed; the line says how to ``install`` the ``package``, and others with it.
     """
     try:
         return importlib.import_module(module)
     except ImportError:
         raise BadInput(
-            f"{what} needs {package}, which is not installed: {install or f'pip install {package}'}"
+            f"{what} needs {package}, which is not installed: {pip_install(install or (package,))}"
         ) from None
+
+
+def pip_install(packages: Sequence[str]) -> str:
+    """The command line that gives ``packages`` to the Python that runs, in the versions that Wingbeat knows."""
+    return f"{_python()} -m pip install {shlex.join(map(_with_versions, packages))}"
+
+
+def _python() -> str:
+    """The Python that runs, from here: the one of that name elsewhere has other packages."""
+    path = Path(sys.executable or "python3")
+    beneath = path.is_relative_to(Path.cwd())
+    return shlex.quote(str(path.relative_to(Path.cwd()) if beneath else path))
+
+
+def _with_versions(package: str) -> str:
+    """A package as an extra of Wingbeat's asks for it; as it is where none does."""
+    try:
+        required = metadata.requires("wingbeat") or []
+    except metadata.PackageNotFoundError:
+        return package
+    asked = (line.partition(";")[0].strip() for line in required)
+    return next((line for line in asked if re.match(rf"{re.escape(package)}(?![\w.\[-])", line)), package)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,8 @@ from logs.index import read_index
 from logs.names import JOINED
 from logs.placing import claim, draft, settle
 from logs.reader import map_file
-from logs.records import Damage
+from logs.recorder import RECORDING
+from logs.records import Damage, parse
 
 
 class Kept(NamedTuple):
@@ -33,14 +35,15 @@ def join(parts: Sequence[Path], out: Path) -> list[Kept]:
     what is whole in it and is itself kept; ``out`` says so in its metadata `names.JOINED`.
 
     Raises:
-        BadInput: ``out`` exists, a part is not an MCAP file, or the parts declare a channel differently; all parts
-            are then still there.
+        BadInput: ``out`` exists, a part is not an MCAP file, the parts are of different flights or declare a channel
+            differently; all parts are then still there.
     """
     if out.exists():
         raise BadInput(f"{out} exists: it is not overwritten")
     if not parts:
         raise BadInput(f"there is nothing to join to {out}")
     opened = [Part(data, read_index(data)) for data in map(map_file, parts)]
+    _check_flown_together(parts, opened)
     kept = [
         Kept(path, "; ".join(part.index.damage))
         for path, part in zip(parts, opened, strict=True)
@@ -61,3 +64,25 @@ def join(parts: Sequence[Path], out: Path) -> list[Kept]:
     for path in set(parts) - {each.path for each in kept}:
         path.unlink(missing_ok=True)
     return kept
+
+
+def _check_flown_together(paths: Sequence[Path], parts: Sequence[Part]) -> None:
+    """Refuse recordings whose vehicle's clocks were not zero at the same nanosecond, as those of one flight are.
+
+    Raises:
+        BadInput: there are such.
+    """
+    begun = {epoch: path for path, part in zip(paths, parts, strict=True) if (epoch := _epoch(part))}
+    if len(begun) > 1:
+        one, other, *_ = begun.values()
+        raise BadInput(f"{one} and {other} are not of one flight: they did not begin at the same instant")
+
+
+def _epoch(part: Part) -> str:
+    """ns since 1970 at which the vehicle's clock was zero, as it is written; empty where it is not."""
+    with suppress(Damage):
+        for span in part.index.metadata:
+            record = parse(Metadata, part.data, span)
+            if record.name == RECORDING:
+                return str(record.metadata.get("start_epoch_ns", ""))
+    return ""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-from logs.placing import numbered
+from logs.placing import held, numbered
 
 RECORDINGS = Path("recordings")
 
@@ -29,19 +31,49 @@ JOINED = "wingbeat.joined"
 """Name of the metadata record in which a joined log notes what was wrong with its parts, by their names."""
 
 
+PARTS = (".world.mcap", ".avionics.mcap")
+"""How the names of the recordings of world and flight computer end that are joined to one of the same name."""
+
+
+def files_of(recording: Path) -> tuple[Path, ...]:
+    """Of a flight: what is joined, the world's part, the flight computer's; of any other recording the first."""
+    return (recording, *(recording.with_suffix(ending) for ending in PARTS))
+
+
 def new_recording(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Path:
-    """A path that is not taken, such as ``recordings/robo_raven_ii_d-20261121-131500.mcap``.
+    """A path that is not taken by a recording or its parts: ``recordings/robo_raven_ii_d-20261121-131500.mcap``.
 
     Args:
         vehicle: name, or path of a vehicle file.
         when: local time of the flight; now when not given.
         folder: where recordings go; it is not created here.
 
-    The same second again gives ``-2``, ``-3`` and so on.
+    The same second again gives ``-2``, ``-3`` and so on. Where others may look for a name meanwhile: `reserved`.
     """
+    return next(_free(vehicle, when, folder))
+
+
+@contextlib.contextmanager
+def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Iterator[Path]:
+    """`new_recording` that no other program takes as long as the context lasts; the folder is made.
+
+    Raises:
+        BadInput: the folder cannot be made or written to.
+    """
+    for path in _free(vehicle, when, folder):
+        with held(path) as ours:
+            # Looked at again: who held the name before may have left files of it.
+            if ours and not any(file.exists() for file in files_of(path)):
+                yield path
+                return
+
+
+def _free(vehicle: str, when: datetime | None, folder: Path) -> Iterator[Path]:
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(vehicle).name.removesuffix(".toml")).strip("._-") or "flight"
     stamp = (when or datetime.now()).strftime("%Y%m%d-%H%M%S")
-    return next(path for path in numbered(folder / f"{name}-{stamp}.mcap") if not path.exists())
+    for path in numbered(folder / f"{name}-{stamp}.mcap"):
+        if not any(file.exists() for file in files_of(path)):
+            yield path
 
 
 def vehicle_files(vehicle: str) -> tuple[str, str]:

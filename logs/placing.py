@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +11,9 @@ from pathlib import Path
 from typing import IO
 
 from avionics.quantities import BadInput
+
+HELD = ".held"
+"""how the name of the mark ends by which a recording's name is held"""
 
 
 def numbered(path: Path) -> Iterator[Path]:
@@ -19,6 +23,87 @@ def numbered(path: Path) -> Iterator[Path]:
     while True:
         yield path.with_name(f"{path.stem}-{number}{path.suffix}")
         number += 1
+
+
+@contextlib.contextmanager
+def held(path: Path) -> Iterator[bool]:
+    """Hold the name of a recording, for all files of it; False where another program does.
+
+    A mark beside it, which is gone with the context, is made by who is first and locked as long as it is held: one
+    whose program was killed holds nothing.
+
+    Raises:
+        BadInput: the folder cannot be made or written to.
+    """
+    mark = path.with_name(f".{path.stem}{HELD}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file, made = _mark(mark)
+    except OSError as error:
+        raise BadInput(f"cannot record to {path}: {why_not(path.parent, made=True) or error.strerror}") from None
+    with file:
+        ours = _locked(file, made) and _names(mark, file)
+        try:
+            yield ours
+        finally:
+            if ours:
+                mark.unlink(missing_ok=True)
+
+
+def _mark(mark: Path) -> tuple[IO[bytes], bool]:
+    """The mark, and whether it was made just now."""
+    try:
+        return mark.open("xb"), True
+    except FileExistsError:
+        return mark.open("ab"), False
+
+
+def _locked(file: IO[bytes], made: bool) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks: who made the mark has the name
+        return made
+    return True
+
+
+def _names(mark: Path, file: IO[bytes]) -> bool:
+    """Whether the mark still has its name, which another may have taken away before it was locked."""
+    with contextlib.suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(file.fileno()), mark.stat())
+    return False
+
+
+def check_new(path: Path, *, made: bool = False) -> None:
+    """Refuse a name for a new file that could not be written, before the work for it; nothing is written here.
+
+    Args:
+        path: of the file.
+        made: whether folders that are missing will be made.
+
+    Raises:
+        BadInput: it exists, its folder is missing or is none, or cannot be written to.
+    """
+    if path.exists() or path.is_symlink():
+        raise BadInput(f"{path} exists: it is not overwritten")
+    if reason := why_not(path.parent, made=made):
+        raise BadInput(f"cannot write {path}: {reason}")
+
+
+def why_not(folder: Path, *, made: bool = False) -> str:
+    """Why there can be no new file in ``folder``, in words; empty where there can. ``made``: as of `check_new`."""
+    while made and not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.exists():
+        return f"there is no folder {folder}"
+    if not folder.is_dir():
+        return f"{folder} is no folder"
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return f"folder {folder.resolve()} cannot be written to ({error.strerror})"
+    return ""
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -15,7 +16,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from avionics.messages import Event, Text
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from avionics.topics import Topic
 from logs.alignment import aligned
 from logs.chunks import BEYOND_NS, ChunkSpan, Entries, bodies, entries_of, unpack
@@ -44,6 +45,10 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 EVENT_SCHEMA = "foxglove.Log"
 TEXT_SCHEMA = "wingbeat.avionics.Text"
+IMPORTED, TABLES = (".bin", ".ulg", ".tlog", ".c3d"), (".csv", ".tsv", ".txt")
+"""endings of the files that `logs.importing` reads by themselves, and with a mapping"""
+IMPORTED_HEADS, HEAD_BYTES = (b"ULog", b"\xa3\x95"), 4
+"""what a ULog and a dataflash log begin with"""
 
 
 @dataclass(frozen=True)
@@ -366,7 +371,8 @@ class Log:
     def _channels(self, topic: str) -> list[Channel]:
         found = [channel for channel in self._index.channels.values() if channel.topic == topic]
         if not found:
-            raise BadInput(f"{self.path} has no topic {topic}; it has: {', '.join(self.topics) or 'none'}")
+            guess, has = meant(topic, self.topics), ", ".join(self.topics) or "none"
+            raise BadInput(f"{self.path} has no topic {topic}{guess}; it has: {has}")
         return found
 
     def _read_events(self, topics: list[str]) -> list[Event]:
@@ -468,9 +474,20 @@ def map_file(path: Path) -> mmap.mmap:
     except ValueError:
         raise BadInput(f"{path} is empty") from None
     if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
+        head = data[:HEAD_BYTES]
         data.close()
-        raise BadInput(f"{path} is not an MCAP log")
+        raise BadInput(f"{path} is not an MCAP log: {_import_hint(path, head)}")
     return data
+
+
+def _import_hint(path: Path, head: bytes) -> str:
+    """How a file that is none becomes a log, in words, by its ending or by what it begins with."""
+    suffix, name = path.suffix.lower(), shlex.quote(str(path))
+    if suffix in IMPORTED or head.startswith(IMPORTED_HEADS):
+        return f"wingbeat log import {name} makes one of it"
+    if suffix in TABLES:
+        return f"wingbeat log import {name} --map MAP.toml makes one of a table"
+    return f"wingbeat log import makes one of {', '.join(IMPORTED)}, and with --map MAP.toml of any table"
 
 
 def _number(text: str | None) -> float | None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput, counted
+from avionics.quantities import BadInput, counted, why_unread
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from avionics.whole_file import write_whole
@@ -93,7 +93,7 @@ class ParameterFile:
         except FileNotFoundError:
             return {}
         except (OSError, UnicodeDecodeError) as error:
-            raise BadInput(f"cannot read parameter file {self.path}: {error}") from None
+            raise BadInput(f"cannot read parameter file {self.path}: {why_unread(error)}") from None
         checked = _checked(text)
         if isinstance(checked, str):
             raise BadInput(f"parameter file {self.path} {checked}")

@@ -37,7 +37,7 @@ from avionics.missions.limits import (
     check_jumps,
     check_rally,
 )
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 
 FOLDER = Path(__file__).parent
 SURVEYED = "survey"
@@ -69,7 +69,7 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {error}") from None
+        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
     unknown = set(document) - {"name", "title", "item", "fence", "rally", "fault"}

@@ -11,7 +11,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 
 HEADER = "QGC WPL 110"
 COLUMNS = 12
@@ -34,7 +34,7 @@ def read(path: Path) -> tuple[Line, ...]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {error}") from None
+        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
     if not lines or lines[0].strip() != HEADER:
         raise BadInput(f"{path}: the first line of a mission file must be {HEADER!r}")
     numbered = [(number, line) for number, line in enumerate(lines[1:], 2) if line.strip()]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple, get_type_hints
 
 from avionics.mixing import flapping
-from avionics.quantities import BadInput, Schema, VehicleFile, read_vehicle_file
+from avionics.quantities import BadInput, Schema, VehicleFile, meant, read_vehicle_file
 from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
 
@@ -56,4 +56,7 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
-    raise BadInput(f"no vehicle {name_or_path}: neither a file nor one of {', '.join(vehicle_names())}")
+    if path.suffix == ".toml":
+        raise BadInput(f"cannot read vehicle file {path}: there is no such file")
+    name = str(name_or_path)
+    raise BadInput(f"unknown vehicle {name!r}{meant(name, vehicle_names())}; known: {', '.join(vehicle_names())}")

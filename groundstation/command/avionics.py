@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,12 +32,12 @@ from groundstation.command import options
 from groundstation.command.bench import BoundedBoard, showing
 from groundstation.command.ending import WORDS
 from groundstation.command.onboard import Onboard
-from groundstation.command.recordings import put_right, told_paths
+from groundstation.command.recordings import begin_recording, put_right, told_paths
 from groundstation.command.told import Account, Flown, ToldBoard, event_record
 from groundstation.views.json_document import print_document
-from logs.names import new_recording
+from logs.names import RECORDINGS
 from logs.noted import note_inputs
-from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from logs.recorder import IN_FLIGHT, Writing
 from logs.scene import FLOWN, PLAIN_BIRD, SceneRecorder
 from sim_bridge.flight.faults import fault_commands
 
@@ -51,6 +52,8 @@ EXAMPLES = (
     "wingbeat avionics --board razor:/dev/ttyUSB0",
     "wingbeat avionics --board razor:/dev/ttyUSB0,57600,ox --duration 10 --json",
 )
+LINE_EVERY = 10.0
+"""s; of flight time between two lines of the state on a terminal, as of ``fly``"""
 JSON_KEYS = {
     "vehicle": "name",
     "board": "address",
@@ -127,18 +130,18 @@ def run(arguments: Sequence[str]) -> int:
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
     signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle.name)))
-    path = chosen.log or new_recording(vehicle.name)
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
     if chosen.log is None:
-        put_right(path.parent)
+        put_right(RECORDINGS)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
     if chosen.real_time:
         # Before the recorder's thread begins: one that others could interrupt while it holds the interpreter's lock
         # would keep the flight waiting for them.
         run_before_others()
     with contextlib.ExitStack() as stack:
-        recorder = McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=writing)
+        recorder = begin_recording(chosen.log, vehicle.name, writing, chosen.epoch_ns)
+        path = recorder.path
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
         commands = (*plan_commands(plan), *script(chosen))
@@ -249,7 +252,9 @@ def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account
         raise BadInput(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
         board.hurry()
-    told = ToldBoard(board, onboard.view, account, link.announced)
+    # A Razor on the bench has a picture of its own.
+    shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
+    told = ToldBoard(board, onboard.view, account, link.announced, LINE_EVERY if shown else math.inf)
     ended, silent = _flown(chosen, board, told, onboard, link)
     board.close()
     own = board.angles if isinstance(board, RazorBoard) else None

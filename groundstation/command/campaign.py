@@ -27,6 +27,7 @@ from logs.campaigns.outcome import Outcome
 from logs.campaigns.run import LOGS, Logs, fly_campaign, order_of
 from logs.campaigns.table import arrow, read_table, write_table
 from logs.names import RECORDINGS
+from logs.placing import why_not
 
 EXAMPLES = (
     "wingbeat campaign docs/examples/gusts.toml",
@@ -127,6 +128,8 @@ def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
     table = chosen.out or RECORDINGS / f"{campaign.name}.parquet"
     if table.suffix != ".parquet":
         raise BadInput(f"--out {table} must end in .parquet")
+    if reason := why_not(table.parent, made=True):
+        raise BadInput(f"cannot write {table}: {reason}")
     return _Places(table, table.with_name(table.name + ENDING), table.with_suffix(""))
 
 

@@ -25,6 +25,7 @@ from logs.identification.input_design.plan import Asked, Plan, plan
 from logs.identification.input_design.prediction import Gust
 from logs.identification.input_design.prior import Prior, prior_of, sensor_noise
 from logs.identification.input_design.wording import command_line, mission_item
+from logs.placing import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world
@@ -110,11 +111,12 @@ def run(arguments: Sequence[str]) -> int:
     """Choose the input, print what it will tell, write its item.
 
     Raises:
-        BadInput: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists.
+        BadInput: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists or
+            cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
-    if chosen.out is not None and chosen.out.exists():
-        raise BadInput(f"{chosen.out} exists already; choose another name")
+    if chosen.out is not None:
+        check_new(chosen.out)
     subject = _subject(chosen)
     noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
     prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)

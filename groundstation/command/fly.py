@@ -7,8 +7,8 @@ import math
 import socket
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,7 +28,7 @@ from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.compiling import announced, load_physics
 from groundstation.command.live import add_live, shown_live
-from groundstation.command.recordings import COMPUTER, WORLD, put_right
+from groundstation.command.recordings import put_right
 from groundstation.command.sim import REAL_TIME, simulated
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
@@ -40,7 +40,8 @@ from groundstation.views.history import History, remember
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.join import Kept, join
-from logs.names import new_recording
+from logs.names import files_of, reserved
+from logs.placing import check_new, held
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.aerodynamics.models import compiled_apart
@@ -99,18 +100,24 @@ class Plan(NamedTuple):
 
     vehicle: str
     """-; name or path, as given"""
+    name: str
+    """-; as its file has it"""
     title: str
     """-; for people"""
     aerodynamics: str
     """-; model of the wings' air loads"""
-    log: Path
-    """the joined log"""
-    parts: tuple[Path, Path]
-    """what the world and the flight computer record"""
     notes: tuple[str, ...]
     """what of the mission's file is not flown"""
     faults: tuple[Fault, ...]
     """of the command line, then of the mission"""
+    log: Path = Path()
+    """the joined log, once its name is held"""
+
+    @property
+    def parts(self) -> tuple[Path, Path]:
+        """What the world and the flight computer record."""
+        _, world, computer = files_of(self.log)
+        return world, computer
 
 
 def build_parser() -> options.Parser:
@@ -142,6 +149,29 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     plan = check(chosen)
+    with _name(chosen.log, plan) as log:
+        return _run(chosen, plan._replace(log=log))
+
+
+@contextmanager
+def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
+    """The name of the joined log, held until the flight is in it: no other flight takes one of its files.
+
+    Raises:
+        BadInput: another holds it, or its folder cannot be written to.
+    """
+    if log is None:
+        with reserved(plan.name) as path:
+            yield path
+        return
+    with held(log) as ours:
+        if not ours:
+            raise BadInput(f"{log} is taken: another flight is being recorded there")
+        yield log
+
+
+def _run(chosen: argparse.Namespace, plan: Plan) -> int:
+    """Fly, join the recordings, and say what was flown and identified."""
     console = open_console(quiet=chosen.json)
     for note in plan.notes:
         print(note, file=sys.stderr)
@@ -180,14 +210,11 @@ def check(chosen: argparse.Namespace) -> Plan:
     load_signing(options.key_file(chosen.signing_key, None))
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
-    log: Path = chosen.log or new_recording(vehicle.name)
-    parts = (log.with_suffix(WORLD), log.with_suffix(COMPUTER))
-    for path in (log, *parts):
-        if path.exists():
-            raise BadInput(f"{path} exists: it is not overwritten")
+    for path in () if chosen.log is None else files_of(chosen.log):
+        check_new(path, made=True)
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
-    return Plan(chosen.vehicle, vehicle.title, model, log, parts, notes, faults)
+    return Plan(chosen.vehicle, vehicle.name, vehicle.title, model, notes, faults)
 
 
 def _check_flown(name: str) -> None:
@@ -242,6 +269,8 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
+    # A ground station may disarm before the throw; without one nobody does, and the launcher has nothing to look at.
+    world += ["--waits-for-arming"] if chosen.gcs else []
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *own[0], *in_world])
     links = ["--identity", chosen.identity, *(word for url in chosen.gcs for word in ("--gcs", url))]

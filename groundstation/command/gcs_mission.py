@@ -37,7 +37,7 @@ PARTS = (
 
 def add_verbs(verbs: Any) -> None:
     """The actions."""
-    parser = verbs.add_parser("mission", help="show, download, upload or compare the mission")
+    parser = verbs.add_parser("mission", help="show, download, upload or diff the mission")
     metavar = "show|download|upload|diff"
     actions = parser.add_subparsers(dest="action", required=True, metavar=metavar, parser_class=VerbParser)
     actions.add_parser("show", help="print the vehicle's mission")

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput, counted
+from avionics.quantities import BadInput, counted, meant
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import parameter_list, parameters
 from groundstation.link.answers import NoAnswer
+from groundstation.link.vehicle_state import is_ours
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 
@@ -28,7 +29,7 @@ ACTIONS = "list|get|set|diff|save|load"
 
 def add_verbs(verbs: Any) -> None:
     """The actions."""
-    parser = verbs.add_parser("param", help="list, get, set, compare, save or load parameters")
+    parser = verbs.add_parser("param", help="list, get, set, diff, save or load parameters")
     actions = parser.add_subparsers(dest="action", required=True, metavar=ACTIONS, parser_class=VerbParser)
     actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
     actions.add_parser("get", help="one parameter").add_argument("name", metavar="NAME")
@@ -81,10 +82,23 @@ def _list(session: Session) -> None:
 
 def _read(session: Session, encoding: bool) -> parameters.Parameter:
     name = session.chosen.name
-    known = session.ask(parameters.ParameterRead(session.target, name, encoding), name).value
+    try:
+        known = session.ask(parameters.ParameterRead(session.target, name, encoding), name).value
+    except NoAnswer as refusal:
+        raise NoAnswer(f"{refusal}{_near(session, name)}") from None
     if known is None:
         raise NoAnswer(f"no answer about parameter {name}")
     return known
+
+
+def _near(session: Session, name: str) -> str:
+    """The name of ours that may have been meant, in words; nothing for a vehicle whose names are not known here."""
+    if not is_ours(session.connection.state):
+        return ""
+    from avionics.parameters import parameter_table
+    from avionics.vehicles import load_vehicle
+
+    return meant(name.upper(), parameter_table(load_vehicle(options.DEFAULT_VEHICLE).gains))
 
 
 def _get(session: Session) -> None:
@@ -143,7 +157,7 @@ def _load(session: Session) -> None:
     held = {parameter.name: parameter for parameter in _download(session)}
     unknown = sorted(set(session.chosen.values) - set(held))
     if unknown:
-        raise BadInput(f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}")
+        raise BadInput(f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}{meant(unknown[0], held)}")
     for name, value in session.chosen.values.items():
         _check_value(held[name], value, encoding)
     changed = []

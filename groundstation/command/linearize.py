@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.linear_motion import linear_tables
 from groundstation.views.progress import ProgressBar
+from logs.placing import check_new
 from sim_bridge.flight_mechanics.averaged import AveragedModel, stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.linear import Linearization, averaged_modes, warnings
@@ -45,11 +45,12 @@ def run(arguments: Sequence[str]) -> int:
     """Search the trim, linearise about it, print modes and matrices.
 
     Raises:
-        BadInput: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists.
+        BadInput: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists or
+            cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
-    if chosen.out is not None and chosen.out.exists():
-        raise BadInput(f"{chosen.out} exists already; choose another name")
+    if chosen.out is not None:
+        check_new(chosen.out)
     return answer(chosen, lambda vehicle, orbit: examined(vehicle, orbit, chosen.out, chosen.vehicle))
 
 

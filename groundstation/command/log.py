@@ -76,7 +76,7 @@ def build_parser() -> options.Parser:
         options.add_json(one)
         if verb == "view":
             one.add_argument(
-                "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
+                "--to", "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
             )
             one.add_argument("--open", action="store_true", help="show the page in the browser")
         if verb == "info":
@@ -164,7 +164,7 @@ def _view(chosen: argparse.Namespace) -> None:
     from logs.view.page import write_page  # brings the vehicles, which the other verbs need not wait for
 
     # One that was chosen must be new; without a choice every page finds a name.
-    path = chosen.out or next(path for path in numbered(chosen.file.with_suffix(".html")) if not path.exists())
+    path = chosen.to or next(path for path in numbered(chosen.file.with_suffix(".html")) if not path.exists())
     with open_log(chosen.file) as log, ProgressBar("viewing", quiet=chosen.json) as bar:
         page = write_page(log, path, lambda done, note: bar.show(done, 1.0, note))
     if chosen.json:

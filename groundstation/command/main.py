@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from groundstation.command import ending
 from groundstation.link.answers import LinkSilent, NoAnswer
 
@@ -79,7 +79,7 @@ def dispatch(arguments: Sequence[str]) -> int:
         return 0
     name = arguments[0]
     if name not in SUBCOMMANDS:
-        raise BadInput(f"there is no command {name!r}; commands: {', '.join(SUBCOMMANDS)}")
+        raise BadInput(f"there is no command {name!r}{meant(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}")
     with ending.importing():
         module = importlib.import_module(SUBCOMMANDS[name].module)
     code: int = module.run(list(arguments[1:]))
@@ -121,8 +121,8 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 def _file_failure(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
-    return f"{place}{error.strerror or error}"
+    reason = error.strerror or str(error)
+    return f"cannot read or write {error.filename}: {reason}" if error.filename else reason
 
 
 def _complain(error: object, code: int) -> int:

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
 
 if TYPE_CHECKING:
     from sim_bridge.flight.faults import Fault
 
+HIDDEN = argparse.SUPPRESS
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
 NO_PARAMETERS = "none"
@@ -32,7 +33,17 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""
-        raise BadInput(f"{message} (see {self.prog} --help)")
+        raise BadInput(f"{message}{self._guess(message)} (see {self.prog} --help)")
+
+    def _guess(self, message: str) -> str:
+        """The choice or option that may have been meant, in words."""
+        if choice := re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)$", message):
+            return meant(choice[1], [name.strip("'") for name in choice[2].split(", ")])
+        if unknown := re.match(r"unrecognized arguments: --([^\s=]+)", message):
+            told = (one for one in self._actions if one.help != HIDDEN)
+            names = [name[2:] for one in told for name in one.option_strings if name.startswith("--")]
+            return meant(unknown[1], names).replace("'", "'--", 1)
+        return ""
 
 
 class VerbParser(Parser):
@@ -92,7 +103,7 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
         "--vehicle",
         default=DEFAULT_VEHICLE,
         metavar="V|PATH",
-        help=f"name or file of a vehicle ({DEFAULT_VEHICLE})",
+        help=f"name, file or folder of a vehicle ({DEFAULT_VEHICLE})",
     )
 
 
@@ -241,12 +252,15 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
 def add_sticks(parser: argparse.ArgumentParser) -> None:
     """Offer ``--sticks``."""
     from sim_bridge.sensors.receiver import Sticks
+    from sim_bridge.sensors.transmitter import MODES
 
     columns = ", ".join(Sticks._fields)
+    modes = ", ".join(f"{position} or {name}" for position, name in enumerate(MODES))
     parser.add_argument(
         "--sticks",
         metavar="FILE",
-        help=f"a transmitter moved by a table of comma-separated values: time (s since boot) and any of {columns}",
+        help=f"a transmitter moved by a table of comma-separated values: time (s since boot) and any of {columns};"
+        f" mode is {modes}; arm takes throttle 0, and the arm switch moved from 0 to 1",
     )
 
 

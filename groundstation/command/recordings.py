@@ -11,10 +11,12 @@ from pathlib import Path
 from avionics.quantities import BadInput, counted
 from logs.join import join
 from logs.live.follower import is_recorded
-from logs.recorder import McapRecorder
+from logs.names import PARTS, reserved
+from logs.placing import HELD, held
+from logs.recorder import McapRecorder, Writing
 from logs.recover import recover_left
 
-WORLD, COMPUTER = ".world.mcap", ".avionics.mcap"
+WORLD, COMPUTER = PARTS
 """how the names of the recordings end that ``wingbeat fly`` joins"""
 LEFT_FOR = 10.0
 """s; since the last byte of a flight's recordings: until then its own command may be about to join them"""
@@ -26,9 +28,18 @@ def put_right(folder: Path) -> None:
     for path, done in recover_left(folder):
         print(f"repaired {path}, which was cut off: {counted(done.messages, 'message')} kept", file=sys.stderr)
     for parts, flight in pairs:
-        with suppress(BadInput, OSError):
-            join(parts, flight)
-            print(f"joined {flight}, which its flight had left in two recordings", file=sys.stderr)
+        with suppress(BadInput, OSError), held(flight) as ours:
+            if ours:
+                join(parts, flight)
+                print(f"joined {flight}, which its flight had left in two recordings", file=sys.stderr)
+    _unmark(folder)
+
+
+def _unmark(folder: Path) -> None:
+    """Take away the marks of names that nobody holds any more: commands that were killed left them."""
+    for mark in folder.glob(f".*{HELD}"):
+        with suppress(BadInput, OSError), held(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
+            pass
 
 
 def _left_apart(folder: Path) -> Iterator[tuple[list[Path], Path]]:
@@ -40,6 +51,18 @@ def _left_apart(folder: Path) -> Iterator[tuple[list[Path], Path]]:
             newest = max(part.stat().st_mtime for part in parts)
             if time.time() - newest > LEFT_FOR and not flight.exists() and not any(map(is_recorded, parts)):
                 yield parts, flight
+
+
+def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_ns: int | None = None) -> McapRecorder:
+    """A recorder to the new file ``log``; without one to ``recordings/NAME-TIME.mcap``, which nobody else takes.
+
+    Raises:
+        BadInput: ``log`` exists, or the file cannot be created.
+    """
+    if log is not None:
+        return McapRecorder(log, start_epoch_ns=start_epoch_ns, writing=writing)
+    with reserved(name) as path:
+        return McapRecorder(path, start_epoch_ns=start_epoch_ns, writing=writing)
 
 
 def told_paths(recorder: McapRecorder) -> str:

@@ -15,8 +15,8 @@ from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
-from groundstation.command.recordings import put_right, told_paths
-from logs.names import STICKS, new_recording
+from groundstation.command.recordings import begin_recording, put_right, told_paths
+from logs.names import RECORDINGS, STICKS
 from logs.noted import note_scenario
 from logs.outline import shape_of
 from logs.placing import numbered
@@ -50,6 +50,7 @@ LISTEN = (
     f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD plays a microcontroller that waits for nobody,"
     " pty does so on a pseudo terminal that is made for it"
 )
+WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 DURATION = 600.0
 """s; longest simulation"""
 
@@ -67,6 +68,7 @@ def build_parser() -> options.Parser:
     foreign.add_foreign(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
+    parser.add_argument("--waits-for-arming", action="store_true", help=argparse.SUPPRESS)
     options.add_core(parser)
     return parser
 
@@ -82,7 +84,9 @@ def run(arguments: Sequence[str]) -> int:
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     alone = chosen.epoch_ns is None
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
-    scenario = _scenario(chosen)._replace(waits_for_arming=alone, pilot=None if sticks is None else sticks.pilot())
+    scenario = _scenario(chosen)._replace(
+        waits_for_arming=alone or chosen.waits_for_arming, pilot=None if sticks is None else sticks.pilot()
+    )
     theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
     if theirs is not None:
         serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))
@@ -129,10 +133,9 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
 
 def _recorder(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> McapRecorder:
     """The world's log; beside a world that flies alone, recordings that were cut off are put right."""
-    path = chosen.log or new_recording(f"{vehicle.name}-world")
     if chosen.epoch_ns is None and chosen.log is None:
-        put_right(path.parent)
-    return McapRecorder(path, start_epoch_ns=chosen.epoch_ns, writing=Writing(IN_FLIGHT, account=topics.RECORDER))
+        put_right(RECORDINGS)
+    return begin_recording(chosen.log, f"{vehicle.name}-world", WRITING, chosen.epoch_ns)
 
 
 class Flights:
@@ -155,10 +158,9 @@ class Flights:
     def __call__(self) -> Stage:
         """The next one, once the last one's recording is closed."""
         self.close()
-        name = self._log or new_recording(f"{self._vehicle.name}-world")
-        path = next(path for path in numbered(name) if not path.exists())
-        self._recorder = McapRecorder(path, writing=Writing(IN_FLIGHT, account=topics.RECORDER))
-        foreign.tell(f"recording in {path}")
+        log = None if self._log is None else next(path for path in numbered(self._log) if not path.exists())
+        self._recorder = begin_recording(log, f"{self._vehicle.name}-world", WRITING)
+        foreign.tell(f"recording in {self._recorder.path}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
         if self._sticks is not None:
             self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())

@@ -1,16 +1,18 @@
-"""What ``wingbeat avionics`` says while it flies: one line for each thing that happens aboard."""
+"""What ``wingbeat avionics`` says while it flies: a line for each thing that happens aboard, and now and then."""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from avionics import topics
 from avionics.board.board import Board
-from avionics.messages import ActuatorCommand, Event, SensorFrame
+from avionics.messages import ActuatorCommand, Event, SensorFrame, Stage
 from avionics.view import FlightView
-from groundstation.link.vehicle_state import Heard
-from groundstation.views.flight_view import event_line
+from groundstation.link.vehicle_state import Heard, VehicleState
+from groundstation.views.flight_view import event_line, progress_line
 
 
 class Account:
@@ -37,9 +39,25 @@ class Flown(NamedTuple):
 class ToldBoard:
     """A `Board` that tells of its first sensor frame, and after each what was said aboard meanwhile."""
 
-    def __init__(self, board: Board, view: FlightView, account: Account, announced: Sequence[Event] = ()) -> None:
-        """``announced`` grows by what the ground links say of themselves, which is no event of the vehicle."""
+    def __init__(
+        self,
+        board: Board,
+        view: FlightView,
+        account: Account,
+        announced: Sequence[Event] = (),
+        every: float = math.inf,
+    ) -> None:
+        """Tell of ``board``.
+
+        Args:
+            board: whose sensor frames come.
+            view: of the flight computer.
+            account: where it is said.
+            announced: grows by what the ground links say of themselves, which is no event of the vehicle.
+            every: s; of flight time between two lines of where the vehicle is and how fast; infinite for none.
+        """
         self._board = board
+        self._every, self._due = every, every
         self._view = view
         self._account = account
         self._announced = announced
@@ -59,6 +77,9 @@ class ToldBoard:
         """See `Board.write`."""
         self._board.write(command)
         self.tell_events()
+        if math.isfinite(self._every) and self.flown.time >= self._due:
+            self._due = (self.flown.time // self._every + 1.0) * self._every
+            self._account.say(progress_line(known_state(self._view), self._view.mode.name.replace("_", " ")))
 
     def tell_events(self) -> None:
         """Say what was said aboard since it was last told."""
@@ -71,6 +92,23 @@ class ToldBoard:
     def close(self) -> None:
         """See `Board.close`."""
         self._board.close()
+
+
+def known_state(view: FlightView) -> VehicleState:
+    """What the flight computer knows of itself, as a ground station would hear it; None where it does not yet."""
+    attitude, altitude = view.latest(topics.ATTITUDE), view.latest(topics.ALTITUDE)
+    air, wing, power = view.latest(topics.AIR_DATA), view.latest(topics.WING), view.latest(topics.POWER)
+    navigation = view.latest(topics.NAVIGATION)
+    return VehicleState(
+        time=view.time_us * 1e-6,
+        yaw=None if attitude is None else attitude.yaw,
+        altitude=None if altitude is None else altitude.altitude,
+        airspeed=None if air is None else air.airspeed,
+        flap_frequency=None if wing is None else wing.frequency,
+        power=None if power is None else power.power,
+        stage=None if navigation is None else Stage(navigation.stage),
+        item=None if navigation is None or navigation.item < 0 else navigation.item,
+    )
 
 
 def event_record(event: Event) -> dict[str, Any]:

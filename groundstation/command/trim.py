@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
-from groundstation.views.steady_flight import trim_table
+from groundstation.views.steady_flight import draws_current, trim_table
 from sim_bridge.flight_mechanics.excursions import excursions, figures
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.vehicles import SimulatedVehicle
@@ -18,10 +19,11 @@ EXAMPLES = (
 )
 JSON_KEYS = STEADY_KEYS | {
     "means": "over a stroke: airspeed, climb_rate m/s, pitch, angle_of_attack rad, current A, electrical_power,"
-    " mechanical_power W, torque N m, flap_amplitude rad, flap_rate rad/s",
+    " mechanical_power W, torque N m, flap_amplitude rad, flap_rate rad/s;"
+    " null where the vehicle has no drive, its wings' motion being prescribed",
     "excursions": "of the fuselage over a stroke, [least, greatest]: heave_speed m/s, pitch rad, pitch_rate rad/s,"
     " vertical_acceleration m/s^2; altitude m peak to peak",
-    "figures": "strouhal, reduced_frequency, cost_of_transport, endurance s, range m",
+    "figures": "strouhal, reduced_frequency, cost_of_transport, endurance s, range m; null as above, or without end",
     "residual": "largest difference between start and end of a stroke",
 }
 
@@ -44,5 +46,12 @@ def run(arguments: Sequence[str]) -> int:
 def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
     """The flight's figures for programs and for people."""
     moved, numbers = excursions(vehicle, orbit), figures(vehicle, orbit)
-    rest = {"means": orbit.means, "excursions": moved, "figures": numbers, "residual": orbit.residual}
+    rest: dict[str, Any] = {"means": orbit.means, "excursions": moved, "figures": numbers, "residual": orbit.residual}
+    if not draws_current(vehicle):
+        cost = dict.fromkeys(("cost_of_transport", "endurance", "range"))
+        rest |= {
+            "means": orbit.means._asdict()
+            | dict.fromkeys(("current", "electrical_power", "mechanical_power", "torque")),
+            "figures": numbers._asdict() | cost,
+        }
     return Answer(rest, trim_table(vehicle, orbit, moved, numbers))

@@ -15,10 +15,11 @@ from groundstation.command.steady import Asked, trimmed
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from groundstation.views.tuning import design_heading, design_table, proof_table, written_line
+from groundstation.views.tuning import design_heading, design_table, proof_table, unwritten_line, written_line
+from logs.placing import check_new
 from sim_bridge.flight.tuning.cascade import Design, Loop, design
 from sim_bridge.flight.tuning.proof import SCENARIO, Flown, Proof, flown
-from sim_bridge.flight.tuning.vehicle_file import places, write
+from sim_bridge.flight.tuning.vehicle_file import Places, places, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.stroke_map import check_memory
@@ -83,10 +84,10 @@ def run(arguments: Sequence[str]) -> int:
 
     Raises:
         BadInput: unknown vehicle, one without a file for the flight computer, no trim, a model that cannot be
-            used, no gains within the limits, or files that exist already.
+            used, no gains within the limits, or files that exist already or cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
-    where = None if chosen.out is None else places(chosen.out)
+    where = None if chosen.out is None else _places(chosen.out)
     subject = _subject(chosen)
     with ProgressBar("designing") as bar:
         found = design(subject.model, subject.vehicle, bar.show)
@@ -102,9 +103,24 @@ def run(arguments: Sequence[str]) -> int:
         write(where, subject.vehicle, found, None if subject.world is None else subject.world.text)
         written = [path for path in where if path is not None and path.exists()]
         console.print(written_line(written))
+    else:
+        console.print(unwritten_line(arguments), soft_wrap=True)
     if chosen.json:
         print_document(_document(subject, found, proof, written))
     return 0
+
+
+def _places(out: Path) -> Places:
+    """Where the files go, looked at before the work for them.
+
+    Raises:
+        BadInput: one exists, or cannot be written there.
+    """
+    where = places(out)
+    for path in where:
+        if path is not None:
+            check_new(path, made=True)
+    return where
 
 
 def _subject(chosen: argparse.Namespace) -> _Chosen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -35,7 +36,7 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = "List the modelled vehicles; with a name, every value with its source."
     parser = options.build_parser("vehicles", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("name", nargs="?", metavar="V|PATH", help="a vehicle of the list, or a file")
+    parser.add_argument("name", nargs="?", metavar="V|PATH", help="a vehicle of the list, a file or a folder")
     options.add_json(parser)
     return parser
 
@@ -50,12 +51,13 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.name is None:
         _list(chosen.json)
     else:
-        _show(load_vehicle(chosen.name), chosen.json)
+        world, avionics = options.vehicle_files(chosen.name)
+        _show(load_vehicle(world), avionics, chosen.json)
     return 0
 
 
 def _list(as_json: bool) -> None:
-    records = [_record(load_vehicle(name)) for name in vehicle_names()]
+    records = [_record(load_vehicle(name), name in flight_names()) for name in vehicle_names()]
     if as_json:
         print_document({"vehicles": records})
         return
@@ -76,14 +78,14 @@ def _narrow_console() -> Console:
     return console
 
 
-def _record(vehicle: SimulatedVehicle) -> dict[str, Any]:
+def _record(vehicle: SimulatedVehicle, flies: bool) -> dict[str, Any]:
     return {
         "name": vehicle.name,
         "title": vehicle.title,
         "mass": total_mass(vehicle),
         "wingspan": 2.0 * vehicle.wing.semispan,
         "aerodynamics": models_of(vehicle),
-        "flies": vehicle.path.stem in flight_names(),
+        "flies": flies,
         "sources": count_kinds(vehicle.sources.values()),
     }
 
@@ -94,7 +96,9 @@ def count_kinds(sources: Iterable[Source]) -> dict[str, int]:
     return {kind: counts[kind] for kind in SOURCE_KINDS}
 
 
-def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
+def _show(vehicle: SimulatedVehicle, avionics: str, as_json: bool) -> None:
+    """Print one vehicle; ``avionics`` names what the flight computer knows of it, which need not be there."""
+    flies = avionics in flight_names() or (Path(avionics) != vehicle.path and Path(avionics).is_file())
     units = file_units(vehicle.text)
     values = [
         {
@@ -108,7 +112,7 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
         for key, source in vehicle.sources.items()
     ]
     if as_json:
-        print_document({"vehicles": [_record(vehicle)], "values": values})
+        print_document({"vehicles": [_record(vehicle, flies)], "values": values})
         return
     console = _narrow_console()
     console.print(Text(vehicle.title, style="bold"))
@@ -119,8 +123,8 @@ def _show(vehicle: SimulatedVehicle, as_json: bool) -> None:
         source = Text.assemble((f"{value['kind']}: ", "dim"), str(value["source"]))
         table.add_row(value["key"], f"{_written(value['value'])}{_unit(value['unit'])}", source)
     console.print(table)
-    if vehicle.path.stem in flight_names():
-        flight = load_flight_vehicle(vehicle.path.stem)
+    if flies:
+        flight = load_flight_vehicle(avionics)
         counts = ", ".join(f"{count} {kind}" for kind, count in count_kinds(flight.file.sources.values()).items())
         console.print(f"\nthe flight computer's file has {counts} values", style="dim")
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from groundstation.link.frames import message_class
 
 _PATTERN = re.compile(r"([A-Za-z0-9_]+)\.([A-Za-z0-9_]+)(?:\[(\d+)\])?")
@@ -47,10 +46,12 @@ def parse_field(text: str) -> Field:
     message, name, index = match[1].upper(), match[2].lower(), match[3]
     kind = message_class(message)
     if kind is None:
-        raise BadInput(f"there is no message {message}{_nearest(message)}")
+        raise BadInput(f"there is no message {message}{meant(message, message_names())}")
     names = {field.lower(): field for field in kind.fieldnames}
     if name not in names:
-        raise BadInput(f"{message} has no field {match[2]!r}; it has {', '.join(kind.fieldnames)}")
+        raise BadInput(
+            f"{message} has no field {match[2]!r}{meant(name, names)}; it has {', '.join(kind.fieldnames)}"
+        )
     length = _length(kind, names[name])
     if (index is not None) != bool(length) or (index is not None and int(index) >= length):
         wanted = f"an array of {length}: {message}.{names[name]}[0]" if length else "no array"
@@ -66,9 +67,8 @@ def _length(kind: Any, name: str) -> int:
     return int(kind.array_lengths[kind.ordered_fieldnames.index(name)])
 
 
-def _nearest(message: str) -> str:
+def message_names() -> list[str]:
+    """Of our dialect."""
     from avionics.link.dialect import mavlink
 
-    names = [kind.msgname for kind in mavlink.mavlink_map.values()]
-    near = difflib.get_close_matches(message, names, n=3)
-    return f"; near it are {', '.join(near)}" if near else ""
+    return [kind.msgname for kind in mavlink.mavlink_map.values()]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, meant
 from groundstation.link import modes
 from groundstation.link.commands import CommandExchange
 from groundstation.link.connection import Connection
@@ -60,8 +60,9 @@ def change_to(connection: Connection, name: str) -> ModeChange:
     state = connection.state
     number = modes.mode_numbers(state).get(modes.canonical(name))
     if number is None:
-        names = ", ".join(sorted(modes.known_modes(state))) or "none it names"
-        raise BadInput(f"the vehicle has no mode {name!r}; it has {names}")
+        names = sorted(modes.known_modes(state))
+        told = ", ".join(names) or "none it names"
+        raise BadInput(f"the vehicle has no mode {name!r}{meant(modes.canonical(name), names)}; it has {told}")
     return change_mode(connection.target, number, modes.uses_main_and_sub(state))
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 from groundstation.link.exchange import Target
 from groundstation.link.parameters import Parameter
 
@@ -33,7 +33,7 @@ def read(path: Path) -> dict[str, float]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read parameter file {path}: {error}") from None
+        raise BadInput(f"cannot read parameter file {path}: {why_unread(error)}") from None
     values: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
         words = line.split()

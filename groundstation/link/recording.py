@@ -23,7 +23,7 @@ from groundstation.link import mavlink_topics, modes, vehicle_topics
 from groundstation.link.frames import Arrival
 from groundstation.link.vehicle_state import VehicleState, new_events, receive
 from logs.codecs import Document
-from logs.names import RECORDINGS, new_recording
+from logs.names import RECORDINGS, reserved
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import PLAIN_BIRD, SceneRecorder
 
@@ -217,16 +217,11 @@ class Recording:
         return recorder
 
     def _create(self, name: str, boot_ns: int) -> McapRecorder:
-        """A new file; another program may take the name that was free a moment ago."""
+        """A new file, whose name no other program takes meanwhile."""
         if self.where.file is not None:
             return McapRecorder(self.where.file, start_epoch_ns=boot_ns, writing=_WRITING)
-        while True:
-            path = new_recording(name.replace(" ", "_"), folder=self.where.folder)
-            try:
-                return McapRecorder(path, start_epoch_ns=boot_ns, writing=_WRITING)
-            except BadInput:
-                if not path.exists():
-                    raise
+        with reserved(name.replace(" ", "_"), folder=self.where.folder) as path:
+            return McapRecorder(path, start_epoch_ns=boot_ns, writing=_WRITING)
 
     def _begin_anew(self) -> None:
         """A file for every boot: what the vehicle's clock counts from is one moment in each."""

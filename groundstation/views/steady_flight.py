@@ -15,6 +15,8 @@ from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
 
+UNMODELLED = "not modelled: the wings' motion is prescribed, without a drive that would draw current"
+
 
 def flight_heading(vehicle: SimulatedVehicle, orbit: Orbit) -> Text:
     """What flies, and how fast."""
@@ -38,8 +40,7 @@ def trim_table(vehicle: SimulatedVehicle, orbit: Orbit, moved: Excursions, numbe
         ("drive", drive_words(vehicle, orbit)),
         ("elevator", elevator),
         ("attitude", angles),
-        ("power", _power(orbit)),
-        ("economy", _economy(numbers)),
+        *(_cost(orbit, numbers) if draws_current(vehicle) else (("power", UNMODELLED),)),
         ("wings", _wings(orbit, numbers)),
         ("body", _body(moved)),
     )
@@ -59,6 +60,15 @@ def drive_words(vehicle: SimulatedVehicle, orbit: Orbit) -> str:
         return f"flapping at {inputs.frequency:.2f} Hz   {commanded} commanded   {achieved} achieved"
     throttle = inputs.throttle if vehicle.drive.kind == "linkage" else throttle_for(inputs.frequency, vehicle)
     return f"flapping at {inputs.frequency:.2f} Hz   throttle {wording.percent(throttle)}   {achieved}"
+
+
+def draws_current(vehicle: SimulatedVehicle) -> bool:
+    """Whether the drive has a torque; without one the wings' motion is prescribed, and what it takes is given."""
+    return vehicle.drive.kind == "linkage" or vehicle.drive.stall_torque > 0.0
+
+
+def _cost(orbit: Orbit, numbers: Figures) -> tuple[tuple[str, str], ...]:
+    return ("power", _power(orbit)), ("economy", _economy(numbers))
 
 
 def _power(orbit: Orbit) -> str:

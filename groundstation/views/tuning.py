@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -100,3 +101,10 @@ def _flown_cells(flight: Flown) -> list[tuple[str, str, str]]:
 def written_line(written: Sequence[Path]) -> Text:
     """Where the files are."""
     return Text(f"\nwritten {' and '.join(str(path) for path in written)}")
+
+
+def unwritten_line(words: Sequence[str]) -> Text:
+    """That the gains are kept nowhere, and the command line that keeps them; ``words`` are those behind ``tune``."""
+    return Text(
+        f"\nnothing was written; wingbeat tune {shlex.join(words)} --out DIR writes a vehicle with these gains"
+    )

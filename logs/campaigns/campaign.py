@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 from logs.campaigns.distributions import Distribution, drawn, read_distribution
 from logs.campaigns.keys import Values, check_key, check_value
 from logs.campaigns.outcome import Landing
@@ -91,7 +91,7 @@ def load_campaign(path: Path) -> Campaign:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read the campaign {path}: {error}") from None
+        raise BadInput(f"cannot read the campaign {path}: {why_unread(error)}") from None
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
     try:

@@ -15,7 +15,7 @@ from logs.campaigns.metrics import METRICS
 from logs.extras import load_extra
 from logs.placing import claim, draft, settle
 
-INSTALL = "pip install 'dask[distributed]' pyarrow"
+INSTALL = ("dask[distributed]", "pyarrow")
 ABOUT = b"wingbeat.campaign"
 """key of the table's metadata"""
 OWN = {

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
@@ -276,8 +276,10 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
         return ()
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8")).get("fault", [])
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{path}: not valid TOML: {error}") from None
     return tuple(_of_table(f"{path}: fault {number}", table) for number, table in enumerate(tables, 1))
 
 

@@ -27,8 +27,9 @@ CONTRACTION, STALL = 0.3, 0.9
 """-; residual after a step over that before: above the one the Jacobian is made anew, above the other it stalls"""
 SPIN_UP = 12
 """-; strokes in which a motor on a linkage comes to its frequency"""
-FIRST_STEP, LAST_STEP = 0.5, 0.2
-"""share of the way from the cruise that is tried first; m/s of airspeed and climb below which it is not halved"""
+FIRST_STEP, LAST_STEP = 2.0, 0.05
+"""m/s of airspeed and climb; the first step from the cruise, and what no step is shorter than. Steps are doubled and
+halved, whatever is asked: so where flight ends does not depend on how far beyond it the question lies"""
 
 Told = Callable[[str], None]
 """is told in words what the search is at"""
@@ -218,28 +219,35 @@ def _continued(asked: _Search, refusal: str) -> _Point:
     if last is None:
         warning = model_warning(stroke.vehicle)
         raise BadInput(f"{refusal}, nor at its cruise, {start.words()}{warning and f'; {warning}'}")
-    done, share, slope = 0.0, FIRST_STEP, np.zeros_like(last.x)
-    slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0)
     way = abs(asked.airspeed - cruise.airspeed) + abs(asked.climb_rate - cruise.climb_rate)
+    done, step, failed, slope = 0.0, FIRST_STEP, False, np.zeros_like(last.x)
+    slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0) / max(way, LAST_STEP)
     reached = start
-    while done < 1.0:
-        ahead = min(done + share, 1.0)
-        there = _Search(stroke, *_between(start, asked, ahead), asked.told)
+    while done < way:
+        ahead = min(done + step, way)
+        there = _Search(stroke, *_between(start, asked, ahead / way), asked.told)
         found = there.newton(last.x + (ahead - done) * slope, JACOBIANS_ON)
         if found is None:
-            share *= 0.5
-            if share * way < LAST_STEP:
-                now, ahead_of_it = (inputs_of(stroke, x) for x in (last.x, last.x + LAST_STEP / way * slope))
+            step, failed = _shorter(step, way - done), True
+            if step < LAST_STEP:
+                now, ahead_of_it = (inputs_of(stroke, x) for x in (last.x, last.x + LAST_STEP * slope))
                 raise BadInput(
                     f"{refusal}: {_beyond(reached, asked)} {running_out(stroke.vehicle, now, ahead_of_it)}"
                 )
             continue
         needs = excesses(stroke.vehicle, inputs_of(stroke, found.x))
-        if needs and ahead < 1.0:
+        if needs and ahead < way:
             raise BadInput(f"{refusal}: already at {there.words()} it needs {' and '.join(needs)}")
         slope = (found.x - last.x) / (ahead - done)
-        last, done, share, reached = found, ahead, min(1.5 * share, 1.0), there
+        last, done, reached = found, ahead, there
+        step, failed = step if failed else 2.0 * step, False
     return last
+
+
+def _shorter(step: float, rest: float) -> float:
+    """Half of a step that led nowhere, and again until it ends before the ``rest`` of the way."""
+    step *= 0.5
+    return step if step < rest else _shorter(step, rest)
 
 
 def _beyond(reached: _Search, asked: _Search) -> str:

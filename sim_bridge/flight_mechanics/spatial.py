@@ -5,6 +5,7 @@ The angle runs around the stroke, the radius from root to tip: phase 0 is wings 
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,7 +74,7 @@ def draw_spatial(kinematics: SpatialKinematics, path: Path, title: str) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        raise BadInput("drawing needs matplotlib: pip install 'wingbeat[docs]'") from None
+        raise BadInput(f"drawing needs matplotlib: {sys.executable} -m pip install matplotlib") from None
     figure = Figure(figsize=(10.5, 9.4), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=14)

@@ -114,10 +114,11 @@ class StrokeMap:
         self._wave = np.sin(TURN * np.arange(INTERVALS + 1) / INTERVALS)
         self._first = [places[0] for places in self.joints]
         self._rates = [layout.rate(place) for place in self._first]
+        self._at_rest = self.pack()
 
     def start(self, inputs: StrokeInputs) -> Floats:
         """A state (size,) at rest, the joints where the drive has them at the start of a stroke."""
-        z = self.pack()
+        z = self._at_rest.copy()
         z[:BODY_STATES] = 0.0
         if self.vehicle.linkage is not None and self.motor:
             flap = flap_motion(self.vehicle.linkage, 0.0)

@@ -2,7 +2,7 @@
 
 A text file of comma-separated values: the first line names the columns, ``time`` (s since boot, rising) and any of
 the fields of `Sticks`; sticks and switches stay where a line put them until the next one. Lines that begin with # are
-for people.
+for people. The position of the mode switch is a number, or the mode that the flight computer's files give it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, why_unread
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Pilot, Sticks
 
 SWITCHES = {"mode": 2, "arm": 1, "kill": 1}
 """-; highest position of each"""
+MODES = ("STABILIZED", "LOITER", "AUTO")
+"""at the positions of the mode switch: `mode_low`, `mode_middle`, `mode_high` of the vehicle files that come along"""
 CENTRED = ("roll", "pitch", "yaw")
 """from -1 to 1; the throttle from 0"""
 
@@ -53,7 +55,7 @@ def load_script(path: str | Path) -> Script:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read {path}: {error}") from None
+        raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()[:1] not in ("", "#")]
     rows = list(csv.reader(line for _, line in lines))
     if len(rows) < 2:
@@ -84,12 +86,15 @@ def _row(where: str, names: list[str], row: list[str]) -> tuple[float, Sticks]:
 
 
 def _number(where: str, name: str, text: str) -> float:
+    if name == "mode" and text.strip().upper() in MODES:
+        return MODES.index(text.strip().upper())
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise BadInput(f"{where}: {name} must be a number, not {text.strip() or 'nothing'}")
+        names = f" or {', '.join(MODES)}" if name == "mode" else ""
+        raise BadInput(f"{where}: {name} must be a number{names}, not {text.strip() or 'nothing'}")
     return value
 
 
@@ -97,5 +102,6 @@ def _position(where: str, name: str, value: float) -> float:
     low, high, whole = -1 if name in CENTRED else 0, SWITCHES.get(name, 1), name in SWITCHES
     if not low <= value <= high or (whole and value != int(value)):
         kind = "a whole number from" if whole else "from"
-        raise BadInput(f"{where}: {name} must be {kind} {low} to {high}, not {value:g}")
+        names = f" ({', '.join(MODES)})" if name == "mode" else ""
+        raise BadInput(f"{where}: {name} must be {kind} {low} to {high}{names}, not {value:g}")
     return int(value) if whole else value

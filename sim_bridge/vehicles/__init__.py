@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, Schema, Source, VehicleFile, read_vehicle_file
+from avionics.quantities import BadInput, Schema, Source, VehicleFile, meant, read_vehicle_file
 from sim_bridge.actuators.linkage import FourBar, Motor, checked
 from sim_bridge.aerodynamics.models import MODELS, find_model
 from sim_bridge.multibody.tree import Body
@@ -83,7 +83,8 @@ def load_vehicle(name_or_path: str) -> SimulatedVehicle:
     if path.suffix != ".toml":
         path = FOLDER / f"{name_or_path}.toml"
         if not path.exists():
-            raise BadInput(f"unknown vehicle {name_or_path!r}; known: {', '.join(vehicle_names())}")
+            guess = meant(name_or_path, vehicle_names())
+            raise BadInput(f"unknown vehicle {name_or_path!r}{guess}; known: {', '.join(vehicle_names())}")
     file = read_vehicle_file(path, SCHEMA, FOLDER)
     vehicle = _vehicle(file)
     _check(vehicle)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import socket
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -57,6 +59,22 @@ def test_it_says_who_flies_what_it_waits_for_what_happens_and_why_it_ended(
         "   2.0 s  mode AUTO",
         f"over after 2.5 s: the simulation is over; recorded in {tmp_path / 'flight.mcap'}",
     ]
+
+
+def test_on_a_terminal_it_says_now_and_then_where_it_is(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(avionics, "LINE_EVERY", 1.0)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert flown(tmp_path, monkeypatch, "--start")[0] == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "altitude" in line]
+    assert [line.split("  altitude")[0].split() for line in lines] == [
+        ["1.0", "s", "MANUAL", "on", "ground"],
+        ["2.0", "s", "AUTO", "on", "ground"],
+    ]
+    assert all(re.search(r"altitude +-?\d+\.\d m +airspeed +\d+\.\d m/s +heading", line) for line in lines)
+    assert flown(tmp_path / "json", monkeypatch, "--start", "--json")[0] == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_with_json_it_says_one_document_at_the_end(

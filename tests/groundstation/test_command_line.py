@@ -148,6 +148,20 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
+        (["fyl"], "there is no command 'fyl' (meant 'fly'?); commands: fly,"),
+        (["trim", "robo_raven_ii"], "unknown vehicle 'robo_raven_ii' (meant 'robo_raven_ii_d'?); known:"),
+        (["fly", "--vehicle", "arizona_100"], "(meant 'arizona_100cm'?)"),
+        (["fly", "--mision", "circuit"], "--mision circuit (meant '--mission'?) (see wingbeat fly --help)"),
+        (["log", "inof", "a.mcap"], "(meant 'info'?) (see wingbeat log --help)"),
+        (["gcs", "udpin:0.0.0.0:14550", "staus"], "(meant 'status'?) (see wingbeat gcs --help)"),
+        (["gcs", "udpin:0.0.0.0:14550", "param", "gett", "X"], "(meant 'get'?)"),
+        (["fly", "--sticks", "by_hand.csv"], "cannot read by_hand.csv: there is no such file\n"),
+        (["fly", "--mission", "no.plan"], "no mission no.plan: neither a file nor one of circuit\n"),
+        (["fly", "--vehicle", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
+        (["tune", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
+        (["tune", "no.json"], "unknown vehicle 'no.json'"),
+        (["campaign", "no.toml"], "cannot read the campaign no.toml: there is no such file\n"),
+        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: there is no folder no\n"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -201,6 +215,31 @@ def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp
     complaint(capsys)
     assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("verb", [["log", "info"], ["log", "view"], ["identify"], ["replay"]])
+@pytest.mark.parametrize(
+    ("name", "content", "part"),
+    [
+        ("00000012.BIN", b"any", "wingbeat log import 00000012.BIN makes one of it\n"),
+        ("a.tlog", b"any", "wingbeat log import a.tlog makes one of it\n"),
+        ("flight", b"ULog\x01\x12\x35\x01", "wingbeat log import flight makes one of it\n"),
+        ("a flight.log", b"\xa3\x95\x80\x80", "wingbeat log import 'a flight.log' makes one of it\n"),
+        ("README.md", b"# Wingbeat", "makes one of .bin, .ulg, .tlog, .c3d, and with --map MAP.toml of any table\n"),
+    ],
+)
+def test_what_makes_a_log_of_another_file_is_told(
+    verb: list[str], name: str, content: bytes, part: str,
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    assert main([*verb, name]) == 2
+    told = complaint(capsys)
+    assert told.startswith(f"wingbeat: {name} is not an MCAP log: ") and told.endswith(part)
+    (tmp_path / "a.csv").write_text("t,a\n1,2\n")
+    assert main([*verb, "a.csv"]) == 2
+    assert "--map MAP.toml" in complaint(capsys)
 
 
 @pytest.mark.parametrize("command", [["fly"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
@@ -261,7 +300,9 @@ def test_log_info_and_export(log: Path, tmp_path: Path, capsys: Capture) -> None
     (file,) = json.loads(capsys.readouterr().out)["files"]
     assert len(Path(file).read_text().splitlines()) == 401
     assert main(["log", "export", str(log), "--topic", "/nope"]) == 2
-    assert "/nope" in complaint(capsys)
+    assert "/nope; it has" in complaint(capsys)
+    assert main(["log", "export", str(log), "--topic", "/attitude/ahsr"]) == 2
+    assert "/attitude/ahsr (meant '/attitude/ahrs'?); it has" in complaint(capsys)
 
 
 def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: Path, capsys: Capture) -> None:
@@ -296,6 +337,8 @@ def test_log_view_writes_a_page_beside_the_log_and_never_over_another(
     assert said[0].startswith(f"{log.with_name(log.stem + '-2.html')}   ") and said[1].startswith("not in this log: ")
     page = tmp_path / "mine.html"
     page.write_text("mine")
+    assert main(["log", "view", str(log), "--to", str(tmp_path / "to.html")]) == 0
+    assert (tmp_path / "to.html").exists() and capsys.readouterr().out.startswith(str(tmp_path / "to.html"))
     assert main(["log", "view", str(log), "--out", str(page)]) == 2
     assert capsys.readouterr().err == f"wingbeat: {page} exists: it is not overwritten\n"
     assert page.read_text() == "mine"
@@ -340,6 +383,48 @@ def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
     assert re.search(r"bodies\.fuselage\.mass +[0-9.]+ kg ", told)
     assert re.search(r"fuselage\.imu_position +0\.02 0 0 m ", told)
     assert "flown with strip_theory; --aerodynamics takes quasi_steady, blade_element, vortex_lattice too" in told
+
+
+def test_a_folder_is_a_vehicle_of_the_list_too(tmp_path: Path, capsys: Capture) -> None:
+    folder = tmp_path / "bird"
+    folder.mkdir()
+    (folder / "world.toml").write_text((WORLDS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
+    for flies in (False, True):
+        if flies:
+            (folder / "avionics.toml").write_text((COMPUTERS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
+        assert main(["vehicles", str(folder), "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["vehicles"][0]["flies"] is flies and told["values"]
+        assert main(["vehicles", str(folder)]) == 0
+        assert ("the flight computer's file has" in capsys.readouterr().out) is flies
+    (folder / "avionics.toml").unlink()
+    assert main(["fly", "--vehicle", str(folder)]) == 2
+    assert complaint(capsys) == (
+        f"wingbeat: cannot read vehicle file {folder / 'avionics.toml'}: there is no such file\n"
+    )
+
+
+@pytest.mark.parametrize("command", [["fly"], ["campaign"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
+def test_a_folder_that_cannot_be_written_to_is_one_clear_line(
+    command: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recordings").write_text("a file where the folder would be")
+    campaign = [str(Path(__file__).parents[2] / "docs" / "examples" / "gusts.toml")]
+    assert main([*command, *(campaign if command == ["campaign"] else [])]) == 2
+    assert "recordings is no folder" in complaint(capsys)
+
+
+def test_a_file_that_the_system_refuses_is_told_with_what_was_wanted_of_it(capsys: Capture) -> None:
+    assert main(["validate", "--only", "grauer", "--plots", "/dev/null/pictures"]) == 2
+    assert complaint(capsys) == "wingbeat: cannot read or write /dev/null/pictures: Not a directory\n"
+
+
+def test_the_help_of_gcs_names_the_verbs_as_they_are_written(capsys: Capture) -> None:
+    assert main(["gcs", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "or compare" not in told and "set, compare" not in told
+    assert len(re.findall(r"^ +(?:param|mission)  +.*\bdiff\b", told, re.M)) == 2
 
 
 @pytest.mark.parametrize("name", [[], ["robo_raven_ii_a"], ["hawkmoth"]])

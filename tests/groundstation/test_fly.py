@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -18,6 +19,7 @@ from mcap.reader import make_reader
 
 from avionics import topics
 from avionics.messages import Mode
+from avionics.quantities import BadInput
 from avionics.state import zero
 from groundstation.command import options
 from groundstation.command.children import Children
@@ -29,6 +31,8 @@ from logs.campaigns.campaign import load_campaign
 from logs.campaigns.flown import Recording, flown
 from logs.campaigns.run import order_of
 from logs.info import summary
+from logs.join import join
+from logs.placing import held
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS
@@ -312,6 +316,83 @@ def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start
     assert [path.name for path in sorted(tmp_path.glob("*.mcap"))] == ["a.mcap"]
     with open_log(tmp_path / "a.mcap") as log:
         assert {STATE.name, topics.IMU.name} <= set(log.topics)
+
+
+def test_with_a_link_for_a_station_the_launcher_looks_whether_it_is_armed(recorded: Recorded, tmp_path: Path) -> None:
+    """GIVEN a station that says nothing THEN it is the same flight, but for what the launcher says of the arming."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        flight = fly(tmp_path, *RECORDED, "--gcs", f"udpout:127.0.0.1:{station.getsockname()[1]}")
+        _, err = flight.communicate(timeout=180)
+    assert (flight.returncode, err) == (0, "")
+    with_station, without = (payloads(folder / "flight.mcap") for folder in (tmp_path, recorded.folder))
+    assert with_station["/truth/state"] == without["/truth/state"]
+    with open_log(tmp_path / "flight.mcap") as log, open_log(recorded.folder / "flight.mcap") as plain:
+        said, usual = ([one.text for one in each.events() if one.source == "world"] for each in (log, plain))
+    assert said == ["armed: the launcher throws in 6 s", "thrown"] and usual == []
+
+
+def test_recordings_of_different_flights_are_never_joined(tmp_path: Path) -> None:
+    """GIVEN the world of one flight beside the flight computer of another, by the same name THEN each is left."""
+    parts = [tmp_path / f"a{ending}" for ending in (WORLD, COMPUTER)]
+    for epoch, part in enumerate(parts):
+        with McapRecorder(part, start_epoch_ns=epoch + 1) as recorder:
+            recorder.record(topics.IMU, zero(topics.IMU.message)._replace(time_us=5000))
+    for part in parts:
+        os.utime(part, (1e9, 1e9))
+    put_right(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(parts)
+    with pytest.raises(BadInput, match="are not of one flight"):
+        join(parts, tmp_path / "a.mcap")
+    assert sorted(tmp_path.iterdir()) == sorted(parts)
+
+
+def test_a_flight_whose_name_is_held_is_joined_by_its_own_command(tmp_path: Path) -> None:
+    parts = [tmp_path / f"a{ending}" for ending in (WORLD, COMPUTER)]
+    for part in parts:
+        with McapRecorder(part, start_epoch_ns=1) as recorder:
+            recorder.record(topics.IMU, zero(topics.IMU.message)._replace(time_us=5000))
+        os.utime(part, (1e9, 1e9))
+    with held(tmp_path / "a.mcap") as ours:
+        put_right(tmp_path)
+        assert ours and all(part.exists() for part in parts)
+    put_right(tmp_path)
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.mcap"]
+
+
+def test_two_flights_that_begin_in_the_same_second_are_two_logs(tmp_path: Path) -> None:
+    """GIVEN the clock stands still WHEN two fly at once THEN each has its own recordings and its own joined log."""
+    code = (
+        "import sys\nfrom datetime import datetime\nfrom types import SimpleNamespace\nimport logs.names\n"
+        "logs.names.datetime = SimpleNamespace(now=lambda: datetime(2026, 11, 21, 13, 15, 0))\n"
+        "from groundstation.command.main import main\nsys.exit(main(sys.argv[1:]))"
+    )
+    words = [sys.executable, "-c", code, "fly", "--duration", "4", "--json", "--seed"]
+    path = {"PYTHONPATH": str(Path(__file__).parents[2])}
+    both = [
+        subprocess.Popen(
+            [*words, seed], cwd=tmp_path, env=os.environ | path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        for seed in ("1", "2")
+    ]
+    said = [flight.communicate(timeout=180) for flight in both]
+    assert [flight.returncode for flight in both] == [0, 0], said
+    names = {Path(json.loads(out)["log"]).name: json.loads(out)["seed"] for out, _ in said}
+    stem = "robo_raven_ii_d-20261121-131500"
+    assert sorted(names) == [f"{stem}-2.mcap", f"{stem}.mcap"]
+    assert sorted(path.name for path in (tmp_path / "recordings").iterdir()) == sorted(names)
+    for name, seed in names.items():
+        with open_log(tmp_path / "recordings" / name) as log:
+            assert log.metadata["wingbeat.world"]["seed"] == str(seed) and log.complete
+            assert {STATE.name, topics.IMU.name} <= set(log.topics)
+
+
+def test_a_log_that_another_flight_records_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "flight.mcap"
+    with held(path) as ours:
+        assert ours and main(["fly", "--log", str(path)]) == 2
+    assert "another flight is being recorded there" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
 
 
 def test_the_complaint_of_a_child_is_told() -> None:

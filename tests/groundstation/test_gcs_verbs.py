@@ -92,8 +92,8 @@ def test_what_never_comes_is_said(capsys: Capture) -> None:
     ("field", "said"),
     [
         ("pitch", "'pitch' is not MESSAGE.FIELD"),
-        ("ATITUDE.pitch", "there is no message ATITUDE; near it are ATTITUDE"),
-        ("ATTITUDE.pich", "ATTITUDE has no field 'pich'; it has time_boot_ms, roll, pitch"),
+        ("ATITUDE.pitch", "there is no message ATITUDE (meant 'ATTITUDE'?)"),
+        ("ATTITUDE.pich", "ATTITUDE has no field 'pich' (meant 'pitch'?); it has time_boot_ms, roll, pitch"),
         ("BATTERY_STATUS.voltages", "BATTERY_STATUS.voltages is an array of 10: BATTERY_STATUS.voltages[0]"),
         ("BATTERY_STATUS.voltages[10]", "BATTERY_STATUS.voltages is an array of 10"),
         ("ATTITUDE.pitch[0]", "ATTITUDE.pitch is no array"),
@@ -103,6 +103,18 @@ def test_a_wrong_field_is_one_line_that_helps(field: str, said: str, capsys: Cap
     assert gcs("udpout:127.0.0.1:9", "watch", field) == 2
     text = capsys.readouterr().err
     assert said in text and text.count("\n") == 1
+
+
+def test_names_that_are_near_a_misspelt_one_are_offered(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "a.params"
+    file.write_text("1\t1\tGIAN_7\t1.0\t9\n")
+    with on_the_air(LossyVehicle()) as url:
+        assert gcs(url, "param", "get", "PICH_P") == 1
+        assert "PICH_P" in (said := capsys.readouterr().err) and "(meant 'PITCH_P'?)" in said
+        assert gcs(url, "param", "load", str(file)) == 2
+        assert f"no parameter GIAN_7 of {file} (meant 'GAIN_7'?)" in capsys.readouterr().err
+        assert gcs(url, "mode", "LOITTER") == 2
+        assert "no mode 'LOITTER' (meant 'LOITER'?); it has" in capsys.readouterr().err
 
 
 def test_parameters_are_compared_with_a_file_both_ways(tmp_path: Path, capsys: Capture) -> None:

@@ -6,7 +6,9 @@ import json
 import math
 import re
 import sys
+from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from groundstation.command.main import main
 from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.recording import Recording, Where
 from logs.info import summary
+from logs.placing import held
 from logs.reader import open_log
 
 Capture = pytest.CaptureFixture[str]
@@ -176,15 +179,14 @@ def test_a_signing_key_is_kept_neither_heard_nor_sent(tmp_path: Path) -> None:
 
 
 def test_two_that_begin_in_the_same_second_have_two_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Given another program that takes the name between choosing and creating it, a further one is taken."""
-    names = iter([tmp_path / "a.mcap", tmp_path / "b.mcap"])
-    (tmp_path / "a.mcap").write_bytes(b"another program's")
-    monkeypatch.setattr("groundstation.link.recording.new_recording", lambda *_, **__: next(names))
+    """Given another program that holds the name without a file of it yet, a further one is taken."""
     ground = Ground(tmp_path)
-    ground.fly(0.5)
+    monkeypatch.setattr("logs.names.datetime", SimpleNamespace(now=lambda: datetime(2026, 11, 21, 13, 15, 0)))
+    with held(tmp_path / "gcs-flapping_wing-1-20261121-131500.mcap") as ours:
+        assert ours
+        ground.fly(0.5)
     ground.recording.close()
-    assert ground.recording.files == [tmp_path / "b.mcap"]
-    assert (tmp_path / "a.mcap").read_bytes() == b"another program's"
+    assert ground.recording.files == [tmp_path / "gcs-flapping_wing-1-20261121-131500-2.mcap"]
 
 
 def test_a_vehicle_that_boots_anew_begins_a_file_and_none_is_overwritten(tmp_path: Path) -> None:

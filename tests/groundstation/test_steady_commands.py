@@ -37,6 +37,17 @@ def test_a_trim_is_told_to_programs(capsys: Capture) -> None:
         assert all(name in trim.JSON_KEYS[section] for name in told[section])
 
 
+@pytest.mark.parametrize("name", ["hawkmoth", "entomopter"])
+def test_what_a_vehicle_without_a_drive_would_draw_is_not_told_as_nothing(name: str, capsys: Capture) -> None:
+    assert main(["trim", name]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"power +not modelled: ", said) and " 0 W" not in said and "economy" not in said
+    assert main(["trim", name, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["means"]["current"] is told["means"]["electrical_power"] is told["figures"]["endurance"] is None
+    assert told["figures"]["cost_of_transport"] is None and told["figures"]["strouhal"] > 0.0
+
+
 def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
     found = []
     for words in ([], ["--aerodynamics", "quasi_steady"]):
@@ -68,6 +79,21 @@ def test_what_cannot_be_trimmed_is_one_line(words: list[str], part: str, capsys:
     said = capsys.readouterr()
     assert said.out == "" and part in said.err
     assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
+
+
+def test_where_flight_ends_does_not_depend_on_how_far_beyond_it_the_question_lies(capsys: Capture) -> None:
+    told = set()
+    for airspeed in ("12", "70"):  # at the one the search begins well, at the other it comes to no numbers
+        assert main(["trim", "robo_raven_ii_d", "--airspeed", airspeed]) == 2
+        line = capsys.readouterr().err
+        assert line.startswith(f"wingbeat: robo_raven_ii_d: no trim at {airspeed} m/s climbing 0 m/s: ")
+        told.add(line.partition(" m/s: ")[2])
+    (reason,) = told
+    limit = re.search(r"(?:above|already at) ([\d.]+) m/s", reason)
+    assert limit is not None and "cruise" not in reason
+    near = float(limit[1]) - 0.1
+    assert main(["trim", "robo_raven_ii_d", "--airspeed", f"{near:g}", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["inputs"]["amplitude"] < 0.9
 
 
 @pytest.mark.validate

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from avionics.vehicles import load_vehicle
-from groundstation.command import tune
+from avionics.vehicles import load_vehicle, vehicle_names
+from groundstation.command import linearize, tune
 from groundstation.command.main import main
+from sim_bridge.flight.tuning.cascade import Design
 from sim_bridge.flight.tuning.proof import Flown
+from sim_bridge.tuning.model import LinearModel
 from sim_bridge.vehicles import load_vehicle as load_world
+from sim_bridge.vehicles import vehicle_names as world_names
 
 Capture = pytest.CaptureFixture[str]
 MODELS = Path(__file__).parents[1] / "data" / "models"
+README = Path(__file__).parents[2] / "README.md"
 RAVEN, ARIZONA = str(MODELS / "robo_raven_ii_d.toml"), str(MODELS / "arizona_100cm.toml")
 
 SHARP = (
@@ -121,13 +127,74 @@ def test_an_existing_vehicle_is_never_overwritten(taken: str, capsys: Capture, t
     assert (tmp_path / taken).read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    ("out", "part"),
+    [("file/bird", "file is no folder"), ("file/deep/bird", "file is no folder"), ("no/bird.toml", None)],
+)
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    out: str, part: str | None, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tune, "design", lambda model, vehicle, told: pytest.fail("designed") if part else kept(model))
+    (tmp_path / "file").write_text("mine")
+    assert main(["tune", RAVEN, "--no-fly", "--out", str(tmp_path / out)]) == (2 if part else 0)
+    said = capsys.readouterr()
+    if part is None:  # folders that are missing are made
+        assert load_vehicle(tmp_path / out).gains == load_vehicle("robo_raven_ii_d").gains
+    else:
+        assert said.out == "" and part in said.err and "cannot write" in said.err and said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("out", ["no/model.toml", "file/model.toml", "file"])
+def test_a_model_that_cannot_be_written_is_told_before_the_work(
+    out: str, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(linearize, "answer", lambda chosen, examined: pytest.fail("linearised"))
+    (tmp_path / "file").write_text("mine")
+    assert main(["linearize", "arizona_100cm", "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(("wingbeat: cannot write ", f"wingbeat: {tmp_path / 'file'} exists")), said
+    assert said.count("\n") == 1 and (tmp_path / "file").read_text() == "mine"
+
+
+def test_that_nothing_was_written_is_said_with_the_words_that_write(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tune, "design", lambda model, vehicle, told: kept(model))
+    assert main(["tune", RAVEN, "--no-fly"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("nothing was written; ") and f"wingbeat tune {RAVEN} --no-fly --out DIR" in last
+    assert main(["tune", RAVEN, "--no-fly", "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["written"] == [] and "nothing was written" not in said.err
+
+
+def kept(model: LinearModel) -> Design:
+    """A design that leaves every gain as it is."""
+    return Design(model, load_vehicle("robo_raven_ii_d").gains, (), ())
+
+
+def test_the_vehicles_of_the_readme_are_written_before_they_are_flown_and_once() -> None:
+    """What ``--out`` and ``--model`` name in its first list of commands is new there, and what is flown is known."""
+    known, blocks = {*vehicle_names(), *world_names()}, README.read_text(encoding="utf-8").split("```\n")
+    lines = next(block for block in blocks if block.startswith("wingbeat fly --speed 1 --vehicle")).splitlines()
+    for words in (shlex.split(line, comments=True) for line in lines):
+        given = dict(pairwise(words))
+        for flown in (given.get("--vehicle"), given.get("tune")):
+            assert flown is None or flown.removesuffix(".toml") in known, " ".join(words)
+        for out in (given.get("--out"), given.get("--model")):
+            if out is not None:
+                assert out.removesuffix(".toml") not in known, " ".join(words)
+                known.add(out.removesuffix(".toml"))
+    assert {"my_bird", "my_tuned_bird"} < known
+
+
 @pytest.mark.validate
 def test_a_linear_model_is_written_for_tune_and_not_over_another(capsys: Capture, tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     assert main(["linearize", "arizona_100cm", "--out", str(path)]) == 0
     written = path.read_text()
     assert main(["linearize", "arizona_100cm", "--out", str(path)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "exists: it is not overwritten" in capsys.readouterr().err
     assert path.read_text() == written
     assert main(["tune", str(path), "--no-fly", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["loops"][0]["name"] == "pitch"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from avionics import topics
 from avionics.quantities import BadInput
 from logs import matlab
 from logs.export import FORMS, Part, export
+from logs.extras import pip_install
 from logs.matlab import matlab_names, write_mat
 from logs.reader import Log, open_log
 
@@ -128,7 +130,7 @@ def test_parquet_of_texts_and_of_no_message(tmp_path: Path) -> None:
 
 def test_without_pyarrow_parquet_is_one_line(log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(BadInput, match="writing Parquet needs pyarrow, which is not installed: pip install pyarrow"):
+    with pytest.raises(BadInput, match=r"needs pyarrow, which is not installed: \S+ -m pip install 'pyarrow[<>=]"):
         export(log, tmp_path / "a.parquet", Part(["/main/wing"]))
     assert list(tmp_path.iterdir()) == []
 
@@ -236,11 +238,24 @@ def test_a_frame_of_polars(log: Log, tmp_path: Path) -> None:
     assert other["log_time"].to_list()[:2] == pytest.approx([0.0, 0.1]) and other["list"][2] == "[1, 1]"
 
 
+def test_what_installs_a_package_is_the_pip_of_the_python_that_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
+    rerun = next(line for line in metadata.requires("wingbeat") or [] if line.startswith("rerun-sdk"))
+    rerun = rerun.partition(";")[0].strip()
+    assert ">=" in rerun
+    assert pip_install(["rerun-sdk", "polars"]) == f".venv/bin/python -m pip install '{rerun}' polars"
+    monkeypatch.setattr(sys, "executable", "/opt/a place/python3")
+    assert pip_install(["dask"]) == "'/opt/a place/python3' -m pip install dask", "not dask[distributed]"
+
+
 @pytest.mark.parametrize("library", ["pandas", "polars"])
 def test_without_the_library_a_frame_is_one_line(log: Log, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(
-        BadInput, match=f"a data frame needs {library}, which is not installed: pip install {library}"
+        BadInput, match=rf"a data frame needs {library}, which is not installed: \S+ -m pip install {library}$"
     ):
         log.frame(topics.WING, library)
 

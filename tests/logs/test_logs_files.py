@@ -7,6 +7,10 @@ import csv
 import errno
 import json
 import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -23,8 +27,8 @@ from avionics.topics import Topic
 from logs.export import csv_header, export_csv, export_npz
 from logs.info import flown_in, summary
 from logs.join import join
-from logs.names import JOINED, new_recording
-from logs.placing import claim, draft
+from logs.names import JOINED, PARTS, new_recording, reserved
+from logs.placing import claim, draft, held
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 
@@ -132,6 +136,53 @@ def test_names_of_recordings(tmp_path: Path) -> None:
     assert new_recording("robo_raven_ii_d", when, tmp_path).name == "robo_raven_ii_d-20261121-131500-3.mcap"
     assert new_recording("some/where/my bird.toml", when, tmp_path).name == "my_bird-20261121-131500.mcap"
     assert new_recording("../..", when, tmp_path).parent == tmp_path
+
+
+@pytest.mark.parametrize("ending", PARTS)
+def test_a_name_is_free_for_every_file_of_a_flight_or_it_is_not_taken(ending: str, tmp_path: Path) -> None:
+    when = datetime(2026, 11, 21, 13, 15, 0)
+    (tmp_path / f"bird-20261121-131500{ending}").touch()
+    with reserved("bird", when, tmp_path) as path:
+        assert path == new_recording("bird", when, tmp_path) == tmp_path / "bird-20261121-131500-2.mcap"
+
+
+def test_a_name_that_is_held_is_nobody_elses_and_leaves_no_mark(tmp_path: Path) -> None:
+    when = datetime(2026, 11, 21, 13, 15, 0)
+    with reserved("bird", when, tmp_path) as first, reserved("bird", when, tmp_path) as second:
+        assert (first.name, second.name) == ("bird-20261121-131500.mcap", "bird-20261121-131500-2.mcap")
+        with held(first) as ours:
+            assert not ours
+        second.touch()
+    with reserved("bird", when, tmp_path) as first, reserved("bird", when, tmp_path) as third:
+        assert (first.name, third.name) == ("bird-20261121-131500.mcap", "bird-20261121-131500-3.mcap")
+    assert list(tmp_path.iterdir()) == [tmp_path / "bird-20261121-131500-2.mcap"]
+
+
+def test_a_name_whose_holder_was_killed_is_free_again(tmp_path: Path) -> None:
+    path = tmp_path / "bird.mcap"
+    code = (
+        "import os, signal, sys\nfrom pathlib import Path\nfrom logs.placing import held\n"
+        "with held(Path(sys.argv[1])) as ours:\n    print(ours, flush=True)\n    os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+    assert done.stdout == "True\n" and len(list(tmp_path.iterdir())) == 1, "its mark is left"
+    with held(path) as ours:
+        assert ours
+    assert not any(tmp_path.iterdir())
+
+
+def test_many_that_look_for_a_name_at_once_have_one_each(tmp_path: Path) -> None:
+    when, together = datetime(2026, 11, 21, 13, 15, 0), threading.Barrier(8)
+
+    def take(_: int) -> Path:
+        together.wait(20.0)
+        with reserved("bird", when, tmp_path) as path:
+            path.open("xb").close()
+            return path
+
+    with ThreadPoolExecutor(8) as pool:
+        taken = list(pool.map(take, range(8)))
+    assert len(set(taken)) == 8 and sorted(tmp_path.iterdir()) == sorted(taken)
 
 
 # --- info -----------------------------------------------------------------------------------------------

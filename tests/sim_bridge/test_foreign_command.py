@@ -50,7 +50,7 @@ class Command:
         (["--ardupilot", "--listen", "tcp:127.0.0.1:9002"], "udpin:HOST:PORT"),
         (["--px4", "--listen", "udpin:127.0.0.1:4560"], "tcp:HOST:PORT"),
         (["--px4", "--instance", "300"], "instance must be 0 to 255"),
-        (["--px4", "--vehicle", "hawkmoth"], "no vehicle hawkmoth"),
+        (["--px4", "--vehicle", "hawkmoth"], "unknown vehicle 'hawkmoth'"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(

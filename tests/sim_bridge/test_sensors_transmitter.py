@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from sensors_bench import cruise
 
+from avionics.messages import Mode
 from avionics.quantities import BadInput
+from avionics.vehicles import load_vehicle
 from sim_bridge.sensors.receiver import Sticks
 from sim_bridge.sensors.transmitter import Script, load_script
 
@@ -49,6 +51,15 @@ def test_what_a_line_says_holds_until_the_next(tmp_path: Path, seconds: float, s
     assert script.text == TABLE
 
 
+@pytest.mark.parametrize("name", ["robo_raven_ii_d", "arizona_100cm"])
+def test_the_mode_switch_takes_the_modes_that_the_flight_computer_gives_it(tmp_path: Path, name: str) -> None:
+    gains = load_vehicle(name).gains.receiver
+    numbers = gains.mode_low, gains.mode_middle, gains.mode_high
+    rows = [f"{position},{Mode(number).name.lower()}" for position, number in enumerate(numbers)]
+    script = load_script(written(tmp_path, "\n".join(["time,mode", *rows])))
+    assert [sticks.mode for sticks in script.sticks] == [0, 1, 2]
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -62,6 +73,9 @@ def test_what_a_line_says_holds_until_the_next(tmp_path: Path, seconds: float, s
         ("time,roll\n0,1.5\n", "line 2: roll must be from -1 to 1, not 1.5"),
         ("time,throttle\n0,-0.5\n", "throttle must be from 0 to 1"),
         ("time,mode\n0,1.5\n", "mode must be a whole number from 0 to 2"),
+        ("time,mode\n0,CRUISE\n", "mode must be a number or STABILIZED, LOITER, AUTO, not CRUISE"),
+        ("time,mode\n0,3\n", r"mode must be a whole number from 0 to 2 \(STABILIZED, LOITER, AUTO\), not 3"),
+        ("time,arm\n0,AUTO\n", "arm must be a number, not AUTO"),
         ("time,arm\n0,2\n", "arm must be a whole number from 0 to 1"),
         ("time,roll\nsoon,0\n", "time must be a number, not soon"),
         ("time,roll\n1,\n", "roll must be a number, not nothing"),
@@ -73,6 +87,14 @@ def test_a_table_that_nobody_can_fly_is_refused_in_one_line(tmp_path: Path, text
         load_script(written(tmp_path, text))
     assert "\n" not in str(refusal.value)
     assert "sticks.csv" in str(refusal.value)
+
+
+def test_the_table_of_the_readme_arms_with_the_throttle_closed_and_ends_in_auto(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[2] / "groundstation" / "README.md").read_text(encoding="utf-8")
+    table = next(block for block in readme.split("```\n") if block.startswith("time,arm,throttle"))
+    script = load_script(written(tmp_path, table))
+    armed = next(sticks for sticks in script.sticks if sticks.arm)
+    assert armed.throttle == 0.0 and armed.mode == 0 and script.sticks[-1].mode == 2
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:

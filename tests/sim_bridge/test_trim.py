@@ -58,7 +58,7 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
             "arizona_100cm",
             2.0,
             0.0,
-            r"already at 4\.\d+ m/s .* it needs 0\.6\d rad of elevator, the servo has 0\.6$",
+            r"already at 4(\.\d+)? m/s .* it needs 0\.6\d rad of elevator, the servo has 0\.6$",
             marks=pytest.mark.validate,
         ),
         pytest.param(
@@ -85,7 +85,7 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
             "arizona_100cm",
             40.0,
             0.0,
-            r"already at 1\d\.\d+ m/s climbing 0 m/s it needs a stroke of",
+            r"already at 1\d(\.\d+)? m/s climbing 0 m/s it needs a stroke of",
             marks=pytest.mark.validate,
         ),
         ("robo_raven_ii_d", 2.0, 3.0, r"an airspeed of 2 m/s does not climb 3 m/s"),
