@@ -170,7 +170,11 @@ def _print_flight(done: Replayed) -> None:
         return
     console.print(span, highlight=False)
     table = tables.plain_table(
-        ("topic", ""), ("messages", "right"), ("differ", "right"), ("from", "right"), ("largest difference", "")
+        ("topic", ""),
+        ("messages", "right"),
+        ("differ", "right"),
+        ("from", "right"),
+        ("largest difference", "text"),
     )
     for each in (each for each in done.differences if not each.same):
         first = "" if each.first is None else f"{each.first:.3f} s"

@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from avionics.quantities import counted
-from groundstation.views.tables import plain_table
+from groundstation.views.tables import UNIT, plain_table
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import Sensitivity, Worst, sensitivities, spreads
 from logs.campaigns.table import Table
@@ -41,7 +41,7 @@ def _heading(table: Table) -> Text:
 
 def _spreads(table: Table) -> RenderableType:
     rows = plain_table(
-        ("metric", ""), ("", ""), ("flights", "right"), ("mean", "right"), ("sigma", "right"), ("least", "right"),
+        ("metric", ""), ("", UNIT), ("flights", "right"), ("mean", "right"), ("sigma", "right"), ("least", "right"),
         ("5 %", "right"), ("median", "right"), ("95 %", "right"), ("greatest", "right"),
     )  # fmt: skip
     for one in spreads(table):

@@ -35,8 +35,8 @@ def identification_table(found: Identification) -> RenderableType:
 def _table(listed: Sequence[Row]) -> RenderableType:
     known = any(row.truth is not None for row in listed)
     table = tables.plain_table(
-        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"),
-        ("true" if known else "", "right"), ("", ""),
+        ("identified", tables.GROUP), ("", ""), ("value", "right"), ("95 % interval", "right"),
+        ("true" if known else "", "right"), ("", tables.UNIT),
     )  # fmt: skip
     subject = ""
     for row in listed:
