@@ -134,7 +134,7 @@ class PlainTable:
         """Columns that have anything in them."""
         cells = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._columns)
         columns = (_Column(*one, tuple(those)) for one, those in zip(self._columns, cells, strict=True))
-        return tuple(one for one in columns if one.full)
+        return tuple(one for one in columns if any(one.cells) or not self._rows)
 
     def _block(self, block: _Block, around: _Around) -> Iterator[Text]:
         if self._header:
