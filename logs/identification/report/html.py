@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
@@ -13,6 +14,8 @@ from logs.identification.report.svg import NARROW, WIDE, drawn
 from logs.identification.report.words import meaning, number, rich, symbol, unit
 
 FOLDER = Path(__file__).parent
+NUMERIC = re.compile(r"(in )?\(?[-+−]?\d+(\.\d+)?(e[-+−]?\d+)?\)?( ?[%°*]| of \d+( \*)?| \(.* to .*\))?|")
+"""a number in words: 12, (−0.31), 0.58 (0.44 to 0.71), in 15 of 26"""
 OF_ONE_SIZE = 20.0
 """-; the largest number of a column over the least, up to which they have decimals in common"""
 BAR_WIDTH, BAR_HEIGHT = 240.0, 18.0
@@ -51,8 +54,7 @@ def _chapter(chapter: Chapter, level: int) -> str:
 def _table(table: Table) -> str:
     caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
     right = [
-        all(isinstance(row[i], float | None) for row in table.rows) and bool(table.rows)
-        for i in range(len(table.columns))
+        all(map(_is_number, (row[i] for row in table.rows))) and bool(table.rows) for i in range(len(table.columns))
     ]
     heads = "".join(
         f"<th{_right(numeric)}>{html.escape(column)}</th>"
@@ -69,6 +71,11 @@ def _table(table: Table) -> str:
         for row in table.rows
     )
     return f'<div class="wide"><table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def _is_number(cell: Cell) -> bool:
+    """Whether a cell stands to the right: a number, one in words, or nothing."""
+    return not isinstance(cell, str) or NUMERIC.fullmatch(cell) is not None
 
 
 def _right(numeric: bool) -> str:

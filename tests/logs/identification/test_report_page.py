@@ -194,13 +194,28 @@ def test_a_long_line_is_thinned_to_what_the_eye_sees() -> None:
     assert min(heights) < sorted(heights)[1] - 50
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0)])
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0), (-4.1, 4.0), (3.9996, 4.0005)],
+)
 def test_an_axis_has_round_numbers_inside_it_that_differ_as_text(low: float, high: float) -> None:
     one = axis(low, high, 50.0, 350.0, 5)
-    assert 2 <= len(one.ticks) <= 11
+    assert 4 <= len(one.ticks) <= 11
     assert all(one.low - 1e-9 * abs(one.low) <= tick <= one.high + 1e-9 * abs(one.high) for tick in one.ticks)
     texts = [written(tick, one.ticks[1] - one.ticks[0]) for tick in one.ticks]
     assert len(set(texts)) == len(texts)
+
+
+def test_a_plot_whose_span_is_just_above_a_round_step_has_three_numbers() -> None:
+    """With a step of 5 there would be a zero alone on it."""
+    assert axis(-4.1, 4.1, 150.0, 20.0, 4).ticks == (-4.0, -2.0, 0.0, 2.0, 4.0)
+
+
+def test_numbers_in_words_stand_to_the_right_and_words_to_the_left() -> None:
+    rows = (("a", "0.58 (0.44 to 0.71)", "in 15 of 26 *", "12.5", "circuit"), ("b", None, "in 2 of 9", "−3", "7 km"))
+    text = page("t", (), (Chapter("c", (), (Table(("name", "m", "p", "n", "w"), rows),)),))
+    heads = re.findall(r"<th( class=\"number\")?>(\w)", text)
+    assert {name for right, name in heads if right} == {"m", "p", "n"}
 
 
 def test_steps_are_one_two_or_five() -> None:
