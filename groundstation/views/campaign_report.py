@@ -40,7 +40,11 @@ def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, p
 def _heading(table: Table) -> Text:
     told = ", ".join(f"{count} {outcome}" for outcome, count in Counter(table.columns["outcome"]).most_common())
     name = f"{table.about.name}: {table.about.title}" if table.about.title else table.about.name
-    return Text.assemble((name, "bold"), f"\n{counted(table.size, 'flight')}: {told}")
+    flights = counted(table.size, "flight")
+    if table.planned is not None:
+        going_on = f"\nunfinished: {flights} of {table.planned}; wingbeat campaign {table.about.file} goes on"
+        return Text.assemble((name, "bold"), (going_on, "yellow"), f"\n{flights}: {told}")
+    return Text.assemble((name, "bold"), f"\n{flights}: {told}")
 
 
 def _spreads(table: Table) -> RenderableType:

@@ -55,7 +55,8 @@ def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
     Raises:
         BadInput: the file exists or cannot be written.
     """
-    facts = (counted(table.size, "flight"), f"from {table.about.file}", table.about.title)
+    whole = "" if table.planned is None else f"unfinished: of {counted(table.planned, 'flight')} these are flown"
+    facts = (counted(table.size, "flight"), whole, f"from {table.about.file}", table.about.title)
     chapters = (_outcomes(table), _compared(table), _worst(table, worst), _distributions(table), _sensitivity(table))
     told = tuple(chapter for chapter in chapters if chapter is not None)
     return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), told)
