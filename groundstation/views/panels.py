@@ -162,8 +162,13 @@ def power(picture: Picture, columns: int, rows: int) -> RenderableType:
         columns,
         ("battery", battery),
         ("supply", supply),
-        ("power", _pair(wording.number(state.power, ".1f", "W"), drawn)),
+        ("power", _pair(_mean(state), drawn)),
     )
+
+
+def _mean(state: VehicleState) -> str:
+    """Power, and what kind it is: our own vehicle tells the energy, hence means of power, current and voltage."""
+    return wording.number(state.power, ".1f", "W") + (" mean" if state.energy is not None else "")
 
 
 # --- link -----------------------------------------------------------------------------------------------
