@@ -129,6 +129,7 @@ def _intervals(plot: Intervals) -> str:
         if any(bar.label != name for bar in bars):
             rows.append(f'<tr><th class="group" colspan="{7 if known else 6}">{_heading(name)}</th></tr>')
         rows += [_bar(bar, scale, name, known) for bar in bars]
+        rows.append(_scale_row(scale, known))
     heads = ["", "estimate", "95 % interval", "", *(["true"] if known else []), "unit", ""]
     sides = ("", "number", "number", "", *(("number",) if known else ()), "", "")
     head = "".join(f'<th class="{side}">{text}</th>' for text, side in zip(heads, sides, strict=True))
@@ -156,6 +157,14 @@ def _scale(bars: list[Bar]) -> tuple[float, float]:
     low, high = min(values, default=0.0), max(values, default=1.0)
     margin = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     return low - margin, high + margin
+
+
+def _scale_row(scale: tuple[float, float], known: bool) -> str:
+    """Numbers below the pictures of a group, where they begin and end."""
+    step = 0.05 * (scale[1] - scale[0])
+    ends = "".join(f"<span>{number(one, step)}</span>" for one in scale)
+    behind = "<td></td>" * (3 if known else 2)
+    return f'<tr class="scale"><td></td><td></td><td></td><td><div>{ends}</div></td>{behind}</tr>'
 
 
 def _bar(bar: Bar, scale: tuple[float, float], name: str, known: bool) -> str:

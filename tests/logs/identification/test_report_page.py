@@ -35,6 +35,7 @@ from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import Identification
 from logs.identification.report.html import page
+from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import axis, round_step, written
 from logs.identification.report.words import number, rich, symbol
@@ -209,6 +210,26 @@ def test_an_axis_has_round_numbers_inside_it_that_differ_as_text(low: float, hig
 def test_a_plot_whose_span_is_just_above_a_round_step_has_three_numbers() -> None:
     """With a step of 5 there would be a zero alone on it."""
     assert axis(-4.1, 4.1, 150.0, 20.0, 4).ticks == (-4.0, -2.0, 0.0, 2.0, 4.0)
+
+
+def test_every_group_of_bars_tells_where_its_picture_begins_and_ends() -> None:
+    wide = Intervals(
+        "", (Bar("a", Estimate("M_q", "1/s", -1.5, 0.1, -1.7, -1.3)), Bar("b", Estimate("K", "-", 1, 1, 0, 2)))
+    )
+    text = page("t", (), (Chapter("c", (), (), (wide,)),))
+    ends = re.findall(r'<tr class="scale">.*?<span>(.*?)</span><span>(.*?)</span>', text)
+    assert len(ends) == 2
+    low, high = (float(one.replace("−", "-")) for one in ends[0])
+    assert low == pytest.approx(-1.7, abs=0.15) and high == pytest.approx(0.1, abs=0.05)
+
+
+def test_what_follows_from_a_damping_that_may_be_next_to_none_is_not_determined() -> None:
+    sure = Estimate("phugoid_time_to_half", "s", 2.3, 1.0, 1.3, 11.1)
+    open_one = Estimate("phugoid_cycles_to_half", "-", 0.7, 2.0, 0.33, 19.2)
+    frequency = Estimate("phugoid_frequency", "rad/s", 1.0, 0.5, 0.05, 2.0)
+    told, wide = determined([frequency, sure, open_one])
+    assert told == [frequency, sure]
+    assert wide == [Unidentified("phugoid_cycles_to_half", "the data allow 0.33 to 19.2")]
 
 
 def test_numbers_in_words_stand_to_the_right_and_words_to_the_left() -> None:
