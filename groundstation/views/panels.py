@@ -157,18 +157,21 @@ def power(picture: Picture, columns: int, rows: int) -> RenderableType:
     battery = Text(f"{wording.percent(share):>5}", style=VALUE)
     battery.append(f"  {bar(share, max(columns - 19, 4))}", style=style)
     supply = _pair(wording.number(state.voltage, ".2f", "V"), wording.number(state.current, ".2f", "A"))
-    drawn = "" if state.energy is None else f"{state.energy / 3600.0:.2f} Wh drawn"
+    watts = wording.number(state.power, ".1f", "W")
     return _rows(
         columns,
         ("battery", battery),
         ("supply", supply),
-        ("power", _pair(_mean(state), drawn)),
+        ("power", _pair(watts, _kind(columns, watts, state.energy))),
     )
 
 
-def _mean(state: VehicleState) -> str:
-    """Power, and what kind it is: our own vehicle tells the energy, hence means of power, current and voltage."""
-    return wording.number(state.power, ".1f", "W") + (" mean" if state.energy is not None else "")
+def _kind(columns: int, watts: str, energy: float | None) -> str:
+    """What stands beside the power: our own vehicle tells the energy (J), hence means, of current and voltage too."""
+    if energy is None:
+        return ""
+    hours = f"{energy / 3600.0:.2f} Wh"
+    return _fitting(columns, watts, f"mean  {hours} drawn", f"mean  {hours}", "mean")
 
 
 # --- link -----------------------------------------------------------------------------------------------

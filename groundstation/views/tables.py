@@ -138,11 +138,11 @@ class PlainTable:
 
     def _block(self, block: _Block, around: _Around) -> Iterator[Text]:
         if self._header:
-            over, row, under = (
+            groups, names, row, below = (
                 [Text(one.heading, "dim") for one in those]
-                for those in ((*around.groups, *around.names), block.columns, around.below)
+                for those in (around.groups, around.names, block.columns, around.below)
             )
-            lines = (*around.over(over, ()), *around.inset(_row(row, block)), *around.under(under))
+            lines = (*around.over(groups, names), *around.inset(_row(row, block)), *around.under(below))
             yield from (line for line in lines if line.plain.strip())
         for i in range(len(self._rows)):
             yield from around.over([one.cells[i] for one in around.groups], [one.cells[i] for one in around.names])
