@@ -95,6 +95,8 @@ def test_every_chapter_is_there_and_every_tag_is_closed(report: Path) -> None:
         "Fits", "Residuals", "Validation on held-out manoeuvres", "Torque", "Power", "Short period", "output error",
     ):  # fmt: skip
         assert title in outline.headings
+    findings = report.read_text(encoding="utf-8").partition(">Findings</h2>")[2].partition("<h2")[0]
+    assert "output power at the centre of the data" in findings and "torque at no current" in findings
     words = " ".join(outline.words)
     for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 manoeuvres were held out", "agree", "Theil"):
         assert said in words
