@@ -13,6 +13,8 @@ from logs.reader import Log, TopicInfo
 from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 
+USUAL = 0.75
+"""-; share of the periods that are no gaps however long: where a quarter and more are long, the messages come so"""
 GAP_PERIODS = 1.5
 """A pause between two messages longer than this many periods is a gap."""
 
@@ -110,6 +112,7 @@ def topic_row(info: TopicInfo, times: NDArray[np.float64]) -> dict[str, Any]:
     periods = np.diff(times)
     median = float(np.median(periods))
     if median > 0.0:
-        gaps = periods[periods > GAP_PERIODS * median]
+        usual = float(np.percentile(periods, 100.0 * USUAL))
+        gaps = periods[periods > GAP_PERIODS * max(usual, median)]
         row |= {"rate": 1.0 / median, "gaps": len(gaps), "longest_gap": float(gaps.max(initial=0.0))}
     return row

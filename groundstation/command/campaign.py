@@ -139,7 +139,7 @@ def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
 def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
     began, console = time.monotonic(), open_console(quiet=chosen.json)
     _check_folder(chosen, places)
-    with Journal(places.journal, campaign.digest()) as journal:
+    with Journal(places.journal, campaign.digest(), campaign.path) as journal:
         before = len(journal.rows)
         logs = _logs(chosen, places)
         if before:

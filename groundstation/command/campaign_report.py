@@ -14,9 +14,11 @@ from groundstation.views import campaign_report as words
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.campaigns.campaign import load_campaign
+from logs.campaigns.comparison import Comparison, comparisons
+from logs.campaigns.journal import ENDING
 from logs.campaigns.page import write
 from logs.campaigns.statistics import Worst, chosen_metric, sensitivities, spreads, worst
-from logs.campaigns.table import Table, read_table
+from logs.campaigns.table import Table, read_table, unfinished_table
 from logs.placing import numbered
 
 EXAMPLES = (
@@ -27,10 +29,16 @@ EXAMPLES = (
 JSON_KEYS = {
     "name, title, file": "of the campaign, and of its file",
     "flights, failed": "how many there are, and how many of them failed",
+    "planned": "flights of a campaign that is not flown to its end, null where it is",
     "outcomes, reasons": "how many flights ended so; how many failed for each reason",
-    "metrics": "list of {name, unit, flights, mean, sigma, least, low (5 %), median, high (95 %), greatest}",
+    "metrics": "list of {name, unit, flights, mean, sigma, least, low (5 %), median, high (95 %), greatest}; low and"
+    " high null below 20 flights",
+    "comparisons": "of each grid, list of {input, values, flights, failed, metrics: list of {metric, unit, groups (of"
+    " each value {flights, low, median, high}: quartiles), pairs (of each value but the first, flights equal in all"
+    " else: {value, first, pairs, better, worse, beyond_chance})}}",
     "sensitivities": "list of {input, metric, rank_correlation, flights, beyond_chance}, the strongest first",
-    "worst": "list of {flight, why, value, command}: failed ones, then by the metric; command flies it again",
+    "worst": "list of {flight, why, value, command, values}: failed ones, then by the metric; command flies it again,"
+    " values are what it was flown with",
     "by": "the metric by which flights are ordered, null where there is none",
     "changed": "why the commands would fly other flights now, empty if they would not",
     "page": "path of the page",
@@ -66,7 +74,7 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     if chosen.out is not None and chosen.out.exists():
         raise BadInput(f"{chosen.out} exists: it is not overwritten")
-    table = read_table(chosen.table)
+    table = _table(chosen.table)
     by = chosen_metric(table, chosen.by)
     found = worst(table, by, chosen.worst)
     page = chosen.out or next(p for p in numbered(chosen.table.with_suffix(".html")) if not p.exists())
@@ -77,6 +85,16 @@ def run(arguments: Sequence[str]) -> int:
     else:
         open_console().print(words.report(table, by, found, changed, page))
     return 0
+
+
+def _table(path: Path) -> Table:
+    """A campaign's table, or as much of it as is flown.
+
+    Raises:
+        BadInput: neither is there.
+    """
+    journal = path.with_name(path.name + ENDING)
+    return unfinished_table(journal) if journal.exists() and not path.exists() else read_table(path)
 
 
 def _changed(table: Table) -> str:
@@ -96,11 +114,21 @@ def _document(table: Table, by: str | None, found: Sequence[Worst]) -> dict[str,
         "title": table.about.title,
         "file": table.about.file,
         "flights": table.size,
+        "planned": table.planned,
         "failed": sum(columns["failed"]),
         "outcomes": Counter(columns["outcome"]),
         "reasons": Counter(reason for failed, reason in pairs if failed),
         "metrics": spreads(table),
+        "comparisons": [_compared(one) for one in comparisons(table)],
         "sensitivities": [one._asdict() | {"beyond_chance": one.beyond_chance} for one in sensitivities(table)],
         "worst": found,
         "by": by,
     }
+
+
+def _compared(one: Comparison) -> dict[str, Any]:
+    metrics = [
+        each._asdict() | {"pairs": [pair._asdict() | {"beyond_chance": pair.beyond_chance} for pair in each.pairs]}
+        for each in one.metrics
+    ]
+    return one._asdict() | {"metrics": metrics}

@@ -149,12 +149,12 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
     if flown is not None:
         console.print(flown_table(flown))
     table = tables.plain_table(
-        ("topic", ""), ("message", ""), ("messages", "right"), ("rate", "right"), ("gaps", "right")
+        ("topic", ""), ("messages", "right"), ("rate", "right"), ("gaps", "right"), ("message", tables.SPARE)
     )
     for row in document["topics"]:
         rate = "" if row["rate"] is None else f"{row['rate']:.4g} Hz"
         gaps = "" if not row["gaps"] else f"{row['gaps']}, up to {row['longest_gap']:.3g} s"
-        table.add_row(row["topic"], row["message"].rpartition(".")[2], str(row["messages"]), rate, gaps)
+        table.add_row(row["topic"], str(row["messages"]), rate, gaps, row["message"].rpartition(".")[2])
     console.print(table)
     for event in document["events"][-EVENTS_SHOWN:]:
         console.print(f"  {wording.clock(event['time'])}  {event['text']}", markup=False, highlight=False)

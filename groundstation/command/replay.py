@@ -35,7 +35,7 @@ EXAMPLES = (
 JSON_KEYS = {
     "of a flight": "start, end (s since boot), ticks, same (every bit), late (a line where the file begins in flight,"
     " else empty), topics: list of {topic, recorded, replayed, differing (messages), first (s), fields: list of"
-    " {field, unit, differing, largest, at, rms}}",
+    " {field, unit, differing, largest, at, rms, rounding (in the last bits alone)}}",
     "with --imu": "list of {file, total_deg, heading_deg, inclination_deg}: RMS angle between estimate and reference,"
     " of its part about the vertical, of its part about a horizontal axis",
 }
@@ -170,7 +170,11 @@ def _print_flight(done: Replayed) -> None:
         return
     console.print(span, highlight=False)
     table = tables.plain_table(
-        ("topic", ""), ("messages", "right"), ("differ", "right"), ("from", "right"), ("largest difference", "")
+        ("topic", ""),
+        ("messages", "right"),
+        ("differ", "right"),
+        ("from", "right"),
+        ("largest difference", "text"),
     )
     for each in (each for each in done.differences if not each.same):
         first = "" if each.first is None else f"{each.first:.3f} s"
@@ -187,6 +191,8 @@ def _foremost(each: TopicDifference) -> list[FieldDifference]:
 
 def _told(field: FieldDifference) -> str:
     unit = "" if field.unit == "-" else f" {field.unit}"
+    if field.rounding:
+        return f"{field.field} in the last bits alone, {field.largest:+.1g}{unit}"
     return f"{field.field} {field.largest:+.3g}{unit} at {field.at:.1f} s"
 
 

@@ -61,12 +61,11 @@ def _list(as_json: bool) -> None:
     if as_json:
         print_document({"vehicles": records})
         return
-    table = tables.plain_table(("vehicle", ""), ("", ""), ("mass", "right"), ("span", "right"), ("values", ""))
-    table.columns[0].no_wrap = True
+    table = tables.plain_table(("vehicle", ""), ("mass", "right"), ("span", "right"), ("values", ""), ("", "text"))
     for record in records:
         counts = ", ".join(f"{count} {kind}" for kind, count in record["sources"].items() if count)
         mass, span = f"{record['mass'] * 1e3:.0f} g", f"{record['wingspan']:.2f} m"
-        table.add_row(Text(record["name"], style="bold"), record["title"], mass, span, counts)
+        table.add_row(Text(record["name"], style="bold"), mass, span, counts, record["title"])
     console = _narrow_console()
     console.print(table)
     console.print("\nwingbeat vehicles NAME shows every value with its source", style="dim")
@@ -117,8 +116,7 @@ def _show(vehicle: SimulatedVehicle, avionics: str, as_json: bool) -> None:
     console = _narrow_console()
     console.print(Text(vehicle.title, style="bold"))
     console.print(Text(_models(vehicle)))
-    table = tables.plain_table(("", ""), ("value", "right"), ("source", ""))
-    table.columns[0].no_wrap = True
+    table = tables.plain_table(("", ""), ("value", "right"), ("source", "text"))
     for value in values:
         source = Text.assemble((f"{value['kind']}: ", "dim"), str(value["source"]))
         table.add_row(value["key"], f"{_written(value['value'])}{_unit(value['unit'])}", source)

@@ -89,15 +89,17 @@ class VehicleState(NamedTuple):
     fix_type: int | None = None
     """-; 0 none, 2 two-, 3 three-dimensional"""
     voltage: float | None = None
-    """V; supply"""
+    """V; supply: of our own vehicle weighted with the current, so that it times ``current`` is ``power``"""
     current: float | None = None
-    """A; supply"""
+    """A; supply: of our own vehicle the mean since the message before"""
     power: float | None = None
-    """W; mean since the message before"""
+    """W; of our own vehicle the mean since the message before"""
     energy: float | None = None
     """J; drawn since boot"""
+    charge: float | None = None
+    """C; drawn since boot"""
     energy_time: float | None = None
-    """s; since boot, of ``energy``"""
+    """s; since boot, of ``energy`` and ``charge``"""
     battery_remaining: float | None = None
     """-; 0 to 1"""
     flap_frequency: float | None = None
@@ -256,39 +258,41 @@ def _system_status(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _supply(state: VehicleState, voltage: float | None, current: float | None, percent: int) -> VehicleState:
+    remaining = percent / 100.0 if percent >= 0 else state.battery_remaining
+    if state.energy is not None:  # our own vehicle's message tells means, this one a phase of the stroke
+        return state._replace(battery_remaining=remaining)
     voltage = state.voltage if voltage is None else voltage
     current = state.current if current is None else current
-    power = state.power
-    if state.energy is None and voltage is not None and current is not None:
-        power = voltage * current  # what a vehicle without our dialect lets us know
+    power = state.power if voltage is None or current is None else voltage * current
+    return state._replace(voltage=voltage, current=current, power=power, battery_remaining=remaining)
+
+
+def _power(state: VehicleState, message: Any) -> VehicleState:
+    voltage, current, power = _mean_supply(state, message)
     return state._replace(
         voltage=voltage,
         current=current,
         power=power,
-        battery_remaining=percent / 100.0 if percent >= 0 else state.battery_remaining,
-    )
-
-
-def _power(state: VehicleState, message: Any) -> VehicleState:
-    return state._replace(
-        voltage=message.voltage,
-        current=message.current,
-        power=_mean_power(state, message),
         energy=message.energy,
+        charge=message.charge,
         energy_time=message.time_boot_ms * 1e-3,
         battery_remaining=message.battery_remaining,
     )
 
 
-def _mean_power(state: VehicleState, message: Any) -> float:
-    """W; from the energy drawn since the message before.
+def _mean_supply(state: VehicleState, message: Any) -> tuple[float, float, float]:
+    """V, A, W; from energy and charge drawn since the message before.
 
-    The message's own power is that of 10 ms: told at a multiple of the stroke, it shows one phase of it for ever.
+    The message's own are those of 10 ms: told at a multiple of the stroke, they show one phase of it for ever.
     """
-    if state.energy is None or state.energy_time is None:
-        return float(message.power)
-    span, drawn = message.time_boot_ms * 1e-3 - state.energy_time, message.energy - state.energy
-    return float(drawn / span) if span > 0.2 and drawn >= 0.0 else float(message.power)
+    moment = float(message.voltage), float(message.current), float(message.power)
+    if state.energy is None or state.charge is None or state.energy_time is None:
+        return moment
+    span = message.time_boot_ms * 1e-3 - state.energy_time
+    energy, charge = message.energy - state.energy, message.charge - state.charge
+    if span <= 0.2 or energy < 0.0 or charge < 0.0:
+        return moment
+    return float(energy / charge) if charge > 0.0 else moment[0], float(charge / span), float(energy / span)
 
 
 def _wing(state: VehicleState, message: Any) -> VehicleState:

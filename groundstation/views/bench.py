@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from avionics.board.line_watch import Losses
 from avionics.board.razor_protocol import Angles
 from avionics.messages import Attitude
 from avionics.quantities import counted
-from groundstation.views import wording
+from groundstation.views import tables, wording
 
 REFRESH = 0.1
 """s; between two pictures"""
@@ -50,11 +49,9 @@ def render(bench: Bench) -> Group:
     return Group(Text(bench.board, style="bold"), _table(bench), Text(_line(bench), style="dim"))
 
 
-def _table(bench: Bench) -> Table:
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("")
-    for head in ("flight computer", "± one sigma", "board's own", "difference"):
-        table.add_column(head, justify="right")
+def _table(bench: Bench) -> tables.PlainTable:
+    heads = ("flight computer", "± one sigma", "board's own", "difference")
+    table = tables.plain_table(("", ""), *((head, tables.NUMBER) for head in heads))
     for name, sigma in (("roll", "tilt_sigma"), ("pitch", "tilt_sigma"), ("yaw", "heading_sigma")):
         mine = getattr(bench.attitude, name)
         own = None if bench.own is None else getattr(bench.own, name)

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from avionics.quantities import counted
-from groundstation.views.tables import plain_table
+from groundstation.views.tables import NUMBER, SENTENCES, plain_table
 from logs.campaigns.metrics import METRICS
 
 SHOWN = 5
@@ -86,8 +86,7 @@ def one_flight(
     swept: Sequence[str], values: Mapping[str, Any], row: Mapping[str, Any], log: Path | None
 ) -> RenderableType:
     """A flight by itself: what entered it, what came of it."""
-    table = plain_table(("", ""), ("", "right"), ("", ""))
-    table.show_header = False
+    table = plain_table(("", ""), ("", NUMBER), ("", SENTENCES), header=False)
     table.add_row("flight", str(row["flight"]), "")
     for key in dict.fromkeys((*swept, *values)):
         table.add_row(key, _written(values[key]), "" if key in swept else "of every flight")

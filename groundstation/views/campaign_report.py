@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.text import Text
 
 from avionics.quantities import counted
-from groundstation.views.tables import plain_table
+from groundstation.views.tables import NUMBER, UNIT, plain_table
+from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
 from logs.campaigns.metrics import METRICS
-from logs.campaigns.statistics import Sensitivity, Worst, sensitivities, spreads
+from logs.campaigns.statistics import Sensitivity, Worst, alike, sensitivities, spreads
 from logs.campaigns.table import Table
 
 STRONGEST = 10
@@ -23,11 +25,13 @@ STRONGEST = 10
 def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, page: Path) -> RenderableType:
     """Outcomes, spreads, what matters, the worst flights, and where the page is."""
     parts: list[RenderableType] = [_heading(table), Text(), _spreads(table)]
+    for compared in comparisons(table):
+        parts += [Text(), *_compared(compared)]
     strong = [one for one in sensitivities(table) if one.beyond_chance]
     if strong:
         parts += [Text(), _matters(strong)]
     if worst:
-        parts += [Text(), Text(_worst_title(table, by), "bold"), *map(_worst, worst)]
+        parts += [Text(), Text(_worst_title(table, by), "bold"), *(_worst(table, one) for one in worst)]
     if changed:
         parts.append(Text(changed, "yellow"))
     return Group(*parts, Text(), Text.assemble(("page".ljust(12), "dim"), str(page)))
@@ -36,18 +40,41 @@ def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, p
 def _heading(table: Table) -> Text:
     told = ", ".join(f"{count} {outcome}" for outcome, count in Counter(table.columns["outcome"]).most_common())
     name = f"{table.about.name}: {table.about.title}" if table.about.title else table.about.name
-    return Text.assemble((name, "bold"), f"\n{counted(table.size, 'flight')}: {told}")
+    flights = counted(table.size, "flight")
+    if table.planned is not None:
+        going_on = f"\nunfinished: {flights} of {table.planned}; wingbeat campaign {table.about.file} goes on"
+        return Text.assemble((name, "bold"), (going_on, "yellow"), f"\n{flights}: {told}")
+    return Text.assemble((name, "bold"), f"\n{flights}: {told}")
 
 
 def _spreads(table: Table) -> RenderableType:
     rows = plain_table(
-        ("metric", ""), ("", ""), ("flights", "right"), ("mean", "right"), ("sigma", "right"), ("least", "right"),
+        ("metric", ""), ("", UNIT), ("flights", "right"), ("mean", "right"), ("sigma", "right"), ("least", "right"),
         ("5 %", "right"), ("median", "right"), ("95 %", "right"), ("greatest", "right"),
     )  # fmt: skip
     for one in spreads(table):
-        numbers = (_number(value, one.unit) for value in one[3:])
-        rows.add_row(one.name, _unit(one.unit), str(one.flights), *numbers)
+        told = alike([math.degrees(value) if one.unit == "rad" else value for value in one[3:]])
+        rows.add_row(one.name, _unit(one.unit), str(one.flights), *told)
     return rows
+
+
+def _compared(found: Comparison) -> list[RenderableType]:
+    """Metrics of which one way is worse, by the values of a grid; which value was better where flights are paired."""
+    shown = [one for one in found.metrics if METRICS[one.metric].bad]
+    paired = max((len(one.pairs) for one in shown), default=0)
+    heads = (f"{value} better" for value in found.values[1 : 1 + paired])
+    rows = plain_table(
+        ("median (quartiles)", ""), ("", UNIT), *((value, NUMBER) for value in found.values),
+        *((head, NUMBER) for head in heads),
+    )  # fmt: skip
+    rows.add_row("failed", "", *(f"{a} of {b}" for a, b in zip(found.failed, found.flights, strict=True)))
+    for one in shown:
+        rows.add_row(one.metric, _unit(one.unit), *told_quartiles(one), *map(told_pairs, one.pairs))
+    stars = any(pair.beyond_chance for one in shown for pair in one.pairs)
+    against = f"better than {found.values[0]} in pairs of flights that are equal in all else"
+    note = against + ("; * more often than chance makes of so many" if stars else ", no more often than chance makes")
+    told: list[RenderableType] = [Text(f"by {found.input}", "bold"), rows]
+    return [*told, Text(note, "dim")] if paired else told
 
 
 def _matters(strong: Sequence[Sensitivity]) -> RenderableType:
@@ -63,14 +90,15 @@ def _worst_title(table: Table, by: str | None) -> str:
     return ", then ".join(word for word in (failed, ordered) if word)
 
 
-def _worst(one: Worst) -> Text:
-    """A line that says why, and the command below it."""
+def _worst(table: Table, one: Worst) -> RenderableType:
+    """A line that says why, what it was flown with, and the command below it."""
     if one.value is None:
         why = one.why
     else:
         unit = METRICS[one.why].unit
         why = f"{one.why} {_number(one.value, unit)} {_unit(unit)}".rstrip()
-    return Text.assemble((f"{one.flight:6d}  ", "dim"), why, (f"\n        {one.command}", "cyan"))
+    lines = Text.assemble(flown_with(table, one.values), (f"\n{one.command}", "cyan"))
+    return Group(Text.assemble((f"{one.flight:6d}  ", "dim"), why), Padding(lines, (0, 0, 0, 8)))
 
 
 def _number(value: float, unit: str) -> str:

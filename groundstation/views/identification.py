@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,18 +10,17 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from logs.identification.report import Identification, Row, rows
+from logs.identification.report.numbers import FOLLOWS
 from logs.identification.results import Estimate
-
-TIMES = re.compile(r"_(period|(time|cycles)_to_\w+)$")
-"""names of what follows from a mode's frequency and damping"""
 
 
 def identification_summary(found: Identification, log: Path) -> RenderableType:
     """`identification_table` without what follows from other numbers and without reasons, and how to see them."""
     listed = rows(found)
     refused = sum(row.note.startswith("not identified") for row in listed)
-    notes = [row for row in listed if row.estimate is None and not row.note.startswith("not identified")]
-    told = [row for row in listed if row.estimate is not None and not TIMES.search(row.name)]
+    silent = ("not identified", "not determined")
+    notes = [row for row in listed if row.estimate is None and not row.note.startswith(silent)]
+    told = [row for row in listed if row.estimate is not None and not FOLLOWS.search(row.name)]
     left = f"{refused} more could not be identified; why" if refused else "periods and times to half"
     return Group(_table([*told, *notes]), Text(f"{left}: wingbeat identify {log}", style="dim"))
 
@@ -35,8 +33,8 @@ def identification_table(found: Identification) -> RenderableType:
 def _table(listed: Sequence[Row]) -> RenderableType:
     known = any(row.truth is not None for row in listed)
     table = tables.plain_table(
-        ("identified", ""), ("", ""), ("value", "right"), ("95 % interval", "right"),
-        ("true" if known else "", "right"), ("", ""),
+        ("identified", tables.GROUP), ("", ""), ("value", "right"), ("95 % interval", "right"),
+        ("true" if known else "", "right"), ("", tables.UNIT),
     )  # fmt: skip
     subject = ""
     for row in listed:

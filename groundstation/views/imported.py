@@ -19,7 +19,7 @@ def print_imported(report: ImportReport) -> None:
         f"[bold]{report.vehicle or report.format}[/]   {counted(report.messages, 'message')}   "
         f"{counted(report.events, 'event')}   {counted(report.parameters, 'parameter')}"
     )
-    table = tables.plain_table(("topic", ""), ("messages", "right"), ("made of", ""))
+    table = tables.plain_table(("topic", ""), ("messages", "right"), ("made of", tables.SENTENCES))
     for row in report.topics:
         table.add_row(row.topic, str(row.messages), row.source)
     console.print(table)

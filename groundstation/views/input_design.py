@@ -7,7 +7,8 @@ import math
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from groundstation.views import tables, wording
+from groundstation.views import wording
+from groundstation.views.tables import NUMBER, UNIT, plain_table
 from logs.identification.input_design.limits import NAMES
 from logs.identification.input_design.plan import Asked, Plan
 from logs.identification.input_design.prior import Prior
@@ -34,7 +35,7 @@ def plan_view(model: LinearModel, prior: Prior, asked: Asked, found: Plan) -> Re
 
 
 def _errors(found: Plan) -> RenderableType:
-    table = tables.plain_table(("", ""), ("value", "right"), ("standard error", "right"), ("", "right"), ("", ""))
+    table = plain_table(("", ""), ("value", NUMBER), ("standard error", NUMBER), ("", NUMBER), ("", UNIT))
     for one in found.predicted:
         value, error = wording.significant(one.value, one.standard_error)
         share = one.standard_error / abs(one.value) if one.value else math.inf
@@ -58,7 +59,7 @@ def _basis(prior: Prior, asked: Asked, found: Plan) -> str:
 
 
 def _envelope(asked: Asked, found: Plan) -> RenderableType:
-    table = tables.plain_table(("change from the trim", ""), ("reached", "right"), ("limit", "right"), ("", ""))
+    table = plain_table(("change from the trim", ""), ("reached", NUMBER), ("limit", NUMBER), ("", UNIT))
     for field, (words, unit) in NAMES.items():
         reached, limit = getattr(found.reached, field), getattr(asked.limits, field)
         style = "bold" if field == found.bound_by else ("yellow" if reached > limit * 1.001 else "")

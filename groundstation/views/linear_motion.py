@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import tables
@@ -25,10 +24,10 @@ def linear_tables(linear: Linearization, orbit: Orbit) -> RenderableType:
     )
 
 
-def modes_table(linear: Linearization, orbit: Orbit) -> Table:
+def modes_table(linear: Linearization, orbit: Orbit) -> tables.PlainTable:
     """One row a mode: of the stroke map those slower than the flapping, then those of A."""
     numbers = (("frequency", "right"), ("damping", "right"), ("period", "right"), ("half or double", "right"))
-    table = tables.plain_table(("", ""), ("", ""), *numbers)
+    table = tables.plain_table(("", tables.GROUP), ("", ""), *numbers)
     slow = [mode for mode in linear.floquet if mode.natural_frequency < 2.0 * math.pi * orbit.inputs.frequency]
     for i, mode in enumerate(slow):
         name = mode.name or _unnamed(mode)
@@ -48,7 +47,7 @@ def _unnamed(mode: Mode) -> str:
     return f"{of}, {'lateral' if mode.lateral else 'symmetric'}"
 
 
-def matrices_table(model: AveragedModel) -> Table:
+def matrices_table(model: AveragedModel) -> tables.PlainTable:
     """A and B, a row for each state's rate."""
     columns = ((name, "right") for name in (*STATES, "elevator rad", "unexplained"))
     table = tables.plain_table(("A, B", ""), *columns)

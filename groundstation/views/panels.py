@@ -157,13 +157,21 @@ def power(picture: Picture, columns: int, rows: int) -> RenderableType:
     battery = Text(f"{wording.percent(share):>5}", style=VALUE)
     battery.append(f"  {bar(share, max(columns - 19, 4))}", style=style)
     supply = _pair(wording.number(state.voltage, ".2f", "V"), wording.number(state.current, ".2f", "A"))
-    drawn = "" if state.energy is None else f"{state.energy / 3600.0:.2f} Wh drawn"
+    watts = wording.number(state.power, ".1f", "W")
     return _rows(
         columns,
         ("battery", battery),
         ("supply", supply),
-        ("power", _pair(wording.number(state.power, ".1f", "W"), drawn)),
+        ("power", _pair(watts, _kind(columns, watts, state.energy))),
     )
+
+
+def _kind(columns: int, watts: str, energy: float | None) -> str:
+    """What stands beside the power: our own vehicle tells the energy (J), hence means, of current and voltage too."""
+    if energy is None:
+        return ""
+    hours = f"{energy / 3600.0:.2f} Wh"
+    return _fitting(columns, watts, f"mean  {hours} drawn", f"mean  {hours}", "mean")
 
 
 # --- link -----------------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ def _fit(fit: TableFit) -> list[RenderableType]:
 
 def _numbers(fit: TableFit) -> RenderableType:
     table = tables.plain_table(
-        ("parameter", ""), ("value", "right"), ("95 % interval", "right"), ("start", "right"), ("", "")
+        ("parameter", ""), ("value", "right"), ("95 % interval", "right"), ("start", "right"), ("", tables.UNIT)
     )
     for row in number_rows(fit):
         one = row.estimate
@@ -56,13 +56,17 @@ def _numbers(fit: TableFit) -> RenderableType:
 
 def _outputs(fit: TableFit) -> RenderableType:
     table = tables.plain_table(
-        ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"), ("residuals", ""), ("", "")
-    )
+        ("manoeuvre", tables.GROUP), ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"),
+        ("residuals", ""),
+    )  # fmt: skip
+    told = ""
     for one in fit.outputs:
         colour = {True: "white", False: "coloured", None: ""}[one.white]
         where = f"{one.experiment}{', held out' if one.held_out else ''}"
         rms = f"{one.rms:.3g}{'' if one.unit == '-' else ' ' + one.unit}"
-        table.add_row(one.output, _plain(one.r_squared), rms, _plain(one.theil), colour, where)
+        numbers = (_plain(one.r_squared), rms, _plain(one.theil))
+        table.add_row(where if where != told else "", one.output, *numbers, colour)
+        told = where
     return table
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+import re
+import sys
+from typing import IO, NoReturn, cast
 
 from rich.console import Console
 
@@ -18,9 +20,27 @@ class QuietConsole(Console):
         raise BrokenPipeError
 
 
+class Stripped:
+    """Standard output, on whose lines no blanks trail."""
+
+    def write(self, text: str) -> int:
+        """Whole lines, as the console writes them; the number of characters that were asked for."""
+        sys.stdout.write(re.sub(r" +$", "", text, flags=re.MULTILINE))
+        return len(text)
+
+    def flush(self) -> None:
+        """On to the reader."""
+        sys.stdout.flush()
+
+    @property
+    def encoding(self) -> str:
+        """Of standard output."""
+        return sys.stdout.encoding
+
+
 def open_console(quiet: bool = False) -> Console:
     """A console on stdout: as wide as the terminal, wide enough for every table where there is none."""
     console = QuietConsole(quiet=quiet, highlight=False)
-    if not console.is_terminal:
-        console.width = UNBOUNDED
-    return console
+    if console.is_terminal:
+        return console
+    return QuietConsole(file=cast("IO[str]", Stripped()), quiet=quiet, highlight=False, width=UNBOUNDED)

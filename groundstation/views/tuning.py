@@ -31,7 +31,7 @@ def design_heading(vehicle: FlightVehicle, design: Design) -> Text:
 def design_table(design: Design) -> RenderableType:
     """Two rows a loop, before and after: margins, bandwidth, gains."""
     numbers = (("gain margin", "right"), ("phase margin", "right"), ("crossover", "right"), ("bandwidth", "right"))
-    table = tables.plain_table(("", ""), ("", ""), *numbers, ("gains", ""))
+    table = tables.plain_table(("", tables.GROUP), ("", ""), *numbers, ("gains", tables.SENTENCES))
     for before, after in zip(design.before, design.after, strict=True):
         table.add_row(Text(before.name, style="bold"), "before", *_loop_cells(before))
         table.add_row("", "after", *_loop_cells(after))
@@ -39,7 +39,7 @@ def design_table(design: Design) -> RenderableType:
     return Group(Text(), table, *notes)
 
 
-def _loop_cells(loop: Loop) -> tuple[RenderableType, ...]:
+def _loop_cells(loop: Loop) -> tuple[str | Text, ...]:
     margins = loop.margins
     named = {key.split(".")[1]: value for key, value in loop.gains.items()}
     gains = "  ".join(f"{SHORT[name]} {value:.3g}" for name, value in named.items() if name != DESIGNED_FOR)
@@ -72,7 +72,7 @@ def _notes(design: Design) -> list[str]:
 
 def proof_table(proof: Proof) -> RenderableType:
     """The same flight with the gains before and after."""
-    table = tables.plain_table(("", ""), ("before", "right"), ("after", "right"), ("", ""))
+    table = tables.plain_table(("", ""), ("before", "right"), ("after", "right"), ("", tables.SENTENCES))
     before, after = (_flown_cells(flight) for flight in proof)
     for (label, one, note), (_, other, _) in zip(before, after, strict=True):
         table.add_row(label, one, other, Text(note, style="dim"))

@@ -32,10 +32,9 @@ def summary_line(found: Mapping[str, Sequence[Row]]) -> Text:
     return Text(f"{len(every)} figures: {', '.join(counts)}")
 
 
-def _paper_table(rows: Sequence[Row], notes: Sequence[str]) -> Table:
+def _paper_table(rows: Sequence[Row], notes: Sequence[str]) -> tables.PlainTable:
     numbers = (("published", "right"), ("ours", "right"), ("difference", "right"))
     table = tables.plain_table(("where", ""), ("figure", ""), *numbers, ("verdict", ""))
-    table.padding = (0, 2, 0, 0)
     for row in rows:
         table.add_row(*_cells(row, notes.index(row.why) + 1 if row.why else 0))
     return table

@@ -7,7 +7,7 @@ import json
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any, NamedTuple, Self
 
 from avionics.quantities import BadInput
 from logs.campaigns.flown import Row
@@ -19,8 +19,10 @@ ENDING = ".flights"
 class Journal:
     """Rows of finished flights in a file of lines, ours alone while it is open; a context manager that closes it."""
 
-    def __init__(self, path: Path, digest: str) -> None:
+    def __init__(self, path: Path, digest: str, file: Path | None = None) -> None:
         """Open the journal of the campaign with that ``digest``, or begin one; a torn last line is cut off.
+
+        ``file`` is the campaign's, for those who find the journal alone.
 
         One of another campaign that was stopped before its first flight ended holds nothing, and is begun anew.
 
@@ -40,7 +42,7 @@ class Journal:
             self._file.close()
             raise BadInput(f"{path}: another command is flying this campaign") from None
         try:
-            self._read(digest)
+            self._read(digest, file)
         except BaseException:
             self._file.close()
             raise
@@ -59,14 +61,14 @@ class Journal:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _read(self, digest: str) -> None:
+    def _read(self, digest: str, file: Path | None) -> None:
         self._file.seek(0)
         try:
             whole = self._file.read()
         except UnicodeDecodeError:
             raise _damaged(self.path) from None
         if not whole.endswith("\n"):
-            whole = whole[: whole.rfind("\n") + 1]
+            whole = _ended(whole)
             self._file.truncate(len(whole.encode()))
         head, *lines = whole.splitlines() or [""]
         begun = _parsed(self.path, head, "campaign")["campaign"] if head else None
@@ -76,7 +78,7 @@ class Journal:
                     f"{self.path} is of another campaign, or of this one before its files changed: name another --out"
                 )
             self._file.truncate(0)
-            self._write({"campaign": digest})
+            self._write({"campaign": digest} | ({} if file is None else {"file": str(file)}))
         rows = [_parsed(self.path, line, "flight") for line in lines]
         self.rows = {row["flight"]: row for row in rows}
 
@@ -87,6 +89,38 @@ class Journal:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
+
+
+class Begun(NamedTuple):
+    """What a journal tells whoever finds it alone."""
+
+    digest: str
+    file: str
+    """of the campaign, as it was given; empty where the journal does not say"""
+    rows: dict[int, Row]
+    """of finished flights, by their number"""
+
+
+def read_journal(path: Path) -> Begun:
+    """Read a journal and leave it as it is, whoever may be writing it.
+
+    Raises:
+        BadInput: it cannot be read, or is none.
+    """
+    try:
+        lines = _ended(path.read_text(encoding="utf-8")).splitlines()
+    except UnicodeDecodeError:
+        raise _damaged(path) from None
+    except OSError as error:
+        raise BadInput(f"cannot read {path}: {error.strerror}") from None
+    head = _parsed(path, lines[0], "campaign") if lines else {"campaign": ""}
+    rows = (_parsed(path, line, "flight") for line in lines[1:])
+    return Begun(head["campaign"], head.get("file", ""), {row["flight"]: row for row in rows})
+
+
+def _ended(text: str) -> str:
+    """Whole lines: a torn last one is left out."""
+    return text[: text.rfind("\n") + 1]
 
 
 def _parsed(path: Path, line: str, key: str) -> Row:

@@ -11,12 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import counted
+from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import (
+    TAILS,
     Array,
     Sensitivity,
     Spread,
     Worst,
+    alike,
     finite,
     inputs_of,
     metrics_of,
@@ -52,9 +55,11 @@ def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
     Raises:
         BadInput: the file exists or cannot be written.
     """
-    facts = (counted(table.size, "flight"), f"from {table.about.file}", table.about.title)
-    chapters = (_outcomes(table), _worst(worst), _distributions(table), _sensitivity(table))
-    return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), chapters)
+    whole = "" if table.planned is None else f"unfinished: of {counted(table.planned, 'flight')} these are flown"
+    facts = (counted(table.size, "flight"), whole, f"from {table.about.file}", table.about.title)
+    chapters = (_outcomes(table), _compared(table), _worst(table, worst), _distributions(table), _sensitivity(table))
+    told = tuple(chapter for chapter in chapters if chapter is not None)
+    return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), told)
 
 
 def shown(table: Table, name: str) -> Shown:
@@ -76,29 +81,34 @@ def _outcomes(table: Table) -> Chapter:
     return Chapter("Flights", notes, tuple(told))
 
 
-def _worst(worst: Sequence[Worst]) -> Chapter:
+def _worst(table: Table, worst: Sequence[Worst]) -> Chapter:
     rows: list[tuple[Cell, ...]] = []
     for one in worst:
         unit = METRICS[one.why].unit if one.value is not None else "-"
         value = one.value if one.value is None or unit != "rad" else math.degrees(one.value)
         named = one.why if one.value is None else f"{one.why} ({'°' if unit == 'rad' else unit})"
-        rows.append((str(one.flight), named, value, one.command))
+        rows.append((str(one.flight), named, value, flown_with(table, one.values), one.command))
     note = "Each command flies its flight again, bit for bit, and records it."
-    table = Rows(("flight", "why", "", "flown again by"), tuple(rows))
-    return Chapter("Worst flights", (note,), (table,))
+    heads = ("flight", "why", "", "flown with", "flown again by")
+    return Chapter("Worst flights", (note,), (Rows(heads, tuple(rows)),))
 
 
 def _distributions(table: Table) -> Chapter:
-    heads = ("metric", "unit", "flights", "mean", "sigma", "least", "5 %", "median", "95 %", "greatest", "")
-    rows = tuple(_spread_row(one) for one in spreads(table))
+    found = spreads(table)
+    tails = any(math.isfinite(one.low) for one in found)
+    heads = ["metric", "unit", "flights", "mean", "sigma", "least", "5 %", "median", "95 %", "greatest", ""]
+    rows = [_spread_row(one) for one in found]
+    if not tails:
+        heads, rows = [head for head in heads if "%" not in head], [(*row[:6], row[7], *row[9:]) for row in rows]
+    notes = () if tails else (f"What 5 % and 95 % of the flights lie below is told from {TAILS} flights on.",)
     plots = tuple(_histogram(table, name) for name in metrics_of(table))
-    return Chapter("Distributions", (), (Rows(heads, rows),), plots)
+    return Chapter("Distributions", notes, (Rows(tuple(heads), tuple(rows)),), plots)
 
 
 def _spread_row(one: Spread) -> tuple[Cell, ...]:
     in_degrees = one.unit == "rad"
     told = [math.degrees(value) if in_degrees else value for value in one[3:]]
-    cells = (None if math.isnan(value) else f"{value:.4g}" for value in told)
+    cells = (text or None for text in alike(told))
     return (one.name, "°" if in_degrees else one.unit, f"{one.flights}", *cells, METRICS[one.name].text)
 
 
@@ -132,7 +142,7 @@ def _sensitivity(table: Table) -> Chapter:
     found = sensitivities(table)
     if not found:
         note = "Too few flights, or no number was swept: no rank correlations."
-        return Chapter("What matters", (note,), tuple(_groups(table)))
+        return Chapter("What matters", (note,))
     strong = [one for one in found if one.beyond_chance and one.metric != "failed"]
     notes = (
         "Spearman's rank correlation of each swept number with each metric: 1 where more of one always goes with more"
@@ -142,7 +152,7 @@ def _sensitivity(table: Table) -> Chapter:
     plots = [_scatter(table, one) for one in strong[:MOST_PLOTS]]
     if any(table.columns["failed"]):
         plots = [*(_failures(table, name) for name in inputs_of(table)), *plots]
-    return Chapter("What matters", notes, (_correlations(inputs_of(table), found), *_groups(table)), tuple(plots))
+    return Chapter("What matters", notes, (_correlations(inputs_of(table), found),), tuple(plots))
 
 
 def _correlations(inputs: Sequence[str], found: Sequence[Sensitivity]) -> Rows:
@@ -159,29 +169,33 @@ def _correlation(one: Sensitivity | None) -> Cell:
     return text if one.beyond_chance else f"({text})"
 
 
-def _groups(table: Table) -> list[Rows]:
-    """A table of medians for each swept input that is words, or a grid of few numbers."""
-    found = []
-    for name in table.about.swept:
-        values = table.columns[name]
-        choices = list(dict.fromkeys(str(value) for value in values))
-        if name != "seed" and 1 < len(choices) <= REASONS and len(choices) < table.size:
-            found.append(_medians(table, name, choices))
-    return found
+def _compared(table: Table) -> Chapter | None:
+    """Medians and quartiles by the values of each grid, and in how many pairs which value was better."""
+    found = comparisons(table)
+    if not found:
+        return None
+    notes = ["Medians, and in brackets the quartiles: half of the flights lie between them."]
+    if any(one.pairs for each in found for one in each.metrics):
+        notes.append(
+            "Flights are paired that are equal in all else, gusts and draws too; * marks what is better more often"
+            " than chance makes of so many pairs."
+        )
+    return Chapter("Compared", tuple(notes), tuple(_by_value(one) for one in found))
 
 
-def _medians(table: Table, name: str, choices: Sequence[str]) -> Rows:
-    of = np.array([choices.index(str(value)) for value in table.columns[name]])
-    failed = np.array(table.columns["failed"], dtype=np.float64)
+def _by_value(one: Comparison) -> Rows:
+    paired = max((len(each.pairs) for each in one.metrics), default=0)
+    shares = (100.0 * failed / flights for failed, flights in zip(one.failed, one.flights, strict=True))
     rows: list[tuple[Cell, ...]] = [
-        ("failed (%)", *(f"{100.0 * failed[of == i].mean():.1f}" for i in range(len(choices))))
+        ("flights", *map(str, one.flights), *[None] * paired),
+        ("failed (%)", *(f"{share:.1f}" for share in shares), *[None] * paired),
     ]
-    for metric in metrics_of(table):
-        column = shown(table, metric)
-        medians = (finite(column.values[of == i]) for i in range(len(choices)))
-        cells = (f"{np.median(values):.4g}" if len(values) else None for values in medians)
-        rows.append((f"{metric} ({column.unit})" if column.unit != "-" else metric, *cells))
-    return Rows((f"median by {name}", *(choice or "none" for choice in choices)), tuple(rows))
+    for each in one.metrics:
+        named = {"rad": " (°)", "-": ""}.get(each.unit, f" ({each.unit})")
+        pairs = [told_pairs(pair) for pair in each.pairs]
+        rows.append((each.metric + named, *told_quartiles(each), *pairs, *[None] * (paired - len(pairs))))
+    heads = (f"{value} better" for value in one.values[1 : 1 + paired])
+    return Rows((f"median by {one.input}", *one.values, *heads), tuple(rows))
 
 
 def _scatter(table: Table, one: Sensitivity) -> Plot:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,10 @@ CHANCE = 3.0
 """-; a rank correlation below this over the square root of the number of flights may be chance"""
 FEWEST = 12
 """-; flights, below which nothing is said of what an input has to do with a metric"""
+TAILS = 20
+"""-; flights, below which what 5 % lie below is but the least of them"""
+DIGITS = 4
+"""-; of the largest number of a metric"""
 BY = ("hold_altitude_rms", "touchdown_sink", "estimate_altitude_rms", "bank")
 """metrics by which flights that did not fail are ordered, the first that has numbers"""
 
@@ -34,10 +38,10 @@ class Spread(NamedTuple):
     """standard deviation; NaN of a single flight"""
     least: float
     low: float
-    """5 % lie below"""
+    """5 % lie below; NaN of fewer than `TAILS` flights"""
     median: float
     high: float
-    """95 % lie below"""
+    """95 % lie below; NaN of fewer than `TAILS` flights"""
     greatest: float
 
 
@@ -66,6 +70,8 @@ class Worst(NamedTuple):
     """of the metric by which it was chosen; None for one that failed"""
     command: str
     """that flies it again"""
+    values: Mapping[str, Any]
+    """of the swept inputs and the seed: what it was flown with"""
 
 
 def numbers(table: Table, name: str) -> Array:
@@ -99,9 +105,17 @@ def spreads(table: Table) -> list[Spread]:
 
 def _spread(name: str, unit: str, values: Array) -> Spread:
     low, median, high = (float(one) for one in np.percentile(values, (5.0, 50.0, 95.0)))
+    low, high = (low, high) if len(values) >= TAILS else (math.nan, math.nan)
     sigma = float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
     mean, least, greatest = float(values.mean()), float(values.min()), float(values.max())
     return Spread(name, unit, len(values), mean, sigma, least, low, median, high, greatest)
+
+
+def alike(values: Sequence[float]) -> list[str]:
+    """Numbers of one metric with decimals in common, `DIGITS` digits of the largest; empty for NaN."""
+    largest = max((abs(one) for one in values if math.isfinite(one)), default=0.0)
+    places = max(DIGITS - 1 - math.floor(math.log10(largest)), 0) if largest else 0
+    return [f"{one:.{places}f}" if math.isfinite(one) else "" for one in values]
 
 
 def sensitivities(table: Table) -> list[Sensitivity]:
@@ -169,4 +183,5 @@ def _worst_by(table: Table, by: str, most: int) -> list[Worst]:
 def _worst(table: Table, row: int, why: str, value: float | None = None) -> Worst:
     flight = table.columns["flight"][row]
     command = f"wingbeat campaign {table.about.file} --flight {flight} --log flight-{flight}.mcap"
-    return Worst(flight, why, value, command)
+    values = {name: table.columns[name][row] for name in table.about.swept}
+    return Worst(flight, why, value, command, values)

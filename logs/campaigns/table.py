@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
-from logs.campaigns.campaign import Campaign
+from avionics.quantities import BadInput, counted
+from logs.campaigns.campaign import Campaign, load_campaign
 from logs.campaigns.flown import Row
+from logs.campaigns.journal import Begun, read_journal
 from logs.campaigns.keys import unit_of
 from logs.campaigns.metrics import METRICS
 from logs.extras import load_extra
@@ -45,6 +46,8 @@ class Table(NamedTuple):
     about: About
     columns: dict[str, list[Any]]
     units: dict[str, str]
+    planned: int | None = None
+    """-; flights of a campaign that is not flown to its end; None where it is"""
 
     @property
     def size(self) -> int:
@@ -108,6 +111,36 @@ def read_table(path: Path) -> Table:
     units = {field.name: (field.metadata or {}).get(b"unit", b"-").decode() for field in table.schema}
     found = About(**{name: known.get(name, "") for name in About._fields})
     return Table(found._replace(swept=tuple(found.swept)), table.to_pydict(), units)
+
+
+def unfinished_table(path: Path) -> Table:
+    """What is flown of the campaign whose journal lies at ``path``.
+
+    Raises:
+        BadInput: no flight has ended, the journal is none, or its campaign's file is gone or has changed.
+    """
+    begun = read_journal(path)
+    if not begun.rows:
+        raise BadInput(f"{path}: no flight of this campaign has ended yet{_going_on(begun)}")
+    told = f"{path} holds {counted(len(begun.rows), 'flight')} of a campaign that is not flown to its end"
+    try:
+        campaign = load_campaign(Path(begun.file)) if begun.file else None
+    except BadInput as error:
+        raise BadInput(f"{told}, and {error}") from None
+    if campaign is None or campaign.digest() != begun.digest:
+        why = "or a file that it names, has changed" if campaign else "goes on by the same command"
+        raise BadInput(f"{told}, whose file, {begun.file}, {why}" if campaign else f"{told}: it {why}")
+    numbers = sorted(begun.rows)
+    inputs = [campaign.values(number) for number in numbers]
+    columns: dict[str, list[Any]] = {"flight": list(numbers)}
+    columns |= {key: [values[key] for values in inputs] for key in campaign.swept}
+    columns |= {name: [begun.rows[number][name] for number in numbers] for name in _results()}
+    units = {name: _about_column(name)["unit"] for name in columns}
+    return Table(about(campaign), columns, units, campaign.size)
+
+
+def _going_on(begun: Begun) -> str:
+    return f"; wingbeat campaign {begun.file} goes on" if begun.file else ""
 
 
 def _results() -> Sequence[str]:

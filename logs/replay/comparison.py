@@ -13,6 +13,8 @@ from logs.columns import Columns
 from logs.layout import layout_of
 from logs.reader import Log
 
+LAST_BITS = 4
+"""-; times the last bit of a field's largest value, up to which a difference is one of rounding"""
 BLOCK = 2048
 """messages compared at a time"""
 
@@ -30,6 +32,8 @@ class FieldDifference(NamedTuple):
     """s; since boot, where that is"""
     rms: float
     """in its unit; over all messages compared, those with infinite differences left out"""
+    rounding: bool
+    """whether no difference is larger than a few last bits of the largest value"""
 
 
 class TopicDifference(NamedTuple):
@@ -60,6 +64,7 @@ class _Field:
         self.differing = 0
         self.largest = self.at = self.squares = 0.0
         self.finite = 0
+        self.last_bit = 0.0
 
     def take(self, told: NDArray[Any], was: NDArray[Any], times: NDArray[Any], differing: NDArray[np.bool_]) -> None:
         change = told.astype(np.float64) - was.astype(np.float64)
@@ -71,13 +76,17 @@ class _Field:
         self.squares += float(finite @ finite)
         self.finite += len(finite)
         self.differing += int(differing.sum())
+        sizes = np.abs(was[np.isfinite(was)]).astype(np.float64)
+        step = float(np.finfo(was.dtype).eps) if was.dtype.kind == "f" else 0.0
+        self.last_bit = max(self.last_bit, step * float(sizes.max(initial=0.0)))
         place = int(np.argmax(np.abs(change)))
         if abs(change[place]) > abs(self.largest):
             self.largest, self.at = float(change[place]), float(times[place])
 
     def told(self, name: str, unit: str) -> FieldDifference:
         rms = float(np.sqrt(self.squares / self.finite)) if self.finite else 0.0
-        return FieldDifference(name, unit, self.differing, self.largest, self.at, rms)
+        rounding = abs(self.largest) <= LAST_BITS * self.last_bit
+        return FieldDifference(name, unit, self.differing, self.largest, self.at, rms, rounding)
 
 
 class TopicComparison:

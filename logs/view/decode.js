@@ -53,23 +53,26 @@ function valueAt(time, values, t) {
 
 const CONDENSED = 4;
 
-// Coarser and coarser copies: each row is the least and the greatest of four rows of the one before.
+// Coarser and coarser copies: each row is the least, the greatest and the mean of four rows of the one before.
 function levels(time, low, high) {
-  const out = [{ time, low, high }];
+  const out = [{ time, low, high, mean: low === high ? low : low.map((value, n) => 0.5 * (value + high[n])) }];
   while (out.at(-1).time.length > 2000) out.push(condensed(out.at(-1)));
   return out;
 }
 
-function condensed({ time, low, high }) {
+function condensed({ time, low, high, mean }) {
   const count = Math.ceil(time.length / CONDENSED);
-  const out = { time: new Float64Array(count), low: new Float32Array(count), high: new Float32Array(count) };
+  const out = { time: new Float64Array(count) };
+  for (const name of ["low", "high", "mean"]) out[name] = new Float32Array(count);
   for (let n = 0; n < count; n++) {
     const from = n * CONDENSED, to = Math.min(from + CONDENSED, time.length);
-    let least = Infinity, greatest = -Infinity;
+    let least = Infinity, greatest = -Infinity, sum = 0, there = 0;
     for (let m = from; m < to; m++) {
       if (low[m] < least) least = low[m];
       if (high[m] > greatest) greatest = high[m];
+      if (!Number.isNaN(mean[m])) { sum += mean[m]; there++; }
     }
+    out.mean[n] = there ? sum / there : NaN;
     out.time[n] = time[(from + to) >> 1 < time.length ? (from + to) >> 1 : from];
     out.low[n] = least <= greatest ? least : NaN;
     out.high[n] = least <= greatest ? greatest : NaN;

@@ -47,13 +47,7 @@ class Page {
     this.listen();
     if (this.scene) this.legend(); else element("space").hidden = true;
     this.resize();
-    this.go(this.opening());
-  }
-
-  // In flight, where there is most to see.
-  opening() {
-    const climb = this.flight.stages.find(([, , label]) => label === "climb out");
-    return climb ? Math.min(climb[0] + 1, this.flight.end) : this.flight.start;
+    this.go(this.flight.start);
   }
 
   head() {
@@ -160,6 +154,7 @@ class Page {
     this.scene.show(this.time);
     const { place } = this.scene.pose, far = this.scene.enlarged > 1.05;
     const lines = ["east", "north", "up"].map((name, k) => `${name} ${signed(place[k].toFixed(1))} m`);
+    lines[2] += this.flight.missing.includes("truth") ? " from the place of boot" : " from the ground";
     element("reading").textContent = [this.doing(), ...lines].filter(Boolean).join("\n");
     const larger = far ? `, bird drawn ${Number(this.scene.enlarged.toPrecision(2))} times its size` : "";
     this.words.textContent = `grid ${this.scene.step} m${larger}`;

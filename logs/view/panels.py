@@ -32,6 +32,8 @@ class Line(NamedTuple):
     topic: Topic
     field: str
     """of the topic, or ``roll``, ``pitch``, ``yaw``, ``altitude`` of the truth"""
+    averaged: bool = False
+    """whether it is the mean since the message before, which in a stroke is another over 5 ms than over 10 ms"""
 
 
 class Panel(NamedTuple):
@@ -65,7 +67,7 @@ PANELS: tuple[Panel, ...] = (
         Line("course setpoint", "setpoint", NAV, "heading_setpoint"),
         Line("estimate", "estimate", topics.ATTITUDE, "yaw"),
     ), wraps=True),
-    Panel("Altitude", "m", 1.0, 1.0, (
+    Panel("Altitude above the place of boot", "m", 1.0, 1.0, (
         Line("truth", "truth", TRUTH, "altitude"),
         Line("setpoint", "setpoint", NAV, "altitude_setpoint"),
         Line("estimate", "estimate", topics.ALTITUDE, "altitude"),
@@ -80,8 +82,8 @@ PANELS: tuple[Panel, ...] = (
         Line("measured", "estimate", topics.WING, "frequency"),
     )),
     Panel("Power", "W", 1.0, 1.0, (
-        Line("truth", "truth", truth_topics.WING, "electrical_power"),
-        Line("measured", "estimate", topics.POWER, "power"),
+        Line("truth", "truth", truth_topics.WING, "electrical_power", True),
+        Line("measured", "estimate", topics.POWER, "power", True),
     )),
     Panel("Voltage", "V", 1.0, 0.2, (Line("measured", "estimate", topics.POWER, "voltage"),)),
     Panel("Battery", "%", 100.0, 2.0, (Line("remaining", "estimate", topics.POWER, "battery_remaining"),)),
@@ -128,7 +130,14 @@ class Series:
         envelope, time = found
         low = self._packer.add(factor * envelope.low[line.field])
         high = None if envelope.high is None else self._packer.add(factor * envelope.high[line.field])
-        return {"name": line.name, "style": line.style, "time": time, "low": low, "high": high}
+        return {"name": self._named(line), "style": line.style, "time": time, "low": low, "high": high}
+
+    def _named(self, line: Line) -> str:
+        """With the time of the mean, where a simulated flight has two of them beside each other."""
+        periods = np.diff(self._tables[line.topic.name].time)
+        if not line.averaged or truth_topics.WING.name not in self._tables or not len(periods):
+            return line.name
+        return f"{line.name}, mean of {1e3 * float(np.median(periods)):.0f} ms"
 
     def _thinned(self, topic: str) -> tuple[Envelope, dict[str, float]] | None:
         table = plotted(self._tables, topic) if topic not in self._thin else None

@@ -2,6 +2,7 @@
 
 const BAND_COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#b8a800"];
 const STYLES = { truth: [2.4, []], setpoint: [1.5, [5, 3]], estimate: [1.3, []], left: [2.6, []], right: [1.2, []] };
+const TALL = 0.15, DENSE = 0.15, MEAN_OVER = 0.5;
 const MARGIN = 6, LEAST_TALL = 38, MOST_TALL = 150, NARROW_TALL = 84;
 
 class Plots {
@@ -253,7 +254,8 @@ class Plots {
     context.restore();
     this.labels(context, spaced(scale).map((value) => [scale.text(value), scale.y(value), 1]));
     this.clip(context, width, height);
-    for (const line of shown) this.drawLine(context, line, scale, panel.wraps);
+    const dense = !panel.wraps && shown.some(({ rows }) => tallShare(rows, scale, TALL * height) > DENSE);
+    for (const line of shown) (dense ? this.drawEnvelope : this.drawLine).call(this, context, line, scale, panel.wraps);
     context.restore();
   }
 
@@ -305,6 +307,35 @@ class Plots {
     context.globalAlpha = 1;
   }
 
+  // Strokes too many to be told apart: from least to greatest a shade, and on it the mean over some of them.
+  drawEnvelope(context, { rows, style }, scale) {
+    const { time, low, high, from, to } = rows, smooth = running(rows, MEAN_OVER);
+    context.fillStyle = context.strokeStyle = this.colors[style];
+    context.globalAlpha = 0.22;
+    for (let n = from; n <= to; n++) {
+      if (Number.isNaN(low[n])) continue;
+      const first = n;
+      while (n < to && !Number.isNaN(low[n + 1])) n++;
+      context.beginPath();
+      for (let m = first; m <= n; m++) context.lineTo(this.x(time[m]), scale.y(high[m]));
+      for (let m = n; m >= first; m--) context.lineTo(this.x(time[m]), scale.y(low[m]));
+      context.fill();
+    }
+    context.globalAlpha = 1;
+    context.lineWidth = STYLES[style][0];
+    context.setLineDash(STYLES[style][1]);
+    context.beginPath();
+    let pen = false;
+    for (let n = from; n <= to; n++) {
+      if (Number.isNaN(low[n])) { pen = false; continue; }
+      if (pen) context.lineTo(this.x(time[n]), scale.y(smooth[n - from]));
+      else context.moveTo(this.x(time[n]), scale.y(smooth[n - from]));
+      pen = true;
+    }
+    context.stroke();
+    context.setLineDash([]);
+  }
+
   drawAxis() {
     const { context, width } = sized(this.axis);
     context.clearRect(0, 0, width, 40);
@@ -331,6 +362,33 @@ function visible(line, [from, to], width) {
   }) || line.levels.at(-1);
   const [a, b] = inside(found);
   return { ...found, from: a, to: b };
+}
+
+// The share of its rows that are taller than so many px: none where every sample is drawn.
+function tallShare({ low, high, from, to }, { y }, least) {
+  let tall = 0, there = 0;
+  for (let n = from; n <= to; n++) {
+    if (Number.isNaN(low[n])) continue;
+    if (y(low[n]) - y(high[n]) > least) tall++;
+    there++;
+  }
+  return there ? tall / there : 0;
+}
+
+// Mean over some seconds about each row that is drawn.
+function running({ time, mean, from, to }, seconds) {
+  const out = new Float64Array(to - from + 1);
+  let first = from, next = from, sum = 0, there = 0;
+  for (let n = from; n <= to; n++) {
+    for (; next <= to && time[next] <= time[n] + 0.5 * seconds; next++) {
+      if (!Number.isNaN(mean[next])) { sum += mean[next]; there++; }
+    }
+    for (; time[first] < time[n] - 0.5 * seconds; first++) {
+      if (!Number.isNaN(mean[first])) { sum -= mean[first]; there--; }
+    }
+    out[n - from] = there ? sum / there : NaN;
+  }
+  return out;
 }
 
 // From the least to the greatest value with a little room, and never less than the span.

@@ -91,6 +91,17 @@ def test_measured_power_is_kept_over_volts_times_amperes() -> None:
     assert state.power == 13.5
 
 
+def test_supply_and_power_are_means_over_the_same_time_and_multiply() -> None:
+    """At 3.2 times the stroke each message is of another phase: 8.27 V, 0.95 A beside a mean of 32 W."""
+    state = heard(
+        mavlink.MAVLink_wingbeat_power_message(1000, 8.27, 0.95, 7.9, 100.0, 800.0, 2.0, 0.9),
+        mavlink.MAVLink_wingbeat_power_message(1500, 8.27, 0.95, 7.9, 102.0, 816.0, 2.0, 0.9),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 8270, 95, 90, 0, 0, 0, 0, 0, 0),
+    )
+    assert (state.voltage, state.current, state.power) == pytest.approx((8.0, 4.0, 32.0))
+    assert state.battery_remaining == 0.9
+
+
 def test_unknown_supply_stays_unknown() -> None:
     state = heard(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0))
     assert state.voltage is None and state.current is None and state.battery_remaining is None

@@ -25,11 +25,11 @@ from avionics import topics
 from avionics.quantities import BadInput
 from avionics.topics import Topic
 from logs.export import csv_header, export_csv, export_npz
-from logs.info import flown_in, summary
+from logs.info import flown_in, summary, topic_row
 from logs.join import join
 from logs.names import JOINED, PARTS, new_recording, reserved
 from logs.placing import claim, draft, held
-from logs.reader import open_log
+from logs.reader import TopicInfo, open_log
 from sim_bridge import topics as truth_topics
 
 # --- join -----------------------------------------------------------------------------------------------
@@ -206,6 +206,19 @@ def test_summary_measures_rates_and_gaps(tmp_path: Path) -> None:
     assert rows["/system/events"]["rate"] is None and rows["/system/events"]["messages"] == 2
     assert [event["time"] for event in found["events"]] == [1.0, 2.0]
     assert found["attachments"] == [{"name": "vehicle.toml", "media_type": "application/toml", "bytes": 15}]
+
+
+def topic_info(messages: int) -> TopicInfo:
+    return TopicInfo("/ulg/controls", 1, "controls", "protobuf", messages, None, None, None)
+
+
+def test_messages_that_come_at_one_and_two_periods_in_turn_have_no_gaps() -> None:
+    """As PX4 logs its actuator controls: jitter, and one real gap."""
+    times = np.cumsum([0.0025, 0.005, 0.0025, 0.0025, 0.005] * 200 + [0.16, 0.0025, 0.005])
+    row = topic_row(topic_info(len(times)), times)
+    assert (row["gaps"], row["longest_gap"]) == (1, pytest.approx(0.16))
+    lost = np.delete(np.arange(1000) * 0.005, np.arange(5, 995, 10))
+    assert topic_row(topic_info(len(lost)), lost)["gaps"] == 99
 
 
 def test_summary_of_a_log_with_one_message(tmp_path: Path) -> None:

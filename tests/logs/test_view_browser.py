@@ -107,9 +107,27 @@ def test_the_slider_moves_the_cursor_the_bird_and_the_readings(browser: Browser,
     before, after = slid(5.0), slid(12.06)
     assert after[0] > before[0] + 100.0
     assert all(a != b for a, b in zip(before, after, strict=True))
-    assert after[2].startswith("00:12.1") and "up 7.5 m" in after[3]
+    assert after[2].startswith("00:12.1") and "up 7.5 m from the ground" in after[3]
     wing = browser.value("page.scene.pose.flap[0]")
     assert wing == pytest.approx(0.6 * 0.998, abs=0.01)  # an upward stroke's end
+
+
+def test_the_page_opens_at_the_start_of_the_flight(browser: Browser, whole: Path) -> None:
+    shown(browser, whole)
+    assert browser.value("page.time") == browser.value("page.flight.start")
+
+
+def test_strokes_too_many_to_be_told_apart_are_a_shade_with_their_mean(browser: Browser, whole: Path) -> None:
+    """A stroke of ±40 at 4 Hz about 10, 100 s of it on 500 px; zoomed in it is a line again."""
+    shown(browser, whole)
+    values = "Float32Array.from(time, (t) => 10 + 40 * Math.sin(8 * Math.PI * t))"
+    made = f"const time = Float64Array.from({{ length: 20000 }}, (_, n) => 0.005 * n), low = {values};"
+    seen = f"""(([from, to]) => {{ {made} const line = {{ levels: levels(time, low, low) }};
+        const rows = visible(line, [from, to], 500), smooth = running(rows, 0.5);
+        return [tallShare(rows, {{ y: (v) => 100 - v }}, 15), ...smooth.slice(2, -2)]; }})"""
+    share, *means = browser.value(f"{seen}([0, 100])")
+    assert share > 0.9 and means == pytest.approx([10.0] * len(means), abs=6.0)
+    assert browser.value(f"{seen}([50, 51])")[0] == 0.0
 
 
 def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browser, whole: Path) -> None:
@@ -196,7 +214,7 @@ def test_a_log_without_truth_and_wings_is_shown_and_says_so(browser: Browser, tm
     words = browser.value("missing.textContent")
     assert "truth" in words and "wing angles" in words
     titles = browser.value("[...document.querySelectorAll('.title b')].map(title => title.textContent)")
-    assert "Altitude [m]" in titles and not any("Wing" in title for title in titles)
+    assert "Altitude above the place of boot [m]" in titles and not any("Wing" in title for title in titles)
 
 
 def test_a_log_without_an_attitude_has_plots_alone(browser: Browser, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from logs.view import tables as view_tables
 from logs.view.motion import Motion, motion_of
 from logs.view.packing import ABSENT, Packer
 from logs.view.page import write_page
-from logs.view.panels import PANELS, bands
+from logs.view.panels import PANELS, Series, bands
 from logs.view.tables import Tables, read_tables
 from logs.view.thinning import thinned
 from sim_bridge import topics as truth_topics
@@ -261,11 +261,18 @@ def test_a_page_brings_everything_with_it(tmp_path: Path) -> None:
     assert document["shape"]["semispan"] > 0.1
 
 
+def test_true_and_measured_power_say_over_which_time_they_are_means(tmp_path: Path) -> None:
+    with open_log(flown(tmp_path / "a.mcap", messages(5.0))) as log:
+        found = Series(read_tables(log), Packer()).panels()
+    power = next(panel for panel in found if panel["title"] == "Power")
+    assert [line["name"] for line in power["lines"]] == ["truth, mean of 5 ms", "measured, mean of 10 ms"]
+
+
 def test_a_real_aircrafts_page_says_what_its_log_lacks(tmp_path: Path) -> None:
     chosen = (topics.ATTITUDE, topics.ALTITUDE, topics.POSITION)
     with open_log(flown(tmp_path / "a.mcap", messages(5.0, chosen))) as log:
         page = write_page(log, tmp_path / "a.html")
-    assert page.panels == ["Roll", "Pitch", "Yaw", "Altitude"]
+    assert page.panels == ["Roll", "Pitch", "Yaw", "Altitude above the place of boot"]
     assert page.missing[0] == "truth" and {"airspeed", "power", "battery", "modes"} <= set(page.missing)
     assert sum("wing" in words for words in page.missing) == 1
 

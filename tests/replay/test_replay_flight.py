@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from replayed import later_part, record_flight
 
@@ -12,9 +13,10 @@ from avionics import topics
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
-from groundstation.command import main
+from groundstation.command import main, replay
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from logs.replay import comparison
 from logs.replay.flight import changed, replay_flight
 from logs.replay.recorded_flight import recorded_flight, recorded_mission
 
@@ -75,6 +77,16 @@ def test_with_another_gain_it_says_where_and_by_how_much_it_differs(flown: Path)
     assert pitch.first is not None and pitch.recorded == pitch.replayed
     assert all(field.differing > 0 and field.rms <= abs(field.largest) for field in pitch.fields)
     assert topics.ATTITUDE.name not in differing, "the sensors were as they were"
+
+
+@pytest.mark.parametrize(("largest", "rounding"), [(2.0**-54, True), (1e-12, False)])
+def test_a_difference_in_the_last_bits_is_told_from_one_that_means_something(largest: float, rounding: bool) -> None:
+    was = np.linspace(-0.2, 0.2, 11)
+    field = comparison._Field()
+    field.take(was + largest * (np.arange(11) == 10), was, np.arange(11.0), np.arange(11) == 10)
+    told = field.told("pitch", "rad")
+    assert told.rounding is rounding and told.largest > 0.0
+    assert ("in the last bits alone" in replay._told(told)) is rounding
 
 
 def test_another_gain_holds_from_a_snapshot_on(flown: Path) -> None:

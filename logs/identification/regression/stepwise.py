@@ -168,7 +168,7 @@ def _accepted(pool: _Pool, chosen: tuple[int, ...], trial: tuple[int, ...], test
     before, after = (statistics_of(pool.candidates.system, columns) for columns in (chosen, trial))
     gain = after.r_squared - before.r_squared
     if gain < pool.rules.least_gain:
-        return False, f"R2 would rise by {gain:.2g} only"
+        return False, f"R^2 would rise by {gain:.2g} only"
     if pool.rules.stop == "F":
         level = pool.rules.significance / (len(pool.candidates.names) - len(chosen))
         return test.probability < level, f"probability of its F by chance {test.probability:.2g}, limit {level:.2g}"

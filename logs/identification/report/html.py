@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
@@ -13,6 +14,8 @@ from logs.identification.report.svg import NARROW, WIDE, drawn
 from logs.identification.report.words import meaning, number, rich, symbol, unit
 
 FOLDER = Path(__file__).parent
+NUMERIC = re.compile(r"(in )?\(?[-+−]?\d+(\.\d+)?(e[-+−]?\d+)?\)?( ?[%°*]| of \d+( \*)?| \(.* to .*\))?|")
+"""a number in words: 12, (−0.31), 0.58 (0.44 to 0.71), in 15 of 26"""
 OF_ONE_SIZE = 20.0
 """-; the largest number of a column over the least, up to which they have decimals in common"""
 BAR_WIDTH, BAR_HEIGHT = 240.0, 18.0
@@ -51,8 +54,7 @@ def _chapter(chapter: Chapter, level: int) -> str:
 def _table(table: Table) -> str:
     caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
     right = [
-        all(isinstance(row[i], float | None) for row in table.rows) and bool(table.rows)
-        for i in range(len(table.columns))
+        all(map(_is_number, (row[i] for row in table.rows))) and bool(table.rows) for i in range(len(table.columns))
     ]
     heads = "".join(
         f"<th{_right(numeric)}>{html.escape(column)}</th>"
@@ -69,6 +71,11 @@ def _table(table: Table) -> str:
         for row in table.rows
     )
     return f'<div class="wide"><table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def _is_number(cell: Cell) -> bool:
+    """Whether a cell stands to the right: a number, one in words, or nothing."""
+    return not isinstance(cell, str) or NUMERIC.fullmatch(cell) is not None
 
 
 def _right(numeric: bool) -> str:
@@ -122,6 +129,7 @@ def _intervals(plot: Intervals) -> str:
         if any(bar.label != name for bar in bars):
             rows.append(f'<tr><th class="group" colspan="{7 if known else 6}">{_heading(name)}</th></tr>')
         rows += [_bar(bar, scale, name, known) for bar in bars]
+        rows.append(_scale_row(scale, known))
     heads = ["", "estimate", "95 % interval", "", *(["true"] if known else []), "unit", ""]
     sides = ("", "number", "number", "", *(("number",) if known else ()), "", "")
     head = "".join(f'<th class="{side}">{text}</th>' for text, side in zip(heads, sides, strict=True))
@@ -149,6 +157,14 @@ def _scale(bars: list[Bar]) -> tuple[float, float]:
     low, high = min(values, default=0.0), max(values, default=1.0)
     margin = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     return low - margin, high + margin
+
+
+def _scale_row(scale: tuple[float, float], known: bool) -> str:
+    """Numbers below the pictures of a group, where they begin and end."""
+    step = 0.05 * (scale[1] - scale[0])
+    ends = "".join(f"<span>{number(one, step)}</span>" for one in scale)
+    behind = "<td></td>" * (3 if known else 2)
+    return f'<tr class="scale"><td></td><td></td><td></td><td><div>{ends}</div></td>{behind}</tr>'
 
 
 def _bar(bar: Bar, scale: tuple[float, float], name: str, known: bool) -> str:

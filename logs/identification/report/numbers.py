@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
@@ -34,6 +35,10 @@ POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary 
 """Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
 
 
+FOLLOWS = re.compile(r"_(period|(time|cycles)_to_\w+)$")
+"""names of what follows from a mode's frequency and damping"""
+DECADE = 10.0
+"""-; the upper end of an interval over the lower, above which such a number is not told"""
 THEIL = ("coefficient", "bias", "variance", "covariance")
 """of `accuracy.theil.Theil`, in the JSON document"""
 
@@ -226,7 +231,9 @@ def rows(result: Identification) -> tuple[Row, ...]:
         table += [Row(path.method, "taken", "", None, None, note) for note in path.notes]
     for mode in result.modes.modes if result.modes else ():
         for pair in (mode.of_kind(kind) for kind in KINDS):
-            table += _estimate_rows(mode.method, () if pair is None else pair.estimates, result.truths, "")
+            sure, wide = determined(() if pair is None else pair.estimates)
+            table += _estimate_rows(mode.method, sure, result.truths, "")
+            table += [Row(mode.method, one.name, "", None, None, f"not determined: {one.reason}") for one in wide]
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
@@ -234,6 +241,23 @@ def rows(result: Identification) -> tuple[Row, ...]:
         table += [] if tried is None else [Row("modes", "held out", "", None, None, tried.statement)]
         table += [Row("modes", "taken", "", None, None, note) for note in result.modes.notes]
     return (*table, *_refusals("", result.missing))
+
+
+def determined(found: Sequence[Estimate]) -> tuple[list[Estimate], list[Unidentified]]:
+    """A mode's numbers, and those that follow from its frequency and damping and that these leave open.
+
+    Where the damping may be next to none, a time to half may be anything: more than a decade says nothing.
+    """
+    told: list[Estimate] = []
+    wide: list[Unidentified] = []
+    for one in found:
+        if FOLLOWS.search(one.name) and one.high > DECADE * one.low:
+            unit = "" if one.unit == "-" else f" {one.unit}"
+            bounds = f"{one.low:.2g} to {one.high:.3g}{unit}"
+            wide.append(Unidentified(one.name, f"the data allow {bounds}"))
+        else:
+            told.append(one)
+    return told, wide
 
 
 def _estimate_rows(subject: str, found: Iterable[Estimate], truths: Mapping[str, float], prefix: str) -> list[Row]:

@@ -28,7 +28,7 @@ from logs.identification.report.fits import (
 )
 from logs.identification.report.html import page
 from logs.identification.report.markers import markers_chapter
-from logs.identification.report.numbers import POWER_TRUTH, Identification
+from logs.identification.report.numbers import POWER_TRUTH, Identification, determined
 from logs.identification.report.numbers import rows as all_rows
 from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
@@ -145,9 +145,9 @@ def _findings(found: Identification) -> Chapter:
     shown = _shown(found.modes)
     for kind in KINDS if shown else ():
         pair = shown.of_kind(kind) if shown else None
-        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (pair.estimates if pair else ())]
-    if found.torque is not None:
-        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in found.torque.estimates]
+        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in determined(pair.estimates if pair else ())[0]]
+    for drive, prefix in ((found.torque, ""), (found.power, "power."), (found.load, ""), (found.frequency, "")):
+        bars += [Bar(e.name, e, found.truths.get(prefix + e.name)) for e in (drive.estimates if drive else ())]
     bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (found.path.fitted.estimates if found.path else ())]
     for model in found.aero.models if found.aero else ():
         bars += [Bar(e.name, e, found.truths.get(e.name)) for e in model.estimates]
@@ -236,22 +236,23 @@ def _degrees(angle: Array) -> Array:
 
 def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
     """Every number by every method below each other, and whether the methods agree."""
-    parts = []
+    parts, open_ones = [], list[tuple[str, str, str]]()
     for kind in KINDS:
         pairs = [(mode.method, pair) for mode in result.modes if (pair := mode.of_kind(kind)) is not None]
+        told = [(method, *determined(pair.estimates)) for method, pair in pairs]
+        open_ones += [(method, one.name.replace("_", " "), one.reason) for method, _, wide in told for one in wide]
         names = dict.fromkeys(e.name for _, pair in pairs for e in pair.estimates)
         bars = tuple(
             Bar(method, e, truths.get(name))
             for name in names
-            for method, pair in pairs
-            for e in pair.estimates
+            for method, estimates, _ in told
+            for e in estimates
             if e.name == name
         )
         if bars:
             parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=(Intervals("", bars),)))
-    rows = tuple(
-        (mode.method, one.name.replace("_", " "), one.reason) for mode in result.modes for one in mode.unidentified
-    )
+    refused = [(mode.method, one) for mode in result.modes for one in mode.unidentified]
+    rows = (*((method, one.name.replace("_", " "), one.reason) for method, one in refused), *open_ones)
     tables = (Table(("method", "not identified", "why"), rows),) if rows else ()
     return Chapter("Modes", (sentence(result.statement),), tables, parts=tuple(parts))
 

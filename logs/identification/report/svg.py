@@ -71,14 +71,20 @@ def drawn(plot: Plot, size: Size) -> str:
 
 
 def axis(low: float, high: float, start: float, end: float, about: int) -> Axis:
-    """An axis over [``low``, ``high``] with ``about`` so many round numbers on it."""
+    """An axis over [``low``, ``high``] with about so many round numbers on it, no fewer than one less."""
     if high - low <= 1e-9 * max(abs(high), abs(low), 1e-12):
         margin = 0.5 * abs(high) or 1.0
         low, high = low - margin, high + margin
     step = round_step((high - low) / about)
-    first = math.ceil(low / step - 1e-9)
-    ticks = tuple(k * step for k in range(first, math.floor(high / step + 1e-9) + 1))
+    while len(ticks := _ticks(low, high, step)) < about - 1:
+        step = round_step(0.4 * step)
     return Axis(low, high, start, end, ticks)
+
+
+def _ticks(low: float, high: float, step: float) -> tuple[float, ...]:
+    """Multiples of ``step`` in [``low``, ``high``]."""
+    first = math.ceil(low / step - 1e-9)
+    return tuple(k * step for k in range(first, math.floor(high / step + 1e-9) + 1))
 
 
 def round_step(step: float) -> float:
@@ -91,7 +97,8 @@ def written(value: float, step: float) -> str:
     """A tick's number with the digits that its ``step`` needs."""
     if value == 0.0 or abs(value) < 1e-9 * step:
         return "0"
-    if not 1e-3 <= step < 1e5 or abs(value) >= 1e6:
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(step) + 1e-9) + 1
+    if abs(value) >= 1e6 or step >= 1e5 or (step < 1e-3 and digits <= 3):
         mantissa, _, exponent = f"{value:.3g}".partition("e")
         return f"{mantissa}e{int(exponent)}" if exponent else mantissa
     return f"{value:.{max(0, -math.floor(math.log10(step) + 1e-9))}f}".replace("-", "−")

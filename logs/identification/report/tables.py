@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,10 +19,11 @@ from logs.identification.report.fits import (
     residuals_chapter,
     validation_chapter,
 )
+from logs.identification.report.numbers import determined
 from logs.identification.report.report import model_chapter, modes_chapter, write_page
 from logs.identification.report.steps import step_table
-from logs.identification.report.words import sentence, unit
-from logs.identification.results import Estimate
+from logs.identification.report.words import number, sentence, unit
+from logs.identification.results import Estimate, Fitted
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.telling import heading
@@ -64,7 +66,7 @@ def table_chapters(sources: tuple[Source, ...], found: TableIdentification) -> t
         _findings(found),
         _data(sources, found),
         modes_chapter(found.modes, {}) if found.modes is not None else None,
-        model_chapter(fits, None)._replace(tables=_constants(found)) if fits else None,
+        _model(found, fits),
         _parameters(found),
         *(chapter for fit in found.fits for chapter in fit.chapters),
         _steps(found),
@@ -76,22 +78,42 @@ def table_chapters(sources: tuple[Source, ...], found: TableIdentification) -> t
     return tuple(chapter for chapter in told if chapter is not None)
 
 
+def _model(found: TableIdentification, fits: tuple[Fitted, ...]) -> Chapter | None:
+    """Equations, what the map holds in them, and the constants."""
+    if not fits:
+        return None
+    held = {fit.fitted.equations: _held(fit) for fit in found.fits}
+    whole = model_chapter(fits, None)
+    parts = tuple(part._replace(notes=(*part.notes, *held[part.notes])) for part in whole.parts)
+    return whole._replace(tables=_constants(found), parts=parts)
+
+
+def _held(fit: TableFit) -> tuple[str, ...]:
+    """What is not estimated, so that who reads the equations knows which of their terms are there."""
+    known = {one.name for one in fit.fitted.estimates}
+    named = re.findall(r"\b[A-Z]_(?:dot_)?\w+", " ".join(fit.fitted.equations)) if fit.model and known else []
+    held = {name: 0.0 for name in named if name not in known} | dict(fit.fixed)
+    if not held:
+        return ()
+    told = ", ".join(f"{name} = {number(value)}" for name, value in held.items())
+    return (f"Held, not estimated: {told}.",)
+
+
 def _noted(chapter: Chapter | None, note: str) -> Chapter | None:
     return None if chapter is None else chapter._replace(notes=(note,))
 
 
 def _findings(found: TableIdentification) -> Chapter:
-    """What a reader wants to know first: the modes by the first method that has them, else the fits' numbers."""
+    """What a reader wants to know first: the modes by the first method that has them, and every fit's numbers."""
     notes = [sentence(f"{heading(fit)}: {fit.failure or _extent(fit)}") for fit in found.fits]
     bars: tuple[Bar, ...] = ()
     if found.modes is not None:
         pairs = [(mode.method, pair) for mode in found.modes.modes for k in KINDS if (pair := mode.of_kind(k))]
         first = pairs[0][0] if pairs else ""
-        bars = tuple(Bar(e.name, e) for method, pair in pairs if method == first for e in pair.estimates)
+        estimates = [e for method, pair in pairs if method == first for e in determined(pair.estimates)[0]]
+        bars = tuple(Bar(e.name, e) for e in estimates)
         notes.append(f"Modes by {first}; {found.modes.statement}." if pairs else sentence(found.modes.statement))
-    parts: tuple[Chapter, ...] = ()
-    if not bars:
-        parts = tuple(_numbers(fit.fitted.method, fit.fitted.estimates) for fit in found.fits if fit.fitted.estimates)
+    parts = tuple(_numbers(fit.fitted.method, fit.fitted.estimates) for fit in found.fits if fit.fitted.estimates)
     notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
     return Chapter("Findings", tuple(notes), plots=(Intervals("", bars),) if bars else (), parts=parts)
 
@@ -178,9 +200,10 @@ def _parameters(found: TableIdentification) -> Chapter | None:
 
 def _search(fit: TableFit) -> tuple[Table, ...]:
     values = {one.name: one.value for one in fit.fitted.estimates}
-    rows = [(name, start, values[name], "found") for name, start in fit.starts.items() if name in values]
+    rows = [(name, start, values[name], "estimated") for name, start in fit.starts.items() if name in values]
     rows += [(name, value, value, "held by the map") for name, value in fit.fixed.items()]
-    return (Table(("parameter", "start", "end", ""), tuple(rows), "Where the search began."),) if rows else ()
+    told = "Where the search began: by the map, or where it names none by the data."
+    return (Table(("parameter", "start", "end", "the end is"), tuple(rows), told),) if rows else ()
 
 
 def _steps(found: TableIdentification) -> Chapter | None:

@@ -108,6 +108,8 @@ def sentence(clause: str) -> str:
 def symbol(name: str) -> str:
     """A name as HTML: ``X_delta`` with its subscript, ``C_L_v_z*omega_y`` by its term, ``dead_zone`` as words."""
     head, _, rest = name.partition("_")
+    if name == "short_period_period":
+        return "period of the short period mode"
     if head in ("bias", "scale") and rest:
         return f"{head} of {symbol(rest)}"
     if rest == "dot":

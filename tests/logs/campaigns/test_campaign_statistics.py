@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ import pytest
 from scipy import stats
 
 from avionics.quantities import BadInput
+from logs.campaigns.comparison import comparisons
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.page import write
-from logs.campaigns.statistics import chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
+from logs.campaigns.statistics import alike, chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
 from logs.campaigns.table import OWN, About, Table
 
 FLIGHTS = 60
@@ -83,6 +85,64 @@ def test_a_metric_that_nobody_has_is_refused() -> None:
     assert chosen_metric(table(), None) == "touchdown_sink"
     with pytest.raises(BadInput, match="metrics: power, touchdown_sink"):
         chosen_metric(table(), "hold_altitude_rms")
+
+
+def grid_table() -> Table:
+    """Gains of 1, 2 and 10 in the same twenty winds: 2 holds better than 1 in all but two, 10 worse in all."""
+    made, third = table(), FLIGHTS // 3
+    error = {1.0: 0.5 + 0.1 * WIND[:third], 2.0: 0.4 + 0.1 * WIND[:third], 10.0: 0.9 + 0.1 * WIND[:third]}
+    error[2.0][:2] += 0.2
+    columns = made.columns | {
+        "scale.gains.pitch.damping": np.repeat([10.0, 1.0, 2.0], third).tolist(),
+        "wind.speed": np.tile(WIND[:third], 3).tolist(),
+        "seed": [*range(third)] * 3,
+        "power": [None, *POWER.tolist()[1:]],
+        "hold_altitude_rms": np.concatenate([error[10.0], error[1.0], error[2.0]]).tolist(),
+    }
+    swept = ("scale.gains.pitch.damping", "wind.speed", "seed")
+    return made._replace(about=made.about._replace(swept=swept), columns=columns)
+
+
+def test_the_values_of_a_grid_are_compared_in_pairs_of_the_same_gusts() -> None:
+    (told,) = comparisons(grid_table())
+    assert (told.input, told.values, told.flights) == ("scale.gains.pitch.damping", ("1", "2", "10"), (20, 20, 20))
+    assert sum(told.failed) == 5
+    hold = next(one for one in told.metrics if one.metric == "hold_altitude_rms")
+    expected = np.percentile(0.5 + 0.1 * WIND[:20], (25, 50, 75))
+    assert hold.groups[0][1:] == pytest.approx(tuple(expected))
+    assert [(one.value, one.first, one.pairs, one.better, one.worse) for one in hold.pairs] == [
+        ("2", "1", 20, 18, 2),
+        ("10", "1", 20, 0, 20),
+    ]
+    assert [one.beyond_chance for one in hold.pairs] == [True, True]
+    power = next(one for one in told.metrics if one.metric == "power")
+    assert [one.pairs for one in power.pairs] == [20, 19]
+
+
+def test_words_are_compared_without_pairs_and_drawn_numbers_not_at_all() -> None:
+    (told,) = comparisons(table())
+    assert (told.input, told.values) == ("mission", ("circuit", "triangle"))
+    assert all(not one.pairs for one in told.metrics)
+
+
+def test_below_twenty_flights_the_tails_are_not_told() -> None:
+    made = table()
+    few = made._replace(columns={name: values[:19] for name, values in made.columns.items()})
+    assert all(math.isnan(one.low) and math.isnan(one.high) for one in spreads(few))
+    assert all(one.low < one.median < one.high for one in spreads(made))
+
+
+def test_numbers_of_a_metric_have_decimals_in_common() -> None:
+    assert alike([0.41771, 0.5, 12.3456, math.nan]) == ["0.42", "0.50", "12.35", ""]
+    assert alike([1234.5, 3.0]) == ["1234", "3"]
+
+
+def test_the_page_compares_a_grid_and_tells_what_the_worst_were_flown_with(tmp_path: Path) -> None:
+    made = grid_table()
+    write(tmp_path / "page.html", made, worst(made, "hold_altitude_rms", 1))
+    text = (tmp_path / "page.html").read_text()
+    assert "median by scale.gains.pitch.damping" in text and "in 18 of 20 *" in text and "2 better" in text
+    assert "scale.gains.pitch.damping 10, wind.speed" in text
 
 
 def test_where_words_alone_were_swept_the_page_still_compares_them(tmp_path: Path) -> None:

@@ -7,11 +7,14 @@ import sys
 import numpy as np
 import pytest
 
+from logs.identification.chapter import Chapter
 from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.orthogonal import orthogonal_regression, orthogonalised
 from logs.identification.regression.stepwise import Rules, stepwise_regression
 from logs.identification.regression.terms import pool
+from logs.identification.report.html import page
+from logs.identification.report.steps import step_table
 from tests.logs.identification.coloured_noise import flown, noise
 
 CANDIDATES = pool(("alpha", "q", "delta"), 2)
@@ -168,3 +171,10 @@ def test_noise_alone_has_no_structure() -> None:
     nothing = flight._replace(signals={**flight.signals, "C": alone})
     assert stepwise_regression((nothing,), "C", CANDIDATES).terms == ()
     assert sum(function.gain for function in orthogonal_regression((nothing,), "C", CANDIDATES).functions) < 0.06
+
+
+def test_a_term_that_adds_too_little_is_told_with_a_raised_two() -> None:
+    found = stepwise_regression((curved("white", 6),), "C", CANDIDATES, Rules(least_gain=0.99))
+    assert found.steps[-1].why.startswith("R^2 would rise by ")
+    text = page("t", (), (Chapter("c", (), (step_table(found.steps),)),))
+    assert "<td>R² would rise by " in text

@@ -35,6 +35,7 @@ from logs.identification.drive.torque import identify_torque
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.report import Identification
 from logs.identification.report.html import page
+from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import axis, round_step, written
 from logs.identification.report.words import number, rich, symbol
@@ -94,6 +95,8 @@ def test_every_chapter_is_there_and_every_tag_is_closed(report: Path) -> None:
         "Fits", "Residuals", "Validation on held-out manoeuvres", "Torque", "Power", "Short period", "output error",
     ):  # fmt: skip
         assert title in outline.headings
+    findings = report.read_text(encoding="utf-8").partition(">Findings</h2>")[2].partition("<h2")[0]
+    assert "output power at the centre of the data" in findings and "torque at no current" in findings
     words = " ".join(outline.words)
     for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 manoeuvres were held out", "agree", "Theil"):
         assert said in words
@@ -194,13 +197,48 @@ def test_a_long_line_is_thinned_to_what_the_eye_sees() -> None:
     assert min(heights) < sorted(heights)[1] - 50
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0)])
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0), (-4.1, 4.0), (3.9996, 4.0005)],
+)
 def test_an_axis_has_round_numbers_inside_it_that_differ_as_text(low: float, high: float) -> None:
     one = axis(low, high, 50.0, 350.0, 5)
-    assert 2 <= len(one.ticks) <= 11
+    assert 4 <= len(one.ticks) <= 11
     assert all(one.low - 1e-9 * abs(one.low) <= tick <= one.high + 1e-9 * abs(one.high) for tick in one.ticks)
     texts = [written(tick, one.ticks[1] - one.ticks[0]) for tick in one.ticks]
     assert len(set(texts)) == len(texts)
+
+
+def test_a_plot_whose_span_is_just_above_a_round_step_has_three_numbers() -> None:
+    """With a step of 5 there would be a zero alone on it."""
+    assert axis(-4.1, 4.1, 150.0, 20.0, 4).ticks == (-4.0, -2.0, 0.0, 2.0, 4.0)
+
+
+def test_every_group_of_bars_tells_where_its_picture_begins_and_ends() -> None:
+    wide = Intervals(
+        "", (Bar("a", Estimate("M_q", "1/s", -1.5, 0.1, -1.7, -1.3)), Bar("b", Estimate("K", "-", 1, 1, 0, 2)))
+    )
+    text = page("t", (), (Chapter("c", (), (), (wide,)),))
+    ends = re.findall(r'<tr class="scale">.*?<span>(.*?)</span><span>(.*?)</span>', text)
+    assert len(ends) == 2
+    low, high = (float(one.replace("−", "-")) for one in ends[0])
+    assert low == pytest.approx(-1.7, abs=0.15) and high == pytest.approx(0.1, abs=0.05)
+
+
+def test_what_follows_from_a_damping_that_may_be_next_to_none_is_not_determined() -> None:
+    sure = Estimate("phugoid_time_to_half", "s", 2.3, 1.0, 1.3, 11.1)
+    open_one = Estimate("phugoid_cycles_to_half", "-", 0.7, 2.0, 0.33, 19.2)
+    frequency = Estimate("phugoid_frequency", "rad/s", 1.0, 0.5, 0.05, 2.0)
+    told, wide = determined([frequency, sure, open_one])
+    assert told == [frequency, sure]
+    assert wide == [Unidentified("phugoid_cycles_to_half", "the data allow 0.33 to 19.2")]
+
+
+def test_numbers_in_words_stand_to_the_right_and_words_to_the_left() -> None:
+    rows = (("a", "0.58 (0.44 to 0.71)", "in 15 of 26 *", "12.5", "circuit"), ("b", None, "in 2 of 9", "−3", "7 km"))
+    text = page("t", (), (Chapter("c", (), (Table(("name", "m", "p", "n", "w"), rows),)),))
+    heads = re.findall(r"<th( class=\"number\")?>(\w)", text)
+    assert {name for right, name in heads if right} == {"m", "p", "n"}
 
 
 def test_steps_are_one_two_or_five() -> None:

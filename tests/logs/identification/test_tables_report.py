@@ -108,6 +108,9 @@ def test_a_tables_page_has_the_chapters_numbers_and_hashes_of_a_logs(
     for fit in document["fits"]:
         for one in fit["estimates"]:
             assert f">{number(one['value'], one['standard_error'])}<" in text
+    model, findings = (text.partition(f">{title}</h2>")[2].partition("<h2")[0] for title in ("Model", "Findings"))
+    assert "Held, not estimated: <i>Z</i><sub>q</sub> = 0." in model
+    assert "<td><i>M</i><sub>q</sub></td>" in findings and "<td>intercept</td>" in findings
     assert "25 of 351 samples of <i>α</i> not measured" in text
     assert "2 manoeuvres fitted, 1 held out" in text and "Theil" in text
     for method in document["modes"]["methods"]:

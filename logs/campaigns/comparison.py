@@ -1,0 +1,170 @@
+"""What a campaign's table says of the values of a grid: metrics by value, and which value was better in pairs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from logs.campaigns.metrics import METRICS
+from logs.campaigns.statistics import CHANCE, Array, alike, finite, metrics_of, numbers
+from logs.campaigns.table import Table
+
+MOST_VALUES = 12
+"""-; values of an input beyond which it is no grid"""
+
+
+class Quartiles(NamedTuple):
+    """One metric over the flights with one value of an input; NaN where none has it."""
+
+    flights: int
+    low: float
+    """as the metric; a quarter of the flights lie below"""
+    median: float
+    """as the metric"""
+    high: float
+    """as the metric; a quarter lie above"""
+
+
+class Pairs(NamedTuple):
+    """Flights with a value beside those with the first value that are equal in all else, the seed too."""
+
+    value: str
+    first: str
+    pairs: int
+    """-; of which both flights have the metric"""
+    better: int
+    """-; of them, in which the flight with `value` did better"""
+    worse: int
+
+    @property
+    def beyond_chance(self) -> bool:
+        """Whether one did better more often than chance makes of so many pairs, once in 370 times aside."""
+        return abs(self.better - self.worse) > CHANCE * math.sqrt(self.better + self.worse)
+
+
+class Compared(NamedTuple):
+    """One metric by the values of an input."""
+
+    metric: str
+    unit: str
+    groups: tuple[Quartiles, ...]
+    """of each value"""
+    pairs: tuple[Pairs, ...]
+    """of each value but the first; none where no flights are paired, or neither way is worse"""
+
+
+class Comparison(NamedTuple):
+    """All metrics by the values of an input."""
+
+    input: str
+    values: tuple[str, ...]
+    """as they are written, angles in degrees"""
+    flights: tuple[int, ...]
+    """-; with each value"""
+    failed: tuple[int, ...]
+    """-; of them"""
+    metrics: tuple[Compared, ...]
+
+
+def comparisons(table: Table) -> list[Comparison]:
+    """Of each swept input that is words, or few numbers that several flights share; the seed is none."""
+    found = []
+    for name in table.about.swept:
+        choices = list(dict.fromkeys(map(_key, table.columns[name])))
+        if name != "seed" and 1 < len(choices) <= MOST_VALUES and not _is_drawn(table, name, choices):
+            found.append(_comparison(table, name, sorted(choices) if _are_numbers(choices) else choices))
+    return found
+
+
+def written(table: Table, name: str, value: Any) -> str:
+    """A value of an input as people read it: with its unit, angles in degrees."""
+    unit = table.units.get(name, "-")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value) if value not in ("", None) else "none"
+    if unit == "rad":
+        return f"{math.degrees(value):.4g}°"
+    if unit == "deg":
+        return f"{value:.4g}°"
+    return f"{value:.4g}" if unit == "-" else f"{value:.4g} {unit}"
+
+
+def flown_with(table: Table, values: Mapping[str, Any]) -> str:
+    """What a flight was flown with, on a line."""
+    return ", ".join(f"{name} {written(table, name, value)}" for name, value in values.items())
+
+
+def told_quartiles(one: Compared) -> list[str]:
+    """Median and quartiles of each value, angles in degrees; empty where no flight has the metric."""
+    factor = math.degrees(1.0) if one.unit == "rad" else 1.0
+    told = alike([factor * number for each in one.groups for number in (each.median, each.low, each.high)])
+    triples = zip(told[0::3], told[1::3], told[2::3], strict=True)
+    return [f"{median} ({low} to {high})" if median else "" for median, low, high in triples]
+
+
+def told_pairs(one: Pairs) -> str:
+    """In how many pairs the value was better; a star where that is beyond chance."""
+    return f"in {one.better} of {one.pairs}{' *' if one.beyond_chance else ''}"
+
+
+def _comparison(table: Table, name: str, choices: Sequence[Any]) -> Comparison:
+    of = np.array([choices.index(_key(value)) for value in table.columns[name]])
+    failed = np.array(table.columns["failed"], dtype=bool)
+    texts = tuple(written(table, name, choice) for choice in choices)
+    partners = _partners(table, name, of)
+    places = range(len(choices))
+    metrics = tuple(_compared(table, metric, of, texts, partners) for metric in metrics_of(table))
+    flights = tuple(int(np.sum(of == i)) for i in places)
+    return Comparison(name, texts, flights, tuple(int(np.sum(failed[of == i])) for i in places), metrics)
+
+
+def _compared(
+    table: Table, metric: str, of: Array, texts: Sequence[str], partners: Sequence[tuple[int, ...]]
+) -> Compared:
+    values = numbers(table, metric)
+    groups = tuple(_quartiles(finite(values[of == i])) for i in range(len(texts)))
+    bad = METRICS[metric].bad
+    pairs = []
+    for i, text in enumerate(texts[1:], start=1) if bad else ():
+        apart = np.array([bad * (values[rows[i]] - values[rows[0]]) for rows in partners])
+        apart = finite(apart)
+        if len(apart):
+            pairs.append(Pairs(text, texts[0], len(apart), int(np.sum(apart < 0.0)), int(np.sum(apart > 0.0))))
+    return Compared(metric, table.units[metric], groups, tuple(pairs))
+
+
+def _quartiles(values: Array) -> Quartiles:
+    if not len(values):
+        return Quartiles(0, math.nan, math.nan, math.nan)
+    return Quartiles(len(values), *(float(one) for one in np.percentile(values, (25.0, 50.0, 75.0))))
+
+
+def _partners(table: Table, name: str, of: Array) -> list[tuple[int, ...]]:
+    """Rows of flights that differ in this input alone: one row for each of its values, in their order."""
+    others = [table.columns[other] for other in table.about.swept if other != name]
+    sets: dict[tuple[Any, ...], dict[int, int]] = {}
+    for row, place in enumerate(of.tolist()):
+        sets.setdefault(tuple(_key(column[row]) for column in others), {})[place] = row
+    whole = int(of.max()) + 1
+    return [tuple(rows[i] for i in range(whole)) for rows in sets.values() if len(rows) == whole]
+
+
+def _key(value: Any) -> Any:
+    """Something that can be looked up: lists are written out."""
+    return json.dumps(value) if isinstance(value, list | dict) else value
+
+
+def _is_drawn(table: Table, name: str, choices: Sequence[Any]) -> bool:
+    """Whether each flight, or each seed, has a number of its own: then nothing is compared by it."""
+    if not _are_numbers(choices):
+        return len(choices) == table.size
+    seeds = table.columns.get("seed", [None] * table.size)
+    pairs = set(zip(seeds, table.columns[name], strict=True))
+    return len(choices) == table.size or len(choices) == len(pairs) == len(set(seeds))
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, int | float) for value in values)
