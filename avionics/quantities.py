@@ -16,6 +16,8 @@ from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 INFINITY = float("inf")
+NEAR = 0.65
+"""-; share of letters in common, in turn, from which on a name may be what was meant: fyl and fly have 0.67"""
 
 
 class BadInput(ValueError):
@@ -80,7 +82,7 @@ def why_unread(error: OSError | UnicodeDecodeError) -> str:
 
 def meant(name: str, known: Iterable[str]) -> str:
     """`` (meant 'x'?)``, x being the nearest to ``name`` of what is ``known``; empty where nothing is near."""
-    near = difflib.get_close_matches(name, list(known), 1)
+    near = difflib.get_close_matches(name, list(known), 1, NEAR)
     return f" (meant {near[0]!r}?)" if near else ""
 
 
