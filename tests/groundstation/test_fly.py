@@ -360,6 +360,7 @@ def test_a_flight_whose_name_is_held_is_joined_by_its_own_command(tmp_path: Path
     assert list(tmp_path.iterdir()) == [tmp_path / "a.mcap"]
 
 
+@pytest.mark.validate
 def test_two_flights_that_begin_in_the_same_second_are_two_logs(tmp_path: Path) -> None:
     """GIVEN the clock stands still WHEN two fly at once THEN each has its own recordings and its own joined log."""
     code = (

@@ -210,7 +210,7 @@ def test_the_command_designs_from_a_model_file(tmp_path: Path, capsys: pytest.Ca
     assert [one["name"] for one in found["predicted"][:2]] == ["short_period_frequency", "short_period_damping"]
     assert all(one["standard_error"] > 0 for one in found["predicted"])
     assert tomllib.loads(out.read_text())["item"][0]["repeats"] == 2
-    with pytest.raises(BadInput, match="exists already"):
+    with pytest.raises(BadInput, match="exists: it is not overwritten"):
         design.run([str(MODEL), "--out", str(out)])
 
 

@@ -261,7 +261,7 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
         (("/csv/servos.pulse", "0"), "rad per unit"),
         (("pulse", "1"), "TOPIC.FIELD"),
         (("/csv/servos.width", "1"), "no number width; it has: time_us, pulse"),
-        (("/csv/servo.pulse", "1"), "has no topic /csv/servo; it has"),
+        (("/csv/servo.pulse", "1"), r"has no topic /csv/servo \(meant '/csv/servos'\?\); it has"),
     ],
 )
 def test_an_elevator_that_cannot_be_made_is_told_in_one_line(
