@@ -7,6 +7,7 @@ stall torque and no-load speed both in proportion to the voltage. A wing asks fo
 
 from __future__ import annotations
 
+from itertools import starmap
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from avionics.quantities import BadInput
-from logs.identification.data import DriveData
+from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.delta import propagate
+from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
-from logs.identification.preparing.resampling import Channel, even
+from logs.identification.preparing.resampling import GAP_STEPS, Channel, even
 from logs.identification.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.strokes import stroke_cuts
@@ -34,6 +36,7 @@ HIGHEST_INFLATION = 10.0
 """-; of the acceleration by the angle (variance inflation), above which nothing tells inertia from stiffness"""
 ALIKE = "the wings beat at one frequency, at which inertia and stiffness look alike"
 CONSTANTS = {"stall_torque": "N m", "no_load_speed": "rad/s", "torque_speed_slope": "N m s/rad"}
+EXACT = GaugeErrors()
 LOAD = ("wing_torque_constant", "wing_inertia")
 
 
@@ -98,33 +101,58 @@ def _refused(why: str, torque: Array) -> ServoModel:
     return ServoModel((), lost, 0.0, 0.0, float(np.std(torque)), len(torque))
 
 
-def identify_load(data: DriveData) -> ServoModel:
+def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
     """The torque constant of Gerdes Table 5 and the wing's inertia, from both wings' torques and motion.
 
     ``tau = c omega + J omega' + k (angle) + tau_0``: the angle is the rate's integral without its drift. Inertia is
     with the air's apparent mass, and both with what the membrane's twist makes of them at the flapping frequency.
-    Only what lies between the first stroke and the last counts.
+    Only what lies between the first stroke and the last counts. The intervals hold what the ``gauges`` of the torque
+    have wrong.
 
     Raises:
         BadInput: no motion of the wings, too few strokes or samples.
     """
+    flapping, pace = _while_flapping(data)
+    rows = [
+        _side(data, torque, rate, flapping, pace)
+        for torque, rate in ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
+    ]
+    samples = int(min(row.used.sum() for row in rows))
+    if samples < LEAST_SAMPLES:
+        raise BadInput(f"torque and motion of the wings are known together for {samples} samples while they flap")
+    if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
+        lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
+        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
+    torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
+    model = with_gauge_errors(lambda changed: _load(changed, flapping, pace), data, torques)
+    alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
+    reasons = {
+        one.name: ALIKE if alike and one.name == LOAD[1] else "its 95 % interval spans zero"
+        for one in model.estimates
+        if one.contains(0.0) or (alike and one.name == LOAD[1])
+    }
+    kept = tuple(one for one in model.estimates if one.name not in reasons)
+    return model._replace(estimates=kept, unidentified=tuple(starmap(Unidentified, reasons.items())))
+
+
+def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
+    """At which of the torque's times the wings flap, their motion known; and how many samples a second are of use."""
     if not len(data.wing_time):
         raise BadInput("the log has no motion of the wings (/main/wing), which the wing's load needs")
     cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
     if len(cuts) <= LEAST_STROKES:
         raise BadInput(f"the wings made {max(len(cuts) - 1, 0)} strokes; their load needs {LEAST_STROKES}")
     flapping = (data.torque_time >= cuts[0]) & (data.torque_time <= cuts[-1])
-    sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
     if flapping.sum() < LEAST_SAMPLES:
         raise BadInput(f"the log has {int(flapping.sum())} torque readings while the wings flap")
-    pace = PER_STROKE / float(np.median(np.diff(cuts)))
+    return flapping, PER_STROKE / float(np.median(np.diff(cuts)))
+
+
+def _load(data: DriveData, flapping: NDArray[np.bool_], pace: float) -> ServoModel:
+    """Both numbers, whatever they are worth."""
+    sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
     rows = [_side(data, torque, rate, flapping, pace) for torque, rate in sides]
-    samples = int(min(row.used.sum() for row in rows))
-    if max(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
-        lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
-        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
-    model = _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
-    return _without_inertia(model) if min(_inflation(row) for row in rows) > HIGHEST_INFLATION else model
+    return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], int(rows[0].used.sum()))
 
 
 class _Side(NamedTuple):
@@ -141,13 +169,10 @@ class _Side(NamedTuple):
 def _inflation(side: _Side) -> float:
     """Variance inflation of the acceleration's coefficient."""
     known = side.regressors[side.used > 0.0, :-1]
-    return float(np.linalg.pinv(np.corrcoef(known.T))[1, 1])
-
-
-def _without_inertia(model: ServoModel) -> ServoModel:
-    kept = tuple(found for found in model.estimates if found.name != LOAD[1])
-    lost = tuple(one for one in model.unidentified if one.name != LOAD[1])
-    return model._replace(estimates=kept, unidentified=(*lost, Unidentified(LOAD[1], ALIKE)))
+    left = known - known.mean(axis=0)
+    others = left[:, [0, 2]]
+    rest = left[:, 1] - others @ np.linalg.lstsq(others, left[:, 1])[0]
+    return float(np.sum(left[:, 1] ** 2) / max(float(np.sum(rest**2)), 1e-300))
 
 
 def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool_], pace: float) -> _Side:
@@ -162,7 +187,11 @@ def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool
     angle = turned - np.polyval(np.polyfit(now - now[0], turned, 1), now - now[0])
     at = now[:: max(1, round(1.0 / (pace * float(np.median(np.diff(now))))))]
     signals = {"torque": torque[flapping], "rate": smooth(now), "acceleration": smooth(now, 1), "angle": angle}
-    columns = [even(Channel(name, "", now, values), at, 0.0) for name, values in signals.items()]
+    after = np.clip(np.searchsorted(time, now), 1, len(time) - 1)
+    unknown = time[after] - time[after - 1] > GAP_STEPS * float(np.median(np.diff(time)))
+    columns = [
+        even(Channel(name, "", now, np.where(unknown, np.nan, values)), at, 0.0) for name, values in signals.items()
+    ]
     used = np.all(np.isfinite(columns), axis=0)
     known = np.where(used, columns, 0.0)
     return _Side(known[0], np.column_stack((*known[1:], used)), used.astype(float))
@@ -177,9 +206,7 @@ def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
         error = np.sqrt(own + float(np.var(values, ddof=1)) / 2.0)
         found.append(estimate(name, unit, float(values.mean()), float(error), min(fit.degrees for fit in fits)))
     spread = float(np.sqrt(np.mean([np.var(fit.residuals) for fit in fits])))
-    kept = tuple(e for e in found if e.low * e.high > 0.0)
-    lost = tuple(Unidentified(e.name, "its 95 % interval spans zero") for e in found if e not in kept)
-    return ServoModel(kept, lost, 0.0, 0.0, spread, samples)
+    return ServoModel(tuple(found), (), 0.0, 0.0, spread, samples)
 
 
 def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
@@ -19,6 +20,10 @@ AT_REST = 0.03
 """-; of the input's range: what remains of it when it rests"""
 MOVED = 6.0
 """-; deviations of its noise, from which on an input has moved"""
+LEAST_MOVE = 0.01
+"""rad, of an angle; a smaller movement excites little"""
+LONGEST_SPIKE = 2
+"""-; samples in all that an input may be elsewhere and is said to rest"""
 AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
 """of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
@@ -125,9 +130,17 @@ def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
     return Record(experiment.name, experiment.step, given, outputs - outputs.mean(axis=0), rest_of(given))
 
 
+def away(values: Array, place: float) -> NDArray[np.bool_]:
+    """-; (N,), whether an input is away from a ``place`` where it may rest by more than its noise.
+
+    A channel that is told in steps has no noise between neighbours: less than `LEAST_MOVE` is such a step.
+    """
+    return np.asarray(np.abs(values - place) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
+
+
 def _moves(values: Array) -> bool:
-    """Whether an input (N,) leaves its usual place by more than its noise."""
-    return float(np.max(np.abs(values - np.median(values)))) > MOVED * noise_beside_steps(values)
+    """Whether an input (N,) leaves its usual place for longer than a spike lasts."""
+    return int(np.count_nonzero(away(values, float(np.median(values))))) > LONGEST_SPIKE
 
 
 def rest_of(given: Array | None) -> int:

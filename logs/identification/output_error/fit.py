@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logs.identification.output_error.accuracy import accuracy_of
+from logs.identification.output_error.accuracy import Accuracy, accuracy_of
 from logs.identification.output_error.flown import Flight, Unknowns
 from logs.identification.output_error.normal import SMALLEST_SIZE
 from logs.identification.output_error.problem import Fit, History, Own, Problem
@@ -105,7 +105,7 @@ def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
         names=names,
         values=found.unknowns.values,
         covariance=accuracy.covariance,
-        degrees=float(np.median(accuracy.degrees)),
+        degrees=_least(accuracy, names),
         noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(found.unknowns)),
         cost=found.cost,
         iterations=found.iterations,
@@ -113,6 +113,13 @@ def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
         histories=tuple(_history(flight, found, i) for i in range(len(flight.records))),
         outputs=problem.outputs,
     )
+
+
+def _least(accuracy: Accuracy, names: tuple[str, ...]) -> float:
+    """Degrees of freedom of what rests on several parameters: as of the least known of those that were identified."""
+    lost = {one.name for one in accuracy.unidentified}
+    known = [float(one) for name, one in zip(names, accuracy.degrees, strict=True) if name not in lost]
+    return min(known, default=1.0)
 
 
 def _free_names(problem: Problem, flight: Flight) -> tuple[str, ...]:

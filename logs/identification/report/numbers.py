@@ -177,7 +177,7 @@ def _load_and_frequency(
     load = frequency = None
     drive, throttle = (_attempt(lambda read=read: read(source), "", []) for read in (drive_data, throttle_data))
     if drive is not None and len(drive.wing_time):
-        load = _attempt(lambda: with_gauge_errors(identify_load, drive, gauges), "wing load", missing)
+        load = _attempt(lambda: identify_load(drive, gauges), "wing load", missing)
     if throttle is not None:
         frequency = _attempt(lambda: identify_frequency(throttle), "flapping frequency", missing)
     return load, frequency

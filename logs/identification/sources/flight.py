@@ -229,7 +229,7 @@ def true_drive_data(source: ColumnSource) -> DriveData:
     fields = ("current", "voltage", "torque_left", "torque_right", "rate_left", "rate_right")
     true = TopicTable(source, truth.WING, *fields)
     wing, strokes = _strokes(source)
-    tick = float(np.median(np.diff(wing.time)))
+    tick = float(np.median(np.diff(true.time)))
     return DriveData(
         true.time, true["current"], true["voltage"], tick,
         true.time - tick / 2, true["torque_left"], true["torque_right"],

@@ -99,13 +99,14 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
 def _with_level_wings(found: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
     """What was ``found``, or nothing where the longitudinal motion alone was flown with a measured bank that counts.
 
-    A turn's pitch rate ``r sin(phi)`` would be a bias of q, and what a bank takes off ``g cos(phi)`` one of a_z.
+    A level turn's pitch rate ``r tan(phi)`` would be a bias of q, and what a bank takes off ``g cos(phi)`` one of
+    a_z.
     """
     banked = [one for one in records if "phi" in one.signals]
     if not longitudinal or found.failure or not banked:
         return found
     phi = np.concatenate([one.signals["phi"] for one in banked])
-    turning = np.concatenate([_yaw_rate(one) for one in banked]) * np.sin(phi)
+    turning = np.concatenate([_yaw_rate(one) for one in banked]) * np.tan(phi)
     made = {"bias_q": np.nanmean(turning), "bias_a_z": STANDARD_GRAVITY * np.nanmean(1.0 - np.cos(phi))}
     for one in found.parameters:
         if abs(made.get(one.name, 0.0)) > one.high - one.value:

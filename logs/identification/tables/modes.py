@@ -11,8 +11,8 @@ from logs.identification.experiment import Experiment
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
+from logs.identification.modes.records import away
 from logs.identification.output_error.problem import Fit
-from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
@@ -25,10 +25,6 @@ LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 
 MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
-MOVED = 6.0
-"""-; deviations of its noise from where it ends, above which a control has moved"""
-LEAST_MOVE = 0.01
-"""rad; a smaller movement excites little"""
 
 
 def modes_fit(
@@ -96,7 +92,7 @@ def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...])
             if one.units.get(name) != "rad" or not np.any(np.isfinite(values)):
                 continue
             rest = float(values[np.isfinite(values)][-LEAST_RUN:].mean())
-            moved = np.flatnonzero(np.abs(values - rest) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
+            moved = np.flatnonzero(away(values, rest))
             if len(moved):
                 raise BadInput(
                     f"modes: inputs = [] but {name} moves until {one.time[moved[-1]]:.6g} s in {one.name}: begin the "

@@ -65,7 +65,8 @@ def with_noise(
     before = {one.name for one in result.unidentified}
     found = tuple(Unidentified(name, why) for name, why in refused.items() if name not in before)
     told = _said(kept, off, _noisy(names, moments, noise))
-    failure = "" if any(one.name != INTERCEPT for one in kept) else "every regressor is noise for the most part"
+    drowned = bool(refused) and all(one.name == INTERCEPT for one in kept)
+    failure = "every regressor is noise for the most part" if drowned else ""
     return result._replace(
         estimates=() if failure else kept, unidentified=(*result.unidentified, *found),
         notes=(*result.notes, *told), failure=failure,
@@ -188,7 +189,8 @@ def _said(kept: tuple[Estimate, ...], off: Mapping[str, float], noisy: list[str]
         bias = off[one.name]
         rest = one.standard_error**2 - bias**2
         if one.name != INTERCEPT and bias**2 > FELT**2 * rest and abs(bias) > LEAST_SHARE * abs(one.value):
-            told.append(f"{one.name} by about {100 * bias / one.value:+.2g} %")
+            share = 100 * bias / one.value
+            told.append(f"{one.name} by about {share:+.2g} %" if abs(share) < 100 else f"{one.name} by all of it")
     if not told:
         return ()
     return (

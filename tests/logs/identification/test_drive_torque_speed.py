@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from avionics.quantities import BadInput
-from logs.identification.data import DriveData
+from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque_speed import identify_load, identify_torque_speed, load_truth
 from logs.identification.results import Array, Estimate
@@ -109,6 +109,33 @@ def test_wings_that_hardly_flapped_tell_nothing() -> None:
     )
     with pytest.raises(BadInput, match=r"made \d strokes; their load needs 10"):
         identify_load(cut)
+
+
+def test_strokes_of_which_the_motion_is_not_known_are_left_out() -> None:
+    """GIVEN a second of the wings' motion is missing THEN the load is that of the rest."""
+    whole = flapping()
+    there = (whole.wing_time < 8.0) | (whole.wing_time > 9.03)
+    holed = whole._replace(
+        wing_time=whole.wing_time[there],
+        rate_left=whole.rate_left[there],
+        rate_right=whole.rate_right[there],
+        strokes=whole.strokes[there],
+    )
+    found = by_name(identify_load(holed))
+    assert found["wing_torque_constant"].value == pytest.approx(0.2, rel=0.01)
+    assert found["wing_inertia"].value == pytest.approx(0.004, rel=0.02)
+
+
+def test_what_calibrations_leave_of_the_torque_is_in_the_interval() -> None:
+    sure, doubted = (by_name(identify_load(flapping(), GaugeErrors(torque_scale=s))) for s in (0.0, 0.05))
+    half = doubted["wing_torque_constant"].high - doubted["wing_torque_constant"].value
+    assert half == pytest.approx(1.96 * 0.2 * 0.05 / np.sqrt(2.0), rel=0.02)
+    assert sure["wing_torque_constant"].value == doubted["wing_torque_constant"].value
+
+
+def test_one_wing_that_stands_still_leaves_no_load_to_tell() -> None:
+    one = flapping()
+    assert "do not move" in identify_load(one._replace(rate_right=0.0 * one.rate_right)).unidentified[0].reason
 
 
 def test_the_truth_is_the_same_regression_on_true_drives() -> None:
