@@ -12,7 +12,8 @@ def not_below(covariance: Array, other: Array) -> Array:
 
     With the covariance for white residuals as the other, a short record promises no more than they do.
     """
-    ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    with np.errstate(over="ignore"):  # a variance of nothing is not widened to a number
+        ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     scaled: Array = covariance * np.outer(ratio, ratio)
     return scaled
 

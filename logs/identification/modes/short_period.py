@@ -95,7 +95,7 @@ def identify_modes(
     )
     agree, statement = agreement(modes)
     if by_filter.frequency is not None and sum(mode.frequency is not None for mode in modes) == 1:
-        statement = f"{ALONE}; {statement}"
+        statement = ALONE
     period = float(np.mean([m.period for m in manoeuvres]))
     notes = (*data.notes, *dropped_manoeuvres(data, every))
     fits = (second, first, third)
