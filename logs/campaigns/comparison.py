@@ -54,7 +54,7 @@ class Compared(NamedTuple):
     groups: tuple[Quartiles, ...]
     """of each value"""
     pairs: tuple[Pairs, ...]
-    """of each value but the first; none where no flights are paired, or neither way is worse"""
+    """of each value but the first, in their order; none where no flights are paired, or neither way is worse"""
 
 
 class Comparison(NamedTuple):
@@ -106,7 +106,9 @@ def told_quartiles(one: Compared) -> list[str]:
 
 
 def told_pairs(one: Pairs) -> str:
-    """In how many pairs the value was better; a star where that is beyond chance."""
+    """In how many pairs the value was better, a star where that is beyond chance; empty without pairs."""
+    if not one.pairs:
+        return ""
     return f"in {one.better} of {one.pairs}{' *' if one.beyond_chance else ''}"
 
 
@@ -129,11 +131,10 @@ def _compared(
     bad = METRICS[metric].bad
     pairs = []
     for i, text in enumerate(texts[1:], start=1) if bad else ():
-        apart = np.array([bad * (values[rows[i]] - values[rows[0]]) for rows in partners])
-        apart = finite(apart)
-        if len(apart):
-            pairs.append(Pairs(text, texts[0], len(apart), int(np.sum(apart < 0.0)), int(np.sum(apart > 0.0))))
-    return Compared(metric, table.units[metric], groups, tuple(pairs))
+        apart = finite(np.array([bad * (values[rows[i]] - values[rows[0]]) for rows in partners]))
+        pairs.append(Pairs(text, texts[0], len(apart), int(np.sum(apart < 0.0)), int(np.sum(apart > 0.0))))
+    there = any(one.pairs for one in pairs)
+    return Compared(metric, table.units[metric], groups, tuple(pairs) if there else ())
 
 
 def _quartiles(values: Array) -> Quartiles:

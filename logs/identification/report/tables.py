@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -82,21 +81,24 @@ def _model(found: TableIdentification, fits: tuple[Fitted, ...]) -> Chapter | No
     """Equations, what the map holds in them, and the constants."""
     if not fits:
         return None
-    held = {fit.fitted.equations: _held(fit) for fit in found.fits}
     whole = model_chapter(fits, None)
-    parts = tuple(part._replace(notes=(*part.notes, *held[part.notes])) for part in whole.parts)
+    parts = tuple(part._replace(notes=(*part.notes, *_held(found.fits, part.notes))) for part in whole.parts)
     return whole._replace(tables=_constants(found), parts=parts)
 
 
-def _held(fit: TableFit) -> tuple[str, ...]:
-    """What is not estimated, so that who reads the equations knows which of their terms are there."""
-    known = {one.name for one in fit.fitted.estimates}
-    named = re.findall(r"\b[A-Z]_(?:dot_)?\w+", " ".join(fit.fitted.equations)) if fit.model and known else []
-    held = {name: 0.0 for name in named if name not in known} | dict(fit.fixed)
-    if not held:
-        return ()
-    told = ", ".join(f"{name} = {number(value)}" for name, value in held.items())
-    return (f"Held, not estimated: {told}.",)
+def _held(fits: tuple[TableFit, ...], equations: tuple[str, ...]) -> tuple[str, ...]:
+    """What is not estimated, so that who reads the equations knows which of their terms are there.
+
+    One line for all fits of these equations where they hold the same, else one for each, by its place in the map.
+    """
+    told = [_not_estimated(fit) for fit in fits if fit.fitted.equations == equations]
+    if len(set(told)) == 1:
+        return (f"Held, not estimated: {told[0]}.",) if told[0] else ()
+    return tuple(f"Held, not estimated, in fit {i} of these: {one or 'nothing'}." for i, one in enumerate(told, 1))
+
+
+def _not_estimated(fit: TableFit) -> str:
+    return ", ".join(f"{name} = {number(value)}" for name, value in (dict(fit.unnamed) | dict(fit.fixed)).items())
 
 
 def _noted(chapter: Chapter | None, note: str) -> Chapter | None:

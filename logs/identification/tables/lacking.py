@@ -27,11 +27,17 @@ def lacking(series: Sequence[FitSeries]) -> tuple[str, ...]:
         if told is not None and told > worst.get(one.output, (0.0, 0.0)):
             worst[one.output] = told
     return tuple(
-        f"what the model leaves of {name} is {times:.0f} times its noise, {100 * share:.1g} % of its power:"
+        f"what the model leaves of {name} is {times:.0f} times its noise, {_per_cent(share)} % of its power:"
         " turbulence or slow noise, which the intervals hold, or a signal that is late, two manoeuvres in one, an"
         " input or a motion that the model lacks, which they do not"
         for name, (times, share) in worst.items()
     )
+
+
+def _per_cent(share: float) -> str:
+    """Whole per cents from 10 on, one digit below."""
+    told = f"{100 * share:.1g}"
+    return told if float(told) < 10.0 else f"{100 * share:.0f}"
 
 
 def _left(one: FitSeries) -> tuple[float, float] | None:

@@ -62,6 +62,13 @@ class Chosen(NamedTuple):
     held: Mapping[str, float]
     """SI; inputs that no signal gives, by the model's name"""
 
+    @property
+    def unnamed(self) -> dict[str, float]:
+        """SI; parameters in the equations that a fit neither seeks nor is told, by name: as the model has them."""
+        rest = {name: one.value for name, one in self.model.parameters.items() if name not in self.parameters}
+        # The linear models' constants, the biases' part, are in no equation.
+        return {name: value for name, value in rest.items() if not (self.linear and name.endswith("_0"))}
+
     def about(self, experiment: Experiment) -> Experiment:
         """The manoeuvre with its inputs as the model takes them.
 
@@ -275,7 +282,8 @@ NONLINEAR = (
     "alpha' = q - (qbar S C_L + T sin(alpha + sigma))/(m V) + g cos(alpha - theta)/V",
     "theta' = q",
     "q' = (qbar S c C_m + T l)/I_y",
-    "C = C_0 + C_V V/V0 + C_alpha alpha + C_q q c/(2 V0) + C_delta delta, for D, L and m",
+    "C = C_0 + C_V V/V0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/(2 V0) + C_delta delta, for D, L and m;"
+    " C_D + C_D_k C_L^2",
 )
 Build = Callable[[OutputError, Mapping[str, float], tuple[Experiment, ...]], Made]
 MODELS: dict[str, tuple[Build, bool]] = {

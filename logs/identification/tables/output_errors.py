@@ -84,8 +84,9 @@ def output_error_fit(
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
     table = TableFit(
-        subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model
-    )
+        subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model,
+        unnamed=chosen.unnamed,
+    )  # fmt: skip
     return table, fit, chosen
 
 

@@ -49,7 +49,7 @@ class TableFit(NamedTuple):
     starts: Mapping[str, float]
     """SI; where the search began, by parameter; empty where there was none"""
     fixed: Mapping[str, float]
-    """SI; what was held, by parameter"""
+    """SI; what the map holds, by parameter"""
     outputs: tuple[OutputFit, ...]
     samples: int
     """-; fitted, over all manoeuvres"""
@@ -63,6 +63,8 @@ class TableFit(NamedTuple):
     """of a lateral model: what its Dutch roll, roll and spiral are known by"""
     lost: tuple[Unidentified, ...] = ()
     """those modes that it does not tell, and why"""
+    unnamed: Mapping[str, float] = {}
+    """SI; parameters in the model's equations that the map neither frees nor holds, and what they were left at"""
 
     @property
     def correlated(self) -> tuple[Pair, ...]:

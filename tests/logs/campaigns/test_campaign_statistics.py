@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy import stats
 
 from avionics.quantities import BadInput
+from groundstation.views.campaign_report import report
 from logs.campaigns.comparison import comparisons
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.page import write
@@ -117,6 +121,26 @@ def test_the_values_of_a_grid_are_compared_in_pairs_of_the_same_gusts() -> None:
     assert [one.beyond_chance for one in hold.pairs] == [True, True]
     power = next(one for one in told.metrics if one.metric == "power")
     assert [one.pairs for one in power.pairs] == [20, 19]
+
+
+def test_a_value_without_the_metric_leaves_the_pairs_of_the_others_in_their_place(tmp_path: Path) -> None:
+    made, third = grid_table(), FLIGHTS // 3
+    errors = made.columns["hold_altitude_rms"]
+    made = made._replace(columns=made.columns | {"hold_altitude_rms": [*errors[: 2 * third], *[None] * third]})
+    (told,) = comparisons(made)
+    hold = next(one for one in told.metrics if one.metric == "hold_altitude_rms")
+    assert [(one.value, one.pairs, one.worse) for one in hold.pairs] == [("2", 0, 0), ("10", 20, 20)]
+    write(tmp_path / "page.html", made, ())
+    rows = (tmp_path / "page.html").read_text().split("<tr>")
+    row = next(row for row in rows if "hold_altitude_rms (m)" in row and "of 20" in row)
+    cells = [re.sub(r"<.*?>", "", cell) for cell in re.findall(r"<t[dh].*?</t[dh]>", row, re.S)]
+    assert cells[-2:] == ["", "in 0 of 20 *"]
+    console = Console(width=200, file=StringIO(), record=True)
+    console.print(report(made, None, (), "", tmp_path / "page.html"))
+    lines = console.export_text().splitlines()
+    heads = next(line for line in lines if line.startswith("median"))
+    values = next(line for line in lines if "in 0 of 20 *" in line)
+    assert values.startswith("hold_altitude_rms") and heads.index(" 10 better") - 6 < values.index("in 0 of 20 *")
 
 
 def test_words_are_compared_without_pairs_and_drawn_numbers_not_at_all() -> None:

@@ -21,6 +21,8 @@ from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
 from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
+from logs.identification.results import FitSeries
+from logs.identification.tables.lacking import lacking
 from logs.identification.tables.noisy import with_noise
 from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
@@ -272,3 +274,13 @@ def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None
     assert [m.frequency for m in modes_of_experiments((resting,), "delta_e", ("q",), others=("flap",)).modes] == [
         m.frequency for m in plain
     ]
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.02, "2"), (0.097, "10"), (0.2, "20"), (0.55, "55"), (1.0, "100")])
+def test_what_a_model_lacks_is_told_in_whole_per_cents_of_the_power(share: float, told: str) -> None:
+    time = np.arange(0.0, 20.0, 0.02)
+    model = math.sqrt(2.0 * (1.0 - share)) * np.sin(2.0 * np.pi * time)
+    measured = model + math.sqrt(2.0 * share) * np.sin(np.pi * time)
+    measured += np.random.default_rng(1).normal(0.0, 1e-4, len(time))
+    (line,) = lacking([FitSeries("one", "q", "rad/s", time, measured, model)])
+    assert f" its noise, {told} % of its power:" in line

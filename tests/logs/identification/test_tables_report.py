@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import runpy
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,10 @@ from groundstation.command import identify
 from logs.identification.data import Aircraft
 from logs.identification.modes.longitudinal import matrices
 from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.report.tables import table_chapters
 from logs.identification.report.words import number, rich, sentence, symbol
+from logs.identification.results import Fitted, Unidentified, estimate
+from logs.identification.tables.results import TableFit, TableIdentification
 from sim_bridge.tuning.model import load_model
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -124,6 +128,32 @@ def test_the_steps_of_a_stepwise_regression_are_on_the_page(tmp_path: Path) -> N
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Steps of the regressions" in text and "PRESS" in text and text.count(">enters<") == 3
     assert "No manoeuvre was held out" in text
+    (held,) = re.findall(r"Held, not estimated.*?</p>", re.sub(r"</?(?:i|sub)>", "", text))
+    assert re.findall(r"C\w+(?= = 0[,.])", held) == [
+        "CDV", "CDα2", "CDk", "CDq", "CDδ", "CLV", "CLα2", "CLq", "CLδ", "CmV", "Cmα2",
+    ] and held.count("=") == 11  # fmt: skip
+
+
+def test_what_a_fit_holds_is_told_fit_by_fit_and_what_it_could_not_find_is_not_held() -> None:
+    equations = ("x' = X_u u + X_w w + X_q q",)
+    lost = (Unidentified("X_w", "it is not in the data"),)
+    numbers = Fitted("output error", equations, (estimate("X_u", "1/s", -0.4, 0.1),), lost)
+    first, second = (
+        TableFit("aero", numbers, True, "", {}, {"X_q": value}, (), 100, "made", unnamed={"X_p": 0.0})
+        for value in (0.1, 0.2)
+    )
+
+    def notes(*fits: TableFit) -> tuple[str, ...]:
+        chapters = table_chapters((), TableIdentification((), (), (), fits, None, ()))
+        (part,) = next(one for one in chapters if one.title == "Model").parts
+        return part.notes
+
+    assert notes(first) == notes(first, first) == (*equations, "Held, not estimated: X_p = 0, X_q = 0.1.")
+    assert notes(first, second) == (
+        *equations,
+        "Held, not estimated, in fit 1 of these: X_p = 0, X_q = 0.1.",
+        "Held, not estimated, in fit 2 of these: X_p = 0, X_q = 0.2.",
+    )
 
 
 def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
