@@ -40,22 +40,16 @@ def files_of(recording: Path) -> tuple[Path, ...]:
     return (recording, *(recording.with_suffix(ending) for ending in PARTS))
 
 
-def new_recording(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Path:
-    """A path that is not taken by a recording or its parts: ``recordings/robo_raven_ii_d-20261121-131500.mcap``.
+@contextlib.contextmanager
+def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Iterator[Path]:
+    """A path of which there are no files, and that no other program takes as long as the context lasts.
+
+    ``recordings/robo_raven_ii_d-20261121-131500.mcap``; the same second again gives ``-2``, ``-3`` and so on.
 
     Args:
         vehicle: name, or path of a vehicle file.
         when: local time of the flight; now when not given.
-        folder: where recordings go; it is not created here.
-
-    The same second again gives ``-2``, ``-3`` and so on. Where others may look for a name meanwhile: `reserved`.
-    """
-    return next(_free(vehicle, when, folder))
-
-
-@contextlib.contextmanager
-def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Iterator[Path]:
-    """`new_recording` that no other program takes as long as the context lasts; the folder is made.
+        folder: where recordings go; it is made.
 
     Raises:
         BadInput: the folder cannot be made or written to.

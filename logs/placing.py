@@ -30,7 +30,8 @@ def held(path: Path) -> Iterator[bool]:
     """Hold the name of a recording, for all files of it; False where another program does.
 
     A mark beside it, which is gone with the context, is made by who is first and locked as long as it is held: one
-    whose program was killed holds nothing.
+    whose program was killed holds nothing. On a file system without locks who made it has the name, and the mark of a
+    killed program holds it until somebody deletes that file.
 
     Raises:
         BadInput: the folder cannot be made or written to.

@@ -158,7 +158,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
     """The name of the joined log, held until the flight is in it: no other flight takes one of its files.
 
     Raises:
-        BadInput: another holds it, or its folder cannot be written to.
+        BadInput: another holds it or has left files there, or its folder cannot be written to.
     """
     if log is None:
         with reserved(plan.name) as path:
@@ -167,6 +167,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
     with held(log) as ours:
         if not ours:
             raise BadInput(f"{log} is taken: another flight is being recorded there")
+        _check_log(log)  # again: who held the name before may have left files of it
         yield log
 
 
@@ -210,11 +211,21 @@ def check(chosen: argparse.Namespace) -> Plan:
     load_signing(options.key_file(chosen.signing_key, None))
     for url in chosen.gcs:
         open_transport(url).close()  # a port in use is told before anything is recorded
-    for path in () if chosen.log is None else files_of(chosen.log):
-        check_new(path, made=True)
+    if chosen.log is not None:
+        _check_log(chosen.log)
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
     return Plan(chosen.vehicle, vehicle.name, vehicle.title, model, notes, faults)
+
+
+def _check_log(log: Path) -> None:
+    """Refuse a name of which there are files, or that cannot be written.
+
+    Raises:
+        BadInput: it is one.
+    """
+    for path in files_of(log):
+        check_new(path, made=True)
 
 
 def _check_flown(name: str) -> None:

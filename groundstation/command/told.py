@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from avionics import topics
 from avionics.board.board import Board
-from avionics.messages import ActuatorCommand, Event, SensorFrame, Stage
+from avionics.messages import ActuatorCommand, Event, PowerState, SensorFrame, Stage
 from avionics.view import FlightView
 from groundstation.link.vehicle_state import Heard, VehicleState
 from groundstation.views.flight_view import event_line, progress_line
@@ -62,6 +62,7 @@ class ToldBoard:
         self._account = account
         self._announced = announced
         self._told = self._told_links = 0
+        self._supplied: PowerState | None = None
         self.flown = Flown()
 
     def read(self) -> SensorFrame | None:
@@ -79,7 +80,9 @@ class ToldBoard:
         self.tell_events()
         if math.isfinite(self._every) and self.flown.time >= self._due:
             self._due = (self.flown.time // self._every + 1.0) * self._every
-            self._account.say(progress_line(known_state(self._view), self._view.mode.name.replace("_", " ")))
+            state = known_state(self._view, self._supplied)
+            self._supplied = self._view.latest(topics.POWER)
+            self._account.say(progress_line(state, self._view.mode.name.replace("_", " ")))
 
     def tell_events(self) -> None:
         """Say what was said aboard since it was last told."""
@@ -94,8 +97,11 @@ class ToldBoard:
         self._board.close()
 
 
-def known_state(view: FlightView) -> VehicleState:
-    """What the flight computer knows of itself, as a ground station would hear it; None where it does not yet."""
+def known_state(view: FlightView, since: PowerState | None = None) -> VehicleState:
+    """What the flight computer knows of itself, as a ground station would hear it; None where it does not yet.
+
+    The power is the mean since the supply was as ``since`` tells, None for since boot.
+    """
     attitude, altitude = view.latest(topics.ATTITUDE), view.latest(topics.ALTITUDE)
     air, wing, power = view.latest(topics.AIR_DATA), view.latest(topics.WING), view.latest(topics.POWER)
     navigation = view.latest(topics.NAVIGATION)
@@ -105,10 +111,18 @@ def known_state(view: FlightView) -> VehicleState:
         altitude=None if altitude is None else altitude.altitude,
         airspeed=None if air is None else air.airspeed,
         flap_frequency=None if wing is None else wing.frequency,
-        power=None if power is None else power.power,
+        power=None if power is None else _mean_power(power, since),
+        mean_supply=power is not None,
         stage=None if navigation is None else Stage(navigation.stage),
         item=None if navigation is None or navigation.item < 0 else navigation.item,
     )
+
+
+def _mean_power(now: PowerState, since: PowerState | None) -> float:
+    """W; by the energy drawn meanwhile: a message's own power is that of 10 ms, one phase of the stroke."""
+    began, before = (0, 0.0) if since is None else (since.time_us, since.energy)
+    span = (now.time_us - began) * 1e-6
+    return (now.energy - before) / span if span > 0.0 else now.power
 
 
 def event_record(event: Event) -> dict[str, Any]:

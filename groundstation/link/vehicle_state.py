@@ -89,11 +89,14 @@ class VehicleState(NamedTuple):
     fix_type: int | None = None
     """-; 0 none, 2 two-, 3 three-dimensional"""
     voltage: float | None = None
-    """V; supply: of our own vehicle weighted with the current, so that it times ``current`` is ``power``"""
+    """V; supply: with `mean_supply` weighted with the current, so that it times ``current`` is ``power``"""
     current: float | None = None
-    """A; supply: of our own vehicle the mean since the message before"""
+    """A; supply"""
     power: float | None = None
-    """W; of our own vehicle the mean since the message before"""
+    """W; supply"""
+    mean_supply: bool = False
+    """-; whether the supply is a mean since the message before, as our own vehicle's from its second one on; else it
+    is that of a moment"""
     energy: float | None = None
     """J; drawn since boot"""
     charge: float | None = None
@@ -268,11 +271,13 @@ def _supply(state: VehicleState, voltage: float | None, current: float | None, p
 
 
 def _power(state: VehicleState, message: Any) -> VehicleState:
-    voltage, current, power = _mean_supply(state, message)
+    mean = _mean_supply(state, message)
+    voltage, current, power = mean or (float(message.voltage), float(message.current), float(message.power))
     return state._replace(
         voltage=voltage,
         current=current,
         power=power,
+        mean_supply=mean is not None,
         energy=message.energy,
         charge=message.charge,
         energy_time=message.time_boot_ms * 1e-3,
@@ -280,19 +285,19 @@ def _power(state: VehicleState, message: Any) -> VehicleState:
     )
 
 
-def _mean_supply(state: VehicleState, message: Any) -> tuple[float, float, float]:
-    """V, A, W; from energy and charge drawn since the message before.
+def _mean_supply(state: VehicleState, message: Any) -> tuple[float, float, float] | None:
+    """V, A, W; from energy and charge drawn since the message before; None where there is none, or hardly before.
 
     The message's own are those of 10 ms: told at a multiple of the stroke, they show one phase of it for ever.
     """
-    moment = float(message.voltage), float(message.current), float(message.power)
     if state.energy is None or state.charge is None or state.energy_time is None:
-        return moment
+        return None
     span = message.time_boot_ms * 1e-3 - state.energy_time
     energy, charge = message.energy - state.energy, message.charge - state.charge
     if span <= 0.2 or energy < 0.0 or charge < 0.0:
-        return moment
-    return float(energy / charge) if charge > 0.0 else moment[0], float(charge / span), float(energy / span)
+        return None
+    voltage = energy / charge if charge > 0.0 else message.voltage
+    return float(voltage), float(charge / span), float(energy / span)
 
 
 def _wing(state: VehicleState, message: Any) -> VehicleState:

@@ -162,15 +162,17 @@ def power(picture: Picture, columns: int, rows: int) -> RenderableType:
         columns,
         ("battery", battery),
         ("supply", supply),
-        ("power", _pair(watts, _kind(columns, watts, state.energy))),
+        ("power", _pair(watts, _kind(columns, watts, state.energy, state.mean_supply))),
     )
 
 
-def _kind(columns: int, watts: str, energy: float | None) -> str:
-    """What stands beside the power: our own vehicle tells the energy (J), hence means, of current and voltage too."""
+def _kind(columns: int, watts: str, energy: float | None, means: bool) -> str:
+    """What stands beside the power: whether it is a mean, of current and voltage too, and the energy drawn (J)."""
     if energy is None:
         return ""
     hours = f"{energy / 3600.0:.2f} Wh"
+    if not means:
+        return _fitting(columns, watts, f"{hours} drawn", hours, "")
     return _fitting(columns, watts, f"mean  {hours} drawn", f"mean  {hours}", "mean")
 
 

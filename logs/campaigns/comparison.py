@@ -124,14 +124,15 @@ def _comparison(table: Table, name: str, choices: Sequence[Any]) -> Comparison:
 
 
 def _compared(
-    table: Table, metric: str, of: Array, texts: Sequence[str], partners: Sequence[tuple[int, ...]]
+    table: Table, metric: str, of: Array, texts: Sequence[str], partners: Sequence[Mapping[int, int]]
 ) -> Compared:
     values = numbers(table, metric)
     groups = tuple(_quartiles(finite(values[of == i])) for i in range(len(texts)))
     bad = METRICS[metric].bad
     pairs = []
     for i, text in enumerate(texts[1:], start=1) if bad else ():
-        apart = finite(np.array([bad * (values[rows[i]] - values[rows[0]]) for rows in partners]))
+        both = [rows for rows in partners if 0 in rows and i in rows]
+        apart = finite(np.array([bad * (values[rows[i]] - values[rows[0]]) for rows in both]))
         pairs.append(Pairs(text, texts[0], len(apart), int(np.sum(apart < 0.0)), int(np.sum(apart > 0.0))))
     there = any(one.pairs for one in pairs)
     return Compared(metric, table.units[metric], groups, tuple(pairs) if there else ())
@@ -143,14 +144,13 @@ def _quartiles(values: Array) -> Quartiles:
     return Quartiles(len(values), *(float(one) for one in np.percentile(values, (25.0, 50.0, 75.0))))
 
 
-def _partners(table: Table, name: str, of: Array) -> list[tuple[int, ...]]:
-    """Rows of flights that differ in this input alone: one row for each of its values, in their order."""
+def _partners(table: Table, name: str, of: Array) -> list[dict[int, int]]:
+    """Rows of flights that differ in this input alone, by its value's place: some only, where unfinished."""
     others = [table.columns[other] for other in table.about.swept if other != name]
     sets: dict[tuple[Any, ...], dict[int, int]] = {}
     for row, place in enumerate(of.tolist()):
         sets.setdefault(tuple(_key(column[row]) for column in others), {})[place] = row
-    whole = int(of.max()) + 1
-    return [tuple(rows[i] for i in range(whole)) for rows in sets.values() if len(rows) == whole]
+    return list(sets.values())
 
 
 def _key(value: Any) -> Any:
@@ -159,12 +159,19 @@ def _key(value: Any) -> Any:
 
 
 def _is_drawn(table: Table, name: str, choices: Sequence[Any]) -> bool:
-    """Whether each flight, or each seed, has a number of its own: then nothing is compared by it."""
+    """Whether each flight, or each draw, has a number of its own: then nothing is compared by it.
+
+    A table that does not tell what was drawn has the seeds for it, which say nothing where all flights have one.
+    """
+    if len(choices) == table.size:
+        return True
+    if table.about.drawn is not None:
+        return name in table.about.drawn
     if not _are_numbers(choices):
-        return len(choices) == table.size
+        return False
     seeds = table.columns.get("seed", [None] * table.size)
     pairs = set(zip(seeds, table.columns[name], strict=True))
-    return len(choices) == table.size or len(choices) == len(pairs) == len(set(seeds))
+    return len(choices) == len(pairs) == len(set(seeds))
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:

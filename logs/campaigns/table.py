@@ -38,6 +38,8 @@ class About(NamedTuple):
     digest: str
     swept: tuple[str, ...]
     """columns that are inputs"""
+    drawn: tuple[str, ...] | None = None
+    """of them, drawn from more than a list of values; None of a table that does not tell, of an earlier version"""
 
 
 class Table(NamedTuple):
@@ -89,7 +91,8 @@ def write_table(path: Path, campaign: Campaign, rows: Mapping[int, Row]) -> None
 
 def about(campaign: Campaign) -> About:
     """What the table of a campaign will know of it."""
-    return About(campaign.name, campaign.title, str(campaign.path), campaign.digest(), campaign.swept)
+    drawn = tuple(key for key, one in campaign.draw.items() if one.kind != "choice")
+    return About(campaign.name, campaign.title, str(campaign.path), campaign.digest(), campaign.swept, drawn)
 
 
 def read_table(path: Path) -> Table:
@@ -109,8 +112,9 @@ def read_table(path: Path) -> Table:
     except (KeyError, ValueError):
         raise BadInput(f"{path} is no table of a campaign") from None
     units = {field.name: (field.metadata or {}).get(b"unit", b"-").decode() for field in table.schema}
-    found = About(**{name: known.get(name, "") for name in About._fields})
-    return Table(found._replace(swept=tuple(found.swept)), table.to_pydict(), units)
+    found = About(**{name: known.get(name, "") for name in About._fields if name != "drawn"})
+    drawn = tuple(known["drawn"]) if "drawn" in known else None
+    return Table(found._replace(swept=tuple(found.swept), drawn=drawn), table.to_pydict(), units)
 
 
 def unfinished_table(path: Path) -> Table:

@@ -2,7 +2,9 @@
 
 A text file of comma-separated values: the first line names the columns, ``time`` (s since boot, rising) and any of
 the fields of `Sticks`; sticks and switches stay where a line put them until the next one. Lines that begin with # are
-for people. The position of the mode switch is a number, or the mode that the flight computer's files give it.
+for people. The position of the mode switch is a number, or one of three fixed names: those of the modes that the
+vehicle files which come along give its positions. A file of one's own may give others (``mode_low`` and so on); a
+transmitter does not know them, so that with such a file a name is the position and not the mode.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from sim_bridge.sensors.receiver import Pilot, Sticks
 SWITCHES = {"mode": 2, "arm": 1, "kill": 1}
 """-; highest position of each"""
 MODES = ("STABILIZED", "LOITER", "AUTO")
-"""at the positions of the mode switch: `mode_low`, `mode_middle`, `mode_high` of the vehicle files that come along"""
+"""-; names of the mode switch's positions 0, 1, 2, whatever `mode_low`, `mode_middle`, `mode_high` of the vehicle's
+file are"""
 CENTRED = ("roll", "pitch", "yaw")
 """from -1 to 1; the throttle from 0"""
 

@@ -11,6 +11,8 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -394,6 +396,24 @@ def test_a_log_that_another_flight_records_is_refused(tmp_path: Path, capsys: py
         assert ours and main(["fly", "--log", str(path)]) == 2
     assert "another flight is being recorded there" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
+
+
+def test_a_log_that_another_flight_leaves_before_its_name_is_ours_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flight.mcap"
+
+    @contextmanager
+    def late(log: Path) -> Iterator[bool]:
+        path.write_bytes(b"of another")
+        with held(log) as ours:
+            yield ours
+
+    monkeypatch.setattr("groundstation.command.fly.held", late)
+    monkeypatch.setattr("groundstation.command.fly._run", lambda *_: 0)
+    assert main(["fly", "--log", str(path)]) == 2
+    assert f"{path} exists: it is not overwritten" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_complaint_of_a_child_is_told() -> None:

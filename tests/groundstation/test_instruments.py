@@ -64,10 +64,16 @@ def colors(text: Text, columns: int) -> list[list[tuple[int, int, int] | None]]:
 
 @pytest.mark.parametrize(("columns", "beside"), [(24, "mean"), (32, "mean  0.35 Wh"), (44, "mean  0.35 Wh drawn")])
 def test_the_power_says_that_it_is_a_mean_and_is_not_cut(columns: int, beside: str) -> None:
-    state = VehicleState(voltage=8.0, current=4.0, power=32.0, energy=1260.0)
+    state = VehicleState(voltage=8.0, current=4.0, power=32.0, energy=1260.0, mean_supply=True)
     lines = drawn(panels.power(Picture(state=state), columns, 3), columns)
     assert lines[2].split(maxsplit=1)[1].strip() == f"32.0 W  {beside}"
     assert "8.00 V  4.00 A" in lines[1] and not any("…" in line for line in lines)
+
+
+def test_the_power_of_a_moment_is_not_called_a_mean() -> None:
+    state = VehicleState(voltage=8.0, current=4.0, power=32.0, energy=1260.0)
+    lines = drawn(panels.power(Picture(state=state), 44, 3), 44)
+    assert lines[2].split(maxsplit=1)[1].strip() == "32.0 W  0.35 Wh drawn"
 
 
 # --- the horizon ----------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from avionics import topics
 from avionics.board.board import BoardSilent
-from avionics.messages import ActuatorCommand, Command, CommandKind, ImuSample, SensorFrame
+from avionics.messages import ActuatorCommand, Command, CommandKind, Event, ImuSample, Mode, PowerState, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import START_US, scripted_start
 from avionics.processors import WHOLE_TICK
@@ -17,6 +17,7 @@ from avionics.recorder import NullRecorder
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
 from groundstation.command.onboard import Onboard
+from groundstation.command.told import Account, ToldBoard
 
 TICK_US = 5000
 
@@ -170,3 +171,43 @@ def test_what_a_link_takes_is_the_ticks_overrun_and_no_processors() -> None:
 def test_silence_of_the_board_is_not_swallowed() -> None:
     with pytest.raises(BoardSilent, match="nobody answers"):
         fly(Rest(3, falls_silent=True))
+
+
+# --- what is told ---------------------------------------------------------------------------------------
+
+
+class Supplied:
+    """A view that knows the power and nothing else."""
+
+    mode = Mode.AUTO
+
+    def __init__(self) -> None:
+        self.power: PowerState | None = None
+
+    @property
+    def time_us(self) -> int:
+        return 0 if self.power is None else self.power.time_us
+
+    def latest(self, topic: Topic) -> PowerState | None:
+        return self.power if topic is topics.POWER else None
+
+    def events(self, after: int) -> tuple[Event, ...]:
+        return ()
+
+
+def test_the_power_of_a_line_is_the_mean_since_the_line_before_not_that_of_a_burst() -> None:
+    class Lines(Account):
+        def say(self, text: str) -> None:
+            told.append(text)
+
+    told: list[str] = []
+    view: Any = Supplied()
+    board = ToldBoard(Rest(4000), view, Lines(True), every=10.0)
+    none = PowerState(*[0] * len(PowerState._fields))
+    while (frame := board.read()) is not None:
+        seconds = frame.time_us * 1e-6
+        energy = 20.0 * min(seconds, 10.0) + 30.0 * max(seconds - 10.0, 0.0)
+        view.power = none._replace(time_us=frame.time_us, power=8.0, energy=energy)
+        board.write(ActuatorCommand(frame.time_us, *[0] * (len(ActuatorCommand._fields) - 1)))
+    lines = [line for line in told if "power" in line]
+    assert [line.partition("power")[2].split()[:2] for line in lines] == [["20.0", "W"], ["30.0", "W"]]

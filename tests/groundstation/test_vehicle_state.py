@@ -98,8 +98,15 @@ def test_supply_and_power_are_means_over_the_same_time_and_multiply() -> None:
         mavlink.MAVLink_wingbeat_power_message(1500, 8.27, 0.95, 7.9, 102.0, 816.0, 2.0, 0.9),
         mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 8270, 95, 90, 0, 0, 0, 0, 0, 0),
     )
-    assert (state.voltage, state.current, state.power) == pytest.approx((8.0, 4.0, 32.0))
+    assert (state.voltage, state.current, state.power) == pytest.approx((8.0, 4.0, 32.0)) and state.mean_supply
     assert state.battery_remaining == 0.9
+
+
+def test_the_first_message_of_the_supply_and_one_just_behind_another_tell_a_moment() -> None:
+    first = mavlink.MAVLink_wingbeat_power_message(1000, 8.27, 0.95, 7.9, 100.0, 800.0, 2.0, 0.9)
+    again = mavlink.MAVLink_wingbeat_power_message(1100, 8.2, 1.0, 8.2, 100.4, 803.2, 2.0, 0.9)
+    assert not heard(first).mean_supply
+    assert heard(first, again).power == pytest.approx(8.2) and not heard(first, again).mean_supply
 
 
 def test_unknown_supply_stays_unknown() -> None:

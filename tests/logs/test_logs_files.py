@@ -27,7 +27,7 @@ from avionics.topics import Topic
 from logs.export import csv_header, export_csv, export_npz
 from logs.info import flown_in, summary, topic_row
 from logs.join import join
-from logs.names import JOINED, PARTS, new_recording, reserved
+from logs.names import JOINED, PARTS, reserved
 from logs.placing import claim, draft, held
 from logs.reader import TopicInfo, open_log
 from sim_bridge import topics as truth_topics
@@ -127,15 +127,20 @@ def test_a_part_that_is_no_log_stops_the_joining(tmp_path: Path) -> None:
 
 def test_names_of_recordings(tmp_path: Path) -> None:
     when = datetime(2026, 11, 21, 13, 15, 0)
-    first = new_recording("robo_raven_ii_d", when, tmp_path)
+
+    def name_of(vehicle: str) -> Path:
+        with reserved(vehicle, when, tmp_path) as path:
+            return path
+
+    first = name_of("robo_raven_ii_d")
     assert first == tmp_path / "robo_raven_ii_d-20261121-131500.mcap"
     first.touch()
-    second = new_recording("robo_raven_ii_d", when, tmp_path)
+    second = name_of("robo_raven_ii_d")
     assert second.name == "robo_raven_ii_d-20261121-131500-2.mcap"
     second.touch()
-    assert new_recording("robo_raven_ii_d", when, tmp_path).name == "robo_raven_ii_d-20261121-131500-3.mcap"
-    assert new_recording("some/where/my bird.toml", when, tmp_path).name == "my_bird-20261121-131500.mcap"
-    assert new_recording("../..", when, tmp_path).parent == tmp_path
+    assert name_of("robo_raven_ii_d").name == "robo_raven_ii_d-20261121-131500-3.mcap"
+    assert name_of("some/where/my bird.toml").name == "my_bird-20261121-131500.mcap"
+    assert name_of("../..").parent == tmp_path
 
 
 @pytest.mark.parametrize("ending", PARTS)
@@ -143,7 +148,7 @@ def test_a_name_is_free_for_every_file_of_a_flight_or_it_is_not_taken(ending: st
     when = datetime(2026, 11, 21, 13, 15, 0)
     (tmp_path / f"bird-20261121-131500{ending}").touch()
     with reserved("bird", when, tmp_path) as path:
-        assert path == new_recording("bird", when, tmp_path) == tmp_path / "bird-20261121-131500-2.mcap"
+        assert path == tmp_path / "bird-20261121-131500-2.mcap"
 
 
 def test_a_name_that_is_held_is_nobody_elses_and_leaves_no_mark(tmp_path: Path) -> None:

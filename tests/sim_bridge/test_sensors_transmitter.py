@@ -52,7 +52,9 @@ def test_what_a_line_says_holds_until_the_next(tmp_path: Path, seconds: float, s
 
 
 @pytest.mark.parametrize("name", ["robo_raven_ii_d", "arizona_100cm"])
-def test_the_mode_switch_takes_the_modes_that_the_flight_computer_gives_it(tmp_path: Path, name: str) -> None:
+def test_the_names_of_the_mode_switch_are_the_modes_of_the_vehicle_files_that_come_along(
+    tmp_path: Path, name: str
+) -> None:
     gains = load_vehicle(name).gains.receiver
     numbers = gains.mode_low, gains.mode_middle, gains.mode_high
     rows = [f"{position},{Mode(number).name.lower()}" for position, number in enumerate(numbers)]

@@ -6,11 +6,13 @@ import math
 import re
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 from scipy import stats
+from short_campaigns import campaign_of
 
 from avionics.quantities import BadInput
 from groundstation.views.campaign_report import report
@@ -18,7 +20,7 @@ from logs.campaigns.comparison import comparisons
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.page import write
 from logs.campaigns.statistics import alike, chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
-from logs.campaigns.table import OWN, About, Table
+from logs.campaigns.table import OWN, About, Table, about, read_table, write_table
 
 FLIGHTS = 60
 GENERATOR = np.random.default_rng(5)
@@ -141,6 +143,38 @@ def test_a_value_without_the_metric_leaves_the_pairs_of_the_others_in_their_plac
     heads = next(line for line in lines if line.startswith("median"))
     values = next(line for line in lines if "in 0 of 20 *" in line)
     assert values.startswith("hold_altitude_rms") and heads.index(" 10 better") - 6 < values.index("in 0 of 20 *")
+
+
+def test_in_an_unfinished_table_the_pairs_that_are_there_are_compared() -> None:
+    made, third = grid_table(), FLIGHTS // 3
+    # Of the three gains 10 and 1 are flown in all winds, 2 in five.
+    part = made._replace(columns={name: values[: 2 * third + 5] for name, values in made.columns.items()}, planned=60)
+    (told,) = comparisons(part)
+    hold = next(one for one in told.metrics if one.metric == "hold_altitude_rms")
+    assert [(one.value, one.pairs, one.better, one.worse) for one in hold.pairs] == [
+        ("2", 5, 3, 2),
+        ("10", 20, 0, 20),
+    ]
+
+
+def test_what_is_drawn_is_no_grid_though_all_flights_have_the_same_seed(tmp_path: Path) -> None:
+    text = (
+        "flights = 5\n[flight]\nseed = 3\n[grid]\n'scale.gains.pitch.damping' = [1.0, 2.0, 4.0]\n"
+        "[draw]\n'wind.speed' = { uniform = [0.0, 3.0] }\n'scale.gains.pitch.integral' = { choice = [1.0, 1.5] }\n"
+    )
+    campaign = campaign_of(tmp_path, text)
+    assert campaign.swept == ("scale.gains.pitch.damping", "wind.speed", "scale.gains.pitch.integral")
+    rows = {number: row(number) for number in range(1, campaign.size + 1)}
+    write_table(tmp_path / "made.parquet", campaign, rows)
+    found = read_table(tmp_path / "made.parquet")
+    assert found.about == about(campaign) and found.about.drawn == ("wind.speed",)
+    assert [one.input for one in comparisons(found)] == list(campaign.swept[::2])
+
+
+def row(number: int) -> dict[str, Any]:
+    """A flight that landed, without metrics."""
+    about_it = {"flight": number, "failed": False, "outcome": "landed", "reason": "", "log": ""}
+    return dict.fromkeys(METRICS) | about_it
 
 
 def test_words_are_compared_without_pairs_and_drawn_numbers_not_at_all() -> None:
