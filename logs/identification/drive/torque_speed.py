@@ -113,10 +113,7 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
         BadInput: no motion of the wings, too few strokes or samples.
     """
     flapping, pace = _while_flapping(data)
-    rows = [
-        _side(data, torque, rate, flapping, pace)
-        for torque, rate in ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
-    ]
+    rows = _sides(data, flapping, pace)
     samples = int(min(row.used.sum() for row in rows))
     if samples < LEAST_SAMPLES:
         raise BadInput(f"torque and motion of the wings are known together for {samples} samples while they flap")
@@ -124,7 +121,7 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
         lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
         return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
     torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
-    model = with_gauge_errors(lambda changed: _load(changed, flapping, pace), data, torques)
+    model = with_gauge_errors(lambda changed: _load(_sides(changed, flapping, pace)), data, torques)
     alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
     reasons = {
         one.name: ALIKE if alike and one.name == LOAD[1] else "its 95 % interval spans zero"
@@ -148,13 +145,6 @@ def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
     return flapping, PER_STROKE / float(np.median(np.diff(cuts)))
 
 
-def _load(data: DriveData, flapping: NDArray[np.bool_], pace: float) -> ServoModel:
-    """Both numbers, whatever they are worth."""
-    sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
-    rows = [_side(data, torque, rate, flapping, pace) for torque, rate in sides]
-    return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], int(rows[0].used.sum()))
-
-
 class _Side(NamedTuple):
     """One wing, every signal through the same low pass."""
 
@@ -166,6 +156,12 @@ class _Side(NamedTuple):
     """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
 
 
+def _load(rows: list[_Side]) -> ServoModel:
+    """Both numbers, whatever they are worth."""
+    samples = int(min(row.used.sum() for row in rows))
+    return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
+
+
 def _inflation(side: _Side) -> float:
     """Variance inflation of the acceleration's coefficient."""
     known = side.regressors[side.used > 0.0, :-1]
@@ -173,6 +169,12 @@ def _inflation(side: _Side) -> float:
     others = left[:, [0, 2]]
     rest = left[:, 1] - others @ np.linalg.lstsq(others, left[:, 1])[0]
     return float(np.sum(left[:, 1] ** 2) / max(float(np.sum(rest**2)), 1e-300))
+
+
+def _sides(data: DriveData, flapping: NDArray[np.bool_], pace: float) -> list[_Side]:
+    """The left wing and the right."""
+    sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
+    return [_side(data, torque, rate, flapping, pace) for torque, rate in sides]
 
 
 def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool_], pace: float) -> _Side:

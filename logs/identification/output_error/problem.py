@@ -163,7 +163,7 @@ class Fit(NamedTuple):
     covariance: Array
     """(p, p); corrected for coloured residuals, zero in the rows of unidentified parameters"""
     degrees: float
-    """-; effective degrees of freedom, the median of the parameters'"""
+    """-; effective degrees of freedom, the least of the identified parameters'"""
     noise: Array
     """(m, m); covariance of the outputs' residuals"""
     cost: float
