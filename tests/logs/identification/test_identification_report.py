@@ -127,11 +127,6 @@ def drive() -> RecordedTopics:
 
 
 @pytest.fixture(scope="module")
-def modes(motion: RecordedTopics) -> Identification:
-    return identify(motion, "modes", AIRCRAFT, TRUTHS)
-
-
-@pytest.fixture(scope="module")
 def everything(motion: RecordedTopics) -> Identification:
     return identify(motion, "all", AIRCRAFT, TRUTHS)
 
@@ -140,8 +135,8 @@ def numbers(result: Identification) -> dict[tuple[str, str], tuple[float, float 
     return {(r.subject, r.name): (r.estimate.value, r.truth) for r in rows(result) if r.estimate is not None}
 
 
-def test_modes_from_topics(modes: Identification) -> None:
-    found = numbers(modes)
+def test_modes_from_topics(everything: Identification) -> None:
+    found = numbers(everything)
     value, true = found["output error", "short_period_frequency"]
     assert true == FREQUENCY
     assert value == pytest.approx(FREQUENCY, rel=0.02)
