@@ -215,7 +215,7 @@ def _section(
     path: Path,
     section: str,
     table: Mapping[str, Any],
-    record: type[Any],
+    record: Any,
     sources: dict[str, Source],
     fitted: dict[str, str],
 ) -> Any:
@@ -249,7 +249,7 @@ def _section(
 
 
 @cache
-def _hints(record: type[Any]) -> Mapping[str, Any]:
+def _hints(record: Any) -> Mapping[str, Any]:
     return MappingProxyType(get_type_hints(record, include_extras=True))
 
 

@@ -75,11 +75,11 @@ def air_of(model: AerodynamicModel, parameters: Any) -> Air:
 
 
 @cache
-def _hints(kind: type[Any]) -> Mapping[str, Any]:
+def _hints(kind: Any) -> Mapping[str, Any]:
     return MappingProxyType(get_type_hints(kind))
 
 
-def _blank(kind: type[Any]) -> Any:
+def _blank(kind: Any) -> Any:
     if hasattr(kind, "blank"):
         return kind.blank()
     if not hasattr(kind, "_fields"):

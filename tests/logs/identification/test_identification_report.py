@@ -127,6 +127,11 @@ def drive() -> RecordedTopics:
 
 
 @pytest.fixture(scope="module")
+def modes(motion: RecordedTopics) -> Identification:
+    return identify(motion, "modes", AIRCRAFT, TRUTHS)
+
+
+@pytest.fixture(scope="module")
 def everything(motion: RecordedTopics) -> Identification:
     return identify(motion, "all", AIRCRAFT, TRUTHS)
 
@@ -135,8 +140,8 @@ def numbers(result: Identification) -> dict[tuple[str, str], tuple[float, float 
     return {(r.subject, r.name): (r.estimate.value, r.truth) for r in rows(result) if r.estimate is not None}
 
 
-def test_modes_from_topics(everything: Identification) -> None:
-    found = numbers(everything)
+def test_modes_from_topics(modes: Identification) -> None:
+    found = numbers(modes)
     value, true = found["output error", "short_period_frequency"]
     assert true == FREQUENCY
     assert value == pytest.approx(FREQUENCY, rel=0.02)
