@@ -11,6 +11,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -135,7 +136,7 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read vehicle file {path}: {why_unread(error)}") from None
     try:
-        document = tomllib.loads(text)
+        document = dict(_parsed(text))
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
     if "base" not in document:
@@ -148,6 +149,12 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
         inherited.pop(own, None)
     merged = _laid_over(inherited, document)
     return merged, f"# {path.name}, its base {below.name} merged in\n" + toml_text(merged)
+
+
+@lru_cache(maxsize=16)
+def _parsed(text: str) -> dict[str, Any]:
+    """A document, the same for the same text: its tables are read and not written to."""
+    return tomllib.loads(text)
 
 
 def _base(path: Path, base: Any, folder: Path | None) -> Path:
@@ -208,12 +215,12 @@ def _section(
     path: Path,
     section: str,
     table: Mapping[str, Any],
-    record: type[Any],
+    record: Any,
     sources: dict[str, Source],
     fitted: dict[str, str],
 ) -> Any:
     table = _table(path, section, table)
-    hints = get_type_hints(record, include_extras=True)
+    hints = _hints(record)
     defaults: dict[str, Any] = getattr(record, "_field_defaults", {})
     for key in table:
         if key not in hints:
@@ -239,6 +246,11 @@ def _section(
         if "fitted" in entry:
             fitted[name] = str(entry["fitted"])
     return record(**values)
+
+
+@cache
+def _hints(record: Any) -> Mapping[str, Any]:
+    return MappingProxyType(get_type_hints(record, include_extras=True))
 
 
 def _table(path: Path, section: str, table: Any) -> Mapping[str, Any]:

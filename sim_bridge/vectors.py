@@ -15,6 +15,7 @@ import numpy as np
 from llvmlite import ir
 from numba import njit as njit  # for all who compile: by here the cache has its folder
 from numba.core import cgutils
+from numba.core.compiler import Flags
 from numba.core.cpu import CPUTargetOptions
 from numba.core.errors import TypingError
 from numba.core.options import TargetOptions
@@ -54,6 +55,13 @@ def _cache_folder() -> Path:
     return Path(tempfile.gettempdir()) / f"wingbeat-kernels-{os.getuid()}-{digest.hexdigest()[:16]}"
 
 
+def _hash_of_flags(flags: Any) -> int:
+    return hash((flags.forceinline, flags.noalias, flags.no_cpython_wrapper, flags.no_cfunc_wrapper, flags.nrt))
+
+
+# numba looks its own functions up by the flags of who calls them, and all flags have one hash there: those of our
+# kinds of kernels were compared name by name, for a twentieth of a compilation.
+Flags.__hash__ = _hash_of_flags  # type: ignore[method-assign]
 # numba has this flag, and no option that sets it.
 CPUTargetOptions.noalias = cast(Any, TargetOptions).Mapping("noalias")
 keep_own_copies()

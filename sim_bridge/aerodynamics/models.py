@@ -6,6 +6,9 @@ model without waiting for the compiler.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 from avionics.quantities import BadInput
@@ -60,23 +63,28 @@ def compiled_apart(name: str) -> bool:
     Raises:
         BadInput: there is none.
     """
-    return get_type_hints(Air)[find_model(name).name] is FarLattice
+    return _hints(Air)[find_model(name).name] is FarLattice
 
 
 def air_of(model: AerodynamicModel, parameters: Any) -> Air:
     """What the compiled `loads` takes for ``parameters`` that the ``model`` has built."""
-    kinds = get_type_hints(Air)
+    kinds = _hints(Air)
     blanks = {name: _blank(kinds[name]) for name in MODELS}
     told = far_lattice(parameters) if isinstance(parameters, VortexLatticeParameters) else parameters
     return Air(list(MODELS).index(model.name), **(blanks | {model.name: told}))
 
 
-def _blank(kind: type[Any]) -> Any:
+@cache
+def _hints(kind: Any) -> Mapping[str, Any]:
+    return MappingProxyType(get_type_hints(kind))
+
+
+def _blank(kind: Any) -> Any:
     if hasattr(kind, "blank"):
         return kind.blank()
     if not hasattr(kind, "_fields"):
         return kind()
-    return kind(*(_blank(hint) for hint in get_type_hints(kind).values()))
+    return kind(*(_blank(hint) for hint in _hints(kind).values()))
 
 
 @inlined

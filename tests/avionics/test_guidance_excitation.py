@@ -260,6 +260,7 @@ def flight() -> Flight:
     return Flight(MISSION).launch().fly(75.0, until=Stage.LANDED)
 
 
+@cache
 def column(topic: topics.Topic, name: str) -> np.ndarray:
     return np.array([getattr(message, name) for message in flight().of(topic)])
 

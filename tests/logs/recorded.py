@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import struct
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -44,16 +45,21 @@ def random_message(topic: Topic, time_us: int, source: random.Random) -> Any:
 
 def flight(duration: float = 2.0, chosen: tuple[Topic, ...] = ALL_TOPICS, seed: int = 1) -> list[tuple[Topic, Any]]:
     """Messages of ``duration`` seconds in the order of their times; events come once a second."""
+    return list(_messages(duration, chosen, seed))
+
+
+@cache
+def _messages(duration: float, chosen: tuple[Topic, ...], seed: int) -> tuple[tuple[Topic, Any], ...]:
     source = random.Random(seed)
     times = [
         (round(min(n / (topic.rate or 1.0), duration) * 1e6), topic)
         for topic in chosen
         for n in range(1, max(1, int(duration * (topic.rate or 1.0))) + 1)
     ]
-    return [
+    return tuple(
         (topic, random_message(topic, time, source))
         for time, topic in sorted(times, key=lambda t: (t[0], t[1].channel))
-    ]
+    )
 
 
 def record(path: Path, messages: list[tuple[Topic, Any]], **options: Any) -> Path:

@@ -64,14 +64,16 @@ def flown(name: str, case: Case) -> SimulatedVehicle:
 
 
 @cache
-def _plant(name: str, model: str, changes: tuple[tuple[str, Any], ...]) -> Plant:
-    return Plant(flown(name, Case(model, dict(changes))))
+def _plant(name: str, model: str, changes: tuple[tuple[str, Any], ...]) -> tuple[Plant, Floats]:
+    """The plant, and its state in the hand."""
+    plant = Plant(flown(name, Case(model, dict(changes))))
+    return plant, plant.y.copy()
 
 
 def plant_of(name: str, case: Case) -> Plant:
     """The vehicle's plant in the launcher's hand; made once, shared by all tests."""
-    plant = _plant(name, case.model, tuple(case.changes.items()))
-    plant.y[:] = Plant(plant.vehicle).y
+    plant, start = _plant(name, case.model, tuple(case.changes.items()))
+    plant.y[:] = start
     # A model sets what it fills in and nothing else: what another test put there must not stay.
     plant.scratch.wings.loads.parts[:] = 0.0
     return plant
@@ -177,6 +179,11 @@ def loaded(plant: Plant, motion: Motion, density: float = DENSITY, state: Floats
 def numbers(out: SectionLoads) -> Floats:
     """All of the loads in one row."""
     return np.concatenate([np.ravel(column) for column in out])
+
+
+def near(found: Floats, wanted: Floats, rel: float, least: float) -> bool:
+    """Whether each of many numbers is the wanted one within ``rel`` of it or ``least``: `approx` takes a while."""
+    return bool(np.all(np.abs(found - wanted) <= np.maximum(rel * np.abs(wanted), least)))
 
 
 def model_of_case(case: Case) -> AerodynamicModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ class MemoryLog:
 
     def __init__(self) -> None:
         self.messages: dict[str, list[Any]] = defaultdict(list)
+        self._columns: dict[str, dict[str, Any]] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MemoryLog:
         """Of a flight that is copied as it stands: messages are immutable."""
@@ -47,7 +49,13 @@ class MemoryLog:
         kept = self.messages.get(topic.name)
         if not kept:
             raise BadInput(f"the flight has no topic {topic.name}")
-        return {name: np.array([m[i] for m in kept]) for i, name in enumerate(kept[0]._fields)}
+        columns = self._columns.get(topic.name, {})
+        if not columns or any(len(column) != len(kept) for column in columns.values()):
+            columns = {
+                name: np.array(values) for name, values in zip(kept[0]._fields, zip(*kept, strict=True), strict=True)
+            }
+            self._columns[topic.name] = columns
+        return MappingProxyType(columns)
 
 
 def flown(vehicle: str, scenario: Scenario, mission: str = "circuit") -> MemoryLog:
