@@ -136,14 +136,16 @@ def products(columns: list[Array], used: list[Array], order: int) -> Products:
 def _criterion(of: Products, at: Array) -> tuple[float, Array]:
     """Minus twice the restricted log likelihood at artanh(reflections) ``at`` (k,), and its slopes (k,)."""
     slopes = np.empty(len(at))
-    return restricted(of.sums, of.counts, PRIOR, at, slopes)[0], slopes
+    value: float = restricted(of.sums, of.counts, PRIOR, at, slopes)[0]
+    return value, slopes
 
 
 def _curvature(of: Products, at: Array) -> Array:
     """Second derivatives (k, k) of `_criterion`, by differences of its slopes."""
     steps = np.eye(len(at)) * STEP
     differences = np.array([_criterion(of, at + step)[1] - _criterion(of, at - step)[1] for step in steps])
-    return (differences + differences.T) / (4 * STEP)
+    curvature: Array = (differences + differences.T) / (4 * STEP)
+    return curvature
 
 
 def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Array]) -> Autoregression:
@@ -214,7 +216,7 @@ def _minimum(of: Products, start: Array) -> Array:
 
 def _model(of: Products, at: Array, free: float) -> Autoregression:
     def variance(transformed: Array) -> float:
-        return restricted(of.sums, of.counts, PRIOR, transformed, np.empty(len(transformed)))[1] / free
+        return float(restricted(of.sums, of.counts, PRIOR, transformed, np.empty(len(transformed)))[1]) / free
 
     if not variance(at) > 0:
         raise np.linalg.LinAlgError("the residuals tell nothing of their colour")

@@ -236,3 +236,12 @@ def test_the_autoregression_is_the_likeliest_and_as_sure_as_the_likelihood_is_cu
         curved = [criterion(found + w) + criterion(found - w) - 2 * criterion(found) for w in np.diag(width)]
         expected = np.diag(np.linalg.inv(model.uncertainty)) * width**2 * 2
         np.testing.assert_allclose(curved, expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("lags", [0, 3])
+def test_an_empty_record_adds_nothing_to_the_autocorrelation(lags: int) -> None:
+    one = np.random.default_rng(6).normal(size=30)
+    found, pairs = autocorrelation((np.zeros(0), one), lags)
+    alone, own = autocorrelation((one,), lags)
+    np.testing.assert_allclose(found, alone)
+    np.testing.assert_array_equal(pairs, own)
