@@ -215,6 +215,9 @@ def _minimum(of: Products, start: Array) -> Array:
 
 
 def _model(of: Products, at: Array, free: float) -> Autoregression:
+    if free <= 0:
+        raise np.linalg.LinAlgError("the residuals tell nothing of their colour")
+
     def variance(transformed: Array) -> float:
         return float(restricted(of.sums, of.counts, PRIOR, transformed, np.empty(len(transformed)))[1]) / free
 

@@ -2,8 +2,8 @@
 
 Grauer Eq. 20 and 21; Klein & Morelli, Aircraft System Identification, 2006, ch. 7. Derivatives are central
 differences, so that an equation is its integral over two samples; what they are regressed on goes through the mean
-that a central difference is of a rate. Of inputs that is exact, of held ones and of lines, whole samples late or parts
-of one. Of motions it is Simpson's (1/6, 2/3, 1/6), and what the exact mean of the fitted equations' own motion
+that a central difference is of a rate. Of inputs that is exact, of held ones and of lines, whole samples late or
+parts of one. Of motions it is Simpson's (1/6, 2/3, 1/6), and what the exact mean of the fitted equations' own motion
 (`between_samples`) is beyond Simpson's of it: an input that is held bends the motion where it changes, and no
 parabola follows that. The force that a_z tells is one of an instant: beside it stand the inputs of that instant,
 which a held one keeps until it changes. Noise in the regressors would shrink their coefficients: the fitted

@@ -89,7 +89,7 @@ PARTS, AIRSPEED = 10, 30.0
 
 
 def delayed(truth: dict[str, float], rate: float, late: float, arm: float, way: str, noise: int = 0) -> Experiment:
-    """A 3-2-1-1, ``late`` samples late, stepped exactly in tenths of one; noise of 2 % by the seed ``noise``, if any."""
+    """A 3-2-1-1, ``late`` samples late, stepped exactly in tenths of one; noise of 2 % by a seed, if any."""
     a = np.array([[truth["Z_alpha"], 1.0 + truth["Z_q"]], [truth["M_alpha"], truth["M_q"]]])
     b, unit = np.array([[truth["Z_delta"]], [truth["M_delta"]]]), round(1.6 / np.sqrt(np.linalg.det(a)) * rate) / rate
     time = np.arange(round(24.0 * unit * rate)) / rate
