@@ -20,9 +20,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.signal import lfilter, lfiltic
 
+from logs.identification.accuracy.likelihood import LARGEST, restricted
 from logs.identification.results import Array
 
 HIGHEST_ORDER = 4
@@ -32,12 +32,15 @@ SAMPLES_PER_ORDER = 10
 """-; samples that each coefficient asks for"""
 PRIOR = 0.75
 """-; weight of log(1 - kappa^2) in twice the log likelihood: no short record is taken for a random walk"""
-LARGEST = 1 - 1e-7
-"""-; size of a reflection"""
 LEAST_CURVATURE = 1e-2
-STEP = 1e-3
-DIFFERENCE = 1.5e-8
-NEVER = 1e10
+STEP = 1e-4
+MOST_STEPS = 50
+LONGEST_STEP = 1.0
+"""-; of artanh(reflections), at a time"""
+SMALL = 1e-3
+"""-; of twice the log likelihood: a step that promises less is the last, and leaves the square of it"""
+SHORTEST_SHARE = 1e-3
+"""-; of a step, that is tried"""
 
 
 class Autoregression(NamedTuple):
@@ -119,53 +122,30 @@ def products(columns: list[Array], used: list[Array], order: int) -> Products:
     sums, counts = np.zeros((order + 1, order + 1, order + 1, width, width)), np.zeros(order + 1)
     for values, mask in zip(columns, used, strict=True):
         before = runs(mask, order)
+        ahead = np.vstack((np.zeros((order, width)), values)).ravel()
+        lagged = np.lib.stride_tricks.sliding_window_view(ahead, (order + 1) * width)[::width]  # the oldest first
         for group in range(order + 1):
             rows = np.flatnonzero(before == group)
             counts[group] += len(rows)
-            lagged = np.hstack([values[rows - lag] for lag in range(group + 1)])
-            squares = (lagged.T @ lagged).reshape(group + 1, width, group + 1, width)
-            sums[group, : group + 1, : group + 1] += squares.transpose(0, 2, 1, 3)
+            known = lagged[rows, (order - group) * width :]
+            squares = (known.T @ known).reshape(group + 1, width, group + 1, width)
+            sums[group, : group + 1, : group + 1] += squares.transpose(0, 2, 1, 3)[::-1, ::-1]
     return Products(sums, counts)
 
 
-def _whitened(of: Products, reflections: Array) -> tuple[Array, Array]:
-    """Products (B, m, m) of the columns whitened by ``reflections`` (B, k), and the variances (B, k + 1) that
-    whitening made equal."""
-    count, order = reflections.shape
-    growth = np.column_stack((1 - reflections**2, np.ones(count)))
-    variances = 1 / np.cumprod(growth[:, ::-1], axis=1)[:, ::-1]
-    filters = np.zeros((count, order + 1, order + 1))
-    filters[:, 0, 0] = 1.0
-    for k in range(order):
-        filters[:, k + 1] = filters[:, k]
-        filters[:, k + 1, : k + 2] += reflections[:, k, None] * filters[:, k, k + 1 :: -1]
-    pairs = filters[:, :, :, None] * (filters / variances[:, :, None])[:, :, None, :]
-    width = of.sums.shape[3]
-    flat = pairs.reshape(count, -1) @ of.sums.reshape(-1, width**2)
-    return flat.reshape(count, width, width), variances
+def _criterion(of: Products, at: Array) -> tuple[float, Array]:
+    """Minus twice the restricted log likelihood at artanh(reflections) ``at`` (k,), and its slopes (k,)."""
+    slopes = np.empty(len(at))
+    value: float = restricted(of.sums, of.counts, PRIOR, at, slopes)[0]
+    return value, slopes
 
 
-def _diagonals(squares: Array) -> Array:
-    """Diagonals (B, m) of the Cholesky factors of ``squares`` (B, m, m), NaN where there is none."""
-    try:
-        return np.asarray(np.diagonal(np.linalg.cholesky(squares), axis1=1, axis2=2))
-    except np.linalg.LinAlgError:
-        alone = len(squares) == 1
-        return np.full((1, squares.shape[1]), np.nan) if alone else np.vstack([_diagonals(s[None]) for s in squares])
-
-
-def _criteria(of: Products, transformed: Array) -> Array:
-    """Minus twice the restricted log likelihood (B,) at artanh(reflections) (B, k) and the best white variance."""
-    reflections = np.tanh(transformed)
-    possible = np.all(np.abs(reflections) < LARGEST, axis=1)
-    total, variances = _whitened(of, np.where(possible[:, None], reflections, 0.0))
-    diagonals = _diagonals(total)
-    possible &= diagonals[:, -1] > 0
-    diagonals, reflections = (np.where(possible[:, None], a, b) for a, b in ((diagonals, 1.0), (reflections, 0.0)))
-    free = of.counts.sum() - (of.sums.shape[3] - 1)
-    weighted = 2 * np.log(diagonals).sum(axis=1) + 2 * (free - 1) * np.log(diagonals[:, -1])
-    prior = PRIOR * np.sum(np.log(1 - reflections**2), axis=1)
-    return np.where(possible, np.log(variances) @ of.counts + weighted - prior, NEVER)
+def _curvature(of: Products, at: Array) -> Array:
+    """Second derivatives (k, k) of `_criterion`, by differences of its slopes."""
+    steps = np.eye(len(at)) * STEP
+    differences = np.array([_criterion(of, at + step)[1] - _criterion(of, at - step)[1] for step in steps])
+    curvature: Array = (differences + differences.T) / (4 * STEP)
+    return curvature
 
 
 def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Array]) -> Autoregression:
@@ -184,7 +164,7 @@ def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Arr
         of = everything.of_order(order)
         if order:
             start = _minimum(of, np.append(start, 0.0))
-        score = _criteria(of, start[None])[0] + 2 * (order + 1) * free / max(free - order - 2, 1.0)
+        score = _criterion(of, start)[0] + 2 * (order + 1) * free / max(free - order - 2, 1.0)
         if score < best and (not order or _likelier_than_white(of, start)):
             best, chosen, since = score, (of, start), 0
         elif (since := since + 1) >= PATIENCE:
@@ -195,11 +175,13 @@ def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Arr
 def _likelier_than_white(of: Products, at: Array) -> bool:
     """Whether the autoregression at artanh(reflections) ``at`` (k,) makes the residuals likelier, as they are."""
 
-    def criterion(transformed: Array) -> float:
-        total, variances = _whitened(of, np.tanh(transformed)[None])
-        return float(np.log(variances[0]) @ of.counts + of.counts.sum() * np.log(max(total[0, -1, -1], 1e-300)))
+    def criterion(reflections: Array) -> float:
+        variances = prediction_variances(reflections)
+        filters = [np.append(f, np.zeros(len(at) + 1 - len(f))) for f in predictors(reflections)]
+        squares = np.einsum("gi,gj,gij,g->", filters, filters, of.sums[:, :, :, -1, -1], 1 / variances)
+        return float(np.log(variances) @ of.counts + of.counts.sum() * np.log(max(squares, 1e-300)))
 
-    return criterion(at) < criterion(np.zeros(len(at)))
+    return criterion(np.tanh(at)) < criterion(np.zeros(len(at)))
 
 
 def _highest_order(used: list[Array], width: int) -> int:
@@ -213,20 +195,31 @@ def _highest_order(used: list[Array], width: int) -> int:
 
 
 def _minimum(of: Products, start: Array) -> Array:
-    shifts = np.vstack((np.zeros(len(start)), np.eye(len(start)) * DIFFERENCE))
-
-    def with_slope(at: Array) -> tuple[float, Array]:
-        here, *ahead = _criteria(of, at + shifts)
-        return float(here), (np.array(ahead) - here) / DIFFERENCE
-
-    found = minimize(with_slope, start, jac=True, method="BFGS", options={"gtol": 1e-2, "maxiter": 50})
-    return np.asarray(found.x)
+    """Where `_criterion` is least: Newton's steps from ``start`` (k,), turned downhill where it is not convex."""
+    at, (value, slopes) = start, _criterion(of, start)
+    for _ in range(MOST_STEPS):
+        sizes, axes = np.linalg.eigh(_curvature(of, at))
+        step = -(axes / np.maximum(np.abs(sizes), LEAST_CURVATURE)) @ (axes.T @ slopes)
+        step *= min(LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300), 1.0)
+        promised, share = -float(slopes @ step), 1.0
+        beyond = _criterion(of, at + step)
+        while beyond[0] > value - 1e-4 * share * promised and share > SHORTEST_SHARE:
+            share /= 2
+            beyond = _criterion(of, at + share * step)
+        if not beyond[0] < value:
+            break
+        at, (value, slopes) = at + share * step, beyond
+        if promised < SMALL:
+            break
+    return at
 
 
 def _model(of: Products, at: Array, free: float) -> Autoregression:
+    if free <= 0:
+        raise np.linalg.LinAlgError("the residuals tell nothing of their colour")
+
     def variance(transformed: Array) -> float:
-        total, _ = _whitened(of, np.tanh(transformed)[None])
-        return float(_diagonals(total)[0, -1] ** 2 / free)
+        return float(restricted(of.sums, of.counts, PRIOR, transformed, np.empty(len(transformed)))[1]) / free
 
     if not variance(at) > 0:
         raise np.linalg.LinAlgError("the residuals tell nothing of their colour")
@@ -235,14 +228,7 @@ def _model(of: Products, at: Array, free: float) -> Autoregression:
 
 def _uncertainty(of: Products, at: Array) -> Array:
     """Covariance (k, k) of artanh(reflections): inverse curvature of the likelihood."""
-    size = len(at)
-    if not size:
+    if not len(at):
         return np.zeros((0, 0))
-    steps, rows, columns = np.eye(size) * STEP, *np.triu_indices(size)
-    corners = [(a * b, a * steps[rows] + b * steps[columns]) for a in (1, -1) for b in (1, -1)]
-    values = _criteria(of, np.vstack([at + shift for _, shift in corners])).reshape(4, -1)
-    curvature = np.zeros((size, size))
-    curvature[rows, columns] = np.array([sign for sign, _ in corners]) @ values / (8 * STEP**2)
-    curvature[columns, rows] = curvature[rows, columns]
-    values, vectors = np.linalg.eigh(curvature)
+    values, vectors = np.linalg.eigh(_curvature(of, at) / 2)
     return np.asarray((vectors / np.maximum(values, LEAST_CURVATURE)) @ vectors.T)

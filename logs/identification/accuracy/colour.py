@@ -83,21 +83,16 @@ def _effective(tapered: Array, pairs: Array) -> float:
 
 def coloured_information(sensitivities: list[Array], colour: Colour) -> Array:
     """Sum over lags of S(i)^T Gamma(i - j) S(j) for ``sensitivities`` (N_i, m, p): (p, p)."""
+    from scipy.fft import next_fast_len, rfft
+
     parameters = sensitivities[0].shape[2]
     total = np.zeros((parameters, parameters))
     for sensitivity in sensitivities:
         ahead = colour.covariances[: len(sensitivity)].copy()
         ahead[0] /= 2.0  # lag 0 is counted once, every other on both sides
-        half = np.einsum("nip,niq->pq", sensitivity, _weighted_ahead(ahead, sensitivity))
+        size = next_fast_len(len(sensitivity) + len(ahead), real=True)
+        weights, values = np.conj(rfft(ahead, size, axis=0)), rfft(sensitivity, size, axis=0)
+        weights[1 : (size + 1) // 2] *= 2.0  # of these frequencies the negative are as much
+        half = (values.reshape(-1, parameters).conj().T @ (weights @ values).reshape(-1, parameters)).real / size
         total += half + half.T
     return total
-
-
-def _weighted_ahead(covariances: Array, sensitivity: Array) -> Array:
-    """Sums (N, m, p) over lags of ``covariances[lag, i, j] sensitivity[n + lag, j]``."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    size = next_fast_len(len(sensitivity) + len(covariances), real=True)
-    weights, values = np.conj(rfft(covariances, size, axis=0)), rfft(sensitivity, size, axis=0)
-    weighted: Array = irfft(np.einsum("fij,fjp->fip", weights, values), size, axis=0)[: len(sensitivity)]
-    return weighted

@@ -19,13 +19,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import next_fast_len
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import lfilter
 
 from logs.identification.accuracy.autoregression import Autoregression, autocovariance, autoregression_of, runs
 from logs.identification.accuracy.colour import parzen
 from logs.identification.results import Array
 
+Complex = NDArray[np.complex128]
 STEP = 1e-3
 LEAST_SHARE = 0.1
 """-; of the white density, that the whitened residuals have at every frequency: less has come about by chance"""
@@ -81,7 +83,7 @@ def all_lags(records: tuple[Linear, ...]) -> Coloured:
     longest = max(len(record.used) for record in records)
     sums, count = np.zeros(longest), sum(float(r.used.sum()) for r in records)
     for record in records:
-        sums[: len(record.used)] += correlate(record.residuals[:, None])[:, 0]
+        sums[: len(record.used)] += correlate(record.residuals[:, None], len(record.used))[:, 0]
     free = _free(records)
     return Coloured(_quadratic(records, sums / count), np.full(records[0].weights.shape[1], free))
 
@@ -123,11 +125,11 @@ def _free(records: tuple[Linear, ...]) -> float:
     return float(max(count - records[0].weights.shape[1], 1.0))
 
 
-def correlate(columns: Array) -> Array:
-    """Sum of each column of ``columns`` (N, k) times itself, at lags 0 to N - 1: (N, k)."""
-    size = _room_for(2 * len(columns))
-    power = np.abs(np.fft.rfft(columns, size, axis=0)) ** 2
-    return np.asarray(np.fft.irfft(power, size, axis=0)[: len(columns)])
+def correlate(columns: Array, lags: int) -> Array:
+    """Sum of each column of ``columns`` (N, k) times itself, at lags 0 to ``lags`` - 1, N at most: (lags, k)."""
+    size = _room_for(len(columns) + lags)
+    power = np.abs(rfft(columns, size, axis=0)) ** 2
+    return np.asarray(irfft(power, size, axis=0)[:lags])
 
 
 def _room_for(samples: int) -> int:
@@ -140,14 +142,24 @@ def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
     width = records[0].weights.shape[1]
     total = np.zeros((width, width))
     for record in records:
-        there = autocovariance[: len(record.used)]
-        size = _room_for(2 * len(there))
-        between = np.zeros(size + 1 - 2 * len(there))
-        density = np.fft.rfft(np.concatenate((there, between, there[:0:-1]))).real
-        spectrum = np.fft.rfft(record.weights, size, axis=0)
-        density[1:-1] *= 2
-        total += (spectrum.conj().T @ (spectrum * density[:, None])).real / size
+        spectrum = _spectrum(record.weights)
+        total += (spectrum.conj().T @ (spectrum * _density(autocovariance[: len(record.used)])[:, None])).real
     return total
+
+
+def _spectrum(weights: Array) -> Complex:
+    """Fourier transform (F, p) of ``weights`` (N, p), so long that nothing wraps around."""
+    size = _room_for(2 * len(weights))
+    return np.asarray(rfft(weights, size, axis=0) / np.sqrt(size))
+
+
+def _density(autocovariance: Array) -> Array:
+    """Spectral density (F,) of an ``autocovariance`` (N,) at the frequencies of `_spectrum`, both sides together."""
+    size = _room_for(2 * len(autocovariance))
+    between = np.zeros(size + 1 - 2 * len(autocovariance))
+    density = rfft(np.concatenate((autocovariance, between, autocovariance[:0:-1]))).real
+    density[1:-1] *= 2
+    return np.asarray(density)
 
 
 def _white_autocovariance(records: tuple[Linear, ...], model: Autoregression, lags: int) -> tuple[Array, float]:
@@ -170,7 +182,7 @@ def _white_autocovariance(records: tuple[Linear, ...], model: Autoregression, la
         part = slice(at, at + len(mask))
         at += len(mask)
         there = min(lags, len(mask))
-        own = correlate(np.column_stack((rest[part], mask, basis[part])))[:there]
+        own = correlate(np.column_stack((rest[part], mask, basis[part])), there)
         sums[:there] += own[:, 0] + variance * own[:, 2:].sum(axis=1)
         pairs[:there] += own[:, 1]
     found = sums / np.maximum(pairs, 1.0)
@@ -181,8 +193,8 @@ def _white_autocovariance(records: tuple[Linear, ...], model: Autoregression, la
 def _nowhere_negative(window: Array) -> Array:
     """The autocovariance ``window`` (L,) with its spectral density raised to `LEAST_SHARE`: (FINE L / 2,)."""
     size = _room_for(FINE * len(window))
-    density = 2 * np.fft.rfft(window, size).real - window[0]
-    return np.asarray(np.fft.irfft(np.maximum(density, LEAST_SHARE * window[0]), size)[: size // 2])
+    density = 2 * rfft(window, size).real - window[0]
+    return np.asarray(irfft(np.maximum(density, LEAST_SHARE * window[0]), size)[: size // 2])
 
 
 def _coloured_again(window: Array, model: Autoregression, count: int) -> Array:
@@ -192,7 +204,7 @@ def _coloured_again(window: Array, model: Autoregression, count: int) -> Array:
     long = autocovariance(model.reflections, count + lags)
     mirrored = np.concatenate((long[:0:-1], long))
     size = _room_for(len(both_sides) + len(mirrored))
-    product = np.fft.irfft(np.fft.rfft(both_sides, size) * np.fft.rfft(mirrored, size), size)
+    product = irfft(rfft(both_sides, size) * rfft(mirrored, size), size)
     centre = len(long) - 1 + lags - 1
     return np.asarray(product[centre : centre + count])
 
@@ -200,15 +212,17 @@ def _coloured_again(window: Array, model: Autoregression, count: int) -> Array:
 def _doubt_of_model(records: tuple[Linear, ...], model: Autoregression) -> Array:
     """Variance (p,) of the logarithm of each parameter's variance, from that of the autoregression."""
     at = np.arctanh(model.reflections)
+    if not len(at):
+        return np.zeros(records[0].weights.shape[1])
     longest = max(len(record.used) for record in records)
+    powers = [np.abs(_spectrum(record.weights)) ** 2 for record in records]
 
     def logarithms(transformed: Array) -> Array:
         noise = autocovariance(np.tanh(transformed), longest) * model.variances(transformed)
-        return np.asarray(np.log(np.maximum(np.diag(_quadratic(records, noise)), 1e-300)))
+        parts = [_density(noise[: len(r.used)]) @ power for r, power in zip(records, powers, strict=True)]
+        return np.asarray(np.log(np.maximum(np.sum(parts, axis=0), 1e-300)))
 
     steps = np.eye(len(at)) * STEP
-    if not len(at):
-        return np.zeros(records[0].weights.shape[1])
     slopes = np.array([(logarithms(at + step) - logarithms(at - step)) / (2 * STEP) for step in steps])
     return np.asarray(np.einsum("ka,kl,la->a", slopes, model.uncertainty, slopes))
 
@@ -223,6 +237,6 @@ def _doubt_of_window(records: tuple[Linear, ...], noise: Noise) -> Array:
     for record in records:
         back = lfilter([1.0], noise.model.filter, record.weights[::-1], axis=0)[::-1]
         there = min(noise.lags, len(back))
-        own[:there] += correlate(back)[:there]
+        own[:there] += correlate(back, there)
     shares = 2 * parzen(noise.lags)[:, None] * own / np.maximum(own[0], 1e-300)
     return np.asarray(np.sum(shares[order + 1 :] ** 2, axis=0) / max(noise.pairs, 1.0))

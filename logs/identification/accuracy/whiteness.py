@@ -93,7 +93,7 @@ def _lagged(records: list[Array], lags: int) -> Array:
     """Sums of products (lags + 1,) of samples so far apart in one record."""
     total = np.zeros(lags + 1)
     for one in records:
-        size = next_fast_len(len(one) + lags, real=True)  # so long that nothing wraps around
+        size = next_fast_len(max(len(one), 1) + lags, real=True)  # so long that nothing wraps around
         total += np.fft.irfft(np.abs(np.fft.rfft(one, size)) ** 2, size)[: lags + 1]
     return total
 

@@ -1,12 +1,14 @@
 """Equation error in the frequency domain on plain records: the short period's two equations, each a regression.
 
 Grauer Eq. 20 and 21; Klein & Morelli, Aircraft System Identification, 2006, ch. 7. Derivatives are central
-differences; what they are regressed on goes through the mean that a central difference is of a rate. Of motions that
-is Simpson's (1/6, 2/3, 1/6), of inputs that are lines between samples 1/4, 1/2, 1/4, of inputs that are held their
-own value's and the last one's. The trapezoids' mean of motions as well made all derivatives of M and the frequency
-0.5 % too large at 12 rad/s and 50 Hz, and with an input that was held at 25 Hz M_q 2.5 %. Noise in the regressors
-would shrink their coefficients: the fitted equations, flown with the measured inputs, are the instruments of the next
-pass (Young, Recursive Estimation and Time-Series Analysis, 1984, ch. 8), which need no other method's model.
+differences, so that an equation is its integral over two samples; what they are regressed on goes through the mean
+that a central difference is of a rate. Of inputs that is exact, of held ones and of lines, whole samples late or
+parts of one. Of motions it is Simpson's (1/6, 2/3, 1/6), and what the exact mean of the fitted equations' own motion
+(`between_samples`) is beyond Simpson's of it: an input that is held bends the motion where it changes, and no
+parabola follows that. The force that a_z tells is one of an instant: beside it stand the inputs of that instant,
+which a held one keeps until it changes. Noise in the regressors would shrink their coefficients: the fitted
+equations, flown with the measured inputs, are the instruments of the next pass (Young, Recursive Estimation and
+Time-Series Analysis, 1984, ch. 8), which need no other method's model.
 """
 
 from __future__ import annotations
@@ -15,13 +17,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lsim
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.modes.between_samples import Acting, Flown, acting_of, fly
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import Mode, mode_of_system, nothing
-from logs.identification.preparing.lag import behind
 from logs.identification.preparing.resampling import whole_records
 from logs.identification.regression.design import Design, Record, common_step
 from logs.identification.regression.equation_error import Settings, equations
@@ -144,7 +145,7 @@ def _solved(records: tuple[Experiment, ...], asked: Asked) -> Mode:
 def _both(records: tuple[Experiment, ...], asked: Asked) -> tuple[_Equation, _Equation] | str:
     """Both equations with their own motion as instruments, or why they give nothing."""
     force, frequencies = _by_force(records, asked), _frequencies(records, asked)
-    flown: list[Array] | None = None
+    flown: list[Flown] | None = None
     for _ in range(PASSES):
         tried = tuple(_equation(axis, records, asked, frequencies, flown, "white") for axis in "ZM")
         flown = _flown(records, asked, tried) or flown
@@ -177,65 +178,92 @@ def _system(names: tuple[str, ...], values: Array, asked: Asked) -> Array:
 # --- the equations --------------------------------------------------------------------------------------
 
 
-def _mean(values: Array) -> Array:
-    """(N - 2, ...); what a central difference makes of a rate, of its values where it goes in lines between them."""
-    return np.asarray((values[:-2] + 2 * values[1:-1] + values[2:]) / 4)
-
-
 def _smooth_mean(values: Array) -> Array:
-    """(N - 2, ...); the same of what moves in parabolas (Simpson)."""
+    """(N - 2, ...); what a central difference makes of a rate, of its values where they go in parabolas (Simpson)."""
     return np.asarray((values[:-2] + 4 * values[1:-1] + values[2:]) / 6)
-
-
-def _averaged(axis: str, table: Array, asked: Asked, force: bool) -> Array:
-    """(N - 2, 2 + inputs); a ``table`` as it stands beside the response of an axis."""
-    n = len(STATES)
-    held = [n + place for place, name in enumerate(asked.inputs) if name in asked.hold]
-    if axis == "Z" and force:  # the force of an instant: one and the same mean of both sides
-        acting = table.copy()
-        acting[1:, held] = table[:-1, held]
-        return _mean(acting)
-    whole = _mean(table)
-    whole[:, :n] = _smooth_mean(table[:, :n])
-    whole[:, held] = (table[:-2, held] + table[1:-1, held]) / 2
-    return whole
 
 
 def _slope(values: Array, step: float) -> Array:
     return np.asarray((values[2:] - values[:-2]) / (2 * step))
 
 
-def _table(one: Experiment, asked: Asked) -> Array:
-    """(N, 2 + inputs); alpha, q and the inputs as late as they act."""
-    inputs = [_late(one, name, asked.delay) for name in asked.inputs]
-    return np.column_stack([*(np.asarray(one.signals[name], dtype=np.float64) for name in STATES), *inputs])
+class _Moved(NamedTuple):
+    """A motion and its inputs as both equations take them."""
+
+    states: Array
+    """(N, 2); alpha and q at the samples"""
+    acting: Acting
+    bends: Array
+    """(N - 2, 2); what the mean of a motion is more than Simpson's"""
+    jumps: Array
+    """(N - 2,); what Simpson's mean of the pitch acceleration at the samples is more than the slope of q"""
+
+    def mean(self) -> Array:
+        """(N - 2, 2); of the motion, as a central difference has it."""
+        mean: Array = _smooth_mean(self.states) + self.bends
+        return mean
 
 
-def _late(one: Experiment, name: str, delay: float) -> Array:
-    values = np.asarray(one.signals[name], dtype=np.float64)
-    return behind(values, one.step, delay, 0.0, held=False) if delay else values
+def _measured(one: Experiment, asked: Asked, flown: Flown | None) -> _Moved:
+    states = np.column_stack([np.asarray(one.signals[name], dtype=np.float64) for name in STATES])
+    acting = acting_of(_inputs(one, asked), one.step, asked.delay, _held_places(asked))
+    if flown is None:
+        return _Moved(states, acting, np.zeros((len(states) - 2, 2)), np.zeros(len(states) - 2))
+    return _Moved(states, acting, *_beyond(flown, one.step))
 
 
-def _response(axis: str, one: Experiment, asked: Asked) -> Array:
+def _beyond(flown: Flown, step: float) -> tuple[Array, Array]:
+    """Bends and jumps of `_Moved`, of the flown motion."""
+    over_two = (flown.means[:-1] + flown.means[1:]) / 2
+    bends: Array = over_two - _smooth_mean(flown.states)
+    jumps: Array = _smooth_mean(flown.rates[:, 1]) - _slope(flown.states[:, 1], step)
+    return bends, jumps
+
+
+def _inputs(one: Experiment, asked: Asked) -> Array:
+    """(N, k); as told."""
+    return np.array([one.signals[name] for name in asked.inputs], dtype=np.float64).reshape(-1, len(one.time)).T
+
+
+def _held_places(asked: Asked) -> list[int]:
+    return [place for place, name in enumerate(asked.inputs) if name in asked.hold]
+
+
+def _averaged(axis: str, moved: _Moved, force: bool) -> Array:
+    """(N - 2, 2 + inputs); regressors as they stand beside the response of an axis."""
+    if axis == "Z" and force:  # the force of an instant: one and the same mean of both sides
+        return _smooth_mean(np.column_stack((moved.states, moved.acting.before)))
+    over = moved.acting.means
+    return np.column_stack((moved.mean(), (over[:-1] + over[1:]) / 2))
+
+
+def _response(axis: str, one: Experiment, asked: Asked, moved: _Moved) -> Array:
     """Pitch acceleration, or what turns the path: a_z / V, else the slope of alpha less q."""
-    alpha, q = (np.asarray(one.signals[name], dtype=np.float64) for name in STATES)
+    alpha, q = moved.states.T
     if axis == "M":
         return _slope(q, one.step)
     if _by_force((one,), asked) and asked.airspeed is not None:
-        felt = _mean(np.asarray(one.signals["a_z"], dtype=np.float64)) + asked.arm * _slope(q, one.step)
+        turning = _slope(q, one.step) + moved.jumps
+        felt = _smooth_mean(np.asarray(one.signals["a_z"], dtype=np.float64)) + asked.arm * turning
         return np.asarray(felt / asked.airspeed)
-    return _slope(alpha, one.step) - _smooth_mean(q)
+    return _slope(alpha, one.step) - moved.mean()[:, 1]
 
 
-def _design(axis: str, records: tuple[Experiment, ...], asked: Asked, tables: list[Array]) -> Design:
-    """One equation with ``tables`` for its regressors, its held derivatives taken off the response."""
+def _design(
+    axis: str, records: tuple[Experiment, ...], asked: Asked, flown: list[Flown] | None, clean: bool = False
+) -> Design:
+    """One equation, its held derivatives taken off the response; ``clean`` with the ``flown`` motion's regressors."""
     names = tuple(f"{axis}_{name}" for name in (*STATES, *asked.inputs))
     free = [place for place, name in enumerate(names) if name not in asked.held]
     held = np.array([asked.held.get(name, 0.0) for name in names])
     rows, force = [], _by_force(records, asked)
-    for one, table in zip(records, tables, strict=True):
-        whole = _averaged(axis, table, asked, force)
-        response = _response(axis, one, asked) - _averaged(axis, _table(one, asked), asked, force) @ held
+    flights: list[Flown] | list[None] = flown or [None] * len(records)
+    for one, flight in zip(records, flights, strict=True):
+        moved = _measured(one, asked, flight)
+        whole = _averaged(axis, moved, force)
+        response = _response(axis, one, asked, moved) - whole @ held
+        if clean and flight is not None:
+            whole = _averaged(axis, moved._replace(states=flight.states), force)
         rows.append(Record(one.name, whole[:, free], response, np.ones(len(whole))))
     units = tuple("" for _ in free)
     return Design(axis, "", tuple(names[place] for place in free), units, records[0].step, tuple(rows))
@@ -246,7 +274,7 @@ def _frequencies(records: tuple[Experiment, ...], asked: Asked) -> Array:
     if asked.frequencies is not None:
         return asked.frequencies
     whole = asked._replace(held={})
-    found = default_frequencies(_design("M", records, whole, [_table(one, asked) for one in records]))
+    found = default_frequencies(_design("M", records, whole, None))
     kept = found[found <= HIGHEST / records[0].step]
     return kept if len(kept) else found[:1]
 
@@ -256,18 +284,18 @@ def _equation(
     records: tuple[Experiment, ...],
     asked: Asked,
     frequencies: Array,
-    flown: list[Array] | None,
+    flown: list[Flown] | None,
     colour: Colouring,
 ) -> _Equation:
     """Least squares in the band, or with the ``flown`` motions for instruments."""
     settings = Settings(intercept="each", frequencies=frequencies)
-    design = _design(axis, records, asked, [_table(one, asked) for one in records])
+    design = _design(axis, records, asked, flown)
     if not design.names:
         return _Equation((), np.zeros(0), np.zeros((0, 0)), np.inf, np.zeros((0, 0)), np.zeros(0), 1.0)
     made = equations(design, "frequency", settings)
     pieces, count = made.pieces, len(made.names) - len(design.names)
     if flown is not None:
-        clean = equations(_design(axis, records, asked, flown), "frequency", settings).pieces
+        clean = equations(_design(axis, records, asked, flown, clean=True), "frequency", settings).pieces
         pairs = zip(pieces, clean, strict=True)
         pieces = tuple(Piece(p.regressors, c.instruments, p.response, p.used) for p, c in pairs)
     scaled, scale = _scaled(pieces)
@@ -317,8 +345,8 @@ def _joint(pair: tuple[_Equation, ...]) -> Array:
     return covariance
 
 
-def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation, ...]) -> list[Array] | None:
-    """Tables (N, 2 + inputs) of the motion by the fitted equations; None where it runs away."""
+def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation, ...]) -> list[Flown] | None:
+    """The records' motions by the fitted equations; None where they run away."""
     names = tuple(name for one in pair for name in one.names)
     values = np.concatenate([one.values for one in pair])
     told = dict(asked.held) | dict(zip(names, values.tolist(), strict=True))
@@ -327,22 +355,18 @@ def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation,
     longest = max(float(one.time[-1] - one.time[0]) for one in records)
     if not np.all(np.isfinite(a)) or float(np.linalg.eigvals(a).real.max()) * longest > RUNS_AWAY:
         return None
-    flown = []
-    for one in records:
-        table = _table(one, asked)
-        given = _acting(table, asked) if asked.inputs else np.zeros((len(table), 1))
-        start = np.zeros(2) if asked.inputs else table[0, :2] - table[-len(table) // 5 :, :2].mean(axis=0)
-        matrix = b if asked.inputs else np.zeros((2, 1))
-        _, _, states = lsim(
-            (a, matrix, np.eye(2), np.zeros_like(matrix)), given, one.step * np.arange(len(given)), start
-        )
-        flown.append(np.column_stack((states, table[:, 2:])))
-    return flown
+    return [fly(a, b, _start(one, asked), _from_first(one, asked), one.step) for one in records]
 
 
-def _acting(table: Array, asked: Asked) -> Array:
-    """Inputs (N, k) from their first values as lines: one that is held acts half a sample later than its own line."""
-    given: Array = table[:, len(STATES) :] - table[0, len(STATES) :]
-    held = [place for place, name in enumerate(asked.inputs) if name in asked.hold]
-    given[1:, held] = (given[1:, held] + given[:-1, held]) / 2
-    return given
+def _start(one: Experiment, asked: Asked) -> Array:
+    """(2,); at rest where inputs move it, else from the first sample, about where it ends."""
+    if asked.inputs:
+        return np.zeros(2)
+    states = np.column_stack([np.asarray(one.signals[name], dtype=np.float64) for name in STATES])
+    return np.asarray(states[0] - states[-len(states) // 5 :].mean(axis=0))
+
+
+def _from_first(one: Experiment, asked: Asked) -> Acting:
+    """Inputs from their first values."""
+    given = _inputs(one, asked)
+    return acting_of(given - given[:1], one.step, asked.delay, _held_places(asked))

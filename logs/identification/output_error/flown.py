@@ -61,12 +61,13 @@ class Flight(NamedTuple):
         parameters, start = layout.base.copy(), record.start.copy()
         outputs, inputs = np.zeros(len(layout.outputs)), np.zeros(record.inputs.shape[1])
         parameters[list(layout.free)] = values
-        ends = np.cumsum([len(layout.local), len(layout.states), len(layout.biased_outputs)])
-        local, states, out, into = np.split(own, ends)
-        parameters[list(layout.local)] = local
-        start[list(layout.states)] = states
-        outputs[list(layout.biased_outputs)] = out
-        inputs[list(layout.biased_inputs)] = into
+        states = len(layout.local)
+        outs = states + len(layout.states)
+        into = outs + len(layout.biased_outputs)
+        parameters[list(layout.local)] = own[:states]
+        start[list(layout.states)] = own[states:outs]
+        outputs[list(layout.biased_outputs)] = own[outs:into]
+        inputs[list(layout.biased_inputs)] = own[into:]
         return Split(parameters, start, outputs, inputs)
 
     def outputs(self, record: Record, values: Array, own: Array) -> Array:

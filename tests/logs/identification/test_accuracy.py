@@ -5,12 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
+from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from logs.identification.accuracy.autoregression import autocovariance, autoregression_of, predictors, runs
+from logs.identification.accuracy.autoregression import (
+    PRIOR,
+    Products,
+    autocovariance,
+    autoregression_of,
+    predictors,
+    products,
+    runs,
+)
 from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened, white
 from logs.identification.accuracy.correlation import correlation_of
 from logs.identification.accuracy.goodness import goodness
+from logs.identification.accuracy.likelihood import restricted
 from logs.identification.accuracy.theil import theil
 from logs.identification.accuracy.whiteness import autocorrelation, whiteness_of
 
@@ -159,3 +169,79 @@ def test_autocorrelation_is_that_of_the_pairs_that_were_measured() -> None:
         products = np.concatenate([(one[: len(one) - lag] - mean) * (one[lag:] - mean) for one in records])
         assert pairs[lag] == np.isfinite(products).sum()
         assert found[lag] == pytest.approx(np.nanmean(products) / spread, abs=1e-12)
+
+
+def dense_restricted(reflections: np.ndarray, design: np.ndarray, values: np.ndarray, used: np.ndarray) -> float:
+    """Minus twice the restricted log likelihood by the whole covariance of runs that know nothing of each other."""
+    runs_of = np.cumsum(np.diff(used, prepend=0.0) != 0)
+    gamma = toeplitz(autocovariance(reflections, len(used))) * (runs_of[:, None] == runs_of)
+    gamma, x, z = gamma[np.ix_(used > 0, used > 0)], design[used > 0], values[used > 0]
+    inverse = np.linalg.inv(gamma)
+    information = x.T @ inverse @ x
+    rest = z - x @ np.linalg.solve(information, x.T @ inverse @ z)
+    prior = PRIOR * np.sum(np.log(1 - reflections**2))
+    both = np.linalg.slogdet(gamma)[1] + np.linalg.slogdet(information)[1]
+    return float(both + (len(z) - x.shape[1]) * np.log(rest @ inverse @ rest) - prior)
+
+
+def gapped(pole: float, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orthonormal trends and cosines (N, 4), noise of a ``pole`` freed of them, and where it was measured."""
+    rng = np.random.default_rng(seed)
+    used = np.ones(count)
+    used[count // 3 : count // 3 + 4] = used[count // 2] = 0.0
+    design = np.vander(np.linspace(-1, 1, count), 3)
+    design = np.column_stack((design, np.cos(0.3 * np.arange(count)))) * used[:, None]
+    basis = np.linalg.qr(design)[0]
+    noise = lfilter([1.0], [1.0, -pole], rng.normal(size=count + 300))[-count:] * used
+    return basis, noise - basis @ (basis.T @ noise), used
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_the_restricted_likelihood_is_that_of_the_whole_covariance(order: int) -> None:
+    """By sums of products, gaps and all; and its slopes are those of differences."""
+    basis, rest, used = gapped(0.6, 60, 7)
+    of = products([np.column_stack((basis, rest))], [used], order)
+    rng, gradient, spare = np.random.default_rng(1), np.zeros(order), np.zeros(order)
+    points = [0.5 * rng.normal(size=order) for _ in range(6)]
+    ours = [restricted(of.sums, of.counts, PRIOR, at, spare)[0] for at in points]
+    dense = [dense_restricted(np.tanh(at), basis, rest, used) for at in points]
+    np.testing.assert_allclose(np.diff(ours), np.diff(dense), rtol=1e-9)
+    restricted(of.sums, of.counts, PRIOR, points[0], gradient)
+    pairs = [
+        [dense_restricted(np.tanh(points[0] + s * e), basis, rest, used) for s in (1e-5, -1e-5)]
+        for e in np.eye(order)
+    ]
+    np.testing.assert_allclose(gradient, np.array(pairs) @ [1, -1] / 2e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9, 0.97])
+@pytest.mark.parametrize("count", [50, 250, 1250])
+def test_the_autoregression_is_the_likeliest_and_as_sure_as_the_likelihood_is_curved(pole: float, count: int) -> None:
+    """Beside scipy's search, which takes the slopes from differences."""
+    for seed in range(3):
+        basis, rest, used = gapped(pole, count, seed)
+        model = autoregression_of([basis], [rest], [used])
+        order = len(model.reflections)
+        if not order:
+            continue
+        of, spare = products([np.column_stack((basis, rest))], [used], order), np.zeros(order)
+
+        def criterion(at: np.ndarray, of: Products = of, spare: np.ndarray = spare) -> float:
+            return float(restricted(of.sums, of.counts, PRIOR, at, spare)[0])
+
+        found = np.arctanh(model.reflections)
+        best = minimize(criterion, np.zeros(order), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9})
+        np.testing.assert_array_less(np.abs(found - best.x), 3e-3 * np.sqrt(np.diag(model.uncertainty)))
+        width = 0.1 * np.sqrt(np.diag(model.uncertainty))
+        curved = [criterion(found + w) + criterion(found - w) - 2 * criterion(found) for w in np.diag(width)]
+        expected = np.diag(np.linalg.inv(model.uncertainty)) * width**2 * 2
+        np.testing.assert_allclose(curved, expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("lags", [0, 3])
+def test_an_empty_record_adds_nothing_to_the_autocorrelation(lags: int) -> None:
+    one = np.random.default_rng(6).normal(size=30)
+    found, pairs = autocorrelation((np.zeros(0), one), lags)
+    alone, own = autocorrelation((one,), lags)
+    np.testing.assert_allclose(found, alone)
+    np.testing.assert_array_equal(pairs, own)
