@@ -363,16 +363,16 @@ class FaultInjector:
         """What is read instead of ``frame``."""
         if self._boot is None:
             self._boot = frame.pressures
-        healthy = frame
+        _, _, _, pressures, _, _, _, receiver = healthy = frame
         for fault, since in self._active.items():
             sense = FAULTS[fault.name].sense
             if sense is not None:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
-        if frame.imu is not healthy.imu:
+        if self._active and frame.imu is not healthy.imu:
             frame = frame._replace(imu=imu_on_the_wire(*frame.imu))
-        self._last, self._heard = healthy, healthy.receiver or self._heard
-        if healthy.pressures is not None:
-            self._static = healthy.pressures.static_counts
+        self._last, self._heard = healthy, receiver or self._heard
+        if pressures is not None:
+            self._static = pressures.static_counts
         return frame
 
 

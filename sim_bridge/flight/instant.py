@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.bound import Bound, bound_values
 from sim_bridge.observation import Vector, new
 from sim_bridge.plant import Plant
-from sim_bridge.vectors import Floats, njit
+from sim_bridge.vectors import njit
 
 
 class Instant(NamedTuple):
@@ -31,18 +32,20 @@ class Look:
         """``nose`` in m is how far ahead of the base's origin the pitot is."""
         self._plant, self._nose = plant, nose
         self._turned = np.zeros(9)
+        self._bound = Bound((plant.y, plant.scratch.r, self._turned))
 
     def at(self, wind: Vector) -> Instant:
         """The plant as it is now, in air that moves with ``wind`` in m/s, NED."""
-        plant, turned = self._plant, self._turned
-        _turn(plant.y, plant.scratch.r, wind[0], wind[1], wind[2], self._nose, turned)
-        a, b, c, d, e, f, g, h, i = turned.tolist()
-        return new(Instant, (plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i)))
+        _turn(self._bound, wind, self._nose)
+        a, b, c, d, e, f, g, h, i = self._turned.tolist()
+        return new(Instant, (self._plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i)))
 
 
 @njit(cache=True)
-def _turn(y: Floats, r: Floats, north: float, east: float, down: float, nose: float, out: Floats) -> None:
-    """Fill ``out`` (9,) with the velocities of an `Instant`; ``r`` (3, 3) is r_ned_from_frd."""
+def _turn(bound: Bound, wind: Vector, nose: float) -> None:
+    """Fill ``out`` (9,) with an `Instant`'s velocities; bound are the state, r_ned_from_frd (3, 3) and ``out``."""
+    y, r, out = bound_values(bound)
+    north, east, down = wind
     for i in range(3):
         out[i] = r[i, 0] * y[7] + r[i, 1] * y[8] + r[i, 2] * y[9]
         out[3 + i] = y[7 + i] - (r[0, i] * north + r[1, i] * east + r[2, i] * down)

@@ -122,7 +122,7 @@ class StepClock(NamedTuple):
     def step(self, length: float) -> StepClock:
         """The clock in the next step, of ``length`` s."""
         if length == self.length:
-            return StepClock(self.since, self.done + 1, length)
+            return new(StepClock, (self.since, self.done + 1, length))
         return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
@@ -174,6 +174,8 @@ class SimulatedWorld:
         self._edge = vehicle.sections["power_sensor"].edge
         self._push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
         self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
+        self._flap, drive = self.plant.layout.flap, vehicle.drive
+        self._supplied = vehicle.battery.resistance, drive.pulse_current, drive.pwm_frequency
         self._look = Look(self.plant, vehicle.fuselage.contact_nose)
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence, scenario.wind_from)
@@ -363,7 +365,7 @@ class SimulatedWorld:
                 self._say(Severity.NOTICE, "thrown")
 
     def _air(self) -> Air:
-        return isa(self.scenario.home.altitude - float(self.plant.y[2]))
+        return isa(self.scenario.home.altitude - self.plant.y.item(2))
 
     def _surroundings(self, air: Air, wind: Vector) -> k.Surroundings:
         turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
@@ -380,7 +382,7 @@ class SimulatedWorld:
             return
         (north, east, down), wind = self._v_ned, self._wind
         through = (north - wind[0], east - wind[1], down - wind[2])
-        height = -float(self.plant.y[2])
+        height = -self.plant.y.item(2)
         self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, height, through, self._clock.length)
 
     def _controls(self, command: ActuatorCommand) -> k.Controls:
@@ -423,11 +425,11 @@ class SimulatedWorld:
     def _observe(self, air: Air, now: Instant) -> Observation:
         y, v_ned, _, v_pitot_frd = now
         torque_left, torque_right, current, _, *specific_force = self._means
-        (left, right), drive = self.plant.layout.flap, self.vehicle.drive
+        left, right = self._flap
         return new(Observation, (
             self.time_us, tuple(y[3:7]), tuple(y[10:13]), tuple(specific_force), tuple(y[0:3]), v_ned, v_pitot_frd,
             *air, y[left], y[right], torque_left, torque_right, 0.5 * (current + self._current_before),
-            self._open_circuit(y), self.vehicle.battery.resistance, drive.pulse_current, drive.pwm_frequency,
+            self._open_circuit(y), *self._supplied,
         ))  # fmt: skip
 
 

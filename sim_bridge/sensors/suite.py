@@ -182,11 +182,11 @@ class SensorSuite:
 
     def _pressures(self, observation: Observation) -> RawPressures:
         static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
-        return RawPressures(observation.time_us, static, self._pitot.read(), temperature)
+        return new(RawPressures, (observation.time_us, static, self._pitot.read(), temperature))
 
     def _torque(self, observation: Observation) -> RawTorque:
         counts = self._torque_cell.read(observation.torque_left, observation.torque_right)
-        return RawTorque(observation.time_us, *counts)
+        return new(RawTorque, (observation.time_us, *counts))
 
     def _fix(self, observation: Observation, tick: int) -> RawGps | None:
         if tick % self._ticks.gps == 0:
