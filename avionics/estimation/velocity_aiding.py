@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from avionics.estimation.direction_cosines import Matrix, Vector
 from avionics.messages import GpsFix
+from avionics.records import new
 
 Array = NDArray[np.float64]
 
@@ -114,8 +115,8 @@ def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> S
     """Keep the impulse (m/s, earth axes) at this moment, to be asked for when a fix of now arrives."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
     covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma = state
-    past = (*past, Moment(time_us, impulse))[-kept:]
-    return State(covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma)
+    past = (*past, new(Moment, (time_us, impulse)))[-kept:]
+    return new(State, (covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma))
 
 
 def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:

@@ -20,6 +20,7 @@ from typing import Annotated, NamedTuple
 from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import AirData, PressureSample
 from avionics.quantities import Quantity
+from avionics.records import new
 
 AIR_GAS_CONSTANT = 287.05287
 """J/(kg K); ISO 2533"""
@@ -167,7 +168,7 @@ def step(
     altitude = isa_altitude(static) - isa_altitude(reference)
     variance = _variance(gains, state, airspeed, density)
     measured = (time_us, airspeed, rate, pressure, static, temperature, density, altitude)
-    return state, AirData(*measured, variance, innovation, expected)
+    return state, new(AirData, (*measured, variance, innovation, expected))
 
 
 def told(state: State, density: float) -> float:

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.messages import DriveTorque, TorqueSample
 from avionics.quantities import Quantity
+from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -21,8 +22,7 @@ class Gains(NamedTuple):
 
 def step(gains: Gains, sample: TorqueSample) -> DriveTorque:
     """Torques of one sample, positive when they drive the wing up; nothing to remember."""
-    return DriveTorque(
-        sample.time_us,
-        (sample.left_counts - gains.zero_left) * gains.scale,
-        (sample.right_counts - gains.zero_right) * gains.scale,
+    time_us, left, right = sample
+    return new(
+        DriveTorque, (time_us, (left - gains.zero_left) * gains.scale, (right - gains.zero_right) * gains.scale)
     )

@@ -92,7 +92,7 @@ def silent(s: AutopilotState) -> bool:
 def _motion(s: AutopilotState) -> airspeed_check.Motion | None:
     if s.fix is None or gps_age(s.plausibility, s.clock.time_us) >= s.gains.modes.gps_loss_delay:
         return None
-    return airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw)
+    return new(airspeed_check.Motion, (s.fix.v_north, s.fix.v_east, s.attitude.yaw))
 
 
 def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
