@@ -4,8 +4,8 @@ Output error takes every motion for the answer to the input. In turbulence the a
 Kalman filter that knows of gusts foretells each stroke from those before, and the derivatives are those whose
 forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
 Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
-their change does and the errors of the averages are found with the derivatives; what is known of those before is a
-wide prior.
+their change does, what harder flapping does and the errors of the averages are found with the derivatives; what is
+known of those before is a wide prior.
 
 Where derivatives swing with the wing, an average that always begins at one phase of the stroke sees them with the
 motion's trend: the damping came out a tenth too high. Every stretch is therefore cut at two opposite phases, which
@@ -112,7 +112,7 @@ class End(NamedTuple):
     """Where a search ended."""
 
     values: Array
-    """(p + 14,)"""
+    """(p + 17,)"""
     cost: float
     """-; infinite where it did not converge"""
 
@@ -182,7 +182,7 @@ def _updated(inverse: Array, step: Array, change: Array) -> Array:
 
 
 def _averaged(task: Task, lag: float | None) -> Averaged:
-    """Every stroke of all stretches, with the tail's angle through it."""
+    """Every stroke of all stretches, with the tail's angle through it and how hard the wings flap in it."""
     aircraft = task.aircraft if lag is None else task.aircraft._replace(tail_time_constant=max(lag, 0.0))
     durations = np.concatenate([np.diff(stretch.edges) for stretch in task.stretches])
     unit = LENGTH_STEP * float(np.mean(durations))
@@ -195,7 +195,18 @@ def _averaged(task: Task, lag: float | None) -> Averaged:
         tails.append(np.interp(at, stretch.time, angle))
         first.append(np.arange(len(stretch.edges) - 1) == 0)
     outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
-    return Averaged(lengths * unit, which, np.concatenate(first), np.vstack(tails), outputs)
+    harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
+    inputs = np.dstack((np.vstack(tails), harder))
+    return Averaged(lengths * unit, which, np.concatenate(first), inputs, outputs)
+
+
+def _harder(task: Task) -> Array:
+    """By how much of its mean the mean square of the wings' rate is above it, in each stroke (K,); 0 where
+    it was not measured."""
+    flapping = np.concatenate([stretch.flapping for stretch in task.stretches])
+    measured = flapping > 0.0
+    mean = float(np.mean(flapping[measured])) if np.any(measured) else 1.0
+    return np.where(measured, flapping / mean - 1.0, 0.0)
 
 
 def _system(task: Task, values: Array) -> Driven:
@@ -205,7 +216,7 @@ def _system(task: Task, values: Array) -> Driven:
 
 
 def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
-    """The likelihood of parameters (p + 14,): derivatives and `gusts.NUISANCES`."""
+    """The likelihood of parameters (p + 17,): derivatives and `gusts.NUISANCES`."""
     count = len(task.names)
     fixed = _averaged(task, None) if task.known_lag else None
 

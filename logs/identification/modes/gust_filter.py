@@ -20,20 +20,20 @@ from sim_bridge.vectors import njit
 
 DOUBLINGS = 7
 TERMS, STEP_TERMS = 5, 8
-"""-; of Taylor's series over a stroke's 128th part, and over a step of the tail's angle"""
+"""-; of Taylor's series over a stroke's 128th part, and over a step of the inputs"""
 
 
 class Driven(NamedTuple):
-    """``x' = a x + b delta + noise``, ``y = c x + d delta``; the first states move, those behind them are gusts."""
+    """``x' = a x + b v + noise``, ``y = c x + d v``; v: inputs. The first states move, those behind are gusts."""
 
     a: Array
     """(n, n)"""
     b: Array
-    """(r,); of the states that move: the gusts do not know of the tail"""
+    """(r, p); of the states that move: the gusts do not know of the inputs"""
     c: Array
     """(m, n)"""
     d: Array
-    """(m,)"""
+    """(m, p)"""
     density: Array
     """(n + m, n + m); spectral density of the white noise on the states' rates and, behind them, on the outputs"""
     start: Array
@@ -53,8 +53,8 @@ class Averaged(NamedTuple):
     """-; (K,), each stroke's place in ``lengths``"""
     first: NDArray[np.bool_]
     """-; (K,), whether a stretch begins with it"""
-    tail: Array
-    """rad; (K, s + 1), tail angle at equal steps through each stroke, both ends included"""
+    inputs: Array
+    """(K, s + 1, p), at equal steps through each stroke, both ends included; linear within a step"""
     outputs: Array
     """(K, m); averages"""
 
@@ -77,10 +77,10 @@ def innovations(system: Driven, averaged: Averaged) -> Innovations:
     over, spread = _strokes(joint, system.density, averaged.lengths)
     begin = np.concatenate((system.start, system.bias)) ** 2
     moving = len(system.b)
-    steps = _steps(system.a[:moving, :moving], system.b, averaged.lengths / (averaged.tail.shape[1] - 1))
+    steps = _steps(system.a[:moving, :moving], system.b, averaged.lengths / (averaged.inputs.shape[1] - 1))
     _filter(
         (over, spread, steps, system.c, system.d, begin, system.noise**2),
-        (averaged.lengths, averaged.which, averaged.first, averaged.tail, averaged.outputs),
+        (averaged.lengths, averaged.which, averaged.first, averaged.inputs, averaged.outputs),
         surprise,
         covariance,
     )  # fmt: skip
@@ -124,31 +124,35 @@ def _exponential(small: Array, terms: int) -> Array:
 
 
 def _steps(a: Array, b: Array, steps: Array) -> Array:
-    """What a step does, (l, n, n + 2), for each length of ``steps`` (l,) in s.
+    """What a step does, (l, n, n + 2 p), for each length of ``steps`` (l,) in s.
 
-    ``x[k+1] = out[:, :n] x[k] + out[:, n] delta[k] + out[:, n + 1] delta[k+1]``. The tail's angle is
-    linear within the step: the exponential of the system with the angle and its change beside.
+    ``x[k+1] = out[:, :n] x[k] + out[:, n : n + p] v[k] + out[:, n + p :] v[k+1]``. The inputs are
+    linear within the step: the exponential of the system with the inputs and their change beside.
     """
-    n = len(b)
-    block = np.zeros((len(steps), n + 2, n + 2))
-    block[:, :n, :n], block[:, :n, n] = a * steps[:, None, None], b * steps[:, None]
-    block[:, n, n + 1] = 1.0
+    n, p = b.shape
+    block = np.zeros((len(steps), n + 2 * p, n + 2 * p))
+    block[:, :n, :n], block[:, :n, n : n + p] = a * steps[:, None, None], b * steps[:, None, None]
+    block[:, n : n + p, n + p :] = np.eye(p)
     over = _exponential(block, STEP_TERMS)[:, :n].copy()
-    over[:, :, n] -= over[:, :, n + 1]
+    over[:, :, n : n + p] -= over[:, :, n + p :]
     return over
 
 
 @njit(cache=True)
-def _driven(over, tail, state, ahead, sums):  # type: ignore[no-untyped-def]
-    """State after a stroke that begins at rest, driven by ``tail``, and in ``sums`` its mean and the tail's."""
-    n, steps = over.shape[0], len(tail) - 1
+def _driven(over, inputs, state, ahead, sums):  # type: ignore[no-untyped-def]
+    """State after a stroke that begins at rest, driven by ``inputs``, and in ``sums`` its mean and the inputs'."""
+    n, steps, count = over.shape[0], inputs.shape[0] - 1, inputs.shape[1]
     for i in range(n):
         state[i] = sums[i] = 0.0
-    sums[n] = 0.0
+    for j in range(count):
+        sums[n + j] = 0.0
     for k in range(steps):
-        sums[n] += (tail[k] + tail[k + 1]) / 2.0 / steps
+        for j in range(count):
+            sums[n + j] += (inputs[k, j] + inputs[k + 1, j]) / 2.0 / steps
         for i in range(n):
-            total = over[i, n] * tail[k] + over[i, n + 1] * tail[k + 1]
+            total = 0.0
+            for j in range(count):
+                total += over[i, n + j] * inputs[k, j] + over[i, n + count + j] * inputs[k + 1, j]
             for j in range(n):
                 total += over[i, j] * state[j]
             ahead[i] = total
@@ -233,17 +237,19 @@ def _begin(begin, state, known):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _less_input(outputs, c, d, sums, measured):  # type: ignore[no-untyped-def]
-    """The averages ``measured``: ``outputs`` less what the tail's angle alone makes of them, by its ``sums``."""
-    moving = len(sums) - 1
+    """The averages ``measured``: ``outputs`` less what the inputs alone make of them, by their ``sums``."""
+    moving = len(sums) - d.shape[1]
     for i in range(len(outputs)):
-        measured[i] = outputs[i] - d[i] * sums[moving]
+        measured[i] = outputs[i]
+        for j in range(d.shape[1]):
+            measured[i] -= d[i, j] * sums[moving + j]
         for j in range(moving):
             measured[i] -= c[i, j] * sums[j]
 
 
 @njit(cache=True)
 def _carry(ahead, gain, reached, surprise, state, foretold):  # type: ignore[no-untyped-def]
-    """The ``state`` after a stroke: foretold, moved by the tail as far as ``reached``, and by the surprise."""
+    """The ``state`` after a stroke: foretold, moved by the inputs as far as ``reached``, and by the surprise."""
     for i in range(len(state)):
         foretold[i] = reached[i] if i < len(reached) else 0.0
         for j in range(len(state)):
@@ -257,20 +263,20 @@ def _carry(ahead, gain, reached, surprise, state, foretold):  # type: ignore[no-
 def _filter(system, averaged, surprise, covariance):  # type: ignore[no-untyped-def]
     """The filter's state is that of the system, and behind it the outputs' biases."""
     over, spread, steps, c, d, begin, noise = system
-    lengths, which, first, tail, outputs = averaged
+    lengths, which, first, inputs, outputs = averaged
     n, m, moving = c.shape[1], c.shape[0], steps.shape[1]
     size = n + m
     ahead, seen, state, foretold = np.zeros((size, size)), np.zeros((m, size)), np.zeros(size), np.zeros(size)
     known, spare, carried = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     sight, cross, gain, root = np.zeros((m, size)), np.zeros((size, m)), np.zeros((size, m)), np.zeros((m, m))
-    reached, after, sums, measured = np.zeros(moving), np.zeros(moving), np.zeros(moving + 1), np.zeros(m)
+    reached, after, sums, measured = np.zeros(moving), np.zeros(moving), np.zeros(moving + d.shape[1]), np.zeros(m)
     for k in range(len(which)):
         stroke = which[k]
         length = lengths[stroke]
         if first[k]:
             _begin(begin, state, known)
         _over_a_stroke(over[stroke], length, ahead, seen)
-        _driven(steps[stroke], tail[k], reached, after, sums)
+        _driven(steps[stroke], inputs[k], reached, after, sums)
         _less_input(outputs[k], c, d, sums, measured)
         for i in range(m):
             covariance[k, i, i] = noise[i]

@@ -31,6 +31,8 @@ class Stretch(NamedTuple):
     """s; (K + 1,), where strokes begin and end"""
     averages: Array
     """(K, 4); pitch rate rad/s, specific forces x and z at the IMU m/s^2, pitch rad"""
+    flapping: Array
+    """rad^2/s^2; (K,), mean square of the wings' rate; zeros where it was not measured"""
     manoeuvre: NDArray[np.int64]
     """-; (K,), place of the manoeuvre that each stroke is in or behind, of all that are usable"""
 
@@ -63,12 +65,17 @@ def _cut(data: FlightData, span: tuple[float, float], phase: float, starts: Arra
     edges = edges[np.isfinite(edges)]
     if len(edges) <= LEAST_STROKES:
         return []
-    raw = np.column_stack([c[reach] for c in (data.pitch_rate, data.accel_x, data.accel_z, data.pitch)])
+    raw = np.column_stack([c[reach] for c in _averaged(data)])
     return [
         _stretch(time, data.elevator[reach], raw, edges[run], starts)
         for run in _even_runs(np.diff(edges))
         if run.stop - run.start > LEAST_STROKES
     ]
+
+
+def _averaged(data: FlightData) -> tuple[Array, ...]:
+    """What is averaged over strokes: the four of `Stretch.averages`, and the flapping."""
+    return data.pitch_rate, data.accel_x, data.accel_z, data.pitch, data.flapping
 
 
 def _even_runs(durations: Array) -> list[slice]:
@@ -81,7 +88,7 @@ def _even_runs(durations: Array) -> list[slice]:
 
 def _stretch(time: Array, command: Array, raw: Array, edges: Array, starts: Array) -> Stretch:
     """``starts`` (s) are those of all manoeuvres."""
-    averages = interval_mean(time, raw, edges[:-1], edges[1:])
+    *averages, flapping = interval_mean(time, raw, edges[:-1], edges[1:]).T
     within = np.maximum(np.searchsorted(starts, edges[:-1], side="right") - 1, 0)
     zero = float(np.interp(edges[0], time, command))
-    return Stretch(time, command - zero, edges, averages, within)
+    return Stretch(time, command - zero, edges, np.column_stack(averages), flapping, within)

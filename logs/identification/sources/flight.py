@@ -89,6 +89,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.manoeuvre,
         excited.excitation,
         excited.aborted,
+        _flapping(source, time),
         tuple(note for note in (excited.note, strokes.note, airspeed.note) if note),
     )
 
@@ -156,6 +157,12 @@ def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
         except BadInput as reason:
             raise BadInput(f"{missing}, and its specific force tells no strokes: {reason}") from None
     return _Taken(strokes, STROKES_GUESSED)
+
+
+def _flapping(source: ColumnSource, time: Array) -> Array:
+    """Square of the wings' rate (N,) in rad^2/s^2, mean of both; zeros where their motion was not measured."""
+    wing_time, left, right, _ = _motion(source)
+    return np.interp(time, wing_time, (left**2 + right**2) / 2.0) if len(wing_time) else np.zeros(len(time))
 
 
 def drive_data(source: ColumnSource) -> DriveData:

@@ -27,6 +27,8 @@ TRUTH = dict(
     )
 )
 STEP = 0.005
+FLAPPING = 25.0
+"""rad^2/s^2; mean square of the wings' rate"""
 
 
 class Flight(NamedTuple):
@@ -46,6 +48,8 @@ class Flight(NamedTuple):
     """m/s; standard deviation along and across"""
     change: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """-, -, rad/m; what a gust across takes off u', w' and q' by its own change (wings' apparent mass and twist)"""
+    flapping: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """m/s^2, m/s^2, rad/s^2; what flapping of twice the mean square of the wings' rate adds to u', w' and q'"""
 
 
 def model_of(flight: Flight) -> Matrices:
@@ -86,10 +90,13 @@ def fly(flight: Flight) -> FlightData:
     strokes = wing_strokes(rng, count, 0.01 * flight.shaking)
     trim = 0.05
     command = trim + excitation
-    states, tail, gust = _motion(flight, command - trim, strokes)
+    harder = _harder(flight, active)
+    states, tail, gust = _motion(flight, command - trim, strokes, harder)
     model = model_of(flight)
     through_air = states - np.pad(gust, ((0, 0), (0, 2)))
-    outputs = through_air @ model.c.T + np.outer(tail, model.d) - np.outer(_change(gust), _felt_change(flight))
+    outputs = through_air @ model.c.T + np.outer(tail, model.d)
+    outputs -= np.outer(_change(gust), _felt(flight, flight.change))
+    outputs += np.outer(harder, _felt(flight, flight.flapping))
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
     noise = flight.noise * rng.normal(size=(4, count))
     speed = through_air[:, :2] + (REFERENCE.u, REFERENCE.w)
@@ -107,6 +114,7 @@ def fly(flight: Flight) -> FlightData:
         number,
         excitation,
         np.zeros(count),
+        FLAPPING * (1.0 + harder),
     )  # fmt: skip
 
 
@@ -123,9 +131,22 @@ def _change(gust: Array) -> Array:
     return change
 
 
-def _felt_change(flight: Flight) -> Array:
-    """Of the four outputs, by a change of the gust across of 1 m/s^2."""
-    along, across, turn = flight.change
+def _harder(flight: Flight, active: Array) -> Array:
+    """How much harder than on the mean the wings flap (N,), as a height hold has them: anew in and behind each input.
+
+    Without an effect of it they flap evenly.
+    """
+    if not any(flight.flapping):
+        return np.zeros(len(active))
+    part = np.cumsum(np.abs(np.diff(active, prepend=0.0)))
+    drawn = np.random.default_rng(flight.seed + 30_000).uniform(-0.8, 0.8, int(part[-1]) + 1)
+    harder: Array = np.asarray(drawn[part.astype(np.int64)], dtype=np.float64)
+    return harder
+
+
+def _felt(flight: Flight, pushed: tuple[float, float, float]) -> Array:
+    """Of the four outputs, by what is added to u', w' and q'."""
+    along, across, turn = pushed
     return np.array([0.0, along + flight.aircraft.imu_z * turn, across - flight.aircraft.imu_x * turn, 0.0])
 
 
@@ -151,7 +172,7 @@ def _turned(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _integrate(a, b, command, strokes, start, constant, modulation, gust, change):  # type: ignore[no-untyped-def]
+def _integrate(a, b, command, strokes, start, constant, modulation, gust, less):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
     fine = 10
     dt = STEP / fine
@@ -164,7 +185,7 @@ def _integrate(a, b, command, strokes, start, constant, modulation, gust, change
         now = a.copy()
         now[1:3, 1] *= swing
         now[2, 2] *= swing
-        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - change[k]
+        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - less[k]
         for _ in range(fine):
             middle = x + dt / 2 * (now @ x + b * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half
@@ -182,15 +203,15 @@ def gusts(flight: Flight, count: int) -> Array:
     )
 
 
-def _motion(flight: Flight, command: Array, strokes: Array) -> tuple[Array, Array, Array]:
+def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tuple[Array, Array, Array]:
     """States (N, 4), tail angle (N,) and gusts (N, 2); u and w are over ground."""
     rng = np.random.default_rng(flight.seed + 10_000)
     start = np.array([*rng.normal(0, 0.05, 3) * [1, 1, 0.2], 0.0])
     model = model_of(flight)
     constant = flight.aircraft.tail_time_constant
     gust = gusts(flight, len(command))
-    change = np.outer(_change(gust), (*flight.change, 0.0))
-    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust, change)
+    less = np.outer(_change(gust), (*flight.change, 0.0)) - np.outer(harder, (*flight.flapping, 0.0))
+    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust, less)
     return states, tails, gust
 
 

@@ -20,9 +20,9 @@ def system(intensity: float, noise: float, start: float) -> Driven:
     density = np.diag([0.0, 0.0, intensity, 0.0, 0.0])
     return Driven(
         A,
-        np.array([2.0, -5.0]),
+        np.array([[2.0], [-5.0]]),
         C,
-        np.array([0.4, 0.0]),
+        np.array([[0.4], [0.0]]),
         density,
         np.full(3, start),
         np.full(2, 1e-6),
@@ -51,7 +51,7 @@ def flown(seed: int, strokes: int, intensity: float, noise: float, start: float)
         averages.append(np.trapezoid(outputs, axis=0) / STEPS + rng.normal(0, noise, 2))
         tails.append(part)
     first = np.arange(strokes) == 0
-    return Averaged(LENGTHS, which, first, np.array(tails), np.array(averages))
+    return Averaged(LENGTHS, which, first, np.array(tails)[:, :, None], np.array(averages))
 
 
 def whitened(seed: int) -> Array:
@@ -79,9 +79,8 @@ def test_without_noise_the_forecast_is_the_measured() -> None:
 
 def test_a_new_stretch_forgets_the_one_before() -> None:
     one = flown(3, 20, 0.5, 0.02, 0.3)
-    twice = Averaged(
-        LENGTHS, np.tile(one.which, 2), np.tile(one.first, 2), np.tile(one.tail, (2, 1)), np.tile(one.outputs, (2, 1))
-    )
+    which, first, outputs = np.tile(one.which, 2), np.tile(one.first, 2), np.tile(one.outputs, (2, 1))
+    twice = Averaged(LENGTHS, which, first, np.tile(one.inputs, (2, 1, 1)), outputs)
     found = innovations(system(0.5, 0.02, 0.3), twice)
     np.testing.assert_array_equal(found.surprise[:20], found.surprise[20:])
     np.testing.assert_array_equal(found.covariance[:20], found.covariance[20:])
