@@ -39,7 +39,7 @@ LENGTH_STEP = 5e-3
 WIDEST = 6.0
 """-; of those deviations: nothing further out is tried"""
 LONGEST = 1.0
-"""-; step of those logarithms: the first steps, far from the optimum, would leap out of sight"""
+"""-; step of those parameters: the first steps, far from the optimum, would leap out of sight"""
 DIFFERENCE = 1e-5
 ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
 """-; gain of the likelihood's logarithm by a step of scoring that others follow, and what one more promises"""
@@ -112,7 +112,7 @@ class End(NamedTuple):
     """Where a search ended."""
 
     values: Array
-    """(p + 17,)"""
+    """(p + 18,)"""
     cost: float
     """-; infinite where it did not converge"""
 
@@ -196,17 +196,23 @@ def _averaged(task: Task, lag: float | None) -> Averaged:
         first.append(np.arange(len(stretch.edges) - 1) == 0)
     outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
     harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
-    inputs = np.dstack((np.vstack(tails), harder))
+    tail = np.vstack(tails)
+    inputs = np.dstack((tail, harder, tail * _faster(task)[:, None]))
     return Averaged(lengths * unit, which, np.concatenate(first), inputs, outputs)
+
+
+def _faster(task: Task) -> Array:
+    """By how much of the reference's the dynamic pressure is above it in each stroke (K,)."""
+    airspeed = np.concatenate([stretch.airspeed for stretch in task.stretches])
+    return (airspeed / task.reference.airspeed) ** 2 - 1.0
 
 
 def _harder(task: Task) -> Array:
     """By how much of its mean the mean square of the wings' rate is above it, in each stroke (K,); 0 where
     it was not measured."""
-    flapping = np.concatenate([stretch.flapping for stretch in task.stretches])
-    measured = flapping > 0.0
-    mean = float(np.mean(flapping[measured])) if np.any(measured) else 1.0
-    return np.where(measured, flapping / mean - 1.0, 0.0)
+    squared = np.concatenate([stretch.wing_rate_squared for stretch in task.stretches])
+    mean = float(np.mean(squared))
+    return squared / mean - 1.0 if mean > 0.0 else squared
 
 
 def _system(task: Task, values: Array) -> Driven:
@@ -216,7 +222,7 @@ def _system(task: Task, values: Array) -> Driven:
 
 
 def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
-    """The likelihood of parameters (p + 17,): derivatives and `gusts.NUISANCES`."""
+    """The likelihood of parameters (p + 18,): derivatives and `gusts.NUISANCES`."""
     count = len(task.names)
     fixed = _averaged(task, None) if task.known_lag else None
 

@@ -13,7 +13,8 @@ turning under the aircraft was the only other thing that a gust's change could d
 
 Who holds a height in gusts flaps harder and softer, and stops: between two manoeuvres of Robo Raven the amplitude
 went from 0.1 to 0.65 rad. How hard the wings flap is measured, and what it does is one more input with effects to be
-found, F: left out, it was taken for gusts and damping.
+found, F: left out, it was taken for gusts and damping. A gust along changes what the tail does, too, as its dynamic
+pressure: the tail's angle times the change of that, which is measured, is a third input.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ NUISANCES = (
     "gust along", "gust across", "duration along", "duration across", "smoothing",
     "push along", "push across", "turn", "error of q", "error of a_x", "error of a_z",
     "change along", "change across", "change's turn", "flapping along", "flapping across", "flapping's turn",
+    "pressure at the tail",
 )  # fmt: skip
 """strengths (m/s) and durations (s) of the gusts; for how long (s) the span smooths how the one across turns the air;
 what else moves the aircraft, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes that
 differ, say; standard deviations of the averages: all these as logarithms. What the change of the gust across does: to
-u' and w' (-) and, in `heave` over the airspeed, to q'. What harder flapping does to all three, in `FLAPPING`"""
+u' and w' (-) and, in `heave` over the airspeed, to q'. What harder flapping does to all three, in `FLAPPING`.
+By what share of the dynamic pressure's change (-) the tail's effect changes with it"""
 LOGARITHMS = 11
 GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
@@ -54,7 +57,7 @@ SCALES = (60.0, 15.0)
 """m; of gusts along and across (MIL-F-8785C 15 m high has 94 and 15 m, a field low over the ground less along it)"""
 SPAN = 1.0
 """m; of an aircraft whose span is not known"""
-DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0))
+DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
 """-; standard deviations under the priors"""
 
 
@@ -73,13 +76,13 @@ def heave(reference: Reference) -> float:
 
 
 def prior(reference: Reference, aircraft: Aircraft) -> Array:
-    """What the priors of `NUISANCES` (17,) are centred on.
+    """What the priors of `NUISANCES` (18,) are centred on.
 
     The span b smooths over 4 b / pi (MIL-F-8785C 3.7.5).
     """
     smoothed = 4.0 * (aircraft.span or SPAN) / np.pi
     durations = (scale / reference.airspeed for scale in (*SCALES, smoothed))
-    return np.concatenate((np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES]), np.zeros(6)))
+    return np.concatenate((np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES]), np.zeros(6), [1.0]))
 
 
 def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
@@ -89,7 +92,7 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
     smooth it (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it.
     """
     model = matrices(flown.names, derivatives, flown.reference, flown.aircraft)
-    logarithms, change, flapping = np.split(nuisances, (LOGARITHMS, LOGARITHMS + 3))
+    logarithms, change, flapping, (pressed,) = np.split(nuisances, (LOGARITHMS, LOGARITHMS + 3, LOGARITHMS + 6))
     strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(logarithms), (2, 4, 5, 8))
     count, airspeed = len(OUTPUTS), flown.reference.airspeed
     a, c = np.zeros((7, 7)), np.hstack((model.c[:count], -model.c[:count, :2], np.zeros((count, 1))))
@@ -104,7 +107,9 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
     a[:3, 5] += changed[:3] / durations[1]
     c[:, 5] += changed[7:] / durations[1]
     flapped = felt @ (flapping * FLAPPING)
-    b, d = np.column_stack((model.b, flapped[:4])), np.column_stack((model.d[:count], flapped[7:]))
+    tail_b, tail_d = model.b, model.d[:count]
+    b = np.column_stack((tail_b, flapped[:4], pressed * tail_b))
+    d = np.column_stack((tail_d, flapped[7:], pressed * tail_d))
     density = (felt * pushes**2) @ felt.T
     changed[5] = -1.0
     density[4, 4] = 2.0 * strengths[0] ** 2 / durations[0]

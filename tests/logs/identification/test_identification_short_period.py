@@ -372,7 +372,7 @@ def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
 def filtered(flight: Flight, flapping: bool = True) -> Mode:
     """By filter error alone; without the ``flapping`` as of a log that does not tell how the wings moved."""
     data = fly(flight)
-    data = data if flapping else data._replace(flapping=np.zeros(len(data.time)))
+    data = data if flapping else data._replace(wing_rate_squared=np.full(len(data.time), np.nan))
     manoeuvres = find_manoeuvres(data, flight.aircraft)
     reference = reference_of(data, manoeuvres)
     cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
