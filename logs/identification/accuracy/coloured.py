@@ -142,20 +142,20 @@ def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
     width = records[0].weights.shape[1]
     total = np.zeros((width, width))
     for record in records:
-        spectrum = _spectrum(record.weights)
-        total += (spectrum.conj().T @ (spectrum * _density(autocovariance[: len(record.used)])[:, None])).real
+        size = _room_for(2 * len(record.used))
+        spectrum = _spectrum(record.weights, size)
+        density = _density(autocovariance[: len(record.used)], size)
+        total += (spectrum.conj().T @ (spectrum * density[:, None])).real
     return total
 
 
-def _spectrum(weights: Array) -> Complex:
-    """Fourier transform (F, p) of ``weights`` (N, p), so long that nothing wraps around."""
-    size = _room_for(2 * len(weights))
+def _spectrum(weights: Array, size: int) -> Complex:
+    """Fourier transform (F, p) of ``weights`` (N, p) in ``size`` samples: 2 N or more, so that nothing wraps."""
     return np.asarray(rfft(weights, size, axis=0) / np.sqrt(size))
 
 
-def _density(autocovariance: Array) -> Array:
+def _density(autocovariance: Array, size: int) -> Array:
     """Spectral density (F,) of an ``autocovariance`` (N,) at the frequencies of `_spectrum`, both sides together."""
-    size = _room_for(2 * len(autocovariance))
     between = np.zeros(size + 1 - 2 * len(autocovariance))
     density = rfft(np.concatenate((autocovariance, between, autocovariance[:0:-1]))).real
     density[1:-1] *= 2
@@ -215,11 +215,13 @@ def _doubt_of_model(records: tuple[Linear, ...], model: Autoregression) -> Array
     if not len(at):
         return np.zeros(records[0].weights.shape[1])
     longest = max(len(record.used) for record in records)
-    powers = [np.abs(_spectrum(record.weights)) ** 2 for record in records]
+    sizes = [_room_for(2 * len(record.used)) for record in records]
+    powers = [np.abs(_spectrum(record.weights, size)) ** 2 for record, size in zip(records, sizes, strict=True)]
 
     def logarithms(transformed: Array) -> Array:
         noise = autocovariance(np.tanh(transformed), longest) * model.variances(transformed)
-        parts = [_density(noise[: len(r.used)]) @ power for r, power in zip(records, powers, strict=True)]
+        of_records = zip(records, sizes, powers, strict=True)
+        parts = [_density(noise[: len(r.used)], size) @ power for r, size, power in of_records]
         return np.asarray(np.log(np.maximum(np.sum(parts, axis=0), 1e-300)))
 
     steps = np.eye(len(at)) * STEP
