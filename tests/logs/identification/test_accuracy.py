@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -17,7 +19,7 @@ from logs.identification.accuracy.autoregression import (
     products,
     runs,
 )
-from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened, white
+from logs.identification.accuracy.coloured import Coloured, Linear, all_lags, prewhitened, white
 from logs.identification.accuracy.correlation import correlation_of
 from logs.identification.accuracy.goodness import goodness
 from logs.identification.accuracy.likelihood import restricted
@@ -236,6 +238,33 @@ def test_the_autoregression_is_the_likeliest_and_as_sure_as_the_likelihood_is_cu
         curved = [criterion(found + w) + criterion(found - w) - 2 * criterion(found) for w in np.diag(width)]
         expected = np.diag(np.linalg.inv(model.uncertainty)) * width**2 * 2
         np.testing.assert_allclose(curved, expected, rtol=0.02)
+
+
+def test_an_empty_record_adds_nothing_to_the_autoregression() -> None:
+    basis, rest, used = gapped(0.8, 200, 1)
+    alone = autoregression_of([basis], [rest], [used])
+    beside = autoregression_of([basis[:0], basis], [rest[:0], rest], [used[:0], used])
+    assert len(alone.reflections) > 0
+    np.testing.assert_array_equal(beside.reflections, alone.reflections)
+    assert beside.variance == alone.variance
+
+
+@pytest.mark.parametrize("covariance_of", [white, all_lags, prewhitened])
+def test_an_empty_record_adds_nothing_to_a_covariance(covariance_of: Callable[..., Coloured]) -> None:
+    rng = np.random.default_rng(8)
+    one = linear(
+        np.column_stack((np.ones(200), rng.normal(size=200))), lfilter([1.0], [1.0, -0.7], rng.normal(size=200))
+    )
+    empty = Linear(one.weights[:0], one.basis[:0], one.residuals[:0], one.used[:0])
+    for records in ((empty, one), (one, empty)):
+        for found, alone in zip(covariance_of(records), covariance_of((one,)), strict=True):
+            np.testing.assert_allclose(found, alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("covariance_of", [all_lags, prewhitened])
+def test_records_without_a_sample_tell_nothing(covariance_of: Callable[..., Coloured]) -> None:
+    with pytest.raises(np.linalg.LinAlgError, match="no record has a sample"):
+        covariance_of((Linear(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0)),))
 
 
 @pytest.mark.parametrize("lags", [0, 3])
