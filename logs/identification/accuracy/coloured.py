@@ -80,6 +80,7 @@ def white(records: tuple[Linear, ...]) -> Coloured:
 
 def all_lags(records: tuple[Linear, ...]) -> Coloured:
     """Morelli & Klein's covariance with the residuals' autocovariance at all lags, as published."""
+    records = _not_empty(records)
     longest = max(len(record.used) for record in records)
     sums, count = np.zeros(longest), sum(float(r.used.sum()) for r in records)
     for record in records:
@@ -91,7 +92,7 @@ def all_lags(records: tuple[Linear, ...]) -> Coloured:
 def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
     """The default: Parzen's window of a tenth of the longest record on residuals made white.
 
-    The window has at least ``least_lags`` lags.
+    The window has at least ``least_lags`` lags. A record of no samples adds nothing.
 
     Raises:
         numpy.linalg.LinAlgError: nothing is left to learn the residuals' colour from.
@@ -101,6 +102,7 @@ def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
 
 def noise_of(records: tuple[Linear, ...], least_lags: int = 1) -> Noise:
     """What made the residuals of ``records``; raises as `prewhitened`."""
+    records = _not_empty(records)
     basis, residuals, used = ([record[k] for record in records] for k in (1, 2, 3))
     model = autoregression_of(basis, residuals, used)
     longest = max(len(mask) for mask in used)
@@ -112,8 +114,20 @@ def noise_of(records: tuple[Linear, ...], least_lags: int = 1) -> Noise:
 
 def under(noise: Noise, records: tuple[Linear, ...]) -> Coloured:
     """Covariance of the estimate by the weights of ``records`` under ``noise``, theirs or a fuller model's."""
+    records = _not_empty(records)
     doubt = 2 / noise.free + _doubt_of_model(records, noise.model) + _doubt_of_window(records, noise)
     return Coloured(_quadratic(records, noise.autocovariance), np.maximum(2 / doubt, 1.0))
+
+
+def _not_empty(records: tuple[Linear, ...]) -> tuple[Linear, ...]:
+    """The ``records`` that have samples, of which there is one or more.
+
+    Raises:
+        numpy.linalg.LinAlgError: no record has any.
+    """
+    if not (some := tuple(record for record in records if len(record.used))):
+        raise np.linalg.LinAlgError("no record has a sample")
+    return some
 
 
 def _squares(records: tuple[Linear, ...]) -> float:
