@@ -61,8 +61,8 @@ class FlightData(NamedTuple):
     """rad; what the manoeuvre added to the elevator"""
     aborted: Array
     """-; 1 where an envelope limit ended the manoeuvre"""
-    flapping: Array
-    """rad^2/s^2; square of the wings' rate, mean of both; zeros where it was not measured"""
+    wing_rate_squared: Array
+    """rad^2/s^2; mean of both wings; NaN where their motion was not measured"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()

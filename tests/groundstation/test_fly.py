@@ -43,7 +43,7 @@ from sim_bridge.topics import STATE
 from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
-RECORDED = ("--duration", "9.5", "--json", "--seed", "5")
+RECORDED = ("--duration", "10.5", "--json", "--seed", "5")
 
 
 def fly(folder: Path, *words: str) -> subprocess.Popen[str]:
@@ -173,9 +173,11 @@ def in_one_process(folder: Path, text: str) -> dict[str, str]:
 
 
 def test_the_same_flight_in_one_process_is_the_same_to_the_bit(recorded: Recorded, tmp_path: Path) -> None:
-    alone = in_one_process(tmp_path, "seed = 5\n[flight]\nduration = 9.5\n")
+    alone = in_one_process(tmp_path, "seed = 5\n[flight]\nduration = 10.5\n")
     assert alone == payloads(recorded.folder / "flight.mcap")
     assert {topic.name for topic in (STATE, topics.IMU, topics.ACTUATORS, topics.SNAPSHOTS)} <= set(alone)
+    with open_log(recorded.folder / "flight.mcap") as log:
+        assert len(log.texts(topics.SNAPSHOTS)) == 2, "one of the start and one of what was flown since"
 
 
 @pytest.mark.validate

@@ -117,10 +117,12 @@ def runs(used: Array, most: int) -> Array:
 
 
 def products(columns: list[Array], used: list[Array], order: int) -> Products:
-    """`Products` of records of ``columns`` (N_i, m), for autoregressions up to ``order``."""
+    """`Products` of records of ``columns`` (N_i, m), N_i may be 0, for autoregressions up to ``order``."""
     width = columns[0].shape[1]
     sums, counts = np.zeros((order + 1, order + 1, order + 1, width, width)), np.zeros(order + 1)
     for values, mask in zip(columns, used, strict=True):
+        if not len(mask):
+            continue
         before = runs(mask, order)
         ahead = np.vstack((np.zeros((order, width)), values)).ravel()
         lagged = np.lib.stride_tricks.sliding_window_view(ahead, (order + 1) * width)[::width]  # the oldest first

@@ -80,6 +80,7 @@ def white(records: tuple[Linear, ...]) -> Coloured:
 
 def all_lags(records: tuple[Linear, ...]) -> Coloured:
     """Morelli & Klein's covariance with the residuals' autocovariance at all lags, as published."""
+    records = _not_empty(records)
     longest = max(len(record.used) for record in records)
     sums, count = np.zeros(longest), sum(float(r.used.sum()) for r in records)
     for record in records:
@@ -91,7 +92,7 @@ def all_lags(records: tuple[Linear, ...]) -> Coloured:
 def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
     """The default: Parzen's window of a tenth of the longest record on residuals made white.
 
-    The window has at least ``least_lags`` lags.
+    The window has at least ``least_lags`` lags. A record of no samples adds nothing.
 
     Raises:
         numpy.linalg.LinAlgError: nothing is left to learn the residuals' colour from.
@@ -101,6 +102,7 @@ def prewhitened(records: tuple[Linear, ...], least_lags: int = 1) -> Coloured:
 
 def noise_of(records: tuple[Linear, ...], least_lags: int = 1) -> Noise:
     """What made the residuals of ``records``; raises as `prewhitened`."""
+    records = _not_empty(records)
     basis, residuals, used = ([record[k] for record in records] for k in (1, 2, 3))
     model = autoregression_of(basis, residuals, used)
     longest = max(len(mask) for mask in used)
@@ -112,8 +114,20 @@ def noise_of(records: tuple[Linear, ...], least_lags: int = 1) -> Noise:
 
 def under(noise: Noise, records: tuple[Linear, ...]) -> Coloured:
     """Covariance of the estimate by the weights of ``records`` under ``noise``, theirs or a fuller model's."""
+    records = _not_empty(records)
     doubt = 2 / noise.free + _doubt_of_model(records, noise.model) + _doubt_of_window(records, noise)
     return Coloured(_quadratic(records, noise.autocovariance), np.maximum(2 / doubt, 1.0))
+
+
+def _not_empty(records: tuple[Linear, ...]) -> tuple[Linear, ...]:
+    """The ``records`` that have samples, of which there is one or more.
+
+    Raises:
+        numpy.linalg.LinAlgError: no record has any.
+    """
+    if not (some := tuple(record for record in records if len(record.used))):
+        raise np.linalg.LinAlgError("no record has a sample")
+    return some
 
 
 def _squares(records: tuple[Linear, ...]) -> float:
@@ -142,20 +156,20 @@ def _quadratic(records: tuple[Linear, ...], autocovariance: Array) -> Array:
     width = records[0].weights.shape[1]
     total = np.zeros((width, width))
     for record in records:
-        spectrum = _spectrum(record.weights)
-        total += (spectrum.conj().T @ (spectrum * _density(autocovariance[: len(record.used)])[:, None])).real
+        size = _room_for(2 * len(record.used))
+        spectrum = _spectrum(record.weights, size)
+        density = _density(autocovariance[: len(record.used)], size)
+        total += (spectrum.conj().T @ (spectrum * density[:, None])).real
     return total
 
 
-def _spectrum(weights: Array) -> Complex:
-    """Fourier transform (F, p) of ``weights`` (N, p), so long that nothing wraps around."""
-    size = _room_for(2 * len(weights))
+def _spectrum(weights: Array, size: int) -> Complex:
+    """Fourier transform (F, p) of ``weights`` (N, p) in ``size`` samples: 2 N or more, so that nothing wraps."""
     return np.asarray(rfft(weights, size, axis=0) / np.sqrt(size))
 
 
-def _density(autocovariance: Array) -> Array:
+def _density(autocovariance: Array, size: int) -> Array:
     """Spectral density (F,) of an ``autocovariance`` (N,) at the frequencies of `_spectrum`, both sides together."""
-    size = _room_for(2 * len(autocovariance))
     between = np.zeros(size + 1 - 2 * len(autocovariance))
     density = rfft(np.concatenate((autocovariance, between, autocovariance[:0:-1]))).real
     density[1:-1] *= 2
@@ -215,11 +229,13 @@ def _doubt_of_model(records: tuple[Linear, ...], model: Autoregression) -> Array
     if not len(at):
         return np.zeros(records[0].weights.shape[1])
     longest = max(len(record.used) for record in records)
-    powers = [np.abs(_spectrum(record.weights)) ** 2 for record in records]
+    sizes = [_room_for(2 * len(record.used)) for record in records]
+    powers = [np.abs(_spectrum(record.weights, size)) ** 2 for record, size in zip(records, sizes, strict=True)]
 
     def logarithms(transformed: Array) -> Array:
         noise = autocovariance(np.tanh(transformed), longest) * model.variances(transformed)
-        parts = [_density(noise[: len(r.used)]) @ power for r, power in zip(records, powers, strict=True)]
+        of_records = zip(records, sizes, powers, strict=True)
+        parts = [_density(noise[: len(r.used)], size) @ power for r, size, power in of_records]
         return np.asarray(np.log(np.maximum(np.sum(parts, axis=0), 1e-300)))
 
     steps = np.eye(len(at)) * STEP

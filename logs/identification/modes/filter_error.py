@@ -22,10 +22,10 @@ import numpy as np
 from logs.identification.data import Aircraft
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread, with_scatter
-from logs.identification.modes.gust_filter import Averaged, Driven, innovations
-from logs.identification.modes.gusts import BEGIN, DOUBT, LIFT_SLOPE, OUTPUTS, Flown, heave, prior, system
+from logs.identification.modes.gust_filter import Averaged, innovations
+from logs.identification.modes.gusts import BEGIN, DOUBT, LIFT_SLOPE, OUTPUTS, flown, heave, prior, system
 from logs.identification.modes.longitudinal import TAIL_LAG
-from logs.identification.modes.whitening import gradient_terms, whitened, whitened_change
+from logs.identification.modes.whitening import gradient_terms, information, whitened, whitened_change
 from logs.identification.preparing.manoeuvre import Reference, tail_angle
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array
@@ -39,7 +39,7 @@ LENGTH_STEP = 5e-3
 WIDEST = 6.0
 """-; of those deviations: nothing further out is tried"""
 LONGEST = 1.0
-"""-; step of those logarithms: the first steps, far from the optimum, would leap out of sight"""
+"""-; step of those parameters: the first steps, far from the optimum, would leap out of sight"""
 DIFFERENCE = 1e-5
 ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
 """-; gain of the likelihood's logarithm by a step of scoring that others follow, and what one more promises"""
@@ -70,7 +70,7 @@ class Task(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """At one set of parameters; where the cost is infinite there is nothing else."""
+    """At one set of parameters; where the cost is infinite the rest means nothing."""
 
     cost: float
     """-; minus the logarithm of likelihood and prior"""
@@ -78,6 +78,12 @@ class Likelihood(NamedTuple):
     """rad/s, m/s^2, m/s^2; (K, m), of the forecasts"""
     root: Array
     """(K, m, m); Cholesky's of their covariance"""
+    white: Array
+    """-; (K, m), the errors divided by the root"""
+
+
+Likelihoods = Callable[[Array], list[Likelihood]]
+"""at each of several sets of parameters (s, p + 18)"""
 
 
 def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
@@ -92,27 +98,31 @@ def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | No
             task.names, "the strokes are too few or too uneven to follow the gusts from one to the next"
         ), None
     centre = prior(task.reference, task.aircraft)
-    likelihood = _likelihood(task, centre)
-    ends = [_climb(task, np.concatenate((each, centre)), likelihood, centre) for each in _starts(task, start)]
+    likelihoods = _likelihoods(task, centre)
+    ends = [_climb(task, np.concatenate((each, centre)), likelihoods, centre) for each in _starts(task, start)]
     best = min(ends, key=lambda end: end.cost)
-    if _degrees(task, likelihood(best.values), len(best.values)) < LEAST_DEGREES:
+    here = _at(likelihoods, best.values)
+    if _degrees(task, here, len(best.values)) < LEAST_DEGREES:
         return failed(task.names, "the flight holds too few strokes for the model's parameters"), None
     if not np.isfinite(best.cost):
         return failed(task.names, "filter error did not converge"), None
-    scores, squared = _scores(task, best.values, likelihood)
+    scores, squared = _scores(task, best.values, likelihoods)
     if not _determined(squared):
         return failed(task.names, "the flight does not determine all derivatives"), None
-    here = likelihood(best.values)
     averages = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
     found = Filtered(task.stretches, averages - here.errors)
     return _finish(task, best.values, here, scores, squared), found
+
+
+def _at(likelihoods: Likelihoods, values: Array) -> Likelihood:
+    return likelihoods(values[None])[0]
 
 
 class End(NamedTuple):
     """Where a search ended."""
 
     values: Array
-    """(p + 17,)"""
+    """(p + 18,)"""
     cost: float
     """-; infinite where it did not converge"""
 
@@ -132,40 +142,40 @@ def _starts(task: Task, start: Array) -> list[Array]:
     return [start, np.array([stable.get(name, value) for name, value in pairs])]
 
 
-def _climb(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], centre: Array) -> End:
+def _climb(task: Task, values: Array, likelihoods: Likelihoods, centre: Array) -> End:
     """Scoring as long as it gains much, then `_settled`."""
-    here, damping = likelihood(values), 1e-3
+    here, damping = _at(likelihoods, values), 1e-3
     for _ in range(ITERATIONS):
         if not np.isfinite(here.cost):
             break
-        scores, squared = _scores(task, values, likelihood)
+        scores, squared = _scores(task, values, likelihoods)
         if not _determined(squared):
             break
         gradient, before = _gradient(scores, values, centre), here.cost
-        values, here, damping = _advanced(likelihood, values, here, (gradient, squared), damping)
+        values, here, damping = _advanced(likelihoods, values, here, (gradient, squared), damping)
         if before - here.cost < LITTLE:
-            return _settled(task, values, likelihood, centre)
+            return _settled(task, values, likelihoods, centre)
     return End(values, np.inf)
 
 
-def _settled(task: Task, values: Array, likelihood: Callable[[Array], Likelihood], centre: Array) -> End:
+def _settled(task: Task, values: Array, likelihoods: Likelihoods, centre: Array) -> End:
     """The last part of the way by quasi-Newton steps (Broyden, Fletcher, Goldfarb, Shanno) that begin with scoring.
 
     In calm air the information of the gusts' parameters is not the likelihood's curvature: scoring goes to and fro.
     """
-    here = likelihood(values)
-    scores, squared = _scores(task, values, likelihood)
+    here = _at(likelihoods, values)
+    scores, squared = _scores(task, values, likelihoods)
     inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
     gradient = _gradient(scores, values, centre)
     for _ in range(ITERATIONS):
         if float(gradient @ inverse @ gradient) < CONVERGED:
             return End(values, here.cost)
         step = -inverse @ gradient
-        there = likelihood(values + step)
-        moved, there = _along(likelihood, values, here, (step, there, float(gradient @ step)))
+        there = _at(likelihoods, values + step)
+        moved, there = _along(likelihoods, values, here, (step, there, float(gradient @ step)))
         if not there.cost < here.cost:
             break
-        after = _gradient(_scores(task, moved, likelihood)[0], moved, centre)
+        after = _gradient(_scores(task, moved, likelihoods)[0], moved, centre)
         inverse = _updated(inverse, moved - values, after - gradient)
         values, here, gradient = moved, there, after
     return End(values, np.inf)
@@ -196,75 +206,71 @@ def _averaged(task: Task, lag: float | None) -> Averaged:
         first.append(np.arange(len(stretch.edges) - 1) == 0)
     outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
     harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
-    inputs = np.dstack((np.vstack(tails), harder))
+    tail = np.vstack(tails)
+    inputs = np.dstack((tail, harder, tail * _faster(task)[:, None]))
     return Averaged(lengths * unit, which, np.concatenate(first), inputs, outputs)
+
+
+def _faster(task: Task) -> Array:
+    """By how much of the reference's the dynamic pressure is above it in each stroke (K,)."""
+    airspeed = np.concatenate([stretch.airspeed for stretch in task.stretches])
+    return (airspeed / task.reference.airspeed) ** 2 - 1.0
 
 
 def _harder(task: Task) -> Array:
     """By how much of its mean the mean square of the wings' rate is above it, in each stroke (K,); 0 where
     it was not measured."""
-    flapping = np.concatenate([stretch.flapping for stretch in task.stretches])
-    measured = flapping > 0.0
-    mean = float(np.mean(flapping[measured])) if np.any(measured) else 1.0
-    return np.where(measured, flapping / mean - 1.0, 0.0)
+    squared = np.concatenate([stretch.wing_rate_squared for stretch in task.stretches])
+    mean = float(np.mean(squared))
+    return squared / mean - 1.0 if mean > 0.0 else squared
 
 
-def _system(task: Task, values: Array) -> Driven:
-    names = tuple(name for name in task.names if name != TAIL_LAG)
-    flown = Flown(names, task.reference, task.aircraft)
-    return system(flown, values[: len(names)], values[len(task.names) :])
-
-
-def _likelihood(task: Task, centre: Array) -> Callable[[Array], Likelihood]:
-    """The likelihood of parameters (p + 17,): derivatives and `gusts.NUISANCES`."""
-    count = len(task.names)
+def _likelihoods(task: Task, centre: Array) -> Likelihoods:
+    """The likelihood of sets of parameters (s, p + 18): derivatives and `gusts.NUISANCES`."""
+    count, names = len(task.names), tuple(name for name in task.names if name != TAIL_LAG)
+    model = flown(names, task.reference, task.aircraft)
     fixed = _averaged(task, None) if task.known_lag else None
 
-    def at(values: Array) -> Likelihood:
-        beyond = (values[count:] - centre) / DOUBT
-        if np.max(np.abs(beyond)) > WIDEST:
-            return Likelihood(np.inf, np.empty(0), np.empty(0))
-        averaged = fixed or _averaged(task, float(values[task.names.index(TAIL_LAG)]))
+    def together(sets: Array) -> list[Likelihood]:
+        """Of sets that have the tail's lag in common."""
+        averaged = fixed or _averaged(task, float(sets[0, task.names.index(TAIL_LAG)]))
         with np.errstate(all="ignore"):
-            errors, covariance = innovations(_system(task, values), averaged)
-        try:
-            root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            return Likelihood(np.inf, np.empty(0), np.empty(0))
-        white = np.empty(errors.shape)
-        whitened(root, errors, white)
-        logs = float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
-        cost = (logs + float(np.sum(white**2)) / 2.0) / len(PHASES) + float(np.sum(beyond**2)) / 2.0
-        return Likelihood(cost if np.isfinite(cost) else np.inf, errors, root)
+            found = innovations(system(model, sets.T[: len(names)], sets.T[count:]), averaged)
+            logs = np.sum(np.log(np.diagonal(found.root, axis1=2, axis2=3)), axis=(1, 2))
+            costs = (logs + np.sum(found.white**2, axis=(1, 2)) / 2.0) / len(PHASES)
+        beyond = (sets[:, count:] - centre) / DOUBT
+        costs += np.sum(beyond**2, axis=1) / 2.0
+        costs[~np.isfinite(costs) | (np.max(np.abs(beyond), axis=1) > WIDEST)] = np.inf
+        return [Likelihood(float(cost), *each) for cost, *each in zip(costs, *found, strict=True)]
+
+    def at(sets: Array) -> list[Likelihood]:
+        lags = np.zeros(len(sets)) if task.known_lag else sets[:, task.names.index(TAIL_LAG)]
+        told: dict[int, Likelihood] = {}
+        which = np.unique(lags, return_inverse=True)[1]
+        for places in (np.flatnonzero(which == lag) for lag in range(int(which.max()) + 1)):
+            told.update(zip(places.tolist(), together(sets[places]), strict=True))
+        return [told[place] for place in range(len(sets))]
 
     return at
 
 
-def _scores(task: Task, values: Array, likelihood: Callable[[Array], Likelihood]) -> tuple[Array, Array]:
+def _scores(task: Task, values: Array, likelihoods: Likelihoods) -> tuple[Array, Array]:
     """Each stroke's gradient (K, n) of the cost without the prior, and the information (n, n) with it."""
-    here = likelihood(values)
+    widths = DIFFERENCE * np.maximum(np.abs(values), 0.1)
+    here, *ahead = likelihoods(np.vstack((values, values + np.diag(widths))))
     strokes, m = here.errors.shape
-    white, part = np.empty((strokes, m)), np.empty(strokes)
     shift, growth = np.empty((len(values), strokes, m)), np.empty((len(values), strokes, m, m))
-    scores = np.empty((strokes, len(values)))
-    whitened(here.root, here.errors, white)
-    for index, value in enumerate(values):
-        width = DIFFERENCE * max(abs(value), 0.1)
-        ahead = values.copy()
-        ahead[index] += width
-        there = likelihood(ahead)
-        if not np.isfinite(there.cost):
-            there = here
-        whitened(here.root, (there.errors - here.errors) / width, shift[index])
-        whitened_change(here.root, there.root, width, growth[index])
-        gradient_terms(shift[index], growth[index], white, part)
-        scores[:, index] = part
-    scores /= len(PHASES)
-    flat, grown = shift.reshape(len(values), -1), growth.reshape(len(values), -1)
-    squared = (flat @ flat.T + grown @ grown.T / 2.0) / len(PHASES)
+    scores, squared = np.empty((len(values), strokes)), np.empty((len(values), len(values)))
+    for index, (width, there) in enumerate(zip(widths, ahead, strict=True)):
+        known = there if np.isfinite(there.cost) else here
+        whitened(here.root, (known.errors - here.errors) / width, shift[index])
+        whitened_change(here.root, known.root, width, growth[index])
+        gradient_terms(shift[index], growth[index], here.white, scores[index])
+    information(shift, growth, squared)
     count = len(task.names)
+    squared /= len(PHASES)
     squared[count:, count:] += np.diag(1.0 / DOUBT**2)
-    return scores, squared
+    return scores.T / len(PHASES), squared
 
 
 def _gradient(scores: Array, values: Array, centre: Array) -> Array:
@@ -281,7 +287,7 @@ def _determined(squared: Array) -> bool:
 
 
 def _advanced(
-    likelihood: Callable[[Array], Likelihood],
+    likelihoods: Likelihoods,
     values: Array,
     here: Likelihood,
     slope: tuple[Array, Array],
@@ -294,15 +300,15 @@ def _advanced(
     while damping < 1e8:
         step = -np.linalg.solve(even + damping * np.eye(len(scale)), gradient / scale) / scale
         step = step * min(1.0, LONGEST / float(np.max(np.abs(step[-len(DOUBT) :]))))
-        there = likelihood(values + step)
+        there = _at(likelihoods, values + step)
         if there.cost < here.cost:
-            return *_along(likelihood, values, here, (step, there, float(gradient @ step))), max(damping / 8.0, 1e-9)
+            return *_along(likelihoods, values, here, (step, there, float(gradient @ step))), max(damping / 8.0, 1e-9)
         damping = max(damping * 4.0, 1e-3)
     return values, here._replace(cost=np.inf), damping
 
 
 def _along(
-    likelihood: Callable[[Array], Likelihood],
+    likelihoods: Likelihoods,
     values: Array,
     here: Likelihood,
     tried: tuple[Array, Likelihood, float],
@@ -315,7 +321,7 @@ def _along(
     step, there, slope = tried
     bend = there.cost - here.cost - slope if np.isfinite(there.cost) else np.inf
     share = float(np.clip(-slope / (2.0 * bend), 0.1, 3.0)) if bend > 0 else 3.0
-    another = likelihood(values + share * step)
+    another = _at(likelihoods, values + share * step)
     return (values + share * step, another) if another.cost < there.cost else (values + step, there)
 
 

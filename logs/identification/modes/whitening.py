@@ -57,3 +57,22 @@ def gradient_terms(shift: Array, growth: Array, white: Array, out: Array) -> Non
             for j in range(m):
                 total -= white[k, i] * growth[k, i, j] * white[k, j] / 2.0
         out[k] = total
+
+
+@njit(cache=True)
+def information(shift: Array, growth: Array, out: Array) -> None:
+    """Fill ``out`` (n, n) with the information of n parameters whose whitened changes are those of `gradient_terms`.
+
+    ``shift`` is (n, K, m), ``growth`` (n, K, m, m). Through BLAS, whose threads wait for a busy core, this took most
+    of a fit's time.
+    """
+    n, count, m = shift.shape
+    for one in range(n):
+        for other in range(one + 1):
+            total = 0.0
+            for k in range(count):
+                for i in range(m):
+                    total += shift[one, k, i] * shift[other, k, i]
+                    for j in range(m):
+                        total += growth[one, k, i, j] * growth[other, k, i, j] / 2.0
+            out[one, other] = out[other, one] = total

@@ -18,6 +18,8 @@ LONGEST_CALM = 3.0
 UNEVEN = 1.5
 """-; a stroke longer or shorter than the median by that factor ends a stretch: the wings stood, or counts lack"""
 LEAST_STROKES = 8
+UNTOLD = 1e-6
+"""-; of a stroke, above rounding"""
 
 
 class Stretch(NamedTuple):
@@ -31,8 +33,10 @@ class Stretch(NamedTuple):
     """s; (K + 1,), where strokes begin and end"""
     averages: Array
     """(K, 4); pitch rate rad/s, specific forces x and z at the IMU m/s^2, pitch rad"""
-    flapping: Array
-    """rad^2/s^2; (K,), mean square of the wings' rate; zeros where it was not measured"""
+    wing_rate_squared: Array
+    """rad^2/s^2; (K,), mean of both wings; zeros of a flight in which it was not measured"""
+    airspeed: Array
+    """m/s; (K,)"""
     manoeuvre: NDArray[np.int64]
     """-; (K,), place of the manoeuvre that each stroke is in or behind, of all that are usable"""
 
@@ -66,29 +70,33 @@ def _cut(data: FlightData, span: tuple[float, float], phase: float, starts: Arra
     if len(edges) <= LEAST_STROKES:
         return []
     raw = np.column_stack([c[reach] for c in _averaged(data)])
+    # Where a flight tells how hard the wings flap, a stroke of which it does not would be taken for the mean one.
+    measured = np.isfinite(data.wing_rate_squared)
+    untold = interval_mean(time, 1.0 - measured[reach], edges[:-1], edges[1:]) > UNTOLD
     return [
         _stretch(time, data.elevator[reach], raw, edges[run], starts)
-        for run in _even_runs(np.diff(edges))
+        for run in _even_runs(np.diff(edges), untold & np.any(measured))
         if run.stop - run.start > LEAST_STROKES
     ]
 
 
 def _averaged(data: FlightData) -> tuple[Array, ...]:
-    """What is averaged over strokes: the four of `Stretch.averages`, and the flapping."""
-    return data.pitch_rate, data.accel_x, data.accel_z, data.pitch, data.flapping
+    """What is averaged over strokes: the four of `Stretch.averages`, the wings' rate and the airspeed."""
+    wing = np.nan_to_num(data.wing_rate_squared)
+    return data.pitch_rate, data.accel_x, data.accel_z, data.pitch, wing, data.airspeed
 
 
-def _even_runs(durations: Array) -> list[slice]:
-    """Runs of edges between which every stroke is about as long as the median one."""
+def _even_runs(durations: Array, untold: NDArray[np.bool_]) -> list[slice]:
+    """Runs of edges between which every stroke is about as long as the median one and none is ``untold``."""
     ratio = durations / np.median(durations)
-    breaks = np.flatnonzero((ratio > UNEVEN) | (ratio < 1.0 / UNEVEN))
+    breaks = np.flatnonzero((ratio > UNEVEN) | (ratio < 1.0 / UNEVEN) | untold)
     bounds = [-1, *breaks, len(durations)]
     return [slice(int(a) + 1, int(b) + 1) for a, b in pairwise(bounds)]
 
 
 def _stretch(time: Array, command: Array, raw: Array, edges: Array, starts: Array) -> Stretch:
     """``starts`` (s) are those of all manoeuvres."""
-    *averages, flapping = interval_mean(time, raw, edges[:-1], edges[1:]).T
+    *averages, wing, airspeed = interval_mean(time, raw, edges[:-1], edges[1:]).T
     within = np.maximum(np.searchsorted(starts, edges[:-1], side="right") - 1, 0)
     zero = float(np.interp(edges[0], time, command))
-    return Stretch(time, command - zero, edges, np.column_stack(averages), flapping, within)
+    return Stretch(time, command - zero, edges, np.column_stack(averages), wing, airspeed, within)

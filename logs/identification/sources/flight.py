@@ -24,6 +24,8 @@ BURST_RATE = 6000.0
 """Hz; of the ADC's samples inside a burst"""
 SMOOTHED = 5
 """-; samples of the local cubic whose slope is the wing rate"""
+GAP, LEAST_SAMPLES = 1.5, 10.0
+"""-; usual steps between two samples that are no neighbours; samples of a stroke"""
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
@@ -48,7 +50,7 @@ class _Taken(NamedTuple):
 
 
 class _Excited(NamedTuple):
-    """The last fields of `FlightData`."""
+    """The fields of `FlightData` that tell the inputs."""
 
     active: Array
     manoeuvre: Array
@@ -89,7 +91,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.manoeuvre,
         excited.excitation,
         excited.aborted,
-        _flapping(source, time),
+        _wing_rate_squared(source, time),
         tuple(note for note in (excited.note, strokes.note, airspeed.note) if note),
     )
 
@@ -159,10 +161,27 @@ def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
     return _Taken(strokes, STROKES_GUESSED)
 
 
-def _flapping(source: ColumnSource, time: Array) -> Array:
-    """Square of the wings' rate (N,) in rad^2/s^2, mean of both; zeros where their motion was not measured."""
-    wing_time, left, right, _ = _motion(source)
-    return np.interp(time, wing_time, (left**2 + right**2) / 2.0) if len(wing_time) else np.zeros(len(time))
+def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
+    """Square of the wings' rate at ``time`` (N,) in rad^2/s^2, mean of both.
+
+    NaN where their motion was not measured: in gaps of the topic and, throughout, where it tells fewer than
+    `LEAST_SAMPLES` of a stroke, from which a slope would come out too small.
+    """
+    unknown = np.full(len(time), np.nan)
+    try:
+        wing, strokes = _strokes(source)
+    except BadInput:
+        return unknown
+    steps = np.diff(wing.time)
+    if len(steps) < SMOOTHED or len(strokes) / max(strokes[-1] - strokes[0], 1.0) < LEAST_SAMPLES:
+        return unknown
+    step = float(np.median(steps))
+    for run in np.split(np.arange(len(wing.time)), np.flatnonzero(steps > GAP * step) + 1):
+        if len(run) >= SMOOTHED:
+            left, right = (_rate(wing[angle][run], step) for angle in ("angle_left", "angle_right"))
+            within = (time >= wing.time[run[0]]) & (time <= wing.time[run[-1]])
+            unknown[within] = np.interp(time[within], wing.time[run], (left**2 + right**2) / 2.0)
+    return unknown
 
 
 def drive_data(source: ColumnSource) -> DriveData:
@@ -214,16 +233,16 @@ def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:
         wing, strokes = _strokes(source)
     except BadInput:
         return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0)
-    return wing.time, _rate(wing, "angle_left"), _rate(wing, "angle_right"), strokes
+    step = float(np.median(np.diff(wing.time)))
+    return wing.time, _rate(wing["angle_left"], step), _rate(wing["angle_right"], step), strokes
 
 
-def _rate(wing: TopicTable, angle: str) -> Array:
-    """Wing rate in rad/s without the lag of the rate that was flown with.
+def _rate(angle: Array, step: float) -> Array:
+    """Wing rate (N,) in rad/s, ``angle`` (N,) told every ``step`` s; without the lag of the rate that was flown with.
 
     Three milliseconds against a torque that is mostly inertial would make a fifth of the power disappear.
     """
-    step = float(np.median(np.diff(wing.time)))
-    rate: Array = savgol_filter(wing[angle], SMOOTHED, 3, deriv=1, delta=step)
+    rate: Array = savgol_filter(angle, SMOOTHED, 3, deriv=1, delta=step)
     return rate
 
 

@@ -27,7 +27,7 @@ TRUTH = dict(
     )
 )
 STEP = 0.005
-FLAPPING = 25.0
+SQUARED = 25.0
 """rad^2/s^2; mean square of the wings' rate"""
 
 
@@ -114,7 +114,7 @@ def fly(flight: Flight) -> FlightData:
         number,
         excitation,
         np.zeros(count),
-        FLAPPING * (1.0 + harder),
+        SQUARED * (1.0 + harder),
     )  # fmt: skip
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -17,7 +19,7 @@ from logs.identification.accuracy.autoregression import (
     products,
     runs,
 )
-from logs.identification.accuracy.coloured import Linear, all_lags, prewhitened, white
+from logs.identification.accuracy.coloured import Coloured, Linear, all_lags, prewhitened, white
 from logs.identification.accuracy.correlation import correlation_of
 from logs.identification.accuracy.goodness import goodness
 from logs.identification.accuracy.likelihood import restricted
@@ -184,22 +186,22 @@ def dense_restricted(reflections: np.ndarray, design: np.ndarray, values: np.nda
     return float(both + (len(z) - x.shape[1]) * np.log(rest @ inverse @ rest) - prior)
 
 
-def gapped(pole: float, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Orthonormal trends and cosines (N, 4), noise of a ``pole`` freed of them, and where it was measured."""
+def gapped(reflections: tuple[float, ...], count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orthonormal trends and cosines (N, 4), noise of ``reflections`` freed of them, and where it was measured."""
     rng = np.random.default_rng(seed)
     used = np.ones(count)
     used[count // 3 : count // 3 + 4] = used[count // 2] = 0.0
     design = np.vander(np.linspace(-1, 1, count), 3)
     design = np.column_stack((design, np.cos(0.3 * np.arange(count)))) * used[:, None]
     basis = np.linalg.qr(design)[0]
-    noise = lfilter([1.0], [1.0, -pole], rng.normal(size=count + 300))[-count:] * used
+    noise = lfilter([1.0], predictors(np.array(reflections))[-1], rng.normal(size=count + 300))[-count:] * used
     return basis, noise - basis @ (basis.T @ noise), used
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_the_restricted_likelihood_is_that_of_the_whole_covariance(order: int) -> None:
     """By sums of products, gaps and all; and its slopes are those of differences."""
-    basis, rest, used = gapped(0.6, 60, 7)
+    basis, rest, used = gapped((-0.6,), 60, 7)
     of = products([np.column_stack((basis, rest))], [used], order)
     rng, gradient, spare = np.random.default_rng(1), np.zeros(order), np.zeros(order)
     points = [0.5 * rng.normal(size=order) for _ in range(6)]
@@ -214,28 +216,81 @@ def test_the_restricted_likelihood_is_that_of_the_whole_covariance(order: int) -
     np.testing.assert_allclose(gradient, np.array(pairs) @ [1, -1] / 2e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9, 0.97])
-@pytest.mark.parametrize("count", [50, 250, 1250])
-def test_the_autoregression_is_the_likeliest_and_as_sure_as_the_likelihood_is_curved(pole: float, count: int) -> None:
-    """Beside scipy's search, which takes the slopes from differences."""
+LONG_ENOUGH = [
+    (reflections, count)
+    for count in (50, 250, 1250)
+    for reflections in ((-0.9,), (-0.97,), (-0.8, 0.8), (0.5, 0.6, 0.4, 0.6))
+] + [((-0.5,), 250), ((-0.5,), 1250)]
+"""noise, and samples that tell its order"""
+
+
+@pytest.mark.parametrize(("reflections", "count"), LONG_ENOUGH)
+def test_the_autoregression_is_the_likeliest_and_as_sure_as_the_likelihood_is_curved(
+    reflections: tuple[float, ...], count: int
+) -> None:
+    """Of the order that made the noise; beside scipy's search without slopes and second differences."""
+    order = len(reflections)
     for seed in range(3):
-        basis, rest, used = gapped(pole, count, seed)
+        basis, rest, used = gapped(reflections, count, seed)
         model = autoregression_of([basis], [rest], [used])
-        order = len(model.reflections)
-        if not order:
-            continue
+        assert len(model.reflections) == order
         of, spare = products([np.column_stack((basis, rest))], [used], order), np.zeros(order)
 
         def criterion(at: np.ndarray, of: Products = of, spare: np.ndarray = spare) -> float:
             return float(restricted(of.sums, of.counts, PRIOR, at, spare)[0])
 
-        found = np.arctanh(model.reflections)
-        best = minimize(criterion, np.zeros(order), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9})
-        np.testing.assert_array_less(np.abs(found - best.x), 3e-3 * np.sqrt(np.diag(model.uncertainty)))
-        width = 0.1 * np.sqrt(np.diag(model.uncertainty))
-        curved = [criterion(found + w) + criterion(found - w) - 2 * criterion(found) for w in np.diag(width)]
-        expected = np.diag(np.linalg.inv(model.uncertainty)) * width**2 * 2
-        np.testing.assert_allclose(curved, expected, rtol=0.02)
+        found, errors = np.arctanh(model.reflections), np.sqrt(np.diag(model.uncertainty))
+        fine = {"xatol": 1e-6, "fatol": 1e-9, "maxfev": 5000, "maxiter": 5000}
+        best = minimize(criterion, np.zeros(order), method="Nelder-Mead", options=fine)
+        assert best.success
+        np.testing.assert_array_less(np.abs(found - best.x), 3e-3 * errors)
+        precision = np.linalg.inv(model.uncertainty)
+        scale = np.sqrt(np.outer(np.diag(precision), np.diag(precision)))
+        curved = second_differences(criterion, found, 0.1 * errors) / 2
+        np.testing.assert_allclose(curved / scale, precision / scale, atol=0.01)
+
+
+def second_differences(of: Callable[[np.ndarray], float], at: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Second derivatives (k, k) of a function ``of`` (k,) by steps of half the ``widths`` (k,) to either side."""
+    steps = np.diag(widths / 2)
+    rows = [[of(at + a + b) - of(at + a - b) - of(at - a + b) + of(at - a - b) for b in steps] for a in steps]
+    return np.array(rows) / np.outer(widths, widths)
+
+
+@pytest.mark.parametrize("count", [250, 1250])
+def test_white_noise_needs_no_autoregression(count: int) -> None:
+    for seed in range(3):
+        basis, rest, used = gapped((), count, seed)
+        model = autoregression_of([basis], [rest], [used])
+        assert model.reflections.shape == (0,) and model.uncertainty.shape == (0, 0)
+        assert model.variance == pytest.approx(rest @ rest / (used.sum() - basis.shape[1]))
+
+
+def test_an_empty_record_adds_nothing_to_the_autoregression() -> None:
+    basis, rest, used = gapped((-0.8,), 200, 1)
+    alone = autoregression_of([basis], [rest], [used])
+    beside = autoregression_of([basis[:0], basis], [rest[:0], rest], [used[:0], used])
+    assert len(alone.reflections) > 0
+    np.testing.assert_array_equal(beside.reflections, alone.reflections)
+    assert beside.variance == alone.variance
+
+
+@pytest.mark.parametrize("covariance_of", [white, all_lags, prewhitened])
+def test_an_empty_record_adds_nothing_to_a_covariance(covariance_of: Callable[..., Coloured]) -> None:
+    rng = np.random.default_rng(8)
+    one = linear(
+        np.column_stack((np.ones(200), rng.normal(size=200))), lfilter([1.0], [1.0, -0.7], rng.normal(size=200))
+    )
+    empty = Linear(one.weights[:0], one.basis[:0], one.residuals[:0], one.used[:0])
+    for records in ((empty, one), (one, empty)):
+        for found, alone in zip(covariance_of(records), covariance_of((one,)), strict=True):
+            np.testing.assert_allclose(found, alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("covariance_of", [all_lags, prewhitened])
+def test_records_without_a_sample_tell_nothing(covariance_of: Callable[..., Coloured]) -> None:
+    with pytest.raises(np.linalg.LinAlgError, match="no record has a sample"):
+        covariance_of((Linear(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0)),))
 
 
 @pytest.mark.parametrize("lags", [0, 3])

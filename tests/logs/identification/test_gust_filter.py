@@ -18,7 +18,7 @@ STEPS = 200
 
 def system(intensity: float, noise: float, start: float) -> Driven:
     density = np.diag([0.0, 0.0, intensity, 0.0, 0.0])
-    return Driven(
+    one = (
         A,
         np.array([[2.0], [-5.0]]),
         C,
@@ -28,6 +28,7 @@ def system(intensity: float, noise: float, start: float) -> Driven:
         np.full(2, 1e-6),
         np.full(2, noise),
     )
+    return Driven(*(each[..., None] for each in one))
 
 
 def flown(seed: int, strokes: int, intensity: float, noise: float, start: float) -> Averaged:
@@ -55,9 +56,7 @@ def flown(seed: int, strokes: int, intensity: float, noise: float, start: float)
 
 
 def whitened(seed: int) -> Array:
-    found = innovations(system(0.5, 0.02, 0.3), flown(seed, 60, 0.5, 0.02, 0.3))
-    root = np.linalg.cholesky(found.covariance)
-    white: Array = np.linalg.solve(root, found.surprise[:, :, None])[:, :, 0]
+    (white,) = innovations(system(0.5, 0.02, 0.3), flown(seed, 60, 0.5, 0.02, 0.3)).white
     return white
 
 
@@ -82,5 +81,60 @@ def test_a_new_stretch_forgets_the_one_before() -> None:
     which, first, outputs = np.tile(one.which, 2), np.tile(one.first, 2), np.tile(one.outputs, (2, 1))
     twice = Averaged(LENGTHS, which, first, np.tile(one.inputs, (2, 1, 1)), outputs)
     found = innovations(system(0.5, 0.02, 0.3), twice)
-    np.testing.assert_array_equal(found.surprise[:20], found.surprise[20:])
-    np.testing.assert_array_equal(found.covariance[:20], found.covariance[20:])
+    np.testing.assert_array_equal(found.surprise[:, :20], found.surprise[:, 20:])
+    np.testing.assert_array_equal(found.root[:, :20], found.root[:, 20:])
+
+
+def dense(one: Driven, averaged: Averaged) -> tuple[Array, Array]:
+    """Surprises and covariances of the first stretch by SciPy's exponentials and the textbook's filter.
+
+    Its state holds the integrals of the outputs, zero when a stroke begins, and the outputs' biases. The inputs do
+    not act.
+    """
+    rates = np.zeros((7, 7))
+    rates[:3, :3], rates[3:5, :3] = one.a[..., 0], one.c[..., 0]
+    density = np.zeros((7, 7))
+    density[:5, :5] = one.density[..., 0]
+    begin = np.concatenate((one.start[:, 0], [0.0, 0.0], one.bias[:, 0])) ** 2
+    state, known, surprises, covariances = np.zeros(7), np.diag(begin), [], []
+    for which, output in zip(averaged.which, averaged.outputs, strict=True):
+        length = averaged.lengths[which]
+        # van Loan, IEEE Transactions on Automatic Control 23, 1978
+        both = expm(np.block([[-rates, density], [np.zeros((7, 7)), rates.T]]) * length)
+        over = both[7:, 7:].T
+        seen = np.hstack((np.zeros((2, 3)), np.eye(2) / length, np.eye(2)))
+        state, known = over @ state, over @ known @ over.T + over @ both[:7, 7:]
+        covariance = seen @ known @ seen.T + np.diag(one.noise[:, 0] ** 2)
+        gain = known @ seen.T @ np.linalg.inv(covariance)
+        surprises.append(output - seen @ state)
+        covariances.append(covariance)
+        state, known = state + gain @ surprises[-1], known - gain @ covariance @ gain.T
+        state[3:5] = known[3:5] = known[:, 3:5] = 0.0
+    return np.array(surprises), np.array(covariances)
+
+
+def test_surprise_and_covariance_are_those_of_dense_linear_algebra() -> None:
+    """GIVEN systems side by side that share all, nothing, the strokes or the inputs' work with the first."""
+    averaged = flown(7, 25, 0.5, 0.02, 0.3)
+    averaged = averaged._replace(inputs=np.zeros_like(averaged.inputs))
+    base = system(0.5, 0.02, 0.3)
+    each = [base, base._replace(a=1.2 * base.a, c=0.7 * base.c), system(0.5, 0.05, 0.3), system(0.9, 0.02, 0.1), base]
+    found = innovations(Driven(*(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))), averaged)
+    for place, one in enumerate(each):
+        surprise, covariance = dense(one, averaged)
+        root = found.root[place]
+        np.testing.assert_allclose(found.surprise[place], surprise, atol=1e-9)
+        np.testing.assert_allclose(root @ root.transpose(0, 2, 1), covariance, rtol=1e-8, atol=1e-12)
+        white = np.linalg.solve(root, surprise[:, :, None])[:, :, 0]
+        np.testing.assert_allclose(found.white[place], white, atol=1e-7)
+
+
+def test_systems_side_by_side_are_each_what_they_are_alone() -> None:
+    """GIVEN inputs that act THEN what is shared with the first system is the same as what is found anew."""
+    averaged, base = flown(8, 25, 0.5, 0.02, 0.3), system(0.5, 0.02, 0.3)
+    each = [base, base._replace(b=2.0 * base.b), base._replace(d=-base.d), base._replace(a=1.1 * base.a), base]
+    found = innovations(Driven(*(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))), averaged)
+    for place, one in enumerate(each):
+        alone = innovations(one, averaged)
+        for together, single in zip(found, alone, strict=True):
+            np.testing.assert_array_equal(together[place], single[0])

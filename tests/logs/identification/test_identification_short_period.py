@@ -354,25 +354,25 @@ def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping(count: in
 
 
 def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
-    """GIVEN wings that flap harder and softer, as a height hold makes them between inputs, and while one goes on.
+    """GIVEN wings that flap harder and softer, as a height hold makes them between inputs.
 
-    Without the measured flapping the frequency came out a fifth too low.
+    Without the measured flapping the frequency came out 11 to 27 % too low.
     """
     frequency, damping = true_mode(Flight())
     flights = [Flight(seed=seed, flapping=(1.0, 1.0, -6.0)) for seed in range(5000, 5003)]
     for flight in flights:
-        found = filtered(flight)
+        found, unmeasured = filtered(flight), filtered(flight, flapping=False)
         assert found.frequency is not None and found.frequency.contains(frequency)
         assert found.frequency.value == pytest.approx(frequency, rel=0.1)
         assert found.damping is not None and found.damping.contains(damping)
-    unmeasured = filtered(flights[0], flapping=False)
-    assert unmeasured.frequency is not None and not unmeasured.frequency.contains(frequency)
+        assert unmeasured.frequency is not None
+        assert unmeasured.frequency.value < 0.9 * frequency
 
 
 def filtered(flight: Flight, flapping: bool = True) -> Mode:
     """By filter error alone; without the ``flapping`` as of a log that does not tell how the wings moved."""
     data = fly(flight)
-    data = data if flapping else data._replace(flapping=np.zeros(len(data.time)))
+    data = data if flapping else data._replace(wing_rate_squared=np.full(len(data.time), np.nan))
     manoeuvres = find_manoeuvres(data, flight.aircraft)
     reference = reference_of(data, manoeuvres)
     cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))

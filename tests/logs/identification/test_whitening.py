@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.whitening import gradient_terms, whitened, whitened_change
+from logs.identification.modes.whitening import gradient_terms, information, whitened, whitened_change
 
 COUNT, SIZE, WIDTH = 7, 3, 1e-6
 
@@ -44,3 +44,14 @@ def test_a_forecasts_part_of_the_slope_is_the_slope_of_its_likelihood() -> None:
     whitened_change(root, later_root, WIDTH, growth)
     gradient_terms(shift, growth, white, parts)
     assert parts == pytest.approx((costs(later_root, later) - costs(root, errors)) / WIDTH, rel=1e-4, abs=1e-4)
+
+
+def test_the_information_is_that_of_errors_and_covariances() -> None:
+    """GIVEN whitened changes THEN it is F_ij = sum(s_i s_j) + sum(trace(G_i G_j)) / 2."""
+    rng = np.random.default_rng(8)
+    shift, growth = rng.normal(size=(4, COUNT, SIZE)), rng.normal(size=(4, COUNT, SIZE, SIZE))
+    growth = growth + growth.transpose(0, 1, 3, 2)
+    found = np.empty((4, 4))
+    information(shift, growth, found)
+    expected = np.einsum("aki,bki->ab", shift, shift) + np.einsum("akij,bkji->ab", growth, growth) / 2.0
+    assert found == pytest.approx(expected, rel=1e-12)
