@@ -141,7 +141,7 @@ def restricted(sums: Array, counts: Array, prior: float, at: Array, gradient: Ar
         _inverse(total, weights, total.copy())
         _add_square(weights, (free - 1) * last**2)
         _lagged(sums, weights, pairs)
-        _slopes(counts, prior, reflections, filters, slopes, growth, pairs, gradient)
+        _slopes((counts, prior), (reflections, filters, slopes, growth), pairs, gradient)
     return value, last**2
 
 
@@ -156,10 +156,13 @@ def _add_square(inverse: Array, weight: float) -> None:
 
 @njit(cache=True)
 def _slopes(
-    counts: Array, prior: float, reflections: Array, filters: Array, slopes: Array, growth: Array, pairs: Array,
-    gradient: Array,
-) -> None:  # fmt: skip
-    """Fill ``gradient`` (k,): what the variances, the prior and, by the ``pairs`` of lags, the products do."""
+    known: tuple[Array, float], levinson: tuple[Array, Array, Array, Array], pairs: Array, gradient: Array
+) -> None:
+    """Fill ``gradient`` (k,): what the variances, the prior and, by the ``pairs`` of lags, the products do.
+
+    ``known`` are counts and prior of `restricted`, ``levinson`` the reflections and what `_levinson` makes of them.
+    """
+    (counts, prior), (reflections, filters, slopes, growth) = known, levinson
     for k in range(len(gradient)):
         total = 2 * prior * reflections[k]
         for g in range(len(counts)):

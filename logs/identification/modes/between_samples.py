@@ -39,7 +39,7 @@ class Acting(NamedTuple):
         return mean
 
 
-class Flown(NamedTuple):
+class ExactMotion(NamedTuple):
     """A motion as a linear system flies it."""
 
     states: Array
@@ -73,7 +73,7 @@ def _shifted(values: Array, samples: int) -> Array:
     return values[np.clip(np.arange(len(values)) - samples, 0, len(values) - 1)]
 
 
-def fly(a: Array, b: Array, start: Array, acting: Acting, step: float) -> Flown:
+def fly(a: Array, b: Array, start: Array, acting: Acting, step: float) -> ExactMotion:
     """Motion from ``start`` (n,) of ``x' = a x + b u``, ``a`` (n, n) and ``b`` (n, k), with ``acting`` inputs."""
     n = len(a)
     shares = (acting.share, 1.0 - acting.share)
@@ -86,7 +86,7 @@ def fly(a: Array, b: Array, start: Array, acting: Acting, step: float) -> Flown:
     middle = states[:-1] @ state + pushed[0][:, :n]
     integrals = states[:-1] @ first[n : 2 * n, :n].T + middle @ second[n : 2 * n, :n].T
     means = (integrals + pushed[0][:, n:] + pushed[1][:, n:]) / step
-    return Flown(states, means, states @ a.T + acting.before @ b.T)
+    return ExactMotion(states, means, states @ a.T + acting.before @ b.T)
 
 
 def _over(a: Array, b: Array, length: float) -> Array:

@@ -20,7 +20,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
-from logs.identification.modes.between_samples import Acting, Flown, acting_of, fly
+from logs.identification.modes.between_samples import Acting, ExactMotion, acting_of, fly
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import Mode, mode_of_system, nothing
 from logs.identification.preparing.resampling import whole_records
@@ -145,7 +145,7 @@ def _solved(records: tuple[Experiment, ...], asked: Asked) -> Mode:
 def _both(records: tuple[Experiment, ...], asked: Asked) -> tuple[_Equation, _Equation] | str:
     """Both equations with their own motion as instruments, or why they give nothing."""
     force, frequencies = _by_force(records, asked), _frequencies(records, asked)
-    flown: list[Flown] | None = None
+    flown: list[ExactMotion] | None = None
     for _ in range(PASSES):
         tried = tuple(_equation(axis, records, asked, frequencies, flown, "white") for axis in "ZM")
         flown = _flown(records, asked, tried) or flown
@@ -204,7 +204,7 @@ class _Moved(NamedTuple):
         return mean
 
 
-def _measured(one: Experiment, asked: Asked, flown: Flown | None) -> _Moved:
+def _measured(one: Experiment, asked: Asked, flown: ExactMotion | None) -> _Moved:
     states = np.column_stack([np.asarray(one.signals[name], dtype=np.float64) for name in STATES])
     acting = acting_of(_inputs(one, asked), one.step, asked.delay, _held_places(asked))
     if flown is None:
@@ -212,7 +212,7 @@ def _measured(one: Experiment, asked: Asked, flown: Flown | None) -> _Moved:
     return _Moved(states, acting, *_beyond(flown, one.step))
 
 
-def _beyond(flown: Flown, step: float) -> tuple[Array, Array]:
+def _beyond(flown: ExactMotion, step: float) -> tuple[Array, Array]:
     """Bends and jumps of `_Moved`, of the flown motion."""
     over_two = (flown.means[:-1] + flown.means[1:]) / 2
     bends: Array = over_two - _smooth_mean(flown.states)
@@ -250,14 +250,14 @@ def _response(axis: str, one: Experiment, asked: Asked, moved: _Moved) -> Array:
 
 
 def _design(
-    axis: str, records: tuple[Experiment, ...], asked: Asked, flown: list[Flown] | None, clean: bool = False
+    axis: str, records: tuple[Experiment, ...], asked: Asked, flown: list[ExactMotion] | None, clean: bool = False
 ) -> Design:
     """One equation, its held derivatives taken off the response; ``clean`` with the ``flown`` motion's regressors."""
     names = tuple(f"{axis}_{name}" for name in (*STATES, *asked.inputs))
     free = [place for place, name in enumerate(names) if name not in asked.held]
     held = np.array([asked.held.get(name, 0.0) for name in names])
     rows, force = [], _by_force(records, asked)
-    flights: list[Flown] | list[None] = flown or [None] * len(records)
+    flights: list[ExactMotion] | list[None] = flown or [None] * len(records)
     for one, flight in zip(records, flights, strict=True):
         moved = _measured(one, asked, flight)
         whole = _averaged(axis, moved, force)
@@ -284,7 +284,7 @@ def _equation(
     records: tuple[Experiment, ...],
     asked: Asked,
     frequencies: Array,
-    flown: list[Flown] | None,
+    flown: list[ExactMotion] | None,
     colour: Colouring,
 ) -> _Equation:
     """Least squares in the band, or with the ``flown`` motions for instruments."""
@@ -345,7 +345,7 @@ def _joint(pair: tuple[_Equation, ...]) -> Array:
     return covariance
 
 
-def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation, ...]) -> list[Flown] | None:
+def _flown(records: tuple[Experiment, ...], asked: Asked, pair: tuple[_Equation, ...]) -> list[ExactMotion] | None:
     """The records' motions by the fitted equations; None where they run away."""
     names = tuple(name for one in pair for name in one.names)
     values = np.concatenate([one.values for one in pair])

@@ -143,13 +143,13 @@ def _driven(over: Any, inputs: Any, state: Any, ahead: Any, mean: Any) -> None:
 
 
 @inner
-def _surprised(
-    measured: Any, rates: Any, d: Any, mean: Any, through: Any, over: Any, length: float, state: Any, surprise: Any
-) -> None:
+def _surprised(measured: Any, system: Any, driven: Any, stroke: Any, state: Any, surprise: Any) -> None:
     """What was ``measured`` less what the inputs alone make of it and what the ``state`` foretells, biases with it.
 
-    The inputs' mean is ``through`` (p,), that of the motion that they drive ``mean`` (r,).
+    ``driven`` are the inputs' mean (p,) and that of the motion that they drive (r,), ``system`` its rates and d,
+    ``stroke`` the transition over the stroke and its length.
     """
+    (rates, d), (through, mean), (over, length) = system, driven, stroke
     n = rates.shape[1]
     for i in range(surprise.shape[0]):
         total = measured[i] - state[n + i]
@@ -287,9 +287,8 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
             length, does, noise = lengths[kind], over[strokes, kind], spread[strokes, kind]
             if first[k]:
                 _begin(begins[system], state, known)
-            _surprised(
-                outputs[k], rates[system], ds[system], means[motion, k], through[k], does, length, state, surprise
-            )
+            driven = through[k], means[motion, k]
+            _surprised(outputs[k], (rates[system], ds[system]), driven, (does, length), state, surprise)
             _seen(does, length, known, noise, noises[system], sight, root)
             _crossed(does, length, passing, noise, sight, cross)
             _divide(root, cross, surprise, white)

@@ -52,7 +52,8 @@ LOGARITHMS = 11
 GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
 FLAPPING = (5.0, 5.0, 10.0)
-"""m/s^2, m/s^2 and rad/s^2; what flapping of twice the mean square of the wings' rate may do to u', w' and q'"""
+"""m/s^2, m/s^2 and rad/s^2; what flapping of twice the mean square of the wings' rate may do to u', w' and q': half
+of gravity along and across, and a moment that turns the aircraft by a radian in half a second"""
 SCALES = (60.0, 15.0)
 """m; of gusts along and across (MIL-F-8785C 15 m high has 94 and 15 m, a field low over the ground less along it)"""
 SPAN = 1.0

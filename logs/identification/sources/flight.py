@@ -26,6 +26,9 @@ SMOOTHED = 5
 """-; samples of the local cubic whose slope is the wing rate"""
 GAP, LEAST_SAMPLES = 1.5, 10.0
 """-; usual steps between two samples that are no neighbours; samples of a stroke"""
+RATE_UNKNOWN = (
+    "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
+)
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
@@ -77,6 +80,9 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
     airspeed, strokes = _airspeed(source, time, climb), _flown_strokes(source, time, accel_z)
     excited = _found(time, elevator, strokes.values) if told is None else _flown(told, time)
+    wing = _wing_rate_squared(source, time)
+    # Whose strokes were guessed has no filter error, which alone asks for the rate.
+    untold = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -91,8 +97,8 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.manoeuvre,
         excited.excitation,
         excited.aborted,
-        _wing_rate_squared(source, time),
-        tuple(note for note in (excited.note, strokes.note, airspeed.note) if note),
+        wing,
+        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold) if note),
     )
 
 

@@ -14,7 +14,7 @@ from avionics.topics import Topic
 from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
-from logs.identification.sources.flight import flight_data
+from logs.identification.sources.flight import RATE_UNKNOWN, flight_data
 
 RATE, AMPLITUDE, LASTS = 4.0, 0.5, 8.0
 """Hz, rad, s"""
@@ -56,6 +56,7 @@ def squared(wing: Array) -> tuple[Array, Array]:
 def test_the_square_of_the_wings_rate_is_theirs() -> None:
     time, found = squared(np.arange(0.0, LASTS, 0.005))
     true = 2.0 * MEAN * np.cos(2.0 * np.pi * RATE * time) ** 2
+    assert not flight_data(Flapped(np.arange(0.0, LASTS, 0.005))).notes
     inside = slice(5, -5)
     np.testing.assert_allclose(found[inside], true[inside], atol=0.01 * MEAN)
 
@@ -71,7 +72,8 @@ def test_in_a_gap_it_is_unknown_and_beside_it_no_false_peak(gap: float) -> None:
 
 @pytest.mark.parametrize("step", [0.04, 0.1])
 def test_of_few_samples_a_stroke_it_is_unknown(step: float) -> None:
-    assert np.isnan(squared(np.arange(0.0, LASTS, step))[1]).all()
+    data = flight_data(Flapped(np.arange(0.0, LASTS, step)))
+    assert np.isnan(data.wing_rate_squared).all() and RATE_UNKNOWN in data.notes
 
 
 def test_a_stroke_of_which_it_is_unknown_ends_a_stretch() -> None:
