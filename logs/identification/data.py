@@ -9,6 +9,8 @@ from logs.identification.results import Array
 
 STROKES_GUESSED = "strokes: by the specific force"
 """the note of a flight whose strokes nobody counted at the wing: their rate is right, where each begins is not"""
+AIRSPEED_GUESSED = "airspeed: the speed over ground, as in still air"
+"""the note of a flight without a pitot: its mean is right where there is no wind, what gusts do to it is not told"""
 
 
 class JoinedFlight(NamedTuple):

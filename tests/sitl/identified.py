@@ -8,6 +8,7 @@ from memory_log import MemoryLog
 
 from avionics import topics
 from avionics.vehicles import load_vehicle as load_flight_vehicle
+from logs.attached import airframe_of
 from logs.identification.data import Aircraft
 from logs.identification.modes.mode import Mode
 from logs.identification.report import identify
@@ -37,9 +38,13 @@ def true_short_period(vehicle: str, log: MemoryLog) -> ShortPeriod:
     return short_period_of(stroke_averaged_model(world, trim(world, airspeed, climb)))
 
 
+def known(vehicle: str) -> Aircraft:
+    """What is known of the aircraft by its files."""
+    return airframe_of(load_flight_vehicle(vehicle), load_vehicle(vehicle))
+
+
 def identified(vehicle: str, log: MemoryLog) -> Result:
-    airframe = load_flight_vehicle(vehicle).airframe
-    found = identify(log, "all", Aircraft(airframe.imu_x, airframe.imu_z, airframe.tail_time_constant))
+    found = identify(log, "all", known(vehicle))
     assert found.modes is not None
     assert found.torque is not None
     torque = {e.name: (e.value, e.low, e.high) for e in found.torque.estimates}

@@ -5,45 +5,43 @@ Kalman filter that knows of gusts foretells each stroke from those before, and t
 forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
 Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
 their change does, what harder flapping does and the errors of the averages are found with the derivatives; what is
-known of those before is a wide prior.
+known of those before is a wide prior (`gust_likelihood.py`, `gust_search.py`).
 
-Where derivatives swing with the wing, an average that always begins at one phase of the stroke sees them with the
-motion's trend: the damping came out a tenth too high. Every stretch is therefore cut at two opposite phases, which
-are wrong against each other, and both count half.
+Whether gusts turn the air where they change along the flight is not known before. Fitted by the wrong one of both a
+flight has derivatives by the speed that are off by more than their errors; one more parameter between them is not
+told well enough. Nor is it known whether what the tail does grows with the airspeed, which in light turbulence went
+from 6 to 8 m/s between two inputs of Robo Raven. So both are left open, and what is found in each kind of air counts
+as likely as the flight makes it (`mixture.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.data import Aircraft
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread, with_scatter
-from logs.identification.modes.gust_filter import Averaged, innovations
-from logs.identification.modes.gusts import BEGIN, DOUBT, LIFT_SLOPE, OUTPUTS, flown, heave, prior, system
-from logs.identification.modes.longitudinal import TAIL_LAG
-from logs.identification.modes.whitening import gradient_terms, information, whitened, whitened_change
-from logs.identification.preparing.manoeuvre import Reference, tail_angle
+from logs.identification.modes.gust_likelihood import PHASES, Likelihood, Likelihoods, Task, likelihoods_of
+from logs.identification.modes.gust_search import End, climb, determined, likelihood_at, scored, scoring
+from logs.identification.modes.gusts import BEGIN, LIFT_SLOPE, OUTPUTS, Air, heave, prior
+from logs.identification.modes.mixture import likely, mixed
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array
 
-PHASES = (0.0, 0.5)
-"""-; of a stroke, at which the averages of the same flight begin"""
-STEPS = 32
-"""-; of the tail's angle through a stroke"""
-LENGTH_STEP = 5e-3
-"""-; of a mean stroke: lengths of strokes that differ by less share a transition"""
-WIDEST = 6.0
-"""-; of those deviations: nothing further out is tried"""
-LONGEST = 1.0
-"""-; step of those parameters: the first steps, far from the optimum, would leap out of sight"""
-DIFFERENCE = 1e-5
-ITERATIONS, LITTLE, CONVERGED = 50, 0.5, 1e-2
-"""-; gain of the likelihood's logarithm by a step of scoring that others follow, and what one more promises"""
-WORST_CONDITION, LEAST_DEGREES = 1e14, 10.0
+USUAL = 10.0 / 11.0
+"""-; how likely it is before the flight that gusts turn the air, as turbulence does (MIL-F-8785C 3.7.5), and that the
+tail's work grows with the airspeed, as dynamic pressure does. At even odds for the first the damping of Robo Raven in
+2 m/s was held in 8 flights of 11, at ten to one in 11 of 13"""
+BEFORE = {
+    Air(turning, growing): (USUAL if turning else 1.0 - USUAL) * (USUAL if growing else 1.0 - USUAL)
+    for growing in (True, False)
+    for turning in (True, False)
+}
+HOPELESS = 1e-2
+"""-; probability after the flight of growth or of none, in air that gusts turn, below which it is left out"""
+LEAST_DEGREES = 10.0
+"""-; of freedom, for errors that mean something"""
 
 
 class Filtered(NamedTuple):
@@ -52,277 +50,130 @@ class Filtered(NamedTuple):
     stretches: tuple[Stretch, ...]
     foretold: Array
     """(K, 3); q rad/s, a_x and a_z m/s^2: each stroke's averages as the strokes before foretell them"""
+    turning: float
+    """-; how likely it is, after the flight, that gusts turned the air"""
+    growing: float
+    """-; and that what the tail does grew with the airspeed"""
 
 
-class Task(NamedTuple):
-    """What is fitted to what."""
+class InAir(NamedTuple):
+    """What was found in one kind of air."""
 
-    stretches: tuple[Stretch, ...]
-    """of every phase of `PHASES`, those of the first before the others"""
-    reference: Reference
-    aircraft: Aircraft
-    names: tuple[str, ...]
-
-    @property
-    def known_lag(self) -> bool:
-        """Whether the tail's time constant is none of the parameters."""
-        return TAIL_LAG not in self.names
-
-
-class Likelihood(NamedTuple):
-    """At one set of parameters; where the cost is infinite the rest means nothing."""
-
-    cost: float
-    """-; minus the logarithm of likelihood and prior"""
+    air: Air
+    values: Array
+    """(p + 18,)"""
+    fit: DerivativeFit
+    evidence: float
+    """-; logarithm of how likely the flight is of this air, up to a constant; minus infinity where ``fit`` failed"""
     errors: Array
     """rad/s, m/s^2, m/s^2; (K, m), of the forecasts"""
-    root: Array
-    """(K, m, m); Cholesky's of their covariance"""
-    white: Array
-    """-; (K, m), the errors divided by the root"""
-
-
-Likelihoods = Callable[[Array], list[Likelihood]]
-"""at each of several sets of parameters (s, p + 18)"""
 
 
 def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
-    """Derivatives ``task.names`` by scoring with Levenberg's damping, from ``start`` (p,) and from `_starts`'s other.
+    """Derivatives ``task.names``, searched by `gust_search.climb` from ``start`` (p,) and from `_stable`.
 
-    Gusts hide in the speeds that equation error integrates: what it finds is a start that may lead to another optimum
-    than the likeliest. The likelier end counts.
-    Errors are those of the likelihood's information, or of the scatter between manoeuvres where that is larger.
+    Errors are those of the likelihood's information, or of the scatter between manoeuvres where that is larger, and
+    what the kinds of air differ by.
     """
     if not task.stretches:
         return failed(
             task.names, "the strokes are too few or too uneven to follow the gusts from one to the next"
         ), None
-    centre = prior(task.reference, task.aircraft)
-    likelihoods = _likelihoods(task, centre)
-    ends = [_climb(task, np.concatenate((each, centre)), likelihoods, centre) for each in _starts(task, start)]
-    best = min(ends, key=lambda end: end.cost)
-    here = _at(likelihoods, best.values)
-    if _degrees(task, here, len(best.values)) < LEAST_DEGREES:
-        return failed(task.names, "the flight holds too few strokes for the model's parameters"), None
-    if not np.isfinite(best.cost):
-        return failed(task.names, "filter error did not converge"), None
-    scores, squared = _scores(task, best.values, likelihoods)
-    if not _determined(squared):
-        return failed(task.names, "the flight does not determine all derivatives"), None
+    airs = _in_all(task, start)
+    fitting = [each for each in airs if not each.fit.failure]
+    if not fitting:
+        return airs[0].fit, None
+    shares = _shares(fitting)
     averages = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
-    found = Filtered(task.stretches, averages - here.errors)
-    return _finish(task, best.values, here, scores, squared), found
+    errors = np.einsum("k,kij->ij", shares, [each.errors for each in fitting])
+    turning, growing = (
+        float(shares @ told) for told in ([a.air.turning for a in fitting], [a.air.growing for a in fitting])
+    )
+    fit = mixed(tuple(each.fit for each in fitting), shares)
+    return fit, Filtered(task.stretches, averages - errors, turning, growing)
 
 
-def _at(likelihoods: Likelihoods, values: Array) -> Likelihood:
-    return likelihoods(values[None])[0]
+def _shares(airs: list[InAir]) -> Array:
+    """How likely each is after the flight."""
+    return likely(np.array([each.evidence for each in airs]), np.array([BEFORE[each.air] for each in airs]))
 
 
-class End(NamedTuple):
-    """Where a search ended."""
+def _in_all(task: Task, start: Array) -> list[InAir]:
+    """What is found in each kind of air.
 
-    values: Array
-    """(p + 18,)"""
-    cost: float
-    """-; infinite where it did not converge"""
+    Gusts hide in the speeds that equation error integrates: what it finds is a ``start`` that may lead to another
+    optimum than the likeliest. So a start that no gust has spoilt is tried too, and where searches in other air
+    ended. The long way from a start is searched with the strokes of one phase.
+    """
+    phase = task.stretches[0].phase
+    half = task._replace(stretches=tuple(stretch for stretch in task.stretches if stretch.phase == phase))
+    centres = {air: prior(task.reference, task.aircraft, air) for air in BEFORE}
+    likelihoods = {air: likelihoods_of(task, centre, air) for air, centre in centres.items()}
+
+    def nearer(air: Air, derivatives: Array) -> Array:
+        centre = centres[air]
+        return scoring(half, np.concatenate((derivatives, centre)), likelihoods_of(half, centre, air), centre)[1]
+
+    def best(air: Air, *starts: Array) -> InAir:
+        ends = [climb(task, values, likelihoods[air], centres[air]) for values in starts]
+        return _in_air(task, air, min(ends, key=lambda end: end.cost), likelihoods[air])
+
+    def likelier(found: InAir, other: InAir) -> InAir:
+        """What was ``found``, or what comes in the same air from the ``other`` where that is likelier."""
+        if found.evidence >= other.evidence:
+            return found
+        return max(found, best(found.air, other.values), key=lambda each: each.evidence)
+
+    stable, with_growth, without = _stable(task, start), Air(True, True), Air(True, False)
+    growing = best(with_growth, nearer(with_growth, start), nearer(with_growth, stable))
+    near = min(growing.values, nearer(without, stable), key=lambda at: likelihood_at(likelihoods[without], at).cost)
+    steady = best(without, near)
+    pair = [likelier(growing, steady) if growing.fit.failure else growing, steady]
+    if all(each.fit.failure for each in pair):
+        return pair
+    found = []
+    for turned, share in zip(pair, _shares(pair), strict=True):
+        if share >= HOPELESS or turned.fit.failure:
+            still = best(Air(False, turned.air.growing), turned.values)
+            found += [likelier(turned, still), still]
+    return found
 
 
-def _starts(task: Task, start: Array) -> list[Array]:
-    """``start`` (p,), and another (p,) that no gust has spoilt: a stable aircraft of this weight at this airspeed.
+def _stable(task: Task, start: Array) -> Array:
+    """Derivatives (p,) of a stable aircraft of this weight at this airspeed.
 
     Its wing lifts as a wing does, and a short period as fast as its heave is damped by half and more; what the tail
-    does is that of ``start``, which tells it best.
+    does is that of ``start`` (p,), which tells it best.
     """
     damped = heave(task.reference)
     stable = {
         "X_u": -0.3, "X_w": 0.15 * damped, "X_q": 0.0, "Z_u": -damped / LIFT_SLOPE, "Z_w": -damped, "Z_q": 0.0,
         "M_u": 0.0, "M_w": -(damped**2) / task.reference.airspeed, "M_q": -damped,
     }  # fmt: skip
-    pairs = zip(task.names, start, strict=True)
-    return [start, np.array([stable.get(name, value) for name, value in pairs])]
+    return np.array([stable.get(name, value) for name, value in zip(task.names, start, strict=True)])
 
 
-def _climb(task: Task, values: Array, likelihoods: Likelihoods, centre: Array) -> End:
-    """Scoring as long as it gains much, then `_settled`."""
-    here, damping = _at(likelihoods, values), 1e-3
-    for _ in range(ITERATIONS):
-        if not np.isfinite(here.cost):
-            break
-        scores, squared = _scores(task, values, likelihoods)
-        if not _determined(squared):
-            break
-        gradient, before = _gradient(scores, values, centre), here.cost
-        values, here, damping = _advanced(likelihoods, values, here, (gradient, squared), damping)
-        if before - here.cost < LITTLE:
-            return _settled(task, values, likelihoods, centre)
-    return End(values, np.inf)
+def _in_air(task: Task, air: Air, end: End, likelihoods: Likelihoods) -> InAir:
+    """The fit that a search ended with, and how likely it makes the flight.
 
-
-def _settled(task: Task, values: Array, likelihoods: Likelihoods, centre: Array) -> End:
-    """The last part of the way by quasi-Newton steps (Broyden, Fletcher, Goldfarb, Shanno) that begin with scoring.
-
-    In calm air the information of the gusts' parameters is not the likelihood's curvature: scoring goes to and fro.
+    Likelihood times prior is integrated over the parameters as a normal distribution about its greatest, the
+    information taken for its curvature (Laplace's method: MacKay, Information Theory, Inference, and Learning
+    Algorithms, 2003, Eq. 28.10).
     """
-    here = _at(likelihoods, values)
-    scores, squared = _scores(task, values, likelihoods)
-    inverse = np.asarray(np.linalg.inv(squared), dtype=np.float64)
-    gradient = _gradient(scores, values, centre)
-    for _ in range(ITERATIONS):
-        if float(gradient @ inverse @ gradient) < CONVERGED:
-            return End(values, here.cost)
-        step = -inverse @ gradient
-        there = _at(likelihoods, values + step)
-        moved, there = _along(likelihoods, values, here, (step, there, float(gradient @ step)))
-        if not there.cost < here.cost:
-            break
-        after = _gradient(_scores(task, moved, likelihoods)[0], moved, centre)
-        inverse = _updated(inverse, moved - values, after - gradient)
-        values, here, gradient = moved, there, after
-    return End(values, np.inf)
+    here = likelihood_at(likelihoods, end.values)
 
+    def nothing(why: str) -> InAir:
+        return InAir(air, end.values, failed(task.names, why), -np.inf, here.errors)
 
-def _updated(inverse: Array, step: Array, change: Array) -> Array:
-    """The inverse curvature (n, n) that also tells the ``change`` (n,) of the gradient over a ``step`` (n,)."""
-    along = float(step @ change)
-    if along <= 0.0:
-        return inverse
-    turn = np.eye(len(step)) - np.outer(step, change) / along
-    new: Array = turn @ inverse @ turn.T + np.outer(step, step) / along
-    return new
-
-
-def _averaged(task: Task, lag: float | None) -> Averaged:
-    """Every stroke of all stretches, with the tail's angle through it and how hard the wings flap in it."""
-    aircraft = task.aircraft if lag is None else task.aircraft._replace(tail_time_constant=max(lag, 0.0))
-    durations = np.concatenate([np.diff(stretch.edges) for stretch in task.stretches])
-    unit = LENGTH_STEP * float(np.mean(durations))
-    lengths, which = np.unique(np.round(durations / unit), return_inverse=True)
-    tails, first = [], []
-    share = np.arange(STEPS + 1) / STEPS
-    for stretch in task.stretches:
-        angle = tail_angle(stretch.time, stretch.command, aircraft)
-        at = stretch.edges[:-1, None] + np.diff(stretch.edges)[:, None] * share
-        tails.append(np.interp(at, stretch.time, angle))
-        first.append(np.arange(len(stretch.edges) - 1) == 0)
-    outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
-    harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
-    tail = np.vstack(tails)
-    inputs = np.dstack((tail, harder, tail * _faster(task)[:, None]))
-    return Averaged(lengths * unit, which, np.concatenate(first), inputs, outputs)
-
-
-def _faster(task: Task) -> Array:
-    """By how much of the reference's the dynamic pressure is above it in each stroke (K,)."""
-    airspeed = np.concatenate([stretch.airspeed for stretch in task.stretches])
-    return (airspeed / task.reference.airspeed) ** 2 - 1.0
-
-
-def _harder(task: Task) -> Array:
-    """By how much of its mean the mean square of the wings' rate is above it, in each stroke (K,); 0 where
-    it was not measured."""
-    squared = np.concatenate([stretch.wing_rate_squared for stretch in task.stretches])
-    mean = float(np.mean(squared))
-    return squared / mean - 1.0 if mean > 0.0 else squared
-
-
-def _likelihoods(task: Task, centre: Array) -> Likelihoods:
-    """The likelihood of sets of parameters (s, p + 18): derivatives and `gusts.NUISANCES`."""
-    count, names = len(task.names), tuple(name for name in task.names if name != TAIL_LAG)
-    model = flown(names, task.reference, task.aircraft)
-    fixed = _averaged(task, None) if task.known_lag else None
-
-    def together(sets: Array) -> list[Likelihood]:
-        """Of sets that have the tail's lag in common."""
-        averaged = fixed or _averaged(task, float(sets[0, task.names.index(TAIL_LAG)]))
-        with np.errstate(all="ignore"):
-            found = innovations(system(model, sets.T[: len(names)], sets.T[count:]), averaged)
-            logs = np.sum(np.log(np.diagonal(found.root, axis1=2, axis2=3)), axis=(1, 2))
-            costs = (logs + np.sum(found.white**2, axis=(1, 2)) / 2.0) / len(PHASES)
-        beyond = (sets[:, count:] - centre) / DOUBT
-        costs += np.sum(beyond**2, axis=1) / 2.0
-        costs[~np.isfinite(costs) | (np.max(np.abs(beyond), axis=1) > WIDEST)] = np.inf
-        return [Likelihood(float(cost), *each) for cost, *each in zip(costs, *found, strict=True)]
-
-    def at(sets: Array) -> list[Likelihood]:
-        lags = np.zeros(len(sets)) if task.known_lag else sets[:, task.names.index(TAIL_LAG)]
-        told: dict[int, Likelihood] = {}
-        which = np.unique(lags, return_inverse=True)[1]
-        for places in (np.flatnonzero(which == lag) for lag in range(int(which.max()) + 1)):
-            told.update(zip(places.tolist(), together(sets[places]), strict=True))
-        return [told[place] for place in range(len(sets))]
-
-    return at
-
-
-def _scores(task: Task, values: Array, likelihoods: Likelihoods) -> tuple[Array, Array]:
-    """Each stroke's gradient (K, n) of the cost without the prior, and the information (n, n) with it."""
-    widths = DIFFERENCE * np.maximum(np.abs(values), 0.1)
-    here, *ahead = likelihoods(np.vstack((values, values + np.diag(widths))))
-    strokes, m = here.errors.shape
-    shift, growth = np.empty((len(values), strokes, m)), np.empty((len(values), strokes, m, m))
-    scores, squared = np.empty((len(values), strokes)), np.empty((len(values), len(values)))
-    for index, (width, there) in enumerate(zip(widths, ahead, strict=True)):
-        known = there if np.isfinite(there.cost) else here
-        whitened(here.root, (known.errors - here.errors) / width, shift[index])
-        whitened_change(here.root, known.root, width, growth[index])
-        gradient_terms(shift[index], growth[index], here.white, scores[index])
-    information(shift, growth, squared)
-    count = len(task.names)
-    squared /= len(PHASES)
-    squared[count:, count:] += np.diag(1.0 / DOUBT**2)
-    return scores.T / len(PHASES), squared
-
-
-def _gradient(scores: Array, values: Array, centre: Array) -> Array:
-    gradient: Array = np.sum(scores, axis=0)
-    gradient[-len(centre) :] += (values[-len(centre) :] - centre) / DOUBT**2
-    return gradient
-
-
-def _determined(squared: Array) -> bool:
-    scale = np.sqrt(np.diag(squared))
-    if not np.all(np.isfinite(scale)) or not np.all(scale > 0):
-        return False
-    return bool(np.linalg.cond(squared / np.outer(scale, scale)) < WORST_CONDITION)
-
-
-def _advanced(
-    likelihoods: Likelihoods,
-    values: Array,
-    here: Likelihood,
-    slope: tuple[Array, Array],
-    damping: float,
-) -> tuple[Array, Likelihood, float]:
-    """A damped step that lowers the cost, and the damping for the next; an infinite cost where none does."""
-    gradient, squared = slope
-    scale = np.sqrt(np.diag(squared))
-    even = squared / np.outer(scale, scale)
-    while damping < 1e8:
-        step = -np.linalg.solve(even + damping * np.eye(len(scale)), gradient / scale) / scale
-        step = step * min(1.0, LONGEST / float(np.max(np.abs(step[-len(DOUBT) :]))))
-        there = _at(likelihoods, values + step)
-        if there.cost < here.cost:
-            return *_along(likelihoods, values, here, (step, there, float(gradient @ step))), max(damping / 8.0, 1e-9)
-        damping = max(damping * 4.0, 1e-3)
-    return values, here._replace(cost=np.inf), damping
-
-
-def _along(
-    likelihoods: Likelihoods,
-    values: Array,
-    here: Likelihood,
-    tried: tuple[Array, Likelihood, float],
-) -> tuple[Array, Likelihood]:
-    """The step as it was ``tried``, or to the least of a parabola through both ends where that is lower.
-
-    The information is not the curvature: where it is half of it, every step ends as far behind the optimum as it
-    began before it.
-    """
-    step, there, slope = tried
-    bend = there.cost - here.cost - slope if np.isfinite(there.cost) else np.inf
-    share = float(np.clip(-slope / (2.0 * bend), 0.1, 3.0)) if bend > 0 else 3.0
-    another = _at(likelihoods, values + share * step)
-    return (values + share * step, another) if another.cost < there.cost else (values + step, there)
+    if _degrees(task, here, len(end.values)) < LEAST_DEGREES:
+        return nothing("the flight holds too few strokes for the model's parameters")
+    if not np.isfinite(end.cost):
+        return nothing("filter error did not converge")
+    scores, squared = scored(task, end.values, likelihoods)
+    if not determined(squared):
+        return nothing("the flight does not determine all derivatives")
+    fit = _finish(task, end.values, here, scores, squared)
+    return InAir(air, end.values, fit, -end.cost - float(np.linalg.slogdet(squared)[1]) / 2.0, here.errors)
 
 
 def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared: Array) -> DerivativeFit:

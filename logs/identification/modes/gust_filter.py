@@ -40,6 +40,10 @@ class Driven(NamedTuple):
     """(m, s); standard deviation of the outputs' biases in a stretch"""
     noise: Array
     """(m, s); standard deviation of the errors of a stroke's averages"""
+    growing: Array
+    """(n + m, n, s); what of ``a`` and, below it, ``c`` is proportional to the airspeed"""
+    denser: Array
+    """(n + m, n + m, s); what of ``density`` is"""
 
 
 class Averaged(NamedTuple):
@@ -47,8 +51,10 @@ class Averaged(NamedTuple):
 
     lengths: Array
     """s; (l,), the lengths of a stroke that occur"""
+    airspeeds: Array
+    """-; (l,), times the usual, that occur with them"""
     which: NDArray[np.int64]
-    """-; (K,), each stroke's place in ``lengths``"""
+    """-; (K,), each stroke's place in ``lengths`` and ``airspeeds``"""
     first: NDArray[np.bool_]
     """-; (K,), whether a stretch begins with it"""
     inputs: Array
@@ -72,21 +78,25 @@ def innovations(system: Driven, averaged: Averaged) -> Innovations:
     """The stroke averages less what the strokes before foretell, and the covariance that this has."""
     n, (m, p, count), moving, strokes = len(system.a), system.d.shape, len(system.b), len(averaged.which)
     rates, begin = np.concatenate((system.a, system.c)), np.concatenate((system.start, system.bias)) ** 2
-    systems = tuple(map(_each, (rates, system.density, system.b, system.d, begin, system.noise**2)))
-    others = _differs(rates) | _differs(system.density), _differs(system.a[:moving]) | _differs(system.b)
+    more = system.growing, system.denser
+    systems = tuple(map(_each, (rates, system.density, system.b, system.d, begin, system.noise**2, *more)))
+    others = (
+        _differs(rates) | _differs(system.density) | _differs(system.growing),
+        _differs(system.a[:moving]) | _differs(system.b),
+    )
     rows, passing = (np.repeat([0, moving, last], [moving, n - moving, m]) for last in (0, n))
     transition, square, step, tall = (n + m, n), (n + m, n + m), (moving, moving + 2 * p), (n + m, m)
     kinds, reach = len(averaged.lengths), (2, strokes, moving)
-    kept = (2, kinds, *transition), (2, kinds, *square), (kinds, *step), reach, reach
+    kept = (2, kinds, *transition), (2, kinds, *square), (2, kinds, *transition), (kinds, *step), reach, reach
     spare = *[transition] * 3, *[square] * 2, *[step] * 2, square, tall[::-1], tall, *[(n + m,)] * 2, (moving,)
     found = tuple(np.zeros((count, strokes, *shape)) for shape in ((m,), (m, m), (m,)))
     through = (averaged.inputs[:, 1:] + averaged.inputs[:, :-1]).mean(axis=1) / 2.0
     filter_strokes(
         (*systems, *(np.asarray(other, dtype=np.int64) for other in others)),
-        (averaged.lengths, averaged.which, averaged.first, averaged.inputs, through, averaged.outputs),
+        (*averaged[:5], through, averaged.outputs),
         (rows, passing),
         tuple(map(np.zeros, kept)),
-        tuple(map(np.zeros, spare)),
+        tuple(map(np.zeros, (*spare, square))),
         found,
     )
     return Innovations(*found)

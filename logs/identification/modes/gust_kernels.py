@@ -14,7 +14,7 @@ from sim_bridge.vectors import inner, kernel
 
 DOUBLINGS = 7
 TERMS, STEP_TERMS = 5, 8
-"""-; of Taylor's series over a stroke's 256th part, and over a step of the inputs"""
+"""-; of Taylor's series over a stroke's 128th part, and over a step of the inputs"""
 
 
 @inner
@@ -69,6 +69,14 @@ def _add(factor: float, more: Any, kept: float, out: Any) -> None:
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = kept * out[i, j] + factor * more[i, j]
+
+
+@inner
+def _at_airspeed(airspeed: float, growing: Any, usual: Any, out: Any) -> None:
+    """What is ``usual`` at an ``airspeed`` of 1, at another; ``growing`` is the part that is proportional to it."""
+    for i in range(usual.shape[0]):
+        for j in range(usual.shape[1]):
+            out[i, j] = usual[i, j] + (airspeed - 1.0) * growing[i, j]
 
 
 @inner
@@ -259,27 +267,31 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
     """Fill ``found`` (surprise, root and white of `gust_filter.Innovations`) for each of the ``systems`` (s, ...).
 
     The filter's state is that of the system, and behind it the outputs' biases. ``columns`` are where rows of a
-    transition begin, of a system's integrals and of biases, which pass on to themselves alone; ``kept`` holds what
-    strokes do and inputs reach, in its first place those of the first system, which the others take that differ in
-    nothing that they come of.
+    transition begin, of a system's integrals and of biases, which pass on to themselves alone. ``kept`` holds what
+    strokes do and inputs reach: in its first place of the first system, which every other takes that does not differ
+    in what they come of.
     """
-    rates, densities, bs, ds, begins, noises, other_strokes, other_motion = systems
-    lengths, which, first, inputs, through, outputs = averaged
+    rates, densities, bs, ds, begins, noises, growing, denser, other_strokes, other_motion = systems
+    lengths, airspeeds, which, first, inputs, through, outputs = averaged
     rows, passing = columns
-    over, spread, steps, reached, means = kept
-    one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after = spare
+    over, spread, there, steps, reached, means = kept
+    one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after, dense = spare
     surprises, roots, whites = found
     for system in range(rates.shape[0]):
         strokes, motion = other_strokes[system], other_motion[system]
         if system == 0 or strokes > 0:
             for kind in range(lengths.shape[0]):
+                _at_airspeed(airspeeds[kind], growing[system], rates[system], there[strokes, kind])
+                _at_airspeed(airspeeds[kind], denser[system], densities[system], dense)
                 _over_a_stroke(
-                    rates[system], densities[system], lengths[kind], rows, (one, two, three, half, more),
+                    there[strokes, kind], dense, lengths[kind], rows, (one, two, three, half, more),
                     over[strokes, kind], spread[strokes, kind],
                 )  # fmt: skip
         if system == 0 or motion > 0:
             for kind in range(lengths.shape[0]):
-                _input_step(rates[system], bs[system], lengths[kind] / (inputs.shape[1] - 1), term, turn, steps[kind])
+                _input_step(
+                    there[strokes, kind], bs[system], lengths[kind] / (inputs.shape[1] - 1), term, turn, steps[kind]
+                )
             for k in range(which.shape[0]):
                 _driven(steps[which[k]], inputs[k], reached[motion, k], after, means[motion, k])
         for k in range(which.shape[0]):
@@ -288,7 +300,7 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
             if first[k]:
                 _begin(begins[system], state, known)
             driven = through[k], means[motion, k]
-            _surprised(outputs[k], (rates[system], ds[system]), driven, (does, length), state, surprise)
+            _surprised(outputs[k], (there[strokes, kind], ds[system]), driven, (does, length), state, surprise)
             _seen(does, length, known, noise, noises[system], sight, root)
             _crossed(does, length, passing, noise, sight, cross)
             _divide(root, cross, surprise, white)

@@ -9,12 +9,20 @@ change of the gust across has effects of its own (the derivatives with w', Etkin
     x' = A x + B delta - A_uw gust - G w_g' + F flapping + noise
 
 On the multibody Robo Raven G is (0.05, -0.35, 0.7): left out, M_q came out at more than twice the truth, for the air
-turning under the aircraft was the only other thing that a gust's change could do.
+turning under the aircraft was the only other thing that a gust's change could do. Wings twist and wakes grow over a
+time, so w_g' is the change over a third of a span of flight: the gust less what a first-order lag makes of it. As the
+slope of the very moment it was white noise; the damping of Robo Raven was held in 8 flights of 12 in light turbulence
+then, and with the lag in 11.
 
 Who holds a height in gusts flaps harder and softer, and stops: between two manoeuvres of Robo Raven the amplitude
 went from 0.1 to 0.65 rad. How hard the wings flap is measured, and what it does is one more input with effects to be
 found, F: left out, it was taken for gusts and damping. A gust along changes what the tail does, too, as its dynamic
 pressure: the tail's angle times the change of that, which is measured, is a third input.
+
+The derivatives that are mostly the tail's change with the airspeed too. Linearised at 6 and at 9.2 m/s the same
+aircraft has M_q of -4.6 and -7.5, M_w of -10 and -15, Z_q of -1.9 and -3.9, but Z_w of -8.8 and -9.4, Z_u of -0.6 and
+-0.5: wings owe much of their speed to flapping. Where `Air.growing`, the former are proportional to the measured
+airspeed, stroke by stroke.
 """
 
 from __future__ import annotations
@@ -58,8 +66,26 @@ SCALES = (60.0, 15.0)
 """m; of gusts along and across (MIL-F-8785C 15 m high has 94 and 15 m, a field low over the ground less along it)"""
 SPAN = 1.0
 """m; of an aircraft whose span is not known"""
+LAG = 0.33
+"""-; of a span: the flight that wings and wake take to follow a gust. Robo Raven's twist follows at 15 rad/s,
+which is this; from 0.2 to 0.6 its flights in light turbulence gave much the same"""
+STATES = 8
+"""-; u, w, q, theta over ground, gust along, gust across, the latter smoothed by the span, and lagged"""
 DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
 """-; standard deviations under the priors"""
+
+
+GROWING = ("X_q", "Z_q", "M_u", "M_w", "M_q")
+"""-; derivatives that are mostly the tail's"""
+
+
+class Air(NamedTuple):
+    """What is taken for granted of the air and of what it does to the aircraft."""
+
+    turning: bool
+    """-; the gust across turns the air where it changes along the flight"""
+    growing: bool
+    """-; what the tail does grows with the airspeed: `GROWING`, the speed that pitch turns, how soon gusts pass"""
 
 
 class Flown(NamedTuple):
@@ -73,10 +99,13 @@ class Flown(NamedTuple):
     """(7, 5); A and B and, below them, C and D of `OUTPUTS`, in still air and without derivatives"""
     slopes: Array
     """(p, 7, 5); what one of each derivative adds to that"""
+    growing: tuple[Array, Array]
+    """what of both is proportional to the airspeed"""
+    air: Air
 
 
-def flown(names: tuple[str, ...], reference: Reference, aircraft: Aircraft) -> Flown:
-    """The aircraft of derivatives ``names``; its matrices are linear in them."""
+def flown(names: tuple[str, ...], reference: Reference, aircraft: Aircraft, air: Air) -> Flown:
+    """The aircraft of derivatives ``names``, in which its matrices are linear, in ``air``."""
 
     def matrix(values: Array) -> Array:
         model = matrices(names, values, reference, aircraft)
@@ -84,7 +113,11 @@ def flown(names: tuple[str, ...], reference: Reference, aircraft: Aircraft) -> F
         return np.block([list(row) for row in rows])
 
     still = matrix(np.zeros(len(names)))
-    return Flown(names, reference, aircraft, still, np.array([matrix(one) - still for one in np.eye(len(names))]))
+    slopes = np.array([matrix(one) - still for one in np.eye(len(names))])
+    turning = np.zeros_like(still)
+    turning[:2, 2] = still[:2, 2]
+    tail = slopes * np.array([name in GROWING for name in names])[:, None, None]
+    return Flown(names, reference, aircraft, still, slopes, (turning * air.growing, tail * air.growing), air)
 
 
 def heave(reference: Reference) -> float:
@@ -92,57 +125,72 @@ def heave(reference: Reference) -> float:
     return LIFT_SLOPE * STANDARD_GRAVITY / reference.airspeed
 
 
-def prior(reference: Reference, aircraft: Aircraft) -> Array:
-    """What the priors of `NUISANCES` (18,) are centred on.
+def prior(reference: Reference, aircraft: Aircraft, air: Air) -> Array:
+    """What the priors of `NUISANCES` (18,) are centred on in ``air``.
 
-    The span b smooths over 4 b / pi (MIL-F-8785C 3.7.5).
+    The span b smooths over 4 b / pi (MIL-F-8785C 3.7.5). The tail feels all of the dynamic pressure, or none of it.
     """
     smoothed = 4.0 * (aircraft.span or SPAN) / np.pi
     durations = (scale / reference.airspeed for scale in (*SCALES, smoothed))
-    return np.concatenate((np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES]), np.zeros(6), [1.0]))
+    return np.concatenate((np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES]), np.zeros(6), [float(air.growing)]))
 
 
 def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
-    """The aircraft and its gusts: states u, w, q, theta over ground, gust along, gust across, the latter smoothed.
+    """The aircraft and its gusts, of `STATES`.
 
-    Where the gust across changes along the flight the air turns, ``q_g = -dw_g/dx``, as far as the span does not
-    smooth it (MIL-F-8785C 3.7.5), and moves the aircraft as its own pitch rate does, less it. Of ``derivatives``
-    (p, s) and ``nuisances`` (18, s) there may be several sets.
+    Where gusts are ``turning`` the air, ``q_g = -dw_g/dx`` as far as the span does not smooth it (MIL-F-8785C
+    3.7.5), that moves the aircraft as its own pitch rate does, less it. Of ``derivatives`` (p, s) and ``nuisances``
+    (18, s) there may be several sets.
     """
     logarithms, change, flapping, (pressed,) = np.split(nuisances, (LOGARITHMS, LOGARITHMS + 3, LOGARITHMS + 6))
     strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(logarithms), (2, 4, 5, 8))
     count, airspeed, sets = len(OUTPUTS), flown.reference.airspeed, nuisances.shape[1]
-    model = flown.still[:, :, None] + np.einsum("pij,ps->ijs", flown.slopes, derivatives)
-    a, c = np.zeros((7, 7, sets)), np.zeros((count, 7, sets))
-    a[:4, :4], a[:4, 4:6], c[:, :4], c[:, 4:6] = model[:4, :4], -model[:4, :2], model[4:, :4], -model[4:, :2]
-    a[4, 4], a[5, 5] = -1.0 / durations
-    a[6, 5], a[6, 6] = 1.0 / smoothing, -1.0 / smoothing
-    turned = np.array([1.0, -1.0])[:, None] / (smoothing * airspeed)
-    a[:3, 5:] += _by_pitch_rate(flown.names, derivatives)[:, None] * turned
-    c[1:, 5:] += model[5:, None, 2] * turned
-    felt = _felt(flown.aircraft)
+    parts = (flown.still, flown.slopes), flown.growing
+    model, grown = (still[:, :, None] + np.einsum("pij,ps->ijs", slopes, derivatives) for still, slopes in parts)
+    lag = LAG * (flown.aircraft.span or SPAN) / airspeed
+    felt, blown = _felt(flown.aircraft), np.zeros((STATES + count, STATES, sets))
+    blown[[4, 5], [4, 5]] = -1.0 / durations
+    blown[6, 5], blown[6, 6] = 1.0 / smoothing, -1.0 / smoothing
+    blown[7, 5], blown[7, 7] = 1.0 / lag, -1.0 / lag
+    turned = flown.air.turning * np.array([1.0, -1.0])[:, None] / (smoothing * airspeed)
+    blown[:, 5:7] += np.einsum("ij,js->is", felt, _by_pitch_rate(flown.names, derivatives))[:, None] * turned
     changed = np.einsum("ij,js->is", felt, change * np.array([[1.0], [1.0], [heave(flown.reference) / airspeed]]))
-    a[:3, 5] += changed[:3] / durations[1]
-    c[:, 5] += changed[7:] / durations[1]
+    blown[:, [5, 7]] += changed[:, None] * np.array([-1.0, 1.0])[:, None] / lag
+    rates, faster = _met(model, blown), _met(grown, blown * flown.air.growing)
     flapped, tail = np.einsum("ij,js->is", felt * FLAPPING, flapping), model[:, 4]
-    effects = np.stack((tail, np.concatenate((flapped[:4], flapped[7:])), pressed * tail), axis=1)
+    effects = np.stack((tail, np.concatenate((flapped[:4], flapped[STATES:])), pressed * tail), axis=1)
     b, d = effects[:4], effects[4:]
     density = np.einsum("ijk,ks->ijs", felt[:, None] * felt, pushes**2)
-    changed[5] = -1.0
-    density[4, 4] = 2.0 * strengths[0] ** 2 / durations[0]
-    density += changed[:, None] * changed * (2.0 * strengths[1] ** 2 / durations[1])
+    gusts = np.zeros_like(density)
+    gusts[[4, 5], [4, 5]] = 2.0 * strengths**2 / durations
     begin, biases = (np.broadcast_to(np.array(each)[:, None], (len(each), sets)) for each in (BEGIN, BIASES))
-    return Driven(a, b, c, d, density, np.concatenate((begin, strengths, strengths[1:])), biases, noise)
+    return Driven(
+        rates[:STATES], b, rates[STATES:], d, density + gusts,
+        np.concatenate((begin, strengths, strengths[1:], strengths[1:])), biases, noise,
+        faster, gusts * flown.air.growing,
+    )  # fmt: skip
+
+
+def _met(model: Array, blown: Array) -> Array:
+    """Rates of all states and, below them, outputs (8 + 3, 8, s) of a ``model`` (7, 5, s) in gusts.
+
+    ``blown`` (8 + 3, 8, s) is what gusts do beside moving the air along and across.
+    """
+    rates = blown.copy()
+    for here, there in ((slice(4), slice(4)), (slice(STATES, None), slice(4, None))):
+        rates[here, :4] += model[there, :4]
+        rates[here, 4:6] -= model[there, :2]
+    return rates
 
 
 def _felt(aircraft: Aircraft) -> Array:
-    """States and, behind them, outputs (7 + 3, 3) as forces along and across and a moment change them.
+    """States and, behind them, outputs (8 + 3, 3) as forces along and across and a moment change them.
 
     The accelerometers feel them where they are.
     """
-    felt = np.zeros((7 + len(OUTPUTS), 3))
-    felt[:3], felt[7 + 1, 0], felt[7 + 2, 1] = np.eye(3), 1.0, 1.0
-    felt[7 + 1 :, 2] = aircraft.imu_z, -aircraft.imu_x
+    felt = np.zeros((STATES + len(OUTPUTS), 3))
+    felt[:3], felt[STATES + 1, 0], felt[STATES + 2, 1] = np.eye(3), 1.0, 1.0
+    felt[STATES + 1 :, 2] = aircraft.imu_z, -aircraft.imu_x
     return felt
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from logs.identification.modes.equation_error import DerivativeFit, signals
-from logs.identification.modes.filter_error import PHASES, Filtered
+from logs.identification.modes.filter_error import Filtered
 from logs.identification.modes.flown_again import OUTPUTS, Problem
+from logs.identification.modes.gust_likelihood import PHASES
 from logs.identification.modes.gusts import OUTPUTS as FORETOLD
 from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
 from logs.identification.modes.mode import ModesResult
@@ -156,18 +157,23 @@ def _filter_error(
     if filtered is None:
         return _failed(method, fit)
     series, done = [], 0
-    for stretch in filtered.stretches[: len(filtered.stretches) // len(PHASES)]:
+    for stretch in filtered.stretches:
         strokes = slice(done, done + len(stretch.averages))
+        done = strokes.stop
+        if stretch.phase != PHASES[0]:
+            continue
         at, name = (stretch.edges[:-1] + stretch.edges[1:]) / 2.0, _from(stretch, manoeuvres)
         for i, output in enumerate(FORETOLD):
             measured, model = stretch.averages[:, i], filtered.foretold[strokes, i]
             series.append(FitSeries(name, output, OUTPUT_UNITS[i], at, measured, model))
-        done = strokes.stop
-    told = (
+    notes = (
         "Gusts are states of the model: what is shown foretells each stroke from those before, so that it follows"
-        " gusts half a stroke late. How strong they were is not told: a gust and a stroke that differs look alike."
+        " gusts half a stroke late. How strong they were is not told: a gust and a stroke that differs look alike.",
+        "Gusts may turn the air where they change along the flight, or not, and what the tail does may grow with the"
+        " airspeed, or not; fits of all these are weighed by how likely the flight makes them: that gusts turned the"
+        f" air {filtered.turning:.1%}, that the tail's work grew {filtered.growing:.1%}.",
     )
-    return _told(method, fit)._replace(series=tuple(series), notes=(told,))
+    return _told(method, fit)._replace(series=tuple(series), notes=notes)
 
 
 def _drift(difference: Array) -> Array:

@@ -39,6 +39,8 @@ class Stretch(NamedTuple):
     """m/s; (K,)"""
     manoeuvre: NDArray[np.int64]
     """-; (K,), place of the manoeuvre that each stroke is in or behind, of all that are usable"""
+    phase: float = 0.0
+    """-; of a stroke, 0 to 1, at which its strokes begin"""
 
 
 def stretches(data: FlightData, manoeuvres: tuple[Manoeuvre, ...], phase: float) -> tuple[Stretch, ...]:
@@ -56,7 +58,9 @@ def stretches(data: FlightData, manoeuvres: tuple[Manoeuvre, ...], phase: float)
         else:
             groups.append([place, place])
     return tuple(
-        stretch for first, last in groups for stretch in _cut(data, (starts[first], ends[last]), phase, starts)
+        stretch._replace(phase=phase)
+        for first, last in groups
+        for stretch in _cut(data, (starts[first], ends[last]), phase, starts)
     )
 
 

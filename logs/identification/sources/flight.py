@@ -11,7 +11,7 @@ from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from logs.identification.data import STROKES_GUESSED, DriveData, FlightData
+from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.flapping import strokes_in
@@ -151,7 +151,7 @@ def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:
         except BadInput:
             raise missing from None
     north, east = (ground.linear(field, time) for field in ("v_north", "v_east"))
-    return _Taken(np.sqrt(north**2 + east**2 + climb**2), "airspeed: the speed over ground, as in still air")
+    return _Taken(np.sqrt(north**2 + east**2 + climb**2), AIRSPEED_GUESSED)
 
 
 def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:

@@ -9,11 +9,15 @@ from scipy.signal import lfilter
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
+from logs.identification.modes.equation_error import equation_error
+from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
+from logs.identification.modes.gust_likelihood import PHASES, Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
 from logs.identification.modes.mode import Mode
-from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, mode_of
+from logs.identification.modes.short_period import FILTER_ERROR, FITTED_OUTPUTS, fit_derivatives, mode_of
 from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
+from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
 
@@ -48,6 +52,10 @@ class Flight(NamedTuple):
     """m/s; standard deviation along and across"""
     change: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """-, -, rad/m; what a gust across takes off u', w' and q' by its own change (wings' apparent mass and twist)"""
+    span: float = 0.0
+    """m; of an aircraft that gusts turn the air under, as far as the span does not smooth it; 0: they do not"""
+    growing: bool = False
+    """-; whether moments and what a pitch rate does grow with the airspeed, what the tail does with its square"""
     flapping: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """m/s^2, m/s^2, rad/s^2; what flapping of twice the mean square of the wings' rate adds to u', w' and q'"""
 
@@ -93,8 +101,13 @@ def fly(flight: Flight) -> FlightData:
     harder = _harder(flight, active)
     states, tail, gust = _motion(flight, command - trim, strokes, harder)
     model = model_of(flight)
+    turning = _turning(flight, gust)
     through_air = states - np.pad(gust, ((0, 0), (0, 2)))
-    outputs = through_air @ model.c.T + np.outer(tail, model.d)
+    faster = _faster(through_air[:, 0], through_air[:, 1]) if flight.growing else np.ones(count)
+    outputs = through_air @ model.c.T + np.outer(tail * faster**2, model.d)
+    grown = np.column_stack([_felt(flight, tuple(column)) for column in _grown(flight)[:3].T])
+    outputs += (faster - 1.0)[:, None] * (through_air @ grown.T)
+    outputs -= np.outer(turning, _felt(flight, _by_pitch_rate(flight)))
     outputs -= np.outer(_change(gust), _felt(flight, flight.change))
     outputs += np.outer(harder, _felt(flight, flight.flapping))
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
@@ -129,6 +142,36 @@ def _change(gust: Array) -> Array:
     """By how much the gust across changes until the next sample, m/s^2."""
     change: Array = np.diff(gust[:, 1], append=gust[-1, 1]) / STEP
     return change
+
+
+@njit(cache=True)
+def _faster(u, w):  # type: ignore[no-untyped-def]
+    """Times the reference's airspeed, by what is above its ``u`` and ``w``."""
+    return np.sqrt((u + REFERENCE.u) ** 2 + (w + REFERENCE.w) ** 2) / REFERENCE.airspeed
+
+
+def _grown(flight: Flight) -> Array:
+    """What (4, 4) of the rates by the states is proportional to the airspeed; zeros where nothing is."""
+    motion = matrices(LONGITUDINAL, np.zeros(len(LONGITUDINAL)), REFERENCE, flight.aircraft).a
+    grown: Array = (model_of(flight).a - motion) * flight.growing
+    grown[:2, :2] = 0.0
+    return grown
+
+
+def _turning(flight: Flight, gust: Array) -> Array:
+    """Pitch rate (N,) of the air in rad/s: q_g = -dw_g/dx, smoothed over 4 b / pi (MIL-F-8785C 3.7.5)."""
+    if flight.span == 0.0:
+        return np.zeros(len(gust))
+    smoothing = 4.0 * flight.span / np.pi / REFERENCE.airspeed
+    pole = np.exp(-STEP / smoothing)
+    smoothed = lfilter([1.0 - pole], [1.0, -pole], gust[:, 1])
+    turning: Array = -(gust[:, 1] - smoothed) / smoothing / REFERENCE.airspeed
+    return turning
+
+
+def _by_pitch_rate(flight: Flight) -> tuple[float, float, float]:
+    """X_q, Z_q and M_q."""
+    return flight.truth["X_q"], flight.truth["Z_q"], flight.truth["M_q"]
 
 
 def _harder(flight: Flight, active: Array) -> Array:
@@ -172,8 +215,11 @@ def _turned(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _integrate(a, b, command, strokes, start, constant, modulation, gust, less):  # type: ignore[no-untyped-def]
-    """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke."""
+def _integrate(a, b, grown, command, strokes, start, constant, modulation, gust, less):  # type: ignore[no-untyped-def]
+    """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke.
+
+    ``grown`` (4, 4) is what of ``a`` is proportional to the airspeed; nothing of both where it is zeros.
+    """
     fine = 10
     dt = STEP / fine
     half, whole = np.exp(-dt / 2 / constant), np.exp(-dt / constant)
@@ -186,10 +232,18 @@ def _integrate(a, b, command, strokes, start, constant, modulation, gust, less):
         now[1:3, 1] *= swing
         now[2, 2] *= swing
         blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - less[k]
+        push = b
+        if np.any(grown):
+            faster = _faster(x[0] - gust[k, 0], x[1] - gust[k, 1])
+            swung = grown.copy()
+            swung[2, 1:3] *= swing
+            now += (faster - 1.0) * swung
+            blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - less[k]
+            push = b * faster**2
         for _ in range(fine):
-            middle = x + dt / 2 * (now @ x + b * tail + blown + _turned(x))
+            middle = x + dt / 2 * (now @ x + push * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half
-            x = x + dt * (now @ middle + b * between + blown + _turned(middle))
+            x = x + dt * (now @ middle + push * between + blown + _turned(middle))
             tail = command[k] + (tail - command[k]) * whole
     return states, tails
 
@@ -211,7 +265,10 @@ def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tu
     constant = flight.aircraft.tail_time_constant
     gust = gusts(flight, len(command))
     less = np.outer(_change(gust), (*flight.change, 0.0)) - np.outer(harder, (*flight.flapping, 0.0))
-    states, tails = _integrate(model.a, model.b, command, strokes, start, constant, flight.modulation, gust, less)
+    less += np.outer(_turning(flight, gust), (*_by_pitch_rate(flight), 0.0))
+    states, tails = _integrate(
+        model.a, model.b, _grown(flight), command, strokes, start, constant, flight.modulation, gust, less
+    )
     return states, tails, gust
 
 
@@ -226,3 +283,13 @@ def by_output_error(
     reference = reference_of(data, manoeuvres)
     _, fit = fit_derivatives(Problem(manoeuvres, reference, aircraft, names, outputs))
     return mode_of("output error", fit, reference, aircraft)
+
+
+def by_filter_error(data: FlightData, aircraft: Aircraft = AIRCRAFT) -> tuple[Mode, Filtered | None]:
+    """The third of `identify_modes` without the others."""
+    manoeuvres = find_manoeuvres(data, aircraft)
+    reference = reference_of(data, manoeuvres)
+    cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
+    start = equation_error(manoeuvres, reference, aircraft, LONGITUDINAL)
+    fit, found = filter_error(Task(cut, reference, aircraft, LONGITUDINAL), start.values)
+    return mode_of(FILTER_ERROR, fit, reference, aircraft), found

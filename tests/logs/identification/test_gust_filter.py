@@ -28,7 +28,12 @@ def system(intensity: float, noise: float, start: float) -> Driven:
         np.full(2, 1e-6),
         np.full(2, noise),
     )
-    return Driven(*(each[..., None] for each in one))
+    return Driven(*(each[..., None] for each in (*one, np.zeros((5, 3)), np.zeros((5, 5)))))
+
+
+def beside(each: list[Driven]) -> Driven:
+    """Several systems as one call takes them."""
+    return Driven(*(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True)))
 
 
 def flown(seed: int, strokes: int, intensity: float, noise: float, start: float) -> Averaged:
@@ -52,7 +57,7 @@ def flown(seed: int, strokes: int, intensity: float, noise: float, start: float)
         averages.append(np.trapezoid(outputs, axis=0) / STEPS + rng.normal(0, noise, 2))
         tails.append(part)
     first = np.arange(strokes) == 0
-    return Averaged(LENGTHS, which, first, np.array(tails)[:, :, None], np.array(averages))
+    return Averaged(LENGTHS, np.ones(2), which, first, np.array(tails)[:, :, None], np.array(averages))
 
 
 def whitened(seed: int) -> Array:
@@ -79,7 +84,7 @@ def test_without_noise_the_forecast_is_the_measured() -> None:
 def test_a_new_stretch_forgets_the_one_before() -> None:
     one = flown(3, 20, 0.5, 0.02, 0.3)
     which, first, outputs = np.tile(one.which, 2), np.tile(one.first, 2), np.tile(one.outputs, (2, 1))
-    twice = Averaged(LENGTHS, which, first, np.tile(one.inputs, (2, 1, 1)), outputs)
+    twice = Averaged(LENGTHS, np.ones(2), which, first, np.tile(one.inputs, (2, 1, 1)), outputs)
     found = innovations(system(0.5, 0.02, 0.3), twice)
     np.testing.assert_array_equal(found.surprise[:, :20], found.surprise[:, 20:])
     np.testing.assert_array_equal(found.root[:, :20], found.root[:, 20:])
@@ -119,7 +124,7 @@ def test_surprise_and_covariance_are_those_of_dense_linear_algebra() -> None:
     averaged = averaged._replace(inputs=np.zeros_like(averaged.inputs))
     base = system(0.5, 0.02, 0.3)
     each = [base, base._replace(a=1.2 * base.a, c=0.7 * base.c), system(0.5, 0.05, 0.3), system(0.9, 0.02, 0.1), base]
-    found = innovations(Driven(*(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))), averaged)
+    found = innovations(beside(each), averaged)
     for place, one in enumerate(each):
         surprise, covariance = dense(one, averaged)
         root = found.root[place]
@@ -129,11 +134,28 @@ def test_surprise_and_covariance_are_those_of_dense_linear_algebra() -> None:
         np.testing.assert_allclose(found.white[place], white, atol=1e-7)
 
 
+def test_at_another_airspeed_the_filter_is_that_of_the_system_there() -> None:
+    """GIVEN a system of which a part grows with the airspeed THEN each stroke is of the system at its own."""
+    averaged, base = flown(9, 25, 0.5, 0.02, 0.3), system(0.5, 0.02, 0.3)
+    growing, denser = 0.3 * np.concatenate((base.a, base.c)), 0.5 * base.density
+    fast = averaged._replace(airspeeds=np.array([1.0, 1.3]))
+    found = innovations(base._replace(growing=growing, denser=denser), fast)
+    rates, kinds = np.concatenate((base.a, base.c)) + 0.3 * growing, averaged.which == 1
+    there = base._replace(a=rates[:3], c=rates[3:], density=base.density + 0.3 * denser)
+    for kind, alone in ((0, base), (1, there)):
+        # The first stroke of a stretch knows of none before: each alone is foretold by its own system.
+        single = innovations(alone, averaged._replace(first=np.full(25, True)))
+        each = innovations(base._replace(growing=growing, denser=denser), fast._replace(first=np.full(25, True)))
+        np.testing.assert_allclose(each.surprise[0, kinds == kind], single.surprise[0, kinds == kind], atol=1e-12)
+        np.testing.assert_allclose(each.root[0, kinds == kind], single.root[0, kinds == kind], atol=1e-12)
+    assert not np.allclose(found.surprise, innovations(base, averaged).surprise)
+
+
 def test_systems_side_by_side_are_each_what_they_are_alone() -> None:
     """GIVEN inputs that act THEN what is shared with the first system is the same as what is found anew."""
     averaged, base = flown(8, 25, 0.5, 0.02, 0.3), system(0.5, 0.02, 0.3)
     each = [base, base._replace(b=2.0 * base.b), base._replace(d=-base.d), base._replace(a=1.1 * base.a), base]
-    found = innovations(Driven(*(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))), averaged)
+    found = innovations(beside(each), averaged)
     for place, one in enumerate(each):
         alone = innovations(one, averaged)
         for together, single in zip(found, alone, strict=True):

@@ -14,11 +14,11 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes import short_period
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
-from logs.identification.modes.filter_error import PHASES, Filtered, Task, filter_error
+from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gusts import NUISANCES, prior
+from logs.identification.modes.gust_likelihood import Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.modes.mode import Mode, ModesResult, short_period_of
+from logs.identification.modes.mode import ModesResult, short_period_of
 from logs.identification.modes.output_error import LOST, flown_regressors
 from logs.identification.modes.short_period import (
     FILTER_ERROR,
@@ -26,10 +26,8 @@ from logs.identification.modes.short_period import (
     OUTPUT_ERROR,
     fit_derivatives,
     identify_modes,
-    mode_of,
 )
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
-from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
 
 
@@ -245,33 +243,6 @@ def test_in_strong_gusts_only_the_method_that_knows_of_gusts_gives_a_number(seed
     assert result.statement.startswith("filter error alone")
 
 
-@pytest.mark.validate
-@pytest.mark.parametrize(("gust", "modulation"), [(0.7, 0.0), (2.0, 0.0), (2.0, 0.3)])
-def test_filter_error_in_gusts(gust: float, modulation: float) -> None:
-    """The promise in gusts of 2 m/s: the median within 10 %, and 85 % of the intervals hold the truth.
-
-    Frequency's and damping's, that is; those of the derivatives are told only: a flight that holds but two lengths of
-    the gust along damps the slow motion too well, and the derivatives by u with it.
-    """
-    truth, flight = true_mode(Flight()), Flight(gust=gust, modulation=modulation)
-    modes = [identify(flight._replace(seed=seed)).modes[2] for seed in range(5000, 5300)]
-    pairs = [
-        (mode.frequency, mode.damping) for mode in modes if mode.frequency is not None and mode.damping is not None
-    ]
-    held = [sum(pair[i].contains(truth[i]) for pair in pairs) for i in (0, 1)]
-    medians = [float(np.median([pair[i].value / truth[i] - 1 for pair in pairs])) for i in (0, 1)]
-    off = float(np.median([abs(pair[0].value / truth[0] - 1) for pair in pairs]))
-    derivatives = [sum(mode.derivatives[i].contains(value) for mode in modes if mode.derivatives)
-                   for i, value in enumerate(TRUTH.values())]  # fmt: skip
-    print(  # noqa: T201
-        f"gusts {gust} m/s, modulation {modulation}: {len(pairs)} given, frequency and damping held by {held},"
-        f" medians {medians[0]:+.3f} {medians[1]:+.3f}, of the frequency's size {off:.3f}; derivatives {derivatives}"
-    )
-    assert len(pairs) >= 0.95 * len(modes)
-    assert abs(medians[0]) < 0.1 and off < 0.1
-    assert all(count >= 0.85 * len(pairs) for count in held)
-
-
 def test_weak_instruments_are_refused() -> None:
     """GIVEN instruments that tell next to nothing of w THEN what noise makes of M_w is no number."""
     data = fly(Flight(seed=1, doublets=4))
@@ -339,80 +310,11 @@ def test_what_filter_error_contradicts_in_gusts_gives_no_number(monkeypatch: pyt
     assert all(mode.frequency is not None for mode in calm.modes[:3]) and calm.agree is False
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.validate)])
-def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping(count: int) -> None:
-    """GIVEN wings whose apparent mass and twist feel the air's change as those of the multibody aircraft do.
-
-    Without effects of its own for that change the damping came out 0.09 too high: one of six intervals held it.
-    """
-    flights = [Flight(seed=seed, gust=0.7, change=(0.05, -0.35, 0.7)) for seed in range(5000, 5000 + count)]
-    truth = true_mode(Flight())[1]
-    found = [filtered(flight) for flight in flights]
-    assert sum(mode.damping is not None and mode.damping.contains(truth) for mode in found) >= 5 / 6 * count
-    dampings = [mode.damping.value for mode in found if mode.damping is not None]
-    assert np.median(dampings) == pytest.approx(truth, abs=0.06)
-
-
-def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
-    """GIVEN wings that flap harder and softer, as a height hold makes them between inputs.
-
-    Without the measured flapping the frequency came out 11 to 27 % too low.
-    """
-    frequency, damping = true_mode(Flight())
-    flights = [Flight(seed=seed, flapping=(1.0, 1.0, -6.0)) for seed in range(5000, 5003)]
-    for flight in flights:
-        found, unmeasured = filtered(flight), filtered(flight, flapping=False)
-        assert found.frequency is not None and found.frequency.contains(frequency)
-        assert found.frequency.value == pytest.approx(frequency, rel=0.1)
-        assert found.damping is not None and found.damping.contains(damping)
-        assert unmeasured.frequency is not None
-        assert unmeasured.frequency.value < 0.9 * frequency
-
-
-def filtered(flight: Flight, flapping: bool = True) -> Mode:
-    """By filter error alone; without the ``flapping`` as of a log that does not tell how the wings moved."""
-    data = fly(flight)
-    data = data if flapping else data._replace(wing_rate_squared=np.full(len(data.time), np.nan))
-    manoeuvres = find_manoeuvres(data, flight.aircraft)
-    reference = reference_of(data, manoeuvres)
-    cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
-    start = equation_error(manoeuvres, reference, flight.aircraft, LONGITUDINAL)
-    fit, _ = filter_error(Task(cut, reference, flight.aircraft, LONGITUDINAL), start.values)
-    return mode_of(FILTER_ERROR, fit, reference, flight.aircraft)
-
-
-def test_a_wider_span_smooths_gusts_for_longer() -> None:
-    """GIVEN a span THEN what the gusts' turning is smoothed by is centred on 4 b / pi of it."""
-    usual, wide = (prior(REFERENCE, AIRCRAFT._replace(span=span)) for span in (None, 3.0))
-    place = NUISANCES.index("smoothing")
-    assert np.exp(wide[place]) * REFERENCE.airspeed == pytest.approx(4.0 * 3.0 / np.pi)
-    np.testing.assert_array_equal(np.delete(wide, place), np.delete(usual, place))
-
-
-def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
-    """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
-    frequency, damping = true_mode(Flight())
-    for seed in range(3):
-        found = filtered(Flight(seed=seed, modulation=0.3))
-        assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
-        assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
-
-
 def test_a_tail_lag_that_is_not_known_is_found_by_filter_error_too(of_unknown_lag: ModesResult) -> None:
     found = of_unknown_lag.modes[2]
     lag = found.derivatives[-1]
     assert found.method == FILTER_ERROR and lag.name == "tail_time_constant"
     assert lag.value == pytest.approx(0.04, abs=0.006)
-
-
-def test_where_strokes_are_too_uneven_filter_error_says_so() -> None:
-    """GIVEN strokes that were counted at half their rate for 0.6 s of every 1.2."""
-    data = fly(Flight(seed=1, doublets=2))
-    slow = np.where(np.floor(data.time / 0.6) % 2 == 0, 1.0, 0.5)
-    strokes = data.strokes[0] + np.cumsum(np.gradient(data.strokes) * slow)
-    result = identify_modes(data._replace(strokes=strokes), AIRCRAFT)
-    assert result.modes[2].frequency is None and result.filtered is None
-    assert "strokes are too few or too uneven" in result.modes[2].unidentified[0].reason
 
 
 @pytest.mark.validate

@@ -1,0 +1,156 @@
+"""Filter error finds a flapping aircraft with known derivatives though gusts move it, whatever air they are of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_filter_error, fly, model_of
+
+from logs.identification.data import AIRSPEED_GUESSED
+from logs.identification.modes.filter_error import USUAL
+from logs.identification.modes.gusts import NUISANCES, Air, flown, prior, system
+from logs.identification.modes.mode import Mode, short_period_of
+from logs.identification.modes.short_period import identify_modes
+
+
+def true_mode() -> tuple[float, float]:
+    return short_period_of(model_of(Flight()).a)
+
+
+def filtered(flight: Flight) -> Mode:
+    return by_filter_error(fly(flight), flight.aircraft)[0]
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    "flight",
+    [Flight(gust=0.7), Flight(gust=2.0), Flight(gust=2.0, modulation=0.3), Flight(gust=2.0, span=1.0, growing=True)],
+    ids=["0.7 m/s", "2 m/s", "modulated, 2 m/s", "turning and growing, 2 m/s"],
+)
+def test_filter_error_in_gusts(flight: Flight) -> None:
+    """The promise in gusts, of 2 m/s and weaker: the median within 10 %, and 85 % of the intervals hold the truth.
+
+    Frequency's and damping's, that is, where the air is the simplest; 84.9 % of the frequency's were measured where
+    it turns and the tail's work grows, and of the derivatives 76 to 98: the README has them.
+    """
+    truth = true_mode()
+    modes = [filtered(flight._replace(seed=seed)) for seed in range(5000, 5300)]
+    pairs = [
+        (mode.frequency, mode.damping) for mode in modes if mode.frequency is not None and mode.damping is not None
+    ]
+    held = [sum(pair[i].contains(truth[i]) for pair in pairs) for i in (0, 1)]
+    medians = [float(np.median([pair[i].value / truth[i] - 1 for pair in pairs])) for i in (0, 1)]
+    off = float(np.median([abs(pair[0].value / truth[0] - 1) for pair in pairs]))
+    derivatives = {name: sum(mode.derivatives[i].contains(value) for mode in modes if mode.derivatives)
+                   for i, (name, value) in enumerate(TRUTH.items())}  # fmt: skip
+    given = f"gusts {flight.gust} m/s, modulation {flight.modulation}, span {flight.span} m: {len(pairs)} given"
+    print(  # noqa: T201
+        f"{given}, frequency and damping held by {held}, medians {medians[0]:+.3f} {medians[1]:+.3f}, frequency's"
+        f" size {off:.3f}; {derivatives}"
+    )
+    assert len(pairs) >= 0.95 * len(modes)
+    assert abs(medians[0]) < 0.1 and off < 0.1
+    assert all(count >= (0.8 if flight.growing else 0.85) * len(pairs) for count in held)
+    assert all(count >= 0.7 * len(pairs) for count in derivatives.values())
+
+
+def test_what_the_air_does_is_told_by_the_flight() -> None:
+    """GIVEN air that gusts turn and in which the tail's work grows, and air of neither THEN each is likely there.
+
+    Ten to one for both is what is taken for granted before.
+    """
+    told = {}
+    for growing in (False, True):
+        flights = [Flight(seed=seed, gust=2.0, span=float(growing), growing=growing) for seed in range(5000, 5002)]
+        pairs = [by_filter_error(fly(flight)) for flight in flights]
+        told[growing] = [(found.turning, found.growing) for _, found in pairs if found is not None]
+        frequencies = [mode.frequency for mode, _ in pairs]
+        assert all(frequency is not None and frequency.contains(true_mode()[0]) for frequency in frequencies)
+    assert len(told[False]) == len(told[True]) == 2
+    assert all(turning < 0.6 and growing < 0.1 for turning, growing in told[False])
+    assert all(turning > 0.6 and growing > 0.9 for turning, growing in told[True])
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(12, marks=pytest.mark.validate)])
+def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping(count: int) -> None:
+    """GIVEN wings whose apparent mass and twist feel the air's change as those of the multibody aircraft do.
+
+    Without effects of its own for that change the damping came out 0.09 too high: one of six intervals held it. It
+    scatters by 0.05, so that three flights say nothing of the median.
+    """
+    flights = [Flight(seed=seed, gust=0.7, change=(0.05, -0.35, 0.7)) for seed in range(5000, 5000 + count)]
+    truth = true_mode()[1]
+    found = [filtered(flight) for flight in flights]
+    assert sum(mode.damping is not None and mode.damping.contains(truth) for mode in found) >= 5 / 6 * count
+    dampings = [mode.damping.value for mode in found if mode.damping is not None]
+    assert count < 12 or np.median(dampings) == pytest.approx(truth, abs=0.04)
+
+
+def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
+    """GIVEN wings that flap harder and softer, as a height hold makes them between inputs.
+
+    Without the measured flapping the frequency came out 11 to 27 % too low.
+    """
+    frequency, damping = true_mode()
+    flights = [Flight(seed=seed, flapping=(1.0, 1.0, -6.0)) for seed in range(5000, 5002)]
+    for flight in flights:
+        data = fly(flight)
+        untold = data._replace(wing_rate_squared=np.full(len(data.time), np.nan))
+        found, unmeasured = (by_filter_error(each, AIRCRAFT)[0] for each in (data, untold))
+        assert found.frequency is not None and found.frequency.contains(frequency)
+        assert found.frequency.value == pytest.approx(frequency, rel=0.1)
+        assert found.damping is not None and found.damping.contains(damping)
+        assert unmeasured.frequency is not None
+        assert unmeasured.frequency.value < 0.9 * frequency
+
+
+def test_a_steady_gust_moves_the_aircraft_as_its_own_motion_does_and_the_tails_work_grows() -> None:
+    values, nuisances = np.array(list(TRUTH.values()))[:, None], prior(REFERENCE, AIRCRAFT, Air(True, True))[:, None]
+    nuisances[NUISANCES.index("change across")] = -0.3
+    model = model_of(Flight())
+    for growing in (False, True):
+        found = system(flown(tuple(TRUTH), REFERENCE, AIRCRAFT, Air(True, growing)), values, nuisances)
+        rates = np.concatenate((found.a, found.c))[..., 0]
+        across = rates[:, 5:].sum(axis=1)
+        np.testing.assert_allclose(across[[0, 1, 2, 9, 10]], -np.concatenate((model.a[:3, 1], model.c[1:3, 1])))
+        more = found.growing[..., 0]
+        assert more[2, 1] == growing * TRUTH["M_w"] and more[1, 1] == 0.0
+        assert more[1, 2] == pytest.approx(growing * (TRUTH["Z_q"] + REFERENCE.u))
+        assert more[10, 1] == pytest.approx(-growing * AIRCRAFT.imu_x * TRUTH["M_w"])
+
+
+def test_a_wider_span_smooths_gusts_for_longer() -> None:
+    """GIVEN a span THEN what the gusts' turning is smoothed by is centred on 4 b / pi of it."""
+    usual, wide = (prior(REFERENCE, AIRCRAFT._replace(span=span), Air(True, True)) for span in (None, 3.0))
+    place = NUISANCES.index("smoothing")
+    assert np.exp(wide[place]) * REFERENCE.airspeed == pytest.approx(4.0 * 3.0 / np.pi)
+    np.testing.assert_array_equal(np.delete(wide, place), np.delete(usual, place))
+
+
+def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
+    """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
+    frequency, damping = true_mode()
+    for seed in range(3):
+        found = filtered(Flight(seed=seed, modulation=0.3))
+        assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
+        assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
+
+
+def test_where_strokes_are_too_uneven_filter_error_says_so() -> None:
+    """GIVEN strokes that were counted at half their rate for 0.6 s of every 1.2."""
+    data = fly(Flight(seed=1, doublets=2))
+    slow = np.where(np.floor(data.time / 0.6) % 2 == 0, 1.0, 0.5)
+    strokes = data.strokes[0] + np.cumsum(np.gradient(data.strokes) * slow)
+    result = identify_modes(data._replace(strokes=strokes), AIRCRAFT)
+    assert result.modes[2].frequency is None and result.filtered is None
+    assert "strokes are too few or too uneven" in result.modes[2].unidentified[0].reason
+
+
+def test_a_speed_over_ground_tells_nothing_of_the_gusts() -> None:
+    """GIVEN no pitot THEN whether the tail's work grows with the airspeed is as likely as before."""
+    flight = Flight(seed=5001, gust=2.0)
+    data = fly(flight)
+    untold = identify_modes(data._replace(notes=(AIRSPEED_GUESSED,)), AIRCRAFT)
+    assert untold.filtered is not None and untold.modes[2].frequency is not None
+    assert untold.filtered.growing == pytest.approx(USUAL, abs=0.02)
+    assert untold.modes[2].frequency.contains(true_mode()[0])
