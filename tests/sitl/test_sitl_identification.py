@@ -90,7 +90,7 @@ def in_gusts(flight: tuple[str, int]) -> InGusts | None:
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize(("level", "least"), [("light", 33), ("small_uav_light", 28), ("small_uav_moderate", 20)])
+@pytest.mark.parametrize(("level", "least"), [("light", 22), ("small_uav_light", 18), ("small_uav_moderate", 14)])
 def test_filter_error_holds_the_true_frequency_in_gusts(level: str, least: int) -> None:
     """The promise for the frequency, of the flights that give a number; the damping's is not reached (README)."""
     with get_context("spawn").Pool(2) as pool:
