@@ -215,11 +215,13 @@ def _turned(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _integrate(a, b, grown, command, strokes, start, constant, modulation, gust, less):  # type: ignore[no-untyped-def]
+def _integrate(rates, constant, command, swings, start, air):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke.
 
-    ``grown`` (4, 4) is what of ``a`` is proportional to the airspeed; nothing of both where it is zeros.
+    ``rates`` are A, B and ``grown`` (4, 4), what of A is proportional to the airspeed: where it is zeros nothing is.
+    ``swings`` are the strokes (N,) and by how much the three swing, ``air`` the gusts and what lessens the rates.
     """
+    (a, b, grown), (strokes, modulation), (gust, less) = rates, swings, air
     fine = 10
     dt = STEP / fine
     half, whole = np.exp(-dt / 2 / constant), np.exp(-dt / constant)
@@ -266,9 +268,8 @@ def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tu
     gust = gusts(flight, len(command))
     less = np.outer(_change(gust), (*flight.change, 0.0)) - np.outer(harder, (*flight.flapping, 0.0))
     less += np.outer(_turning(flight, gust), (*_by_pitch_rate(flight), 0.0))
-    states, tails = _integrate(
-        model.a, model.b, _grown(flight), command, strokes, start, constant, flight.modulation, gust, less
-    )
+    rates, swings = (model.a, model.b, _grown(flight)), (strokes, flight.modulation)
+    states, tails = _integrate(rates, constant, command, swings, start, (gust, less))
     return states, tails, gust
 
 
