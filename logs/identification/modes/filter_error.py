@@ -5,7 +5,8 @@ Kalman filter that knows of gusts foretells each stroke from those before, and t
 forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
 Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
 their change does, what harder flapping does and the errors of the averages are found with the derivatives; what is
-known of those before is a wide prior (`gust_likelihood.py`, `gust_search.py`).
+known of those before is a wide prior (`gust_likelihood.py`, `gust_search.py`). What pitching turns is the speed along
+and across: a first search takes one angle of attack for all strokes, a second the motion that the first one follows.
 
 Whether gusts turn the air where they change along the flight is not known before. Fitted by the wrong one of both a
 flight has derivatives by the speed that are off by more than their errors; one more parameter between them is not
@@ -22,8 +23,9 @@ import numpy as np
 
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread, with_scatter
-from logs.identification.modes.gust_likelihood import PHASES, Likelihood, Likelihoods, Task, likelihoods_of
+from logs.identification.modes.gust_likelihood import Likelihood, Likelihoods, likelihoods_of
 from logs.identification.modes.gust_search import End, climb, determined, likelihood_at, scored, scoring
+from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.gusts import BEGIN, LIFT_SLOPE, OUTPUTS, Air, heave, prior
 from logs.identification.modes.mixture import likely, mixed
 from logs.identification.preparing.stretches import Stretch
@@ -32,7 +34,8 @@ from logs.identification.results import Array
 USUAL = 10.0 / 11.0
 """-; how likely it is before the flight that gusts turn the air, as turbulence does (MIL-F-8785C 3.7.5), and that the
 tail's work grows with the airspeed, as dynamic pressure does. At even odds for the first the damping of Robo Raven in
-2 m/s was held in 8 flights of 11, at ten to one in 11 of 13"""
+2 m/s was held in 8 flights of 11, at ten to one in 11 of 13 (with speeds over ground in place of those through the
+air)"""
 BEFORE = {
     Air(turning, growing): (USUAL if turning else 1.0 - USUAL) * (USUAL if growing else 1.0 - USUAL)
     for growing in (True, False)
@@ -67,6 +70,8 @@ class InAir(NamedTuple):
     """-; logarithm of how likely the flight is of this air, up to a constant; minus infinity where ``fit`` failed"""
     errors: Array
     """rad/s, m/s^2, m/s^2; (K, m), of the forecasts"""
+    followed: Array
+    """m/s, m/s, rad/s, rad; (K, 4), motion in each stroke above the reference's"""
 
 
 def filter_error(task: Task, start: Array) -> tuple[DerivativeFit, Filtered | None]:
@@ -103,7 +108,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
 
     Gusts hide in the speeds that equation error integrates: what it finds is a ``start`` that may lead to another
     optimum than the likeliest. So a start that no gust has spoilt is tried too, and where searches in other air
-    ended. The long way from a start is searched with the strokes of one phase.
+    ended. The long way from a start is searched with the strokes of one phase, and all of it at one angle of attack;
+    what is hopeless then is left out.
     """
     phase = task.stretches[0].phase
     half = task._replace(stretches=tuple(stretch for stretch in task.stretches if stretch.phase == phase))
@@ -136,7 +142,26 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
         if share >= HOPELESS or turned.fit.failure:
             still = best(Air(False, turned.air.growing), turned.values)
             found += [likelier(turned, still), still]
-    return found
+    return _by_the_motion(task, found, centres)
+
+
+def _by_the_motion(task: Task, found: list[InAir], centres: dict[Air, Array]) -> list[InAir]:
+    """What is ``found`` once more, with the kinematics of the motion that it follows, the same in all kinds of air.
+
+    What pitching turns is the speed along and across. Only the airspeed is measured: at one angle of attack for all
+    strokes the products of the pitch rate with what gusts do to it are left to Z_w and M_w. Where a search fails all
+    stays as it was: how likely kinds of air are is told by one model of the kinematics.
+    """
+    fitting = [each for each in found if not each.fit.failure]
+    if not fitting:
+        return found
+    moving = task._replace(across=task.reference.w + _shares(fitting) @ [each.followed[:, 1] for each in fitting])
+    again = []
+    for each in fitting:
+        centre = centres[each.air]
+        likelihoods = likelihoods_of(moving, centre, each.air)
+        again.append(_in_air(moving, each.air, climb(moving, each.values, likelihoods, centre), likelihoods))
+    return found if any(each.fit.failure for each in again) else again
 
 
 def _stable(task: Task, start: Array) -> Array:
@@ -163,7 +188,7 @@ def _in_air(task: Task, air: Air, end: End, likelihoods: Likelihoods) -> InAir:
     here = likelihood_at(likelihoods, end.values)
 
     def nothing(why: str) -> InAir:
-        return InAir(air, end.values, failed(task.names, why), -np.inf, here.errors)
+        return InAir(air, end.values, failed(task.names, why), -np.inf, here.errors, here.followed)
 
     if _degrees(task, here, len(end.values)) < LEAST_DEGREES:
         return nothing("the flight holds too few strokes for the model's parameters")
@@ -173,7 +198,8 @@ def _in_air(task: Task, air: Air, end: End, likelihoods: Likelihoods) -> InAir:
     if not determined(squared):
         return nothing("the flight does not determine all derivatives")
     fit = _finish(task, end.values, here, scores, squared)
-    return InAir(air, end.values, fit, -end.cost - float(np.linalg.slogdet(squared)[1]) / 2.0, here.errors)
+    evidence = -end.cost - float(np.linalg.slogdet(squared)[1]) / 2.0
+    return InAir(air, end.values, fit, evidence, here.errors, here.followed)
 
 
 def _finish(task: Task, values: Array, here: Likelihood, scores: Array, squared: Array) -> DerivativeFit:

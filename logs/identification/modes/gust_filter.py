@@ -35,7 +35,7 @@ class Driven(NamedTuple):
     density: Array
     """(n + m, n + m, s); spectral density of the white noise on the states' rates and, behind them, on the outputs"""
     start: Array
-    """(n, s); standard deviation of the first state of a stretch"""
+    """(n, n, s); covariance of the first state of a stretch"""
     bias: Array
     """(m, s); standard deviation of the outputs' biases in a stretch"""
     noise: Array
@@ -46,15 +46,25 @@ class Driven(NamedTuple):
     """(n + m, n + m, s); what of ``density`` is"""
 
 
+class Kinds(NamedTuple):
+    """The strokes that the filter computes, and between which of them those of a flight are."""
+
+    lengths: Array
+    """s; (l,)"""
+    airspeeds: Array
+    """-; (l,), times the usual"""
+    kinematics: Array
+    """(l, r, r); what there is to add to ``a`` of the states that move"""
+    which: NDArray[np.int64]
+    """-; (K, c), places in the former that each stroke is between, all of one length"""
+    shares: Array
+    """-; (K, c), what each of them counts, one together"""
+
+
 class Averaged(NamedTuple):
     """What was measured, stroke by stroke, stretch behind stretch."""
 
-    lengths: Array
-    """s; (l,), the lengths of a stroke that occur"""
-    airspeeds: Array
-    """-; (l,), times the usual, that occur with them"""
-    which: NDArray[np.int64]
-    """-; (K,), each stroke's place in ``lengths`` and ``airspeeds``"""
+    kinds: Kinds
     first: NDArray[np.bool_]
     """-; (K,), whether a stretch begins with it"""
     inputs: Array
@@ -72,31 +82,35 @@ class Innovations(NamedTuple):
     """(s, K, m, m); Cholesky's lower factor of the covariance of that; not finite where it has none"""
     white: Array
     """(s, K, m); the surprise divided by the root"""
+    followed: Array
+    """(s, K, r); the states that move, mean of a stroke's beginning and end, each by what was measured before it"""
 
 
 def innovations(system: Driven, averaged: Averaged) -> Innovations:
     """The stroke averages less what the strokes before foretell, and the covariance that this has."""
-    n, (m, p, count), moving, strokes = len(system.a), system.d.shape, len(system.b), len(averaged.which)
-    rates, begin = np.concatenate((system.a, system.c)), np.concatenate((system.start, system.bias)) ** 2
+    n, (m, p, count), moving, strokes = len(system.a), system.d.shape, len(system.b), len(averaged.outputs)
+    rates, begin = np.concatenate((system.a, system.c)), np.zeros((n + m, n + m, count))
+    begin[:n, :n], begin[range(n, n + m), range(n, n + m)] = system.start, system.bias**2
     more = system.growing, system.denser
     systems = tuple(map(_each, (rates, system.density, system.b, system.d, begin, system.noise**2, *more)))
     others = (
-        _differs(rates) | _differs(system.density) | _differs(system.growing),
-        _differs(system.a[:moving]) | _differs(system.b),
+        _differs(rates) | _differs(system.density) | _differs(system.growing) | _differs(system.denser),
+        _differs(system.a[:moving, :moving]) | _differs(system.growing[:moving, :moving]) | _differs(system.b),
     )
     rows, passing = (np.repeat([0, moving, last], [moving, n - moving, m]) for last in (0, n))
     transition, square, step, tall = (n + m, n), (n + m, n + m), (moving, moving + 2 * p), (n + m, m)
-    kinds, reach = len(averaged.lengths), (2, strokes, moving)
+    kinds, reach = len(averaged.kinds.lengths), (2, strokes, moving)
     kept = (2, kinds, *transition), (2, kinds, *square), (2, kinds, *transition), (kinds, *step), reach, reach
     spare = *[transition] * 3, *[square] * 2, *[step] * 2, square, tall[::-1], tall, *[(n + m,)] * 2, (moving,)
-    found = tuple(np.zeros((count, strokes, *shape)) for shape in ((m,), (m, m), (m,)))
+    stroke = transition, square, (m, moving)
+    found = tuple(np.zeros((count, strokes, *shape)) for shape in ((m,), (m, m), (m,), (moving,)))
     through = (averaged.inputs[:, 1:] + averaged.inputs[:, :-1]).mean(axis=1) / 2.0
     filter_strokes(
         (*systems, *(np.asarray(other, dtype=np.int64) for other in others)),
-        (*averaged[:5], through, averaged.outputs),
+        (*averaged.kinds, averaged.first, averaged.inputs, through, averaged.outputs),
         (rows, passing),
         tuple(map(np.zeros, kept)),
-        tuple(map(np.zeros, (*spare, square))),
+        (tuple(map(np.zeros, (*spare, square))), tuple(map(np.zeros, stroke))),
         found,
     )
     return Innovations(*found)

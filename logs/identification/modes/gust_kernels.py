@@ -80,6 +80,17 @@ def _at_airspeed(airspeed: float, growing: Any, usual: Any, out: Any) -> None:
 
 
 @inner
+def _between(ends: Any, which: Any, shares: Any, out: Any) -> None:
+    """The mean of those of the ``ends`` (l, ...) that are at the places ``which``, each by its share."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = 0.0
+            for corner in range(which.shape[0]):
+                total += shares[corner] * ends[which[corner], i, j]
+            out[i, j] = total
+
+
+@inner
 def _over_a_stroke(rates: Any, density: Any, length: float, begins: Any, spare: Any, over: Any, spread: Any) -> None:
     """Transition and noise covariance over a stroke of ``length`` s.
 
@@ -154,17 +165,17 @@ def _driven(over: Any, inputs: Any, state: Any, ahead: Any, mean: Any) -> None:
 def _surprised(measured: Any, system: Any, driven: Any, stroke: Any, state: Any, surprise: Any) -> None:
     """What was ``measured`` less what the inputs alone make of it and what the ``state`` foretells, biases with it.
 
-    ``driven`` are the inputs' mean (p,) and that of the motion that they drive (r,), ``system`` its rates and d,
-    ``stroke`` the transition over the stroke and its length.
+    ``driven`` are the inputs' mean (p,) and that of the motion that they drive (r,), ``system`` its c (m, r) of what
+    moves and its d, ``stroke`` the transition over the stroke and its length.
     """
-    (rates, d), (through, mean), (over, length) = system, driven, stroke
-    n = rates.shape[1]
+    (c, d), (through, mean), (over, length) = system, driven, stroke
+    n = over.shape[1]
     for i in range(surprise.shape[0]):
         total = measured[i] - state[n + i]
         for j in range(through.shape[0]):
             total -= d[i, j] * through[j]
         for j in range(mean.shape[0]):
-            total -= rates[n + i, j] * mean[j]
+            total -= c[i, j] * mean[j]
         for k in range(n):
             total -= over[n + i, k] / length * state[k]
         surprise[i] = total
@@ -254,34 +265,44 @@ def _move(over: Any, begins: Any, reached: Any, cross: Any, white: Any, state: A
 
 
 @inner
+def _follow(state: Any, followed: Any) -> None:
+    """Add half of the ``state``: at both ends of a stroke, that is its mean."""
+    for i in range(followed.shape[0]):
+        followed[i] += state[i] / 2.0
+
+
+@inner
 def _begin(begin: Any, state: Any, known: Any) -> None:
-    """The first ``state`` of a stretch and its covariance ``known``, of variances ``begin``."""
+    """The first ``state`` of a stretch and its covariance ``known``."""
     for i in range(state.shape[0]):
         state[i] = 0.0
         for j in range(state.shape[0]):
-            known[i, j] = begin[i] if i == j else 0.0
+            known[i, j] = begin[i, j]
 
 
 @kernel
 def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: Any, found: Any) -> None:
-    """Fill ``found`` (surprise, root and white of `gust_filter.Innovations`) for each of the ``systems`` (s, ...).
+    """Fill ``found``, what `gust_filter.Innovations` holds, for each of the ``systems`` (s, ...).
 
     The filter's state is that of the system, and behind it the outputs' biases. ``columns`` are where rows of a
     transition begin, of a system's integrals and of biases, which pass on to themselves alone. ``kept`` holds what
     strokes do and inputs reach: in its first place of the first system, which every other takes that does not differ
-    in what they come of.
+    in what they come of. A stroke is between some of those that were computed: so is what it does.
     """
     rates, densities, bs, ds, begins, noises, growing, denser, other_strokes, other_motion = systems
-    lengths, airspeeds, which, first, inputs, through, outputs = averaged
+    lengths, airspeeds, kinematics, which, shares, first, inputs, through, outputs = averaged
     rows, passing = columns
     over, spread, there, steps, reached, means = kept
-    one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after, dense = spare
-    surprises, roots, whites = found
+    (one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after, dense), stroke = spare
+    does, noise, here = stroke
+    surprises, roots, whites, followed = found
+    n, moving = rates.shape[2], bs.shape[1]
     for system in range(rates.shape[0]):
         strokes, motion = other_strokes[system], other_motion[system]
         if system == 0 or strokes > 0:
             for kind in range(lengths.shape[0]):
                 _at_airspeed(airspeeds[kind], growing[system], rates[system], there[strokes, kind])
+                _add(1.0, kinematics[kind], 1.0, there[strokes, kind, :moving, :moving])
                 _at_airspeed(airspeeds[kind], denser[system], densities[system], dense)
                 _over_a_stroke(
                     there[strokes, kind], dense, lengths[kind], rows, (one, two, three, half, more),
@@ -293,17 +314,23 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
                     there[strokes, kind], bs[system], lengths[kind] / (inputs.shape[1] - 1), term, turn, steps[kind]
                 )
             for k in range(which.shape[0]):
-                _driven(steps[which[k]], inputs[k], reached[motion, k], after, means[motion, k])
+                _between(steps, which[k], shares[k], turn)
+                _driven(turn, inputs[k], reached[motion, k], after, means[motion, k])
         for k in range(which.shape[0]):
-            kind, surprise, root, white = which[k], surprises[system, k], roots[system, k], whites[system, k]
-            length, does, noise = lengths[kind], over[strokes, kind], spread[strokes, kind]
+            surprise, root, white = surprises[system, k], roots[system, k], whites[system, k]
+            length = lengths[which[k, 0]]
+            _between(over[strokes], which[k], shares[k], does)
+            _between(spread[strokes], which[k], shares[k], noise)
+            _between(there[strokes, :, n:, :moving], which[k], shares[k], here)
             if first[k]:
                 _begin(begins[system], state, known)
             driven = through[k], means[motion, k]
-            _surprised(outputs[k], (there[strokes, kind], ds[system]), driven, (does, length), state, surprise)
+            _surprised(outputs[k], (here, ds[system]), driven, (does, length), state, surprise)
             _seen(does, length, known, noise, noises[system], sight, root)
             _crossed(does, length, passing, noise, sight, cross)
             _divide(root, cross, surprise, white)
+            _follow(state, followed[system, k])
             _move(does, passing, reached[motion, k], cross, white, state, ahead)
+            _follow(state, followed[system, k])
             _carried(does, passing, known, half, more)
             _settle(more, noise, cross, known)

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.modes.gust_likelihood import PHASES, Likelihood, Likelihoods, Task
+from logs.identification.modes.gust_likelihood import Likelihood, Likelihoods
+from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.gusts import DOUBT
 from logs.identification.modes.whitening import gradient_terms, information, whitened, whitened_change
 from logs.identification.results import Array

@@ -1,12 +1,14 @@
 """The aircraft and the gusts that move it, as the linear system which filter error follows from stroke to stroke.
 
-A gust along and one across, each of first order, move the air under the model of `longitudinal.py`. To the aircraft
-air that comes up is not a body that goes down: what its wings' apparent mass, their twist and the lag of the downwash
+A gust along and one across, each of first order, move the air under the model of `longitudinal.py`. The speeds are
+those through the air: that is what forces come of, and in axes that turn with the aircraft what pitching turns is the
+airspeed, which is measured. Over ground it would be the airspeed and a gust that nobody knows. To the aircraft air
+that comes up is not a body that goes down: what its wings' apparent mass, their twist and the lag of the downwash
 owe to the change of the flow is among the derivatives of its own motion, of which the air's takes no part. So the
 change of the gust across has effects of its own (the derivatives with w', Etkin, Dynamics of Atmospheric Flight,
 1972, ch. 13):
 
-    x' = A x + B delta - A_uw gust - G w_g' + F flapping + noise
+    x' = A x + B delta - gust' - G w_g' + F flapping + noise
 
 On the multibody Robo Raven G is (0.05, -0.35, 0.7): left out, M_q came out at more than twice the truth, for the air
 turning under the aircraft was the only other thing that a gust's change could do. Wings twist and wakes grow over a
@@ -22,7 +24,8 @@ pressure: the tail's angle times the change of that, which is measured, is a thi
 The derivatives that are mostly the tail's change with the airspeed too. Linearised at 6 and at 9.2 m/s the same
 aircraft has M_q of -4.6 and -7.5, M_w of -10 and -15, Z_q of -1.9 and -3.9, but Z_w of -8.8 and -9.4, Z_u of -0.6 and
 -0.5: wings owe much of their speed to flapping. Where `Air.growing`, the former are proportional to the measured
-airspeed, stroke by stroke.
+airspeed, stroke by stroke. In any air a gust passes as soon as the airspeed has it, and pitching turns the speed
+that the stroke has.
 """
 
 from __future__ import annotations
@@ -70,7 +73,7 @@ LAG = 0.33
 """-; of a span: the flight that wings and wake take to follow a gust. Robo Raven's twist follows at 15 rad/s,
 which is this; from 0.2 to 0.6 its flights in light turbulence gave much the same"""
 STATES = 8
-"""-; u, w, q, theta over ground, gust along, gust across, the latter smoothed by the span, and lagged"""
+"""-; u, w through the air, q, theta, gust along, gust across, the latter smoothed by the span, and lagged"""
 DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
 """-; standard deviations under the priors"""
 
@@ -85,7 +88,7 @@ class Air(NamedTuple):
     turning: bool
     """-; the gust across turns the air where it changes along the flight"""
     growing: bool
-    """-; what the tail does grows with the airspeed: `GROWING`, the speed that pitch turns, how soon gusts pass"""
+    """-; what the tail does (`GROWING`) grows with the airspeed"""
 
 
 class Flown(NamedTuple):
@@ -99,8 +102,8 @@ class Flown(NamedTuple):
     """(7, 5); A and B and, below them, C and D of `OUTPUTS`, in still air and without derivatives"""
     slopes: Array
     """(p, 7, 5); what one of each derivative adds to that"""
-    growing: tuple[Array, Array]
-    """what of both is proportional to the airspeed"""
+    growing: Array
+    """(p, 7, 5); what of ``slopes`` is proportional to the airspeed"""
     air: Air
 
 
@@ -114,10 +117,19 @@ def flown(names: tuple[str, ...], reference: Reference, aircraft: Aircraft, air:
 
     still = matrix(np.zeros(len(names)))
     slopes = np.array([matrix(one) - still for one in np.eye(len(names))])
-    turning = np.zeros_like(still)
-    turning[:2, 2] = still[:2, 2]
     tail = slopes * np.array([name in GROWING for name in names])[:, None, None]
-    return Flown(names, reference, aircraft, still, slopes, (turning * air.growing, tail * air.growing), air)
+    return Flown(names, reference, aircraft, still, slopes, tail * air.growing, air)
+
+
+def kinematics(reference: Reference, airspeeds: Array, angles: Array) -> Array:
+    """What to add to A (l, 4, 4), which turns the reference's speed with the pitch, to turn another.
+
+    ``airspeeds`` (l,) are in m/s, ``angles`` of attack (l,) in rad.
+    """
+    more = np.zeros((len(airspeeds), 4, 4))
+    more[:, 0, 2] = reference.w - airspeeds * np.sin(angles)
+    more[:, 1, 2] = airspeeds * np.cos(angles) - reference.u
+    return more
 
 
 def heave(reference: Reference) -> float:
@@ -144,43 +156,71 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
     """
     logarithms, change, flapping, (pressed,) = np.split(nuisances, (LOGARITHMS, LOGARITHMS + 3, LOGARITHMS + 6))
     strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(logarithms), (2, 4, 5, 8))
-    count, airspeed, sets = len(OUTPUTS), flown.reference.airspeed, nuisances.shape[1]
-    parts = (flown.still, flown.slopes), flown.growing
-    model, grown = (still[:, :, None] + np.einsum("pij,ps->ijs", slopes, derivatives) for still, slopes in parts)
-    lag = LAG * (flown.aircraft.span or SPAN) / airspeed
-    felt, blown = _felt(flown.aircraft), np.zeros((STATES + count, STATES, sets))
-    blown[[4, 5], [4, 5]] = -1.0 / durations
-    blown[6, 5], blown[6, 6] = 1.0 / smoothing, -1.0 / smoothing
-    blown[7, 5], blown[7, 7] = 1.0 / lag, -1.0 / lag
-    turned = flown.air.turning * np.array([1.0, -1.0])[:, None] / (smoothing * airspeed)
-    blown[:, 5:7] += np.einsum("ij,js->is", felt, _by_pitch_rate(flown.names, derivatives))[:, None] * turned
-    changed = np.einsum("ij,js->is", felt, change * np.array([[1.0], [1.0], [heave(flown.reference) / airspeed]]))
-    blown[:, [5, 7]] += changed[:, None] * np.array([-1.0, 1.0])[:, None] / lag
-    rates, faster = _met(model, blown), _met(grown, blown * flown.air.growing)
+    airspeed, sets = flown.reference.airspeed, nuisances.shape[1]
+    model, grown = (np.einsum("pij,ps->ijs", slopes, derivatives) for slopes in (flown.slopes, flown.growing))
+    model += flown.still[:, :, None]
+    lags, felt = (smoothing, np.full(sets, LAG * (flown.aircraft.span or SPAN) / airspeed)), _felt(flown.aircraft)
+    blown = _blown(felt, durations, lags, change * [[1.0], [1.0], [heave(flown.reference) / airspeed]])
+    turned = np.zeros_like(blown)
+    by_turning = flown.air.turning * np.array([1.0, -1.0])[:, None] / (smoothing * airspeed)
+    turned[:, 5:7] += np.einsum("ij,js->is", felt, _by_pitch_rate(flown.names, derivatives))[:, None] * by_turning
+    rates, faster = _beside(model, blown + turned), _beside(grown, blown + turned * flown.air.growing)
     flapped, tail = np.einsum("ij,js->is", felt * FLAPPING, flapping), model[:, 4]
     effects = np.stack((tail, np.concatenate((flapped[:4], flapped[STATES:])), pressed * tail), axis=1)
     b, d = effects[:4], effects[4:]
-    density = np.einsum("ijk,ks->ijs", felt[:, None] * felt, pushes**2)
-    gusts = np.zeros_like(density)
-    gusts[[4, 5], [4, 5]] = 2.0 * strengths**2 / durations
-    begin, biases = (np.broadcast_to(np.array(each)[:, None], (len(each), sets)) for each in (BEGIN, BIASES))
+    density, gusts = _densities(felt, pushes, strengths, durations)
+    biases = np.broadcast_to(np.array(BIASES)[:, None], (len(BIASES), sets))
     return Driven(
         rates[:STATES], b, rates[STATES:], d, density + gusts,
-        np.concatenate((begin, strengths, strengths[1:], strengths[1:])), biases, noise,
-        faster, gusts * flown.air.growing,
+        _begin(strengths, durations[1], lags), biases, noise, faster, gusts,
     )  # fmt: skip
 
 
-def _met(model: Array, blown: Array) -> Array:
-    """Rates of all states and, below them, outputs (8 + 3, 8, s) of a ``model`` (7, 5, s) in gusts.
+def _blown(felt: Array, durations: Array, lags: tuple[Array, Array], change: Array) -> Array:
+    """What gusts do (8 + 3, 8, s) as they pass: to the speeds through the air, to forces by a ``change`` (3, s)."""
+    blown = np.zeros((len(felt), STATES, durations.shape[1]))
+    blown[[4, 5], [4, 5]], blown[[0, 1], [4, 5]] = -1.0 / durations, 1.0 / durations
+    blown[[6, 7], 5], blown[[6, 7], [6, 7]] = 1.0 / np.array(lags), -1.0 / np.array(lags)
+    changed = np.einsum("ij,js->is", felt, change) / lags[1]
+    blown[:, [5, 7]] += changed[:, None] * np.array([-1.0, 1.0])[:, None]
+    return blown
 
-    ``blown`` (8 + 3, 8, s) is what gusts do beside moving the air along and across.
+
+def _densities(felt: Array, pushes: Array, strengths: Array, durations: Array) -> tuple[Array, Array]:
+    """Spectral densities (8 + 3, 8 + 3, s) of what pushes the aircraft, and of the gusts.
+
+    What the noise of a gust adds to the air's speed it takes off that through the air.
     """
+    white = 2.0 * strengths**2 / durations
+    pushed = np.einsum("ijk,ks->ijs", felt[:, None] * felt, pushes**2)
+    gusts = np.zeros_like(pushed)
+    gusts[[4, 5], [4, 5]], gusts[[0, 1], [0, 1]] = white, white
+    gusts[[0, 1], [4, 5]], gusts[[4, 5], [0, 1]] = -white, -white
+    return pushed, gusts
+
+
+def _beside(model: Array, blown: Array) -> Array:
+    """A ``model`` (7, 5, s) of motion and outputs, without its input, and what is ``blown`` (8 + 3, 8, s)."""
     rates = blown.copy()
     for here, there in ((slice(4), slice(4)), (slice(STATES, None), slice(4, None))):
         rates[here, :4] += model[there, :4]
-        rates[here, 4:6] -= model[there, :2]
     return rates
+
+
+def _begin(strengths: Array, duration: Array, lags: tuple[Array, Array]) -> Array:
+    """Covariance (8, 8, s) of the first state of a stretch.
+
+    Of gusts of ``strengths`` (2, s) that have always blown: what ``lags`` make of noise of first order, whose
+    ``duration`` (s,) it has, has with it the covariance that no longer changes. The motion through the air may be
+    any, whatever the gust is just then.
+    """
+    begin = np.zeros((STATES, STATES, len(duration)))
+    begin[range(4), range(4)] = np.square(BEGIN)[:, None]
+    begin[4, 4], across = strengths**2
+    one, other = (across * duration / (duration + lag) for lag in lags)
+    both = (other * lags[1] + one * lags[0]) / (lags[0] + lags[1])
+    begin[5:, 5:] = np.array([[across, one, other], [one, one, both], [other, both, other]])
+    return begin
 
 
 def _felt(aircraft: Aircraft) -> Array:

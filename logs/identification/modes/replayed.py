@@ -7,7 +7,7 @@ import numpy as np
 from logs.identification.modes.equation_error import DerivativeFit, signals
 from logs.identification.modes.filter_error import Filtered
 from logs.identification.modes.flown_again import OUTPUTS, Problem
-from logs.identification.modes.gust_likelihood import PHASES
+from logs.identification.modes.gust_strokes import PHASES
 from logs.identification.modes.gusts import OUTPUTS as FORETOLD
 from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
 from logs.identification.modes.mode import ModesResult

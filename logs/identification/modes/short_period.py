@@ -11,7 +11,7 @@ from logs.identification.modes.errors import LEAST_CLUSTERS
 from logs.identification.modes.experiments import modes_of_records
 from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gust_likelihood import PHASES, Task
+from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.output_error import LOST, flown_regressors, lacking, output_error, share_explained

@@ -12,7 +12,7 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.equation_error import equation_error
 from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gust_likelihood import PHASES, Task
+from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
 from logs.identification.modes.mode import Mode
 from logs.identification.modes.short_period import FILTER_ERROR, FITTED_OUTPUTS, fit_derivatives, mode_of
@@ -49,9 +49,10 @@ class Flight(NamedTuple):
     aircraft: Aircraft = AIRCRAFT
     truth: dict[str, float] = TRUTH
     gust: float = 0.0
-    """m/s; standard deviation along and across"""
+    """m/s; standard deviation along and across the steady flight, whatever the pitch is"""
     change: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """-, -, rad/m; what a gust across takes off u', w' and q' by its own change (wings' apparent mass and twist)"""
+    """-, -, rad/m; what a gust across takes off u', w' and q' by its own change (wings' apparent mass and twist); of
+    the gust across the steady flight, as the turning of the air is"""
     span: float = 0.0
     """m; of an aircraft that gusts turn the air under, as far as the span does not smooth it; 0: they do not"""
     growing: bool = False
@@ -102,7 +103,8 @@ def fly(flight: Flight) -> FlightData:
     states, tail, gust = _motion(flight, command - trim, strokes, harder)
     model = model_of(flight)
     turning = _turning(flight, gust)
-    through_air = states - np.pad(gust, ((0, 0), (0, 2)))
+    through_air = states.copy()
+    through_air[:, :2] -= np.column_stack(_in_body(gust, states[:, 3]))
     faster = _faster(through_air[:, 0], through_air[:, 1]) if flight.growing else np.ones(count)
     outputs = through_air @ model.c.T + np.outer(tail * faster**2, model.d)
     grown = np.column_stack([_felt(flight, tuple(column)) for column in _grown(flight)[:3].T])
@@ -215,6 +217,13 @@ def _turned(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _in_body(gust, pitch):  # type: ignore[no-untyped-def]
+    """Along and across an aircraft that is pitched up by ``pitch``, of a ``gust`` in the reference's axes."""
+    sine, cosine = np.sin(pitch), np.cos(pitch)
+    return cosine * gust[..., 0] - sine * gust[..., 1], sine * gust[..., 0] + cosine * gust[..., 1]
+
+
+@njit(cache=True)
 def _integrate(rates, constant, command, swings, start, air):  # type: ignore[no-untyped-def]
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke.
 
@@ -233,15 +242,15 @@ def _integrate(rates, constant, command, swings, start, air):  # type: ignore[no
         now = a.copy()
         now[1:3, 1] *= swing
         now[2, 2] *= swing
-        blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - less[k]
+        along, across = _in_body(gust[k], x[3])
         push = b
         if np.any(grown):
-            faster = _faster(x[0] - gust[k, 0], x[1] - gust[k, 1])
+            faster = _faster(x[0] - along, x[1] - across)
             swung = grown.copy()
             swung[2, 1:3] *= swing
             now += (faster - 1.0) * swung
-            blown = -(now[:, 0] * gust[k, 0] + now[:, 1] * gust[k, 1]) - less[k]
             push = b * faster**2
+        blown = -(now[:, 0] * along + now[:, 1] * across) - less[k]
         for _ in range(fine):
             middle = x + dt / 2 * (now @ x + push * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half

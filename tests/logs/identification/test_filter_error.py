@@ -8,9 +8,12 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_filter_err
 
 from logs.identification.data import AIRSPEED_GUESSED
 from logs.identification.modes.filter_error import USUAL
+from logs.identification.modes.gust_strokes import BELIEVED, Task, kinds_of
 from logs.identification.modes.gusts import NUISANCES, Air, flown, prior, system
 from logs.identification.modes.mode import Mode, short_period_of
 from logs.identification.modes.short_period import identify_modes
+from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.preparing.stretches import stretches
 
 
 def true_mode() -> tuple[float, float]:
@@ -104,18 +107,75 @@ def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
 
 
 def test_a_steady_gust_moves_the_aircraft_as_its_own_motion_does_and_the_tails_work_grows() -> None:
+    """GIVEN the speeds over ground for those through the air THEN a gust takes off them, and has no other part."""
     values, nuisances = np.array(list(TRUTH.values()))[:, None], prior(REFERENCE, AIRCRAFT, Air(True, True))[:, None]
     nuisances[NUISANCES.index("change across")] = -0.3
     model = model_of(Flight())
+    through_air = np.eye(8)
+    through_air[[0, 1], [4, 5]] = -1.0
+    over_ground = np.linalg.inv(through_air)
     for growing in (False, True):
         found = system(flown(tuple(TRUTH), REFERENCE, AIRCRAFT, Air(True, growing)), values, nuisances)
-        rates = np.concatenate((found.a, found.c))[..., 0]
+        rates = np.concatenate((over_ground @ found.a[..., 0], found.c[..., 0])) @ through_air
         across = rates[:, 5:].sum(axis=1)
-        np.testing.assert_allclose(across[[0, 1, 2, 9, 10]], -np.concatenate((model.a[:3, 1], model.c[1:3, 1])))
+        blown = -np.concatenate((model.a[:3, 1], model.c[1:3, 1]))
+        np.testing.assert_allclose(across[[0, 1, 2, 9, 10]], blown, atol=1e-12)
+        np.testing.assert_allclose(across[3:5], 0.0, atol=1e-12)
+        density = over_ground @ found.density[:8, :8, 0] @ over_ground.T
+        np.testing.assert_allclose(density[:4, 4:], 0.0, atol=1e-12)
+        strengths, durations, pushes = (np.exp(nuisances[at, 0]) for at in (slice(2), slice(2, 4), slice(5, 8)))
+        np.testing.assert_allclose(density[:3, :3], np.diag(pushes**2), atol=1e-12)
+        np.testing.assert_allclose(np.diag(density)[4:6], 2.0 * strengths**2 / durations)
         more = found.growing[..., 0]
         assert more[2, 1] == growing * TRUTH["M_w"] and more[1, 1] == 0.0
-        assert more[1, 2] == pytest.approx(growing * (TRUTH["Z_q"] + REFERENCE.u))
+        assert more[1, 2] == pytest.approx(growing * TRUTH["Z_q"])
+        assert more[4, 4] == found.a[4, 4, 0] < 0.0
         assert more[10, 1] == pytest.approx(-growing * AIRCRAFT.imu_x * TRUTH["M_w"])
+
+
+def test_gusts_that_have_always_blown_go_on_as_they_are() -> None:
+    """GIVEN the first state of a stretch THEN what gusts, and what lags make of them, have for a covariance stays."""
+    values, nuisances = np.array(list(TRUTH.values()))[:, None], prior(REFERENCE, AIRCRAFT, Air(True, True))[:, None]
+    found = system(flown(tuple(TRUTH), REFERENCE, AIRCRAFT, Air(True, True)), values, nuisances)
+    known = found.start[4:, 4:, 0]
+    for airspeed in (0.7, 1.0, 1.3):
+        a, density = (usual[..., 0] + (airspeed - 1.0) * grown[..., 0] for usual, grown in (
+            (found.a, found.growing[:8]), (found.density, found.denser)
+        ))  # fmt: skip
+        here, noise = a[4:8, 4:8], density[4:8, 4:8]
+        np.testing.assert_allclose(here @ known + known @ here.T + noise, 0.0, atol=1e-12)
+
+
+def test_a_pitot_that_is_blocked_for_a_while_spoils_no_stroke() -> None:
+    """GIVEN no airspeed for a second and too high a one for another THEN these strokes have the reference's."""
+    data, truth = fly(Flight(seed=5001, gust=0.7)), true_mode()
+    wrong = data.airspeed.copy()
+    wrong[(data.time > 5.0) & (data.time < 6.0)] = 0.0
+    wrong[(data.time > 8.0) & (data.time < 9.0)] = 30.0
+    blocked = data._replace(airspeed=wrong)
+    task = Task(stretches(blocked, find_manoeuvres(data, AIRCRAFT), 0.0), REFERENCE, AIRCRAFT, tuple(TRUTH))
+    lengths, airspeeds, *_ = kinds_of(task)
+    assert len(lengths) > 0 and np.all((airspeeds > BELIEVED[0]) & (airspeeds < BELIEVED[1]))
+    found = by_filter_error(blocked)[0]
+    assert found.frequency is not None and found.frequency.contains(truth[0])
+
+
+def test_each_stroke_turns_the_speed_that_it_flies_through_the_air() -> None:
+    """GIVEN an airspeed and a speed across for each stroke THEN pitching turns these, to a step of the angle."""
+    data = fly(Flight(seed=3, gust=2.0, doublets=2))
+    manoeuvres = find_manoeuvres(data, AIRCRAFT)
+    cut = stretches(data, manoeuvres, 0.0)
+    task, airspeed = Task(cut, REFERENCE, AIRCRAFT, tuple(TRUTH)), np.concatenate([each.airspeed for each in cut])
+    across = np.random.default_rng(1).normal(REFERENCE.w, 2.0, len(airspeed)).clip(-0.7 * airspeed, 0.7 * airspeed)
+    along = {"as told": np.sqrt(airspeed**2 - across**2), "as usual": airspeed * REFERENCE.u / REFERENCE.airspeed}
+    speeds = {"as told": across, "as usual": airspeed * REFERENCE.w / REFERENCE.airspeed}
+    for how, told in (("as told", across), ("as usual", None)):
+        lengths, _, turned, which, shares = kinds_of(task._replace(across=told))
+        more = np.einsum("kc,kcij->kij", shares, turned[which])
+        np.testing.assert_allclose(more[:, 1, 2] + REFERENCE.u, along[how], rtol=0.015)
+        np.testing.assert_allclose(REFERENCE.w - more[:, 0, 2], speeds[how], atol=0.015 * np.max(airspeed))
+        assert np.count_nonzero(more) <= 2 * len(more)
+        np.testing.assert_allclose(lengths[which[:, 0]], np.diff(cut[0].edges), rtol=0.006)
 
 
 def test_a_wider_span_smooths_gusts_for_longer() -> None:

@@ -16,7 +16,7 @@ from logs.identification.modes import short_period
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
 from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gust_likelihood import Task
+from logs.identification.modes.gust_strokes import Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.modes.mode import ModesResult, short_period_of
 from logs.identification.modes.output_error import LOST, flown_regressors
