@@ -1,7 +1,8 @@
 """What `gust_filter` does stroke by stroke, in compiled code.
 
 A transition is (n + m, n): what a time makes of the n states, and behind them what it adds to the m integrals of the
-outputs, which add to nothing. Row i of it is zero before column ``begins[i]``: gusts do not know of the motion.
+outputs, which add to nothing. Row i of it is zero before column ``begins[i]``: gusts do not know of the motion. The
+loops of the products run along rows, which the processor takes several numbers at a time.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ def _times(left: Any, right: Any, begins: Any, ones: float, out: Any) -> None:
     n = left.shape[1]
     for i in range(left.shape[0]):
         for j in range(n):
-            total = ones * right[i, j] if i >= n else 0.0
-            for k in range(begins[i], n):
-                total += left[i, k] * right[k, j]
-            out[i, j] = total
+            out[i, j] = ones * right[i, j] if i >= n else 0.0
+        for k in range(begins[i], n):
+            factor = left[i, k]
+            for j in range(n):
+                out[i, j] += factor * right[k, j]
 
 
 @inner
@@ -35,10 +37,11 @@ def _carried(over: Any, begins: Any, before: Any, half: Any, out: Any) -> None:
     size, n = over.shape[0], over.shape[1]
     for i in range(size):
         for j in range(size):
-            total = before[i, j] if i >= n else 0.0
-            for k in range(begins[i], n):
-                total += over[i, k] * before[k, j]
-            half[i, j] = total
+            half[i, j] = before[i, j] if i >= n else 0.0
+        for k in range(begins[i], n):
+            factor = over[i, k]
+            for j in range(size):
+                half[i, j] += factor * before[k, j]
     for i in range(size):
         for j in range(i, size):
             total = half[i, j] if j >= n else 0.0
