@@ -9,6 +9,7 @@ import math
 import subprocess
 import sys
 import time
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -170,16 +171,28 @@ def test_the_physics_with_gusts_and_sensors() -> None:
 @pytest.mark.bench
 @pytest.mark.parametrize("logged", [True, False], ids=["logging", "no logging"])
 def test_a_flight_in_one_process(logged: bool, tmp_path: Path) -> None:
-    """World, wire's rounding and flight computer, a log as campaigns keep it or none: processor time of the best."""
-    needed, best = LOGGED_TIME if logged else UNLOGGED_TIME, math.inf
-    for turn in range(FLIGHTS):
-        begun = time.process_time()
-        fly_once(tmp_path / f"{turn}.mcap" if logged else None)
-        best = min(best, time.process_time() - begun)
+    """World, wire's rounding and flight computer, a log as campaigns keep it or none: processor time of the best.
+
+    In a process of its own, as a campaign's worker is: beside what other benchmarks have loaded here a flight took 8
+    to 9 % longer.
+    """
+    needed = LOGGED_TIME if logged else UNLOGGED_TIME
+    with get_context("spawn").Pool(1) as pool:
+        best = pool.apply(quickest, (tmp_path if logged else None,))
     what = "in one process, logging" if logged else "in one process, no log"
     say(f"{what:24} {PART / best:6.1f} times real time (needed: {needed:g})")
     leave(Row(f"flight {what}", PART / best, None, REALTIME, asked=f"at least {needed:g}"))
     assert PART / best >= needed
+
+
+def quickest(logs: Path | None) -> float:
+    """Processor time in s of the quickest of some flights of `PART`, each with a log in the folder ``logs``."""
+    times = []
+    for turn in range(FLIGHTS):
+        begun = time.process_time()
+        fly_once(None if logs is None else logs / f"{turn}.mcap")
+        times.append(time.process_time() - begun)
+    return min(times)
 
 
 def fly_once(log: Path | None) -> None:
