@@ -185,16 +185,19 @@ def _cut(data: FlightData, tail: Array, aircraft: Aircraft, piece: _Piece) -> Ma
     within = int(np.sum(at + period / 2 <= data.time[end - 1]))
     if not within:
         return None
+    # Where the wings slow down, an average further in may begin before the first one, or end behind the last.
+    step = data.time[1] - data.time[0]
+    begin = min(at[0] - period[0], np.min(at - period / 2) - step)
+    until = max(at[-1] + period[-1], np.max(at + period / 2) + step)
     reach = slice(
-        int(np.searchsorted(data.time, at[0] - period[0], side="left")),
-        int(np.searchsorted(data.time, at[-1] + period[-1], side="right")),
+        int(np.searchsorted(data.time, begin, side="left")), int(np.searchsorted(data.time, until, side="right"))
     )
     time = data.time[reach]
     raw = np.column_stack([c[reach] for c in (data.pitch_rate, data.accel_x, data.accel_z, data.pitch)])
     zero, held = time[0], not aircraft.tail_time_constant
     to_end = averaging_matrix(time, period, at)
     averaging = to_end[:within]
-    rate = np.gradient(tail, data.time[1] - data.time[0])
+    rate = np.gradient(tail, step)
     slope = _tail_slope(data.time, data.elevator, aircraft)
     number = int(data.manoeuvre[first])
     return Manoeuvre(

@@ -38,6 +38,21 @@ def test_what_happens_behind_the_end_of_a_manoeuvre_is_no_part_of_it(width: floa
         )
 
 
+def test_wings_that_slow_down_within_an_input_take_the_averages_as_far_back_as_they_reach() -> None:
+    """GIVEN wings that all but stop a fifth of a second into an input THEN no average lacks samples at its beginning.
+
+    Of a flight in gusts, whose height hold glided, an average began before the first one did.
+    """
+    data = fly(Flight(seed=2, doublets=2))
+    begin = data.time[np.flatnonzero(np.diff(data.active) > 0)[0] + 1] + 0.2
+    rate = np.where((data.time > begin) & (data.time < begin + 2.0), 0.3, 4.0)
+    one, other = find_manoeuvres(data._replace(strokes=np.cumsum(rate) * STEP), AIRCRAFT)
+    for manoeuvre in (one, other):
+        shares = np.asarray(manoeuvre.averaging_to_end.sum(axis=1))
+        np.testing.assert_allclose(shares, 1.0, atol=1e-9)
+    assert one.at[0] > other.at[0]
+
+
 def test_loops_that_fly_again_do_not_move_the_frequency() -> None:
     """GIVEN short settling times, loops that take over while the response dies away THEN nothing depends on it."""
     flight = Flight(seed=5, settle=0.9, modulation=0.2)
