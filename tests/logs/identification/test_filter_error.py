@@ -33,8 +33,8 @@ def filtered(flight: Flight) -> Mode:
 def test_filter_error_in_gusts(flight: Flight) -> None:
     """The promise in gusts, of 2 m/s and weaker: the median within 10 %, and 85 % of the intervals hold the truth.
 
-    Frequency's and damping's, that is, where the air is the simplest; 84.9 % of the frequency's were measured where
-    it turns and the tail's work grows, and of the derivatives 76 to 98: the README has them.
+    Of every derivative too in 2 m/s where the air is the simplest, 85.6 at the least; where it turns and the tail's
+    work grows 84.3 % of the damping's were measured and 71 to 98 of the derivatives: the README has them.
     """
     truth = true_mode()
     modes = [filtered(flight._replace(seed=seed)) for seed in range(5000, 5300)]
@@ -54,7 +54,8 @@ def test_filter_error_in_gusts(flight: Flight) -> None:
     assert len(pairs) >= 0.95 * len(modes)
     assert abs(medians[0]) < 0.1 and off < 0.1
     assert all(count >= (0.8 if flight.growing else 0.85) * len(pairs) for count in held)
-    assert all(count >= 0.7 * len(pairs) for count in derivatives.values())
+    promised = 0.85 if flight == Flight(gust=2.0) else 0.7
+    assert all(count >= promised * len(pairs) for count in derivatives.values())
 
 
 def test_what_the_air_does_is_told_by_the_flight() -> None:
