@@ -37,11 +37,17 @@ def flat_top(flat: int, lags: int) -> Array:
     return window
 
 
-def colour_of(residuals: list[Array], used: list[Array], lags: int, flat: int = 0) -> Colour:
+def colour_of(
+    residuals: list[Array], used: list[Array], lags: int, flat: int = 0, *, definite: bool = False
+) -> Colour:
     """Autocovariance over records of ``residuals`` (N_i, m), zero where ``used`` (N_i,) or (N_i, m) is 0.
 
     Noise that a moving average of ``flat`` samples went through is correlated that far for sure: Parzen's window
     would take a quarter of its power at low frequencies. Up to there the lags then count in full.
+
+    The mean at a lag is over the pairs that there are. Its spectrum may be below zero; it is nowhere with Parzen's
+    window where the sum is divided by the number of samples instead, ``definite`` (Priestley, Spectral Analysis and
+    Time Series, 1981, 5.3.3).
     """
     outputs = residuals[0].shape[1]
     sums, pairs = np.zeros((lags, outputs, outputs)), np.zeros((lags, outputs, outputs))
@@ -50,7 +56,8 @@ def colour_of(residuals: list[Array], used: list[Array], lags: int, flat: int = 
         whole = mask if mask.ndim == 2 else np.repeat(mask[:, None], outputs, axis=1)
         sums[:reach] += _correlations(values, reach)
         pairs[:reach] += np.rint(_correlations(whole, reach))
-    raw = sums / np.maximum(pairs, 1.0)
+    samples = np.sqrt(np.diag(pairs[0]))
+    raw = sums / np.maximum(np.outer(samples, samples) if definite else pairs, 1.0)
     window = flat_top(flat, lags) if 0 < flat < lags else parzen(lags)
     tapered = raw * window[:, None, None]
     return Colour(tapered, _effective(tapered, pairs))

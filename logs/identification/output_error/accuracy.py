@@ -79,8 +79,13 @@ def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, ran
     noises = [_noise_of(given, inverse, output) for output in range(residuals[0].shape[1])]
     whitened = _whitened(given, [one.model.filter if one else np.ones(1) for one, _ in noises])
     colour = colour_of(whitened.residuals, whitened.used, lags)
-    core = coloured_information(whitened.sensitivities, colour) * (effective / degrees)
-    covariance = inverse @ core @ inverse
+    covariance = inverse @ coloured_information(whitened.sensitivities, colour) @ inverse
+    if not np.all(np.diag(covariance) > 0.0):
+        # Of smoothed signals the residuals have next to no noise at high frequencies: there a spectrum that errs to
+        # below zero, times sensitivities that are all the larger, is the whole variance.
+        colour = colour_of(whitened.residuals, whitened.used, lags, definite=True)
+        covariance = inverse @ coloured_information(whitened.sensitivities, colour) @ inverse
+    covariance *= effective / degrees
     count = sum(float(mask.sum()) for mask in used)
     variance = sum(float(np.sum(piece**2)) for piece in residuals) / max(count - len(free) - rank, 1.0)
     each = np.minimum(_degrees_each([under(one, records) for one, records in noises if one], len(free)), degrees)

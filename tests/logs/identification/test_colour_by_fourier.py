@@ -24,3 +24,22 @@ def test_they_are_the_sums_over_lags() -> None:
             term = np.einsum("nip,ij,njq->pq", s[: len(s) - lag], colour.covariances[lag], s[lag:])
             information += term if lag == 0 else term + term.T
     np.testing.assert_allclose(coloured_information(slopes, colour), information, rtol=1e-9)
+
+
+def test_a_definite_colour_has_no_spectrum_below_zero() -> None:
+    """GIVEN differenced noise with gaps, which holds nothing slow THEN only the mean over pairs is negative.
+
+    Sensitivities that are slow would have had a negative variance.
+    """
+    rng = np.random.default_rng(3)
+    lowest = {True: [], False: []}
+    for _ in range(20):
+        residuals = np.diff(rng.normal(size=(201, 2)), axis=0)
+        used = (rng.uniform(size=(200, 2)) < 0.9).astype(np.float64)
+        for definite, found in lowest.items():
+            colour = colour_of([residuals * used], [used], 60, definite=definite)
+            spectra = np.fft.fft(colour.covariances, 512, axis=0)
+            spectra = spectra + np.conj(spectra.transpose(0, 2, 1)) - colour.covariances[0]
+            found.append(float(np.min(np.linalg.eigvalsh(spectra))))
+    assert min(lowest[True]) > -1e-12
+    assert min(lowest[False]) < -1e-3
