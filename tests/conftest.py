@@ -9,7 +9,8 @@ import pytest
 from hypothesis import settings
 
 # No test reads or writes the parameters that a user keeps.
-os.environ["WINGBEAT_STATE"] = tempfile.mkdtemp(prefix="wingbeat-state-")
+STATE = tempfile.TemporaryDirectory(prefix="wingbeat-state-", ignore_cleanup_errors=True)
+os.environ["WINGBEAT_STATE"] = STATE.name
 
 # The clients that tests build from pymavlink speak MAVLink 2, whichever file imports it first.
 os.environ["MAVLINK20"] = "1"
@@ -42,6 +43,11 @@ LONG = (
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bench-table", metavar="FILE", help="replace the table of benchmarks in this file")
+
+
+def pytest_unconfigure() -> None:
+    """A worker ends without Python's own tidying."""
+    STATE.cleanup()
 
 
 @pytest.hookimpl(wrapper=True)
