@@ -35,7 +35,10 @@ class JoinedFlight(NamedTuple):
 
 
 class FlightData(NamedTuple):
-    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""
+    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU.
+
+    What it does to the sides is here as far as it moves the longitudinal motion.
+    """
 
     time: Array
     """s"""
@@ -65,6 +68,14 @@ class FlightData(NamedTuple):
     """-; 1 where an envelope limit ended the manoeuvre"""
     wing_rate_squared: Array
     """rad^2/s^2; mean of both wings; NaN where their motion was not measured"""
+    roll: Array
+    """rad; right wing down is positive; NaN of a flight in which it was not measured, as the three that follow"""
+    roll_rate: Array
+    """rad/s; about FRD x"""
+    yaw_rate: Array
+    """rad/s; about FRD z"""
+    accel_y: Array
+    """m/s^2; specific force at the IMU along FRD y"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()

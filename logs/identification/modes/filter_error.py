@@ -64,7 +64,7 @@ class InAir(NamedTuple):
 
     air: Air
     values: Array
-    """(p + 18,)"""
+    """(p + 19,)"""
     fit: DerivativeFit
     evidence: float
     """-; logarithm of how likely the flight is of this air, up to a constant; minus infinity where ``fit`` failed"""

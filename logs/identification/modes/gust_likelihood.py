@@ -33,13 +33,13 @@ class Likelihood(NamedTuple):
 
 
 Likelihoods = Callable[[Array], list[Likelihood]]
-"""at each of several sets of parameters (s, p + 18)"""
+"""at each of several sets of parameters (s, p + 19)"""
 
 
 def likelihoods_of(task: Task, centre: Array, air: Air) -> Likelihoods:
-    """The likelihood in ``air`` of sets of parameters (s, p + 18): derivatives and `gusts.NUISANCES`.
+    """The likelihood in ``air`` of sets of parameters (s, p + 19): derivatives and `gusts.NUISANCES`.
 
-    The prior of these is about ``centre`` (18,).
+    The prior of these is about ``centre`` (19,).
     """
     count, names = len(task.names), tuple(name for name in task.names if name != TAIL_LAG)
     model = flown(names, task.reference, task.aircraft, air)

@@ -36,13 +36,13 @@ class End(NamedTuple):
     """Where a search ended."""
 
     values: Array
-    """(p + 18,)"""
+    """(p + 19,)"""
     cost: float
     """-; infinite where it did not converge"""
 
 
 def likelihood_at(likelihoods: Likelihoods, values: Array) -> Likelihood:
-    """At one set of parameters (p + 18,)."""
+    """At one set of parameters (p + 19,)."""
     return likelihoods(values[None])[0]
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.gust_filter import Averaged, Kinds
 from logs.identification.modes.gusts import OUTPUTS, kinematics
@@ -54,20 +55,31 @@ class Task(NamedTuple):
 
 
 def averaged_strokes(task: Task, lag: float | None) -> Averaged:
-    """Every stroke of all stretches: its airspeed, the tail's angle through it and how hard the wings flap in it."""
+    """Every stroke of all stretches: airspeed, the tail's angle through it, and what else moves the aircraft."""
     aircraft = task.aircraft if lag is None else task.aircraft._replace(tail_time_constant=max(lag, 0.0))
-    tails, first = [], []
+    tails, aside, first = [], [], []
     share = np.arange(STEPS + 1) / STEPS
     for stretch in task.stretches:
         angle = tail_angle(stretch.time, stretch.command, aircraft)
         at = stretch.edges[:-1, None] + np.diff(stretch.edges)[:, None] * share
         tails.append(np.interp(at, stretch.time, angle))
+        aside.append(_aside(stretch, at, task.reference))
         first.append(np.arange(len(stretch.edges) - 1) == 0)
     outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
     harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
     tail = np.vstack(tails)
-    inputs = np.dstack((tail, harder, tail * _pressure_above(task)[:, None]))
+    inputs = np.dstack((tail, tail * _pressure_above(task)[:, None], harder, np.concatenate(aside)))
     return Averaged(kinds_of(task), np.concatenate(first), inputs, outputs)
+
+
+def _aside(stretch: Stretch, at: Array, reference: Reference) -> Array:
+    """What bank and slip do at the times ``at`` (K, s) in s: (K, s, 4).
+
+    To theta'; to w' by gravity; to u' and w' of a slip of 1 s times the side force, the other way.
+    """
+    roll, p, q, r, a_y = (np.interp(at, stretch.time, told) for told in stretch.sideways.T)
+    lifted = STANDARD_GRAVITY * np.cos(reference.pitch) * (np.cos(roll) - 1.0)
+    return np.stack((q * (np.cos(roll) - 1.0) - r * np.sin(roll), lifted, -r * a_y, p * a_y), axis=-1)
 
 
 def kinds_of(task: Task) -> Kinds:

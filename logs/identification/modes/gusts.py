@@ -26,6 +26,14 @@ aircraft has M_q of -4.6 and -7.5, M_w of -10 and -15, Z_q of -1.9 and -3.9, but
 -0.5: wings owe much of their speed to flapping. Where `Air.growing`, the former are proportional to the measured
 airspeed, stroke by stroke. In any air a gust passes as soon as the airspeed has it, and pitching turns the speed
 that the stroke has.
+
+Gusts come from the sides as well. Who rolls while he slips has his slip before him and below him:
+
+    u' = ... + r v,    w' = ... - p v + g cos theta (cos phi - 1),    theta' = q cos phi - r sin phi
+
+(Etkin ch. 5), as fast as a short period. Rates and bank are measured; the slip is known by the side force that it
+makes, v = -a_y T, T being the time in which that force would stop it. On Robo Raven in 2 m/s v and -0.8 s a_y had a
+correlation of 0.95. Left out, all this was taken for gusts and damping.
 """
 
 from __future__ import annotations
@@ -50,16 +58,17 @@ LIFT_SLOPE = 4.5
 """1/rad; of lift over weight: that of a wing of aspect ratio 5 at a lift coefficient of 1"""
 NUISANCES = (
     "gust along", "gust across", "duration along", "duration across", "smoothing",
-    "push along", "push across", "turn", "error of q", "error of a_x", "error of a_z",
+    "push along", "push across", "turn", "error of q", "error of a_x", "error of a_z", "slip",
     "change along", "change across", "change's turn", "flapping along", "flapping across", "flapping's turn",
     "pressure at the tail",
 )  # fmt: skip
 """strengths (m/s) and durations (s) of the gusts; for how long (s) the span smooths how the one across turns the air;
 what else moves the aircraft, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes that
-differ, say; standard deviations of the averages: all these as logarithms. What the change of the gust across does: to
+differ, say; standard deviations of the averages; the time (s) in which
+the side force stops a slip: all these as logarithms. What the change of the gust across does: to
 u' and w' (-) and, in `heave` over the airspeed, to q'. What harder flapping does to all three, in `FLAPPING`.
 By what share of the dynamic pressure's change (-) the tail's effect changes with it"""
-LOGARITHMS = 11
+LOGARITHMS = 12
 GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
 FLAPPING = (5.0, 5.0, 10.0)
@@ -67,6 +76,8 @@ FLAPPING = (5.0, 5.0, 10.0)
 of gravity along and across, and a moment that turns the aircraft by a radian in half a second"""
 SCALES = (60.0, 15.0)
 """m; of gusts along and across (MIL-F-8785C 15 m high has 94 and 15 m, a field low over the ground less along it)"""
+SIDE = 0.25
+"""-; of what a wing feels when it heaves, what fuselage, wing and tail feel of a slip"""
 SPAN = 1.0
 """m; of an aircraft whose span is not known"""
 LAG = 0.33
@@ -74,7 +85,7 @@ LAG = 0.33
 which is this; from 0.2 to 0.6 its flights in light turbulence gave much the same"""
 STATES = 8
 """-; u, w through the air, q, theta, gust along, gust across, the latter smoothed by the span, and lagged"""
-DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
+DOUBT = np.array((1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 0.3, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
 """-; standard deviations under the priors"""
 
 
@@ -138,13 +149,15 @@ def heave(reference: Reference) -> float:
 
 
 def prior(reference: Reference, aircraft: Aircraft, air: Air) -> Array:
-    """What the priors of `NUISANCES` (18,) are centred on in ``air``.
+    """What the priors of `NUISANCES` (19,) are centred on in ``air``.
 
     The span b smooths over 4 b / pi (MIL-F-8785C 3.7.5). The tail feels all of the dynamic pressure, or none of it.
     """
     smoothed = 4.0 * (aircraft.span or SPAN) / np.pi
     durations = (scale / reference.airspeed for scale in (*SCALES, smoothed))
-    return np.concatenate((np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES]), np.zeros(6), [float(air.growing)]))
+    slip = 1.0 / (SIDE * heave(reference))
+    known = np.log([GUST, GUST, *durations, *PUSHES, *AVERAGES, slip])
+    return np.concatenate((known, np.zeros(6), [float(air.growing)]))
 
 
 def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
@@ -152,10 +165,10 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
 
     Where gusts are ``turning`` the air, ``q_g = -dw_g/dx`` as far as the span does not smooth it (MIL-F-8785C
     3.7.5), that moves the aircraft as its own pitch rate does, less it. Of ``derivatives`` (p, s) and ``nuisances``
-    (18, s) there may be several sets.
+    (19, s) there may be several sets.
     """
     logarithms, change, flapping, (pressed,) = np.split(nuisances, (LOGARITHMS, LOGARITHMS + 3, LOGARITHMS + 6))
-    strengths, durations, (smoothing,), pushes, noise = np.split(np.exp(logarithms), (2, 4, 5, 8))
+    strengths, durations, (smoothing,), pushes, noise, (slip,) = np.split(np.exp(logarithms), (2, 4, 5, 8, 11))
     airspeed, sets = flown.reference.airspeed, nuisances.shape[1]
     model, grown = (np.einsum("pij,ps->ijs", slopes, derivatives) for slopes in (flown.slopes, flown.growing))
     model += flown.still[:, :, None]
@@ -166,7 +179,8 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
     turned[:, 5:7] += np.einsum("ij,js->is", felt, _by_pitch_rate(flown.names, derivatives))[:, None] * by_turning
     rates, faster = _beside(model, blown + turned), _beside(grown, blown + turned * flown.air.growing)
     flapped, tail = np.einsum("ij,js->is", felt * FLAPPING, flapping), model[:, 4]
-    effects = np.stack((tail, np.concatenate((flapped[:4], flapped[STATES:])), pressed * tail), axis=1)
+    pushed = np.stack((tail, pressed * tail, np.concatenate((flapped[:4], flapped[STATES:]))), axis=1)
+    effects = np.concatenate((pushed, _turned_aside(slip)), axis=1)
     b, d = effects[:4], effects[4:]
     density, gusts = _densities(felt, pushes, strengths, durations)
     biases = np.broadcast_to(np.array(BIASES)[:, None], (len(BIASES), sets))
@@ -174,6 +188,14 @@ def system(flown: Flown, derivatives: Array, nuisances: Array) -> Driven:
         rates[:STATES], b, rates[STATES:], d, density + gusts,
         _begin(strengths, durations[1], lags), biases, noise, faster, gusts,
     )  # fmt: skip
+
+
+def _turned_aside(slip: Array) -> Array:
+    """What bank and slip do (4 + 3, 4, s), by the kinematics alone: no specific force comes of it."""
+    aside = np.zeros((4 + len(OUTPUTS), 4, len(slip)))
+    aside[3, 0] = aside[1, 1] = 1.0
+    aside[0, 2] = aside[1, 3] = slip
+    return aside
 
 
 def _blown(felt: Array, durations: Array, lags: tuple[Array, Array], change: Array) -> Array:

@@ -37,6 +37,9 @@ class Stretch(NamedTuple):
     """rad^2/s^2; (K,), mean of both wings; zeros of a flight in which it was not measured"""
     airspeed: Array
     """m/s; (K,)"""
+    sideways: Array
+    """(N, 5); roll rad, roll, pitch and yaw rate rad/s, specific force y at the IMU m/s^2, each averaged over the
+    stroke about its sample; zeros of what was not measured"""
     manoeuvre: NDArray[np.int64]
     """-; (K,), place of the manoeuvre that each stroke is in or behind, of all that are usable"""
     phase: float = 0.0
@@ -73,12 +76,12 @@ def _cut(data: FlightData, span: tuple[float, float], phase: float, starts: Arra
     edges = edges[np.isfinite(edges)]
     if len(edges) <= LEAST_STROKES:
         return []
-    raw = np.column_stack([c[reach] for c in _averaged(data)])
+    raw, sideways = (np.column_stack([c[reach] for c in told]) for told in (_averaged(data), _sideways(data)))
     # Where a flight tells how hard the wings flap, a stroke of which it does not would be taken for the mean one.
     measured = np.isfinite(data.wing_rate_squared)
     untold = interval_mean(time, 1.0 - measured[reach], edges[:-1], edges[1:]) > UNTOLD
     return [
-        _stretch(time, data.elevator[reach], raw, edges[run], starts)
+        _stretch(time, data.elevator[reach], (raw, sideways), edges[run], starts)
         for run in _even_runs(np.diff(edges), untold & np.any(measured))
         if run.stop - run.start > LEAST_STROKES
     ]
@@ -90,6 +93,12 @@ def _averaged(data: FlightData) -> tuple[Array, ...]:
     return data.pitch_rate, data.accel_x, data.accel_z, data.pitch, wing, data.airspeed
 
 
+def _sideways(data: FlightData) -> tuple[Array, ...]:
+    """What becomes `Stretch.sideways`."""
+    roll, p, r, a_y = map(np.nan_to_num, (data.roll, data.roll_rate, data.yaw_rate, data.accel_y))
+    return roll, p, data.pitch_rate, r, a_y
+
+
 def _even_runs(durations: Array, untold: NDArray[np.bool_]) -> list[slice]:
     """Runs of edges between which every stroke is about as long as the median one and none is ``untold``."""
     ratio = durations / np.median(durations)
@@ -98,9 +107,12 @@ def _even_runs(durations: Array, untold: NDArray[np.bool_]) -> list[slice]:
     return [slice(int(a) + 1, int(b) + 1) for a, b in pairwise(bounds)]
 
 
-def _stretch(time: Array, command: Array, raw: Array, edges: Array, starts: Array) -> Stretch:
+def _stretch(time: Array, command: Array, raw: tuple[Array, Array], edges: Array, starts: Array) -> Stretch:
     """``starts`` (s) are those of all manoeuvres."""
-    *averages, wing, airspeed = interval_mean(time, raw, edges[:-1], edges[1:]).T
+    *averages, wing, airspeed = interval_mean(time, raw[0], edges[:-1], edges[1:]).T
+    period = np.interp(time, (edges[1:] + edges[:-1]) / 2.0, np.diff(edges))
+    about = (np.clip(time + side * period / 2.0, time[0], time[-1]) for side in (-1.0, 1.0))
     within = np.maximum(np.searchsorted(starts, edges[:-1], side="right") - 1, 0)
     zero = float(np.interp(edges[0], time, command))
-    return Stretch(time, command - zero, edges, np.column_stack(averages), wing, airspeed, within)
+    sideways = interval_mean(time, raw[1], *about)
+    return Stretch(time, command - zero, edges, np.column_stack(averages), wing, airspeed, sideways, within)

@@ -29,6 +29,7 @@ GAP, LEAST_SAMPLES = 1.5, 10.0
 RATE_UNKNOWN = (
     "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
 )
+SIDEWAYS_UNKNOWN = "bank and slip: not measured; what they do counts as gusts"
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
@@ -83,6 +84,8 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     wing = _wing_rate_squared(source, time)
     # Whose strokes were guessed has no filter error, which alone asks for the rate.
     untold = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
+    roll, roll_rate, yaw_rate, accel_y = _sideways(source, time, calibration)
+    level = SIDEWAYS_UNKNOWN if not (np.isfinite(roll).all() or strokes.note) else ""
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -98,8 +101,27 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.excitation,
         excited.aborted,
         wing,
-        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold) if note),
+        roll,
+        roll_rate,
+        yaw_rate,
+        accel_y,
+        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold, level) if note),
     )
+
+
+def _sideways(source: ColumnSource, time: Array, calibration: inertial.Gains) -> Array:
+    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN where the log has not all of them."""
+    try:
+        imu = TopicTable(source, topics.IMU, "gyro_x", "gyro_z", "accel_y")
+        attitude = TopicTable(source, topics.ATTITUDE, "roll", "bias_x", "bias_z")
+    except BadInput:
+        return np.full((4, len(time)), np.nan)
+    return np.array((
+        attitude.linear("roll", time),
+        imu.linear("gyro_x", time) - attitude.linear("bias_x", time),
+        imu.linear("gyro_z", time) - attitude.linear("bias_z", time),
+        (imu.linear("accel_y", time) - calibration.accel_offset[1]) * calibration.accel_scale[1],
+    ))  # fmt: skip
 
 
 def _told(source: ColumnSource) -> TopicTable | None:

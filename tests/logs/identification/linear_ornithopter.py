@@ -59,6 +59,8 @@ class Flight(NamedTuple):
     """-; whether moments and what a pitch rate does grow with the airspeed, what the tail does with its square"""
     flapping: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """m/s^2, m/s^2, rad/s^2; what flapping of twice the mean square of the wings' rate adds to u', w' and q'"""
+    slip: float = 0.0
+    """m/s; standard deviation of a slip that swings, and rolls and yaws the aircraft as it does"""
 
 
 def model_of(flight: Flight) -> Matrices:
@@ -130,7 +132,33 @@ def fly(flight: Flight) -> FlightData:
         excitation,
         np.zeros(count),
         SQUARED * (1.0 + harder),
+        *_sideways(flight, count),
     )  # fmt: skip
+
+
+SWING, SWUNG = (2.0 * np.pi * 1.2, 0.15), 1.5
+"""rad/s, -; frequency and damping of slip and roll; rad; how far it rolls for a slip as large as the airspeed"""
+STOPPED = 0.5
+"""s; in which the side force would stop a slip"""
+
+
+def _sideways(flight: Flight, count: int) -> Array:
+    """Roll, its rate, that of yaw and the specific force along y (4, N), of an aircraft that gusts swing sideways."""
+    frequency, damping = SWING
+    pole = np.exp(STEP * frequency * complex(-damping, np.sqrt(1.0 - damping**2)))
+    white = np.random.default_rng(flight.seed + 40_000).normal(size=count + 2000)
+    swing = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], white)[2000:]
+    v = flight.slip * swing / np.std(swing)
+    roll = 0.1 * np.sign(flight.slip) - SWUNG * v / REFERENCE.airspeed
+    yaw_rate = -np.gradient(v, STEP) / REFERENCE.airspeed
+    return np.array((roll, np.gradient(roll, STEP), yaw_rate, -v / STOPPED))
+
+
+def _turned_aside(flight: Flight, count: int) -> Array:
+    """What that adds to the rates (N, 4) of a small pitch rate (Etkin, Dynamics of Atmospheric Flight, ch. 5)."""
+    roll, p, r, a_y = _sideways(flight, count)
+    v, lifted = -STOPPED * a_y, GRAVITY * np.cos(PITCH) * (np.cos(roll) - 1.0)
+    return np.column_stack((r * v, lifted - p * v, np.zeros(count), -r * np.sin(roll)))
 
 
 def _climb(states: Array) -> Array:
@@ -276,7 +304,7 @@ def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tu
     constant = flight.aircraft.tail_time_constant
     gust = gusts(flight, len(command))
     less = np.outer(_change(gust), (*flight.change, 0.0)) - np.outer(harder, (*flight.flapping, 0.0))
-    less += np.outer(_turning(flight, gust), (*_by_pitch_rate(flight), 0.0))
+    less += np.outer(_turning(flight, gust), (*_by_pitch_rate(flight), 0.0)) - _turned_aside(flight, len(command))
     rates, swings = (model.a, model.b, _grown(flight)), (strokes, flight.modulation)
     states, tails = _integrate(rates, constant, command, swings, start, (gust, less))
     return states, tails, gust

@@ -118,7 +118,10 @@ def moving(time: Array, trend: float = 0.0) -> tuple[FlightData, Array]:
     a_z = w_dot - u * q - STANDARD_GRAVITY * np.cos(pitch) - 0.05
     airspeed, still, on = np.hypot(u, w), np.zeros_like(time), np.ones_like(time)
     excited = np.where((time > 2.0) & (time < 2.2), 0.1, 0.0)
-    data = FlightData(time, q, a_x, a_z, pitch, airspeed, still, excited, 4.0 * time, on, on, excited, still, still)
+    strokes, sideways = 4.0 * time, [still] * 4
+    data = FlightData(
+        time, q, a_x, a_z, pitch, airspeed, still, excited, strokes, on, on, excited, still, still, *sideways
+    )
     return data, np.column_stack((u, w))
 
 

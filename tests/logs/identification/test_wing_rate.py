@@ -33,8 +33,13 @@ class Flapped:
         active = np.where((steady > 2.0) & (steady < 4.0), 1.0, 0.0)
         self._tables: dict[str, dict[str, Array]] = {
             topics.WING.name: {"time": wing, "phase": phase % (2 * np.pi), "angle_left": angle, "angle_right": angle},
-            topics.IMU.name: {"time": steady, "gyro_y": ones, "accel_x": ones, "accel_z": ones - 9.8},
-            topics.ATTITUDE.name: {"time": steady, "pitch": ones, "bias_y": ones},
+            topics.IMU.name: {
+                "time": steady, **dict.fromkeys(("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y"), ones),
+                "accel_z": ones - 9.8,
+            },
+            topics.ATTITUDE.name: {
+                "time": steady, **dict.fromkeys(("roll", "pitch", "bias_x", "bias_y", "bias_z"), ones)
+            },
             topics.ALTITUDE.name: {"time": steady, "climb_rate": ones},
             topics.AIR_DATA.name: {"time": steady, "airspeed": ones + 7.0},
             topics.ACTUATORS.name: {"time": steady, "elevator": ones},
