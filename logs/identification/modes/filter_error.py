@@ -42,7 +42,7 @@ BEFORE = {
     for turning in (True, False)
 }
 HOPELESS = 1e-2
-"""-; probability after the flight of growth or of none, in air that gusts turn, below which it is left out"""
+"""-; probability after the flight below which a kind of air is left out"""
 LEAST_DEGREES = 10.0
 """-; of freedom, for errors that mean something"""
 
@@ -108,8 +108,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
 
     Gusts hide in the speeds that equation error integrates: what it finds is a ``start`` that may lead to another
     optimum than the likeliest. So a start that no gust has spoilt is tried too, and where searches in other air
-    ended. The long way from a start is searched with the strokes of one phase, and all of it at one angle of attack;
-    what is hopeless then is left out.
+    ended. The long way from each start is searched with the strokes of one phase, the rest from where it is likeliest
+    then; all of it at one angle of attack. What is hopeless then is left out.
     """
     phase = task.stretches[0].phase
     half = task._replace(stretches=tuple(stretch for stretch in task.stretches if stretch.phase == phase))
@@ -121,8 +121,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
         return scoring(half, np.concatenate((derivatives, centre)), likelihoods_of(half, centre, air), centre)[1]
 
     def best(air: Air, *starts: Array) -> InAir:
-        ends = [climb(task, values, likelihoods[air], centres[air]) for values in starts]
-        return _in_air(task, air, min(ends, key=lambda end: end.cost), likelihoods[air])
+        likeliest = min(starts, key=lambda at: likelihood_at(likelihoods[air], at).cost)
+        return _in_air(task, air, climb(task, likeliest, likelihoods[air], centres[air]), likelihoods[air])
 
     def likelier(found: InAir, other: InAir) -> InAir:
         """What was ``found``, or what comes in the same air from the ``other`` where that is likelier."""
@@ -132,8 +132,7 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
 
     stable, with_growth, without = _stable(task, start), Air(True, True), Air(True, False)
     growing = best(with_growth, nearer(with_growth, start), nearer(with_growth, stable))
-    near = min(growing.values, nearer(without, stable), key=lambda at: likelihood_at(likelihoods[without], at).cost)
-    steady = best(without, near)
+    steady = best(without, growing.values)
     pair = [likelier(growing, steady) if growing.fit.failure else growing, steady]
     if all(each.fit.failure for each in pair):
         return pair
@@ -142,7 +141,15 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
         if share >= HOPELESS or turned.fit.failure:
             still = best(Air(False, turned.air.growing), turned.values)
             found += [likelier(turned, still), still]
-    return _by_the_motion(task, found, centres)
+    return _by_the_motion(task, _hopeful(found), centres)
+
+
+def _hopeful(airs: list[InAir]) -> list[InAir]:
+    """Those of `HOPELESS` and more; all where no fit succeeded."""
+    fitting = [each for each in airs if not each.fit.failure]
+    if not fitting:
+        return airs
+    return [each for each, share in zip(fitting, _shares(fitting), strict=True) if share >= HOPELESS]
 
 
 def _by_the_motion(task: Task, found: list[InAir], centres: dict[Air, Array]) -> list[InAir]:
@@ -152,12 +159,11 @@ def _by_the_motion(task: Task, found: list[InAir], centres: dict[Air, Array]) ->
     strokes the products of the pitch rate with what gusts do to it are left to Z_w and M_w. Where a search fails all
     stays as it was: how likely kinds of air are is told by one model of the kinematics.
     """
-    fitting = [each for each in found if not each.fit.failure]
-    if not fitting:
+    if any(each.fit.failure for each in found):
         return found
-    moving = task._replace(across=task.reference.w + _shares(fitting) @ [each.followed[:, 1] for each in fitting])
+    moving = task._replace(across=task.reference.w + _shares(found) @ [each.followed[:, 1] for each in found])
     again = []
-    for each in fitting:
+    for each in found:
         centre = centres[each.air]
         likelihoods = likelihoods_of(moving, centre, each.air)
         again.append(_in_air(moving, each.air, climb(moving, each.values, likelihoods, centre), likelihoods))

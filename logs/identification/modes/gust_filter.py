@@ -68,7 +68,7 @@ class Averaged(NamedTuple):
     first: NDArray[np.bool_]
     """-; (K,), whether a stretch begins with it"""
     inputs: Array
-    """(K, s + 1, p), at equal steps through each stroke, both ends included; linear within a step"""
+    """(K, p, s + 1), at equal steps through each stroke, both ends included; linear within a step"""
     outputs: Array
     """(K, m); averages"""
 
@@ -102,15 +102,16 @@ def innovations(system: Driven, averaged: Averaged) -> Innovations:
     kinds, reach = len(averaged.kinds.lengths), (2, strokes, moving)
     kept = (2, kinds, *transition), (2, kinds, *square), (2, kinds, *transition), (kinds, *step), reach, reach
     spare = *[transition] * 3, *[square] * 2, *[step] * 2, square, tall[::-1], tall, *[(n + m,)] * 2, (moving,)
+    forced = moving, averaged.inputs.shape[2] - 1
     stroke = transition, square, (m, moving)
     found = tuple(np.zeros((count, strokes, *shape)) for shape in ((m,), (m, m), (m,), (moving,)))
-    through = (averaged.inputs[:, 1:] + averaged.inputs[:, :-1]).mean(axis=1) / 2.0
+    through = (averaged.inputs[:, :, 1:] + averaged.inputs[:, :, :-1]).mean(axis=2) / 2.0
     filter_strokes(
         (*systems, *(np.asarray(other, dtype=np.int64) for other in others)),
         (*averaged.kinds, averaged.first, averaged.inputs, through, averaged.outputs),
         (rows, passing),
         tuple(map(np.zeros, kept)),
-        (tuple(map(np.zeros, (*spare, square))), tuple(map(np.zeros, stroke))),
+        (tuple(map(np.zeros, (*spare, forced, square))), tuple(map(np.zeros, stroke))),
         found,
     )
     return Innovations(*found)

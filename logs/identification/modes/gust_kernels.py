@@ -14,7 +14,7 @@ import numpy as np
 from sim_bridge.vectors import inner, kernel
 
 DOUBLINGS = 7
-TERMS, STEP_TERMS = 5, 8
+TERMS, STEP_TERMS = 5, 5
 """-; of Taylor's series over a stroke's 128th part, and over a step of the inputs"""
 
 
@@ -87,10 +87,12 @@ def _between(ends: Any, which: Any, shares: Any, out: Any) -> None:
     """The mean of those of the ``ends`` (l, ...) that are at the places ``which``, each by its share."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            total = 0.0
-            for corner in range(which.shape[0]):
-                total += shares[corner] * ends[which[corner], i, j]
-            out[i, j] = total
+            out[i, j] = 0.0
+    for corner in range(which.shape[0]):
+        kind, share = which[corner], shares[corner]
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                out[i, j] += share * ends[kind, i, j]
 
 
 @inner
@@ -146,16 +148,23 @@ def _input_step(rates: Any, b: Any, step: float, term: Any, spare: Any, out: Any
 
 
 @inner
-def _driven(over: Any, inputs: Any, state: Any, ahead: Any, mean: Any) -> None:
-    """``state`` after a stroke that begins at rest, driven by ``inputs`` (steps + 1, p), and its ``mean`` in it."""
-    r, steps, p = over.shape[0], inputs.shape[0] - 1, inputs.shape[1]
+def _driven(over: Any, inputs: Any, forced: Any, state: Any, ahead: Any, mean: Any) -> None:
+    """``state`` after a stroke that begins at rest, driven by ``inputs`` (p, steps + 1), and its ``mean`` in it.
+
+    What inputs do in each step comes first, ``forced`` (r, steps): many steps at a time, which the motion is not.
+    """
+    r, p, steps = over.shape[0], inputs.shape[0], forced.shape[1]
     for i in range(r):
         state[i] = mean[i] = 0.0
+        for k in range(steps):
+            forced[i, k] = 0.0
+        for j in range(p):
+            begin, end = over[i, r + j], over[i, r + p + j]
+            for k in range(steps):
+                forced[i, k] += begin * inputs[j, k] + end * inputs[j, k + 1]
     for k in range(steps):
         for i in range(r):
-            total = 0.0
-            for j in range(p):
-                total += over[i, r + j] * inputs[k, j] + over[i, r + p + j] * inputs[k + 1, j]
+            total = forced[i, k]
             for j in range(r):
                 total += over[i, j] * state[j]
             ahead[i] = total
@@ -296,7 +305,7 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
     lengths, airspeeds, kinematics, which, shares, first, inputs, through, outputs = averaged
     rows, passing = columns
     over, spread, there, steps, reached, means = kept
-    (one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after, dense), stroke = spare
+    (one, two, three, half, more, term, turn, known, sight, cross, state, ahead, after, forced, dense), stroke = spare
     does, noise, here = stroke
     surprises, roots, whites, followed = found
     n, moving = rates.shape[2], bs.shape[1]
@@ -314,11 +323,11 @@ def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: 
         if system == 0 or motion > 0:
             for kind in range(lengths.shape[0]):
                 _input_step(
-                    there[strokes, kind], bs[system], lengths[kind] / (inputs.shape[1] - 1), term, turn, steps[kind]
+                    there[strokes, kind], bs[system], lengths[kind] / (inputs.shape[2] - 1), term, turn, steps[kind]
                 )
             for k in range(which.shape[0]):
                 _between(steps, which[k], shares[k], turn)
-                _driven(turn, inputs[k], reached[motion, k], after, means[motion, k])
+                _driven(turn, inputs[k], forced, reached[motion, k], after, means[motion, k])
         for k in range(which.shape[0]):
             surprise, root, white = surprises[system, k], roots[system, k], whites[system, k]
             length = lengths[which[k, 0]]

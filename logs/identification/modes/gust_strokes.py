@@ -68,18 +68,19 @@ def averaged_strokes(task: Task, lag: float | None) -> Averaged:
     outputs = np.vstack([stretch.averages[:, : len(OUTPUTS)] for stretch in task.stretches])
     harder = np.broadcast_to(_harder(task)[:, None], (len(outputs), STEPS + 1))
     tail = np.vstack(tails)
-    inputs = np.dstack((tail, tail * _pressure_above(task)[:, None], harder, np.concatenate(aside)))
+    pushing = np.stack((tail, tail * _pressure_above(task)[:, None], harder), axis=1)
+    inputs = np.concatenate((pushing, np.concatenate(aside)), axis=1)
     return Averaged(kinds_of(task), np.concatenate(first), inputs, outputs)
 
 
 def _aside(stretch: Stretch, at: Array, reference: Reference) -> Array:
-    """What bank and slip do at the times ``at`` (K, s) in s: (K, s, 4).
+    """What bank and slip do at the times ``at`` (K, s) in s: (K, 4, s).
 
     To theta'; to w' by gravity; to u' and w' of a slip of 1 s times the side force, the other way.
     """
     roll, p, q, r, a_y = (np.interp(at, stretch.time, told) for told in stretch.sideways.T)
     lifted = STANDARD_GRAVITY * np.cos(reference.pitch) * (np.cos(roll) - 1.0)
-    return np.stack((q * (np.cos(roll) - 1.0) - r * np.sin(roll), lifted, -r * a_y, p * a_y), axis=-1)
+    return np.stack((q * (np.cos(roll) - 1.0) - r * np.sin(roll), lifted, -r * a_y, p * a_y), axis=1)
 
 
 def kinds_of(task: Task) -> Kinds:

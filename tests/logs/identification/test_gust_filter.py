@@ -58,7 +58,7 @@ def flown(seed: int, strokes: int, intensity: float, noise: float, start: float)
         tails.append(part)
     first = np.arange(strokes) == 0
     kinds = Kinds(LENGTHS, np.ones(2), np.zeros((2, 2, 2)), which[:, None], np.ones((strokes, 1)))
-    return Averaged(kinds, first, np.array(tails)[:, :, None], np.array(averages))
+    return Averaged(kinds, first, np.array(tails)[:, None], np.array(averages))
 
 
 def whitened(seed: int) -> Array:
