@@ -90,6 +90,11 @@ def kernel(function: Compiled) -> Compiled:
     return _compile(function, no_cfunc_wrapper=True)
 
 
+def unlocked(function: Compiled) -> Compiled:
+    """A `kernel` beside which other threads of Python go on: for long ones."""
+    return _compile(function, no_cfunc_wrapper=True, nogil=True)
+
+
 def inlined(function: Compiled) -> Compiled:
     """A `kernel` that is laid into its compiled callers: what passes many arrays copies none.
 

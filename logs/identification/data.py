@@ -69,7 +69,7 @@ class FlightData(NamedTuple):
     wing_rate_squared: Array
     """rad^2/s^2; mean of both wings; NaN where their motion was not measured"""
     roll: Array
-    """rad; right wing down is positive; NaN of a flight in which it was not measured, as the three that follow"""
+    """rad; right wing down is positive; NaN where it was not measured, as the three that follow"""
     roll_rate: Array
     """rad/s; about FRD x"""
     yaw_rate: Array

@@ -17,8 +17,8 @@ from logs.recorder import McapRecorder
 RATE = 200.0
 """Hz; of the table"""
 MEASURED: dict[Topic, tuple[str, ...]] = {
-    topics.IMU: ("gyro_y", "accel_x", "accel_z"),
-    topics.ATTITUDE: ("pitch", "bias_y"),
+    topics.IMU: ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"),
+    topics.ATTITUDE: ("roll", "pitch", "bias_x", "bias_y", "bias_z"),
     topics.AIR_DATA: ("airspeed",),
     topics.ALTITUDE: ("climb_rate",),
     topics.ACTUATORS: ("elevator",),

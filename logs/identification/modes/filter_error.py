@@ -4,7 +4,8 @@ Output error takes every motion for the answer to the input. In turbulence the a
 Kalman filter that knows of gusts foretells each stroke from those before, and the derivatives are those whose
 forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, Aircraft System
 Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
-their change does, what harder flapping does and the errors of the averages are found with the derivatives; what is
+their change does, what harder flapping does, how fast a slip stops and the errors of the averages are found with the
+derivatives; what is
 known of those before is a wide prior (`gust_likelihood.py`, `gust_search.py`). What pitching turns is the speed along
 and across: a first search takes one angle of attack for all strokes, a second the motion that the first one follows.
 
@@ -108,8 +109,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
 
     Gusts hide in the speeds that equation error integrates: what it finds is a ``start`` that may lead to another
     optimum than the likeliest. So a start that no gust has spoilt is tried too, and where searches in other air
-    ended. The long way from each start is searched with the strokes of one phase, the rest from where it is likeliest
-    then; all of it at one angle of attack. What is hopeless then is left out.
+    ended. The long way from a start is searched with the strokes of one phase, and all of it at one angle of attack;
+    what is hopeless then is left out.
     """
     phase = task.stretches[0].phase
     half = task._replace(stretches=tuple(stretch for stretch in task.stretches if stretch.phase == phase))
@@ -121,8 +122,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
         return scoring(half, np.concatenate((derivatives, centre)), likelihoods_of(half, centre, air), centre)[1]
 
     def best(air: Air, *starts: Array) -> InAir:
-        likeliest = min(starts, key=lambda at: likelihood_at(likelihoods[air], at).cost)
-        return _in_air(task, air, climb(task, likeliest, likelihoods[air], centres[air]), likelihoods[air])
+        ends = [climb(task, values, likelihoods[air], centres[air]) for values in starts]
+        return _in_air(task, air, min(ends, key=lambda end: end.cost), likelihoods[air])
 
     def likelier(found: InAir, other: InAir) -> InAir:
         """What was ``found``, or what comes in the same air from the ``other`` where that is likelier."""
@@ -132,7 +133,8 @@ def _in_all(task: Task, start: Array) -> list[InAir]:
 
     stable, with_growth, without = _stable(task, start), Air(True, True), Air(True, False)
     growing = best(with_growth, nearer(with_growth, start), nearer(with_growth, stable))
-    steady = best(without, growing.values)
+    near = min(growing.values, nearer(without, stable), key=lambda at: likelihood_at(likelihoods[without], at).cost)
+    steady = best(without, near)
     pair = [likelier(growing, steady) if growing.fit.failure else growing, steady]
     if all(each.fit.failure for each in pair):
         return pair

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_bridge.vectors import inner, kernel
+from sim_bridge.vectors import inner, unlocked
 
 DOUBLINGS = 7
 TERMS, STEP_TERMS = 5, 5
@@ -292,7 +292,7 @@ def _begin(begin: Any, state: Any, known: Any) -> None:
             known[i, j] = begin[i, j]
 
 
-@kernel
+@unlocked
 def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: Any, found: Any) -> None:
     """Fill ``found``, what `gust_filter.Innovations` holds, for each of the ``systems`` (s, ...).
 

@@ -24,7 +24,7 @@ from logs.identification.results import Array
 PHASES = (0.0, 0.5)
 """-; of a stroke, at which the averages of the same flight begin"""
 STEPS = 32
-"""-; of the tail's angle through a stroke"""
+"""-; of the inputs through a stroke"""
 LENGTH_STEP = 1e-2
 """-; of a mean stroke: strokes that differ by less share a transition"""
 AIRSPEED_STEP, ANGLE_STEP = 1.0 / 8.0, 0.3

@@ -8,7 +8,7 @@ owe to the change of the flow is among the derivatives of its own motion, of whi
 change of the gust across has effects of its own (the derivatives with w', Etkin, Dynamics of Atmospheric Flight,
 1972, ch. 13):
 
-    x' = A x + B delta - gust' - G w_g' + F flapping + noise
+    x' = A x + B delta - gust' - G w_g' + F flapping + bank and slip + noise
 
 On the multibody Robo Raven G is (0.05, -0.35, 0.7): left out, M_q came out at more than twice the truth, for the air
 turning under the aircraft was the only other thing that a gust's change could do. Wings twist and wakes grow over a
@@ -19,7 +19,7 @@ then, and with the lag in 11.
 Who holds a height in gusts flaps harder and softer, and stops: between two manoeuvres of Robo Raven the amplitude
 went from 0.1 to 0.65 rad. How hard the wings flap is measured, and what it does is one more input with effects to be
 found, F: left out, it was taken for gusts and damping. A gust along changes what the tail does, too, as its dynamic
-pressure: the tail's angle times the change of that, which is measured, is a third input.
+pressure: the tail's angle times the change of that, which is measured, is an input too.
 
 The derivatives that are mostly the tail's change with the airspeed too. Linearised at 6 and at 9.2 m/s the same
 aircraft has M_q of -4.6 and -7.5, M_w of -10 and -15, Z_q of -1.9 and -3.9, but Z_w of -8.8 and -9.4, Z_u of -0.6 and
@@ -32,8 +32,10 @@ Gusts come from the sides as well. Who rolls while he slips has his slip before 
     u' = ... + r v,    w' = ... - p v + g cos theta (cos phi - 1),    theta' = q cos phi - r sin phi
 
 (Etkin ch. 5), as fast as a short period. Rates and bank are measured; the slip is known by the side force that it
-makes, v = -a_y T, T being the time in which that force would stop it. On Robo Raven in 2 m/s v and -0.8 s a_y had a
-correlation of 0.95. Left out, all this was taken for gusts and damping.
+makes at the IMU, v = -a_y T, T being the time in which that force would stop it: found with the rest, it takes up
+where the IMU is. On Robo Raven in 2 m/s v and -0.8 s a_y had a correlation of 0.95. Left out, all this was taken for
+gusts and damping. The moment (I_zz - I_xx) p r is left out: of an aircraft as flat as a bird that is p r at the most,
+0.07 rad/s^2 there beside 1.4 of all q'.
 """
 
 from __future__ import annotations
@@ -64,10 +66,10 @@ NUISANCES = (
 )  # fmt: skip
 """strengths (m/s) and durations (s) of the gusts; for how long (s) the span smooths how the one across turns the air;
 what else moves the aircraft, as white noise on the rates of u and w (m/s/s^0.5) and of q (rad/s/s^0.5): strokes that
-differ, say; standard deviations of the averages; the time (s) in which
-the side force stops a slip: all these as logarithms. What the change of the gust across does: to
-u' and w' (-) and, in `heave` over the airspeed, to q'. What harder flapping does to all three, in `FLAPPING`.
-By what share of the dynamic pressure's change (-) the tail's effect changes with it"""
+differ, say; standard deviations of the averages; the time (s) in which the side force stops a slip: all these as
+logarithms. What the change of the gust across does: to u' and w' (-) and, in `heave` over the airspeed, to q'. What
+harder flapping does to all three, in `FLAPPING`. By what share of the dynamic pressure's change (-) the tail's effect
+changes with it"""
 LOGARITHMS = 12
 GUST, PUSHES, AVERAGES = 0.5, (0.05, 0.05, 0.05), (2e-3, 0.05, 0.05)
 """where the priors of the strengths are centred"""
@@ -152,6 +154,7 @@ def prior(reference: Reference, aircraft: Aircraft, air: Air) -> Array:
     """What the priors of `NUISANCES` (19,) are centred on in ``air``.
 
     The span b smooths over 4 b / pi (MIL-F-8785C 3.7.5). The tail feels all of the dynamic pressure, or none of it.
+    A slip is damped as a heave is, `SIDE` times as fast.
     """
     smoothed = 4.0 * (aircraft.span or SPAN) / np.pi
     durations = (scale / reference.airspeed for scale in (*SCALES, smoothed))

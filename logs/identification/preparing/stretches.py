@@ -38,8 +38,8 @@ class Stretch(NamedTuple):
     airspeed: Array
     """m/s; (K,)"""
     sideways: Array
-    """(N, 5); roll rad, roll, pitch and yaw rate rad/s, specific force y at the IMU m/s^2, each averaged over the
-    stroke about its sample; zeros of what was not measured"""
+    """(N, 5); roll rad, roll, pitch and yaw rate rad/s, and specific force y at the IMU m/s^2, averaged over the
+    stroke about its sample; zeros where the flight does not tell all of them"""
     manoeuvre: NDArray[np.int64]
     """-; (K,), place of the manoeuvre that each stroke is in or behind, of all that are usable"""
     phase: float = 0.0
@@ -94,9 +94,9 @@ def _averaged(data: FlightData) -> tuple[Array, ...]:
 
 
 def _sideways(data: FlightData) -> tuple[Array, ...]:
-    """What becomes `Stretch.sideways`."""
-    roll, p, r, a_y = map(np.nan_to_num, (data.roll, data.roll_rate, data.yaw_rate, data.accel_y))
-    return roll, p, data.pitch_rate, r, a_y
+    """What becomes `Stretch.sideways`, where it is told."""
+    told = np.array((data.roll, data.roll_rate, data.pitch_rate, data.yaw_rate, data.accel_y))
+    return tuple(np.where(np.isfinite(told).all(axis=0), told, 0.0))
 
 
 def _even_runs(durations: Array, untold: NDArray[np.bool_]) -> list[slice]:
@@ -114,5 +114,5 @@ def _stretch(time: Array, command: Array, raw: tuple[Array, Array], edges: Array
     about = (np.clip(time + side * period / 2.0, time[0], time[-1]) for side in (-1.0, 1.0))
     within = np.maximum(np.searchsorted(starts, edges[:-1], side="right") - 1, 0)
     zero = float(np.interp(edges[0], time, command))
-    sideways = interval_mean(time, raw[1], *about)
+    sideways = np.column_stack((raw[1][:, :4], interval_mean(time, raw[1][:, 4], *about)))
     return Stretch(time, command - zero, edges, np.column_stack(averages), wing, airspeed, sideways, within)

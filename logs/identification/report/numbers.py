@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from avionics.quantities import BadInput
@@ -22,6 +22,7 @@ from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.modes.validation import Validation, validation
 from logs.identification.regression.stepwise import Step
+from logs.identification.report.beside import begun
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
@@ -109,7 +110,9 @@ def identify(
         raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     source = Remembered(source)
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
-    torque = power = load = frequency = modes = None
+    torque = power = load = frequency = None
+    unknown_modes = list[Unidentified]()
+    modes = _modes_begun(source, what, aircraft, unknown_modes)
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
@@ -118,14 +121,34 @@ def identify(
         known |= _power_truths(source, power)
     if load is not None:
         known |= _load_truths(source, load)
-    if what in ("modes", "all"):
-        modes = _attempt(lambda: identify_modes(flight_data(source, aircraft.imu), aircraft), "short period", missing)
     if what == "path":
         return Identification(truths=known, path=identify_path(source, aircraft))
-    aero = _wings(source, what, aircraft, bodies, missing)
-    if all(found is None for found in (torque, power, load, frequency, modes, aero)):
+    unknown_wings = list[Unidentified]()
+    aero, found = _wings(source, what, aircraft, bodies, unknown_wings), modes()
+    missing += [*unknown_modes, *unknown_wings]
+    if all(each is None for each in (torque, power, load, frequency, found, aero)):
         raise BadInput("; ".join(entry.reason for entry in missing))
-    return Identification(torque, power, load, frequency, modes, tuple(missing), known, aero)
+    return Identification(torque, power, load, frequency, found, tuple(missing), known, aero)
+
+
+def _modes_begun(
+    source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Unidentified]
+) -> Callable[[], ModesResult | None]:
+    """Begin with the modes; what is called for them waits.
+
+    Half their time is in one kernel, beside which a second core does the rest. The log is read here, where all is.
+    """
+    data = None
+    if what in ("modes", "all"):
+        data = _attempt(lambda: flight_data(source, aircraft.imu), "short period", missing)
+    if data is None:
+        return lambda: None
+
+    def work() -> ModesResult | None:
+        found: ModesResult | None = _attempt(lambda: identify_modes(data, aircraft), "short period", missing)
+        return found
+
+    return work if what == "modes" else begun(work)
 
 
 def _wings(

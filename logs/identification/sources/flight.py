@@ -11,6 +11,7 @@ from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.quantities import BadInput
 from avionics.sensing import inertial
+from avionics.topics import Topic
 from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
@@ -29,7 +30,9 @@ GAP, LEAST_SAMPLES = 1.5, 10.0
 RATE_UNKNOWN = (
     "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
 )
-SIDEWAYS_UNKNOWN = "bank and slip: not measured; what they do counts as gusts"
+SIDEWAYS_UNKNOWN = "bank and slip: not measured all the time; what they do then counts as gusts"
+MOSTLY = 0.99
+"""-; of the samples, that a signal without a note has"""
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
@@ -84,8 +87,8 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     wing = _wing_rate_squared(source, time)
     # Whose strokes were guessed has no filter error, which alone asks for the rate.
     untold = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
-    roll, roll_rate, yaw_rate, accel_y = _sideways(source, time, calibration)
-    level = SIDEWAYS_UNKNOWN if not (np.isfinite(roll).all() or strokes.note) else ""
+    aside = _bank_and_slip(source, time, calibration)
+    level = "" if np.isfinite(aside).all(axis=0).mean() >= MOSTLY or strokes.note else SIDEWAYS_UNKNOWN
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -101,27 +104,31 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.excitation,
         excited.aborted,
         wing,
-        roll,
-        roll_rate,
-        yaw_rate,
-        accel_y,
+        aside[0],
+        aside[1],
+        aside[2],
+        aside[3],
         tuple(note for note in (excited.note, strokes.note, airspeed.note, untold, level) if note),
     )
 
 
-def _sideways(source: ColumnSource, time: Array, calibration: inertial.Gains) -> Array:
-    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN where the log has not all of them."""
+def _bank_and_slip(source: ColumnSource, time: Array, calibration: inertial.Gains) -> Array:
+    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN where the log does not tell them."""
+    roll, bias_x, bias_z = (_where_told(source, topics.ATTITUDE, f, time) for f in ("roll", "bias_x", "bias_z"))
+    p, r, a_y = (_where_told(source, topics.IMU, field, time) for field in ("gyro_x", "gyro_z", "accel_y"))
+    return np.array((roll, p - bias_x, r - bias_z, (a_y - calibration.accel_offset[1]) * calibration.accel_scale[1]))
+
+
+def _where_told(source: ColumnSource, topic: Topic, field: str, time: Array) -> Array:
+    """The field at ``time`` (N,); NaN beyond its samples, in its gaps, and where the log has not the field."""
     try:
-        imu = TopicTable(source, topics.IMU, "gyro_x", "gyro_z", "accel_y")
-        attitude = TopicTable(source, topics.ATTITUDE, "roll", "bias_x", "bias_z")
+        table = TopicTable(source, topic, field)
     except BadInput:
-        return np.full((4, len(time)), np.nan)
-    return np.array((
-        attitude.linear("roll", time),
-        imu.linear("gyro_x", time) - attitude.linear("bias_x", time),
-        imu.linear("gyro_z", time) - attitude.linear("bias_z", time),
-        (imu.linear("accel_y", time) - calibration.accel_offset[1]) * calibration.accel_scale[1],
-    ))  # fmt: skip
+        return np.full(len(time), np.nan)
+    behind = np.searchsorted(table.time, time, side="left").clip(1, len(table.time) - 1)
+    apart = table.time[behind] - table.time[behind - 1]
+    told = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= GAP * float(np.median(np.diff(table.time))))
+    return np.where(told, table.linear(field, time), np.nan)
 
 
 def _told(source: ColumnSource) -> TopicTable | None:

@@ -138,6 +138,8 @@ def fly(flight: Flight) -> FlightData:
 
 SWING, SWUNG = (2.0 * np.pi * 1.2, 0.15), 1.5
 """rad/s, -; frequency and damping of slip and roll; rad; how far it rolls for a slip as large as the airspeed"""
+BANK = 0.1
+"""rad; on the mean, of an aircraft that slips"""
 STOPPED = 0.5
 """s; in which the side force would stop a slip"""
 
@@ -149,13 +151,13 @@ def _sideways(flight: Flight, count: int) -> Array:
     white = np.random.default_rng(flight.seed + 40_000).normal(size=count + 2000)
     swing = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], white)[2000:]
     v = flight.slip * swing / np.std(swing)
-    roll = 0.1 * np.sign(flight.slip) - SWUNG * v / REFERENCE.airspeed
+    roll = BANK * np.sign(flight.slip) - SWUNG * v / REFERENCE.airspeed
     yaw_rate = -np.gradient(v, STEP) / REFERENCE.airspeed
     return np.array((roll, np.gradient(roll, STEP), yaw_rate, -v / STOPPED))
 
 
 def _turned_aside(flight: Flight, count: int) -> Array:
-    """What that adds to the rates (N, 4) of a small pitch rate (Etkin, Dynamics of Atmospheric Flight, ch. 5)."""
+    """What that adds to the rates (N, 4) of no pitch rate (Etkin, Dynamics of Atmospheric Flight, ch. 5)."""
     roll, p, r, a_y = _sideways(flight, count)
     v, lifted = -STOPPED * a_y, GRAVITY * np.cos(PITCH) * (np.cos(roll) - 1.0)
     return np.column_stack((r * v, lifted - p * v, np.zeros(count), -r * np.sin(roll)))
@@ -256,9 +258,10 @@ def _integrate(rates, constant, command, swings, start, air):  # type: ignore[no
     """Midpoint rule, ten steps a sample; exact tail lag; Z_w, M_w and M_q swing with the stroke.
 
     ``rates`` are A, B and ``grown`` (4, 4), what of A is proportional to the airspeed: where it is zeros nothing is.
-    ``swings`` are the strokes (N,) and by how much the three swing, ``air`` the gusts and what lessens the rates.
+    ``swings`` are the strokes (N,) and by how much the three swing, ``air`` the gusts, what lessens the rates and by
+    how much (N,) a bank lessens what a pitch rate adds to the pitch.
     """
-    (a, b, grown), (strokes, modulation), (gust, less) = rates, swings, air
+    (a, b, grown), (strokes, modulation), (gust, less, level) = rates, swings, air
     fine = 10
     dt = STEP / fine
     half, whole = np.exp(-dt / 2 / constant), np.exp(-dt / constant)
@@ -279,6 +282,7 @@ def _integrate(rates, constant, command, swings, start, air):  # type: ignore[no
             now += (faster - 1.0) * swung
             push = b * faster**2
         blown = -(now[:, 0] * along + now[:, 1] * across) - less[k]
+        now[3, 2] += level[k]
         for _ in range(fine):
             middle = x + dt / 2 * (now @ x + push * tail + blown + _turned(x))
             between = command[k] + (tail - command[k]) * half
@@ -306,7 +310,8 @@ def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tu
     less = np.outer(_change(gust), (*flight.change, 0.0)) - np.outer(harder, (*flight.flapping, 0.0))
     less += np.outer(_turning(flight, gust), (*_by_pitch_rate(flight), 0.0)) - _turned_aside(flight, len(command))
     rates, swings = (model.a, model.b, _grown(flight)), (strokes, flight.modulation)
-    states, tails = _integrate(rates, constant, command, swings, start, (gust, less))
+    level = np.cos(_sideways(flight, len(command))[0]) - 1.0
+    states, tails = _integrate(rates, constant, command, swings, start, (gust, less, level))
     return states, tails, gust
 
 

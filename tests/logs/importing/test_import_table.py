@@ -135,8 +135,12 @@ column = "t"
 gyro_y = { column = "pitch_rate", unit = "deg/s" }
 accel_x = { column = "accel_x", unit = "g" }
 accel_z = { column = "accel_z", unit = "g" }
+gyro_x = { column = "roll_rate", unit = "deg/s" }
+gyro_z = { column = "yaw_rate", unit = "deg/s" }
+accel_y = { column = "accel_y", unit = "g" }
 [topics."/attitude/ahrs"]
 pitch = { column = "pitch", unit = "deg" }
+roll = { column = "roll", unit = "deg" }
 [topics."/main/air_data"]
 airspeed = { column = "airspeed", unit = "km/h" }
 [topics."/main/altitude"]
@@ -170,6 +174,10 @@ def flown_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
         "accel_x": data.accel_x / 9.80665,
         "accel_z": data.accel_z / 9.80665,
         "pitch": np.degrees(data.pitch),
+        "roll": np.degrees(data.roll),
+        "roll_rate": np.degrees(data.roll_rate),
+        "yaw_rate": np.degrees(data.yaw_rate),
+        "accel_y": data.accel_y / 9.80665,
         "airspeed": data.airspeed * 3.6,
         "climb_rate": data.climb_rate,
         "elevator": np.degrees(data.elevator),

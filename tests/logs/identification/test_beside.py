@@ -1,0 +1,27 @@
+"""Work that goes on beside other work."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from avionics.quantities import BadInput
+from logs.identification.report.beside import begun
+
+
+def test_it_goes_on_while_other_work_is_done() -> None:
+    other = threading.Event()
+    result = begun(lambda: other.wait(10.0) and threading.current_thread().name)
+    other.set()
+    assert result() == "beside"
+    assert result() == "beside"
+
+
+def test_what_it_raises_is_raised_where_its_result_is_asked_for() -> None:
+    def refuse() -> int:
+        raise BadInput("no flight")
+
+    result = begun(refuse)
+    with pytest.raises(BadInput, match="no flight"):
+        result()
