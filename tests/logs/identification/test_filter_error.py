@@ -110,8 +110,8 @@ def test_what_harder_flapping_does_is_taken_for_what_it_is() -> None:
 def test_what_bank_and_slip_do_is_taken_for_what_it_is() -> None:
     """GIVEN an aircraft that swings sideways in calm air.
 
-    Told of its bank and its side force filter error has the short period as sharply as without; untold it took all
-    that for gusts, and its intervals were more than three times as wide.
+    Told of its bank and its side force filter error has the short period within 2 %; untold it takes all that for
+    gusts, and its intervals are more than three times as wide.
     """
     frequency, damping = true_mode()
     data = fly(Flight(seed=5000, slip=1.0))
