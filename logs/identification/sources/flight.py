@@ -31,6 +31,8 @@ RATE_UNKNOWN = (
     "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
 )
 SIDEWAYS_UNKNOWN = "bank and slip: not measured all the time; what they do then counts as gusts"
+BRIDGED = 0.1
+"""s; between two samples of bank or slip, which is a line there: half a stroke of a slow wing"""
 MOSTLY = 0.99
 """-; of the samples, that a signal without a note has"""
 
@@ -87,8 +89,8 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     wing = _wing_rate_squared(source, time)
     # Whose strokes were guessed has no filter error, which alone asks for the rate.
     untold = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
-    aside = _bank_and_slip(source, time, calibration)
-    level = "" if np.isfinite(aside).all(axis=0).mean() >= MOSTLY or strokes.note else SIDEWAYS_UNKNOWN
+    roll, roll_rate, yaw_rate, accel_y = aside = _bank_and_slip(source, time, calibration)
+    no_slip = "" if np.isfinite(aside).all(axis=0).mean() >= MOSTLY or strokes.note else SIDEWAYS_UNKNOWN
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -104,11 +106,11 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
         excited.excitation,
         excited.aborted,
         wing,
-        aside[0],
-        aside[1],
-        aside[2],
-        aside[3],
-        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold, level) if note),
+        roll,
+        roll_rate,
+        yaw_rate,
+        accel_y,
+        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold, no_slip) if note),
     )
 
 
@@ -127,7 +129,8 @@ def _where_told(source: ColumnSource, topic: Topic, field: str, time: Array) -> 
         return np.full(len(time), np.nan)
     behind = np.searchsorted(table.time, time, side="left").clip(1, len(table.time) - 1)
     apart = table.time[behind] - table.time[behind - 1]
-    told = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= GAP * float(np.median(np.diff(table.time))))
+    longest = max(BRIDGED, GAP * float(np.median(np.diff(table.time))))
+    told = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= longest)
     return np.where(told, table.linear(field, time), np.nan)
 
 
