@@ -6,8 +6,8 @@ forecasts err least (Jategaonkar, Flight Vehicle System Identification, 2006, ch
 Identification, 2006, ch. 6). The aircraft in its gusts is that of `gusts.py`. How strong and long the gusts are, what
 their change does, what harder flapping does, how fast a slip stops and the errors of the averages are found with the
 derivatives; what is known of those before is a wide prior (`gust_likelihood.py`, `gust_search.py`). What pitching
-turns is the speed along and across: a first search takes one angle of attack for all strokes, a second the motion that
-the first one follows.
+turns is the speed along and across: a first search takes one angle of attack for all strokes, a second the motion
+that the first one follows.
 
 Whether gusts turn the air where they change along the flight is not known before. Fitted by the wrong one of both a
 flight has derivatives by the speed that are off by more than their errors; one more parameter between them is not
