@@ -47,8 +47,10 @@ ITERATIONS = 40
 CONVERGED = 2e-2
 """-; largest step, in standard errors"""
 SECOND_ORDER_PASSES = 3
-MODULATED_STEPS = 2
-"""-; of Gauss-Newton with the stroke's modulation, from the optimum without it"""
+MODULATED_STEPS = 2, 8
+"""-; of Gauss-Newton with the stroke's modulation, from the optimum without it: at least and at the most"""
+SETTLED = 0.3
+"""-; step with the modulation, in standard errors, after which there is none more: each is a sixth of the last one"""
 LAG_STROKES = 2.0
 LOST = "output error did not converge"
 WORST_CONDITION = 1e5
@@ -184,7 +186,8 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
 
     Cramer-Rao bounds, corrected for coloured residuals and for what the nuisances took out of them.
     """
-    for _ in range(MODULATED_STEPS):
+    least, most = MODULATED_STEPS
+    for taken in range(1, most + 1):
         late = _with_delay(problem, values, deviation)
         if not all(np.all(np.isfinite(s)) for s in (*late.residuals, *late.sensitivities)):
             return failed(problem.names, LOST)
@@ -195,7 +198,9 @@ def _finish(problem: Problem, values: Array, deviation: Array) -> DerivativeFit:
         if not np.all(np.isfinite(step)):
             return failed(problem.names, "the manoeuvres do not determine all derivatives")
         values = values + step
-    if np.max(np.abs(step) / errors) > 1.0:
+        if taken >= least and np.max(np.abs(step) / errors) <= SETTLED:
+            break
+    else:
         return failed(problem.names, LOST)
     residuals = [r - s @ step for r, s in zip(here.residuals, here.sensitivities, strict=True)]
     within = coloured_spread(residuals, here.sensitivities, _reach(problem), here.nuisances)

@@ -49,6 +49,15 @@ def test_derivatives_lie_within_their_intervals() -> None:
     assert hits >= 0.85 * total
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_stroke_that_modulates_short_records_is_followed_until_it_settles(seed: int) -> None:
+    """GIVEN two seconds a record, and derivatives that swing THEN two steps with the swing are not enough."""
+    mode = by_output_error(fly(Flight(seed=seed, settle=0.8, modulation=0.3)))
+    assert mode.frequency is not None
+    held = [estimate.contains(TRUTH[estimate.name]) for estimate in mode.derivatives]
+    assert sum(held) >= 10  # of 12
+
+
 def test_without_noise_or_shaking_output_error_is_exact() -> None:
     mode = by_output_error(fly(Flight(noise=0.0, shaking=0.0)))
     frequency, damping = true_mode(Flight())
