@@ -93,6 +93,24 @@ def _bases(distinct: dict[int, Array]) -> dict[int, Array]:
     return bases
 
 
+def taken(build: Build, values: Array) -> Array:
+    """Share (n, m) of each ordinate of all records in turn that the linear unknowns take: their leverages."""
+    pieces, shares = build(values), []
+    bases = _bases({id(own): own for piece in pieces for own in piece.own})
+    for output in range(len(pieces[0].own)):
+        each = [bases[id(piece.own[output])] for piece in pieces]
+        designs = [
+            piece.shared[output] - basis @ (basis.T @ piece.shared[output])
+            for piece, basis in zip(pieces, each, strict=True)
+        ]
+        design = np.vstack(designs)
+        if design.shape[1]:
+            design = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-300))[0]
+        own = np.concatenate([np.sum(basis**2, axis=1) for basis in each])
+        shares.append(own + np.sum(design**2, axis=1))
+    return np.column_stack(shares)
+
+
 def squares(build: Build, values: Array) -> float:
     """Sum over the outputs of the logarithm of the residuals' squares: the concentrated likelihood of ``values``."""
     residuals, _ = residuals_at(build, values)
