@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from identified import INPUTS_OVER, Result, identified, known, true_short_period
+from identified import INPUTS_OVER, known, true_short_period
 from memory_log import flown
 
 from avionics.quantities import BadInput
-from logs.identification.modes.mode import Mode
+from logs.identification.modes.mode import Mode, ModesResult
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.sources.flight import flight_data
 from sim_bridge.flight.world import Scenario
@@ -41,29 +41,50 @@ class Row(NamedTuple):
     """-; found less true"""
 
 
-def of_flight(seed: int) -> Result:
-    return identified(VEHICLE, flown(VEHICLE, Scenario(seed=seed, duration=INPUTS_OVER)))
+class Promise(NamedTuple):
+    """What is asked of one vehicle's twenty flights in still air, at the most and at the least."""
+
+    half: float
+    """-; of the widest interval of the frequency, per frequency"""
+    ratio: float
+    """-; by which the median frequency is off"""
+    damping: float
+    """-; by which the damping is off at the median"""
+    agreeing: int
+    """-; flights in which all methods agree"""
+
+
+PROMISED = {VEHICLE: Promise(0.20, 0.05, 0.05, 17), "arizona_100cm": Promise(0.30, 0.05, 0.10, 17)}
+"""the elevator explains 97 to 99 % of the Arizona's pitch rate, of Robo Raven's 99.8; the damping within 15 %"""
+
+
+def of_flight(vehicle: str, seed: int) -> tuple[ShortPeriod, ModesResult]:
+    """What is true of one flight in still air, and what its log gives."""
+    log = flown(vehicle, Scenario(seed=seed, duration=INPUTS_OVER))
+    return true_short_period(vehicle, log), identify_modes(flight_data(log), known(vehicle))
 
 
 @pytest.mark.validate
-def test_twenty_flights_cover_the_true_short_period() -> None:
+@pytest.mark.parametrize("vehicle", PROMISED)
+def test_twenty_flights_cover_the_true_short_period(vehicle: str) -> None:
     """Who has a model of the aircraft gives numbers of every flight; of any method nine in ten hold the truth."""
+    promise = PROMISED[vehicle]
     with get_context("spawn").Pool(2) as pool:
-        results = pool.map(of_flight, SEEDS, chunksize=1)
-    for index, method in enumerate(mode.method for mode in results[0].modes):
-        rows = [row for row in (_row(result, index) for result in results) if row]
-        told = _told(method, rows) if rows else f"{method}: nothing given"
+        results = pool.starmap(of_flight, [(vehicle, seed) for seed in SEEDS], chunksize=1)
+    for index, method in enumerate(mode.method for mode in results[0][1].modes):
+        rows = [row for row in (_beside(found.modes[index], true) for true, found in results) if row]
+        told = f"{vehicle}, " + (_told(method, rows) if rows else f"{method}: nothing given")
         sys.stdout.write(told + "\n")
         assert len(rows) == len(results) or index >= WITH_A_MODEL
         assert sum(row.inside for row in rows) >= 0.9 * len(rows)
         if index < WITH_A_MODEL:
             assert sum(row.damped for row in rows) >= 0.9 * len(rows)
-            assert max(row.half for row in rows) <= 0.20
-            assert abs(np.median([row.ratio for row in rows]) - 1.0) <= 0.05
-            assert np.median([abs(row.damping) for row in rows]) <= 0.05
-    agreeing = sum(bool(result.agree) for result in results)
+            assert max(row.half for row in rows) <= promise.half
+            assert abs(np.median([row.ratio for row in rows]) - 1.0) <= promise.ratio
+            assert np.median([abs(row.damping) for row in rows]) <= promise.damping
+    agreeing = sum(bool(found.agree) for _, found in results)
     sys.stdout.write(f"the methods agree in {agreeing} of {len(results)}\n")
-    assert agreeing >= 17
+    assert agreeing >= promise.agreeing
 
 
 GUSTY = range(41, 65)
@@ -111,10 +132,6 @@ def _told(method: str, rows: list[Row]) -> str:
         f"{np.median(ratio) - 1:+.1%} +- {ratio.std():.1%}; "
         f"damping off {np.median([abs(row.damping) for row in rows]):.3f} at the median"
     )
-
-
-def _row(result: Result, index: int) -> Row | None:
-    return _beside(result.modes[index], result.true)
 
 
 def _beside(mode: Mode, true: ShortPeriod) -> Row | None:

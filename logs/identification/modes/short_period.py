@@ -6,8 +6,8 @@ import numpy as np
 
 from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, Aircraft, FlightData
 from logs.identification.modes.agreement import agreement, contradiction
+from logs.identification.modes.differing import CALM, with_coarseness, with_differences
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
-from logs.identification.modes.errors import LEAST_CLUSTERS
 from logs.identification.modes.experiments import modes_of_records
 from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
@@ -25,7 +25,7 @@ from logs.identification.preparing.manoeuvre import (
 )
 from logs.identification.preparing.split import by_flight
 from logs.identification.preparing.stretches import stretches
-from logs.identification.results import SURE, Array, student_factor
+from logs.identification.results import Array
 
 ALONE = (
     "filter error alone gives a number, so that nothing tells whether its linear model fits in these gusts: of the"
@@ -39,9 +39,6 @@ TAIL_PASSES = 3
 LEAST_EXPLAINED = 0.85
 """-; of the pitch rate's power by the elevator, for output error and equation error: gusts ring the aircraft too, and
 below it the frequency comes out too low, outside its interval"""
-CALM = 0.97
-"""-; the same, above which the air is calm enough for output error to be believed before filter error: in calm air it
-was 0.986 and above, whatever the stroke modulated, in gusts of 0.3 m/s 0.96 and below"""
 GUSTY = "of the pitch rate, the rest is gusts or what the model lacks: fly larger inputs, or in calmer air"
 """how a refusal for gusts ends"""
 ELSEWHERE = "the motion of the fitted model is not the measured one: gusts, or a model that is not the aircraft's"
@@ -82,7 +79,7 @@ def identify_modes(
     problem = Problem(manoeuvres, reference, aircraft, names, outputs)
     first, second = fit_derivatives(problem)
     third, filtered = _with_gusts(data, problem, second)
-    third = _with_coarseness(third, second)
+    third = with_coarseness(third, second)
     by_filter = mode_of(FILTER_ERROR, third, reference, aircraft)
     second, first = _uncontradicted(by_filter, (second, first), reference, aircraft)
     modes = (
@@ -148,7 +145,7 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
         if first.failure:
             return first, failed(problem.names, ELSEWHERE)
-        first, second = _with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
+        first, second = with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
     first, second = first._replace(explained=share), second._replace(explained=share)
     if second.failure == LOST and not first.failure:
         first = failed(first.names, UNTOLD)
@@ -157,30 +154,6 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
     if not share >= LEAST_EXPLAINED and not second.failure:
         second = failed(second.names, _too_gusty(share))
     return first, second
-
-
-def _with_differences(
-    first: DerivativeFit, second: DerivativeFit, manoeuvres: int
-) -> tuple[DerivativeFit, DerivativeFit]:
-    """Both fits, and where they differ by more than their errors allow, each difference among the errors of both.
-
-    They weigh the same data differently: where the model is right they find the same but for noise (Hausman,
-    Econometrica 46, 1978). Where wings have an inertia that shakes the body they do not, and the frequency was 1 to
-    3 % off the truth in both. A derivative may be anywhere between the two, each alone;
-    the variance is that about the middle (about either end it would be d^2/3).
-    """
-    if first.failure or manoeuvres < LEAST_CLUSTERS:
-        return first, second
-    count = len(first.names)
-    errors = [fit.spread.standard_errors()[0][:count] for fit in (first, second)]
-    differences = first.values - second.values[:count]
-    least = student_factor(manoeuvres - 1.0, 1 - (1 - SURE) / count) * np.hypot(*errors)
-    if not np.any(np.abs(differences) > least):
-        return first, second
-    apart = np.append(differences, np.zeros(len(second.names) - count)) ** 2 / 12
-    both = [np.diag(apart[: len(fit.names)]) for fit in (first, second)]
-    wider = [fit._replace(spread=fit.spread.plus(more)) for fit, more in zip((first, second), both, strict=True)]
-    return wider[0], wider[1]
 
 
 def _uncontradicted(
@@ -200,22 +173,6 @@ def _uncontradicted(
             why = f"{clause}; {_too_gusty(fit.explained)}" if clause else ""
         told.append(failed(fit.names, why) if why and not fit.failure else fit)
     return told[0], told[1]
-
-
-def _with_coarseness(by_filter: DerivativeFit, by_output: DerivativeFit) -> DerivativeFit:
-    """Filter error's fit, in calm air with its way to output error's among the errors of all derivatives together.
-
-    A forecast of the next stroke lives on what the aircraft does within it, and there four states are coarsest: wings
-    that twist, a wake that grows. Of the multibody aircraft in still air it found Z_q at half the truth and the
-    frequency 1 to 8 % too high in ten flights of ten, outside its interval in three, where output error, which lives
-    on whole manoeuvres, was 0.7 % off at the median. The truth may be anywhere between the two: the variance about
-    either end is d^2/3. In gusts, where output error takes the air's work for the tail's, it says nothing.
-    """
-    if by_filter.failure or by_output.failure or by_output.explained < CALM:
-        return by_filter
-    found = dict(zip(by_output.names, by_output.values, strict=True))
-    way = np.array([found.get(n, v) - v for n, v in zip(by_filter.names, by_filter.values, strict=True)])
-    return by_filter._replace(spread=by_filter.spread.plus(np.outer(way, way) / 3.0))
 
 
 def _too_gusty(share: float) -> str:
