@@ -57,6 +57,8 @@ class Records(NamedTuple):
     """-; what was bridged or left out, one clause each"""
     beside: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
+    in_step: float = 0.0
+    """-; how alike the phases of the stroke are at which the inputs began: 0 all round it, 1 all at one"""
 
 
 def records_of(
@@ -167,4 +169,13 @@ def averaged_records(manoeuvres: tuple[Manoeuvre, ...]) -> Records:
         about = outputs - outputs.mean(axis=0)
         pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))
     blur = float(np.mean([manoeuvre.period for manoeuvre in manoeuvres]))
-    return Records(tuple(pieces), tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values()), blur)
+    names, units = tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values())
+    return Records(tuple(pieces), names, units, blur, in_step=_in_step(manoeuvres))
+
+
+def _in_step(manoeuvres: tuple[Manoeuvre, ...]) -> float:
+    """Length of the mean unit vector at the wings' phases (Mardia & Jupp, Directional Statistics, 2000, ch. 2)."""
+    sizes = [np.abs(manoeuvre.command) for manoeuvre in manoeuvres]
+    begins = [int(np.argmax(size > np.max(size) / 2.0)) for size in sizes]
+    phases = [manoeuvre.strokes[begin] for manoeuvre, begin in zip(manoeuvres, begins, strict=True)]
+    return float(np.abs(np.mean(np.exp(2j * np.pi * np.array(phases)))))

@@ -76,6 +76,14 @@ def test_what_is_promised_of_a_well_damped_short_period(modulation: float, width
 
 
 @pytest.mark.validate
+@pytest.mark.parametrize(("modulation", "settle"), [(0.0, 0.8), (0.3, 0.8), (0.3, 0.85)])
+def test_what_is_promised_of_records_of_two_seconds(modulation: float, settle: float) -> None:
+    """At 0.8 s all inputs come at one phase of the stroke, at 0.85 at all its phases."""
+    found = physical(Flight(modulation=modulation, settle=settle))
+    modes_kept(f"modulation {modulation}, {settle} s of rest", found.modes.values(), found.truths)
+
+
+@pytest.mark.validate
 def test_what_is_promised_of_a_lightly_damped_short_period() -> None:
     """Every method that the records allow gives numbers."""
     found = flown(LIGHT)
