@@ -14,11 +14,13 @@ from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes import short_period
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
+from logs.identification.modes.errors import Spread
 from logs.identification.modes.filter_error import Filtered, filter_error
 from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gust_strokes import Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.modes.mode import ModesResult, short_period_of
+from logs.identification.modes.mode import SHORT_PERIOD as SHORT
+from logs.identification.modes.mode import ModesResult, paired_mode, short_period_of
 from logs.identification.modes.output_error import LOST, flown_regressors
 from logs.identification.modes.short_period import (
     FILTER_ERROR,
@@ -320,6 +322,18 @@ def test_what_filter_error_contradicts_in_gusts_gives_no_number(monkeypatch: pyt
     assert "gusts" in gusty.modes[1].unidentified[0].reason
     assert all(fit.failure for fit in gusty.fits[:2]), "no model is written of them"
     assert all(mode.frequency is not None for mode in calm.modes[:3]) and calm.agree is False
+
+
+def test_a_motion_that_gusts_rang_is_not_taken_for_the_aircrafts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a sure free response far from filter error's mode THEN in gusts it is refused, in calm air told."""
+    rung = paired_mode(
+        "free response", (SHORT,), np.array([19.1, -0.05]), Spread(np.diag([0.03, 1e-5]), 100.0)
+    )  # fmt: skip
+    monkeypatch.setattr(short_period, "modes_of_records", lambda records, kinds: (rung,))
+    gusty, calm = (identify(Flight(seed=5001, gust=gust)) for gust in (0.3, 0.0))
+    assert gusty.fits[0].failure == "" and gusty.modes[-1].frequency is None
+    assert "differs from that of filter error" in gusty.modes[-1].unidentified[0].reason
+    assert calm.modes[-1].frequency is not None and calm.agree is False
 
 
 def test_a_tail_lag_that_is_not_known_is_found_by_filter_error_too(of_unknown_lag: ModesResult) -> None:
