@@ -99,29 +99,33 @@ class InGusts(NamedTuple):
     mode: Mode
 
 
-def in_gusts(flight: tuple[str, int]) -> InGusts | None:
-    """Of a level of gusts and a seed; None where the flight holds no inputs, or such as no steady flight has."""
-    level, seed = flight
+def in_gusts(vehicle: str, level: str, seed: int) -> InGusts | None:
+    """Of a flight in a ``level`` of gusts; None where it holds no inputs, or such as no steady flight has."""
     try:
-        log = flown(VEHICLE, Scenario(seed=seed, turbulence=level))
-        modes = identify_modes(flight_data(log), known(VEHICLE)).modes
-        return InGusts(true_short_period(VEHICLE, log), modes[WITH_A_MODEL - 1])
+        log = flown(vehicle, Scenario(seed=seed, turbulence=level))
+        modes = identify_modes(flight_data(log), known(vehicle)).modes
+        return InGusts(true_short_period(vehicle, log), modes[WITH_A_MODEL - 1])
     except BadInput:
         return None
 
 
+STRONG = "small_uav_moderate"
+"""2 m/s at the height flown: what is promised of gusts is promised there"""
+
+
 @pytest.mark.validate
-@pytest.mark.parametrize(("level", "least"), [("light", 22), ("small_uav_light", 18), ("small_uav_moderate", 14)])
-def test_filter_error_holds_the_true_frequency_in_gusts(level: str, least: int) -> None:
-    """The promise for the frequency, of the flights that give a number; the damping's is not reached (README)."""
+@pytest.mark.parametrize("vehicle", PROMISED)
+@pytest.mark.parametrize(("level", "least"), [("light", 22), ("small_uav_light", 18), (STRONG, 14)])
+def test_filter_error_holds_the_true_mode_in_gusts(vehicle: str, level: str, least: int) -> None:
+    """The promise, of the flights that give a number; of the damping in lighter gusts less (README)."""
     with get_context("spawn").Pool(2) as pool:
-        found = pool.map(in_gusts, [(level, seed) for seed in GUSTY], chunksize=1)
+        found = pool.starmap(in_gusts, [(vehicle, level, seed) for seed in GUSTY], chunksize=1)
     rows = [row for row in (_beside(one.mode, one.true) for one in found if one is not None) if row]
-    sys.stdout.write(_told(f"filter error, {level}", rows) + "\n")
+    sys.stdout.write(_told(f"{vehicle}, filter error, {level}", rows) + "\n")
     assert len(rows) >= least
     assert sum(row.inside for row in rows) >= 0.85 * len(rows)
     assert abs(np.median([row.ratio for row in rows]) - 1.0) <= 0.1
-    assert sum(row.damped for row in rows) >= 0.7 * len(rows)
+    assert sum(row.damped for row in rows) >= (0.85 if level == STRONG else 0.7) * len(rows)
 
 
 def _told(method: str, rows: list[Row]) -> str:
