@@ -51,9 +51,9 @@ NOISE_PASSES = 1
 LEAST_DEGREES = 4.0
 LEAST_FREQUENCIES = 3
 OWN = 5.0
-"""-; of each record: what it begins and ends with, and a drift. Where records of stroke averages have no more
-frequencies than that, half of all is their own: of 80 such flights the intervals of 67, that gave a number, held the
-frequency in 16, of 79 with one frequency more on average in 77"""
+"""-; of each record: what it begins and ends with, and a drift. Where records have no more frequencies than that on
+average, half of all that they hold is their own: of 80 flights the intervals of 67, that gave a number, held the
+frequency in 16, of 79 with one frequency more in 77"""
 LEAST_EXPLAINED = 0.95
 """-; by the input, of what is not the records' own. In gusts of 0.5 m/s it was 0.9, the frequency 14 % low"""
 LEAST_EXPLAINED_FLAPPING = 0.993
@@ -65,8 +65,8 @@ intervals held frequency and damping in 2 to 3 periods, 80 in 4 to 5, 90 in 6.7;
 where 2.8 was true"""
 MOST_IN_STEP = 0.7
 """-; of `Records.in_step`. What swings with the stroke averages out over inputs that come at all its phases; at one
-phase it is taken for the aircraft. Of flights whose derivatives swing by 0.15 or 0.3 the intervals held the damping
-in 225 of 225 below this, 38 of 49 from here to 0.9 and 27 of 84 above"""
+phase it is taken for the aircraft. Of flights with two doublets and more whose derivatives swing by 0.15 or 0.3 the
+intervals held the damping in 225 of 225 below this, 38 of 49 from here to 0.9 and 27 of 84 above"""
 LARGEST_DELAY = 1.0
 """rad at the mode's frequency, above which the delay has taken the mode's place"""
 
@@ -113,6 +113,8 @@ def _little(transforms: list[Transform], records: Records) -> str:
     """Why no fit of the records may be believed; empty where it may."""
     if np.mean([len(t.s) for t in transforms]) <= OWN:
         return "the records are too short: half of what they hold is how they begin and end"
+    if records.in_step >= MOST_IN_STEP and len(records.pieces) == 1:
+        return "one input came at one phase of the stroke: what swings with it does not average out, fly more"
     if records.in_step >= MOST_IN_STEP:
         return "the inputs came at much the same phase of the stroke: what swings with it does not average out"
     return ""
@@ -162,7 +164,8 @@ def fit_transforms(transforms: list[Transform], records: Records, count: int) ->
     if count > 1 or fit.failure:
         return fit, nothing_shifted
     others = [solve(builder(transforms, records, weights, by * SLOW_SHARE), fit.values) for by in OTHER_SHARES]
-    return fit, np.array([other.values - fit.values for other in others])
+    why = next((other.failure for other in others if other.failure), "")
+    return fit._replace(failure=why), np.array([other.values - fit.values for other in others])
 
 
 def _explained(build: Build, fit: SeparableFit) -> float:

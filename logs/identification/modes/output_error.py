@@ -50,7 +50,8 @@ SECOND_ORDER_PASSES = 3
 MODULATED_STEPS = 2, 8
 """-; of Gauss-Newton with the stroke's modulation, from the optimum without it: at least and at the most"""
 SETTLED = 0.3
-"""-; step with the modulation, in standard errors, after which there is none more: each is a sixth of the last one"""
+"""-; step with the modulation, in standard errors, after which there is none more: each is a quarter of the last one
+or less"""
 LAG_STROKES = 2.0
 LOST = "output error did not converge"
 WORST_CONDITION = 1e5

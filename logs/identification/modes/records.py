@@ -24,6 +24,8 @@ LEAST_MOVE = 0.01
 """rad, of an angle; a smaller movement excites little"""
 LONGEST_SPIKE = 2
 """-; samples in all that an input may be elsewhere and is said to rest"""
+LONG = 4.0
+"""-; strokes, from the first to the last sample above half of an input's peak"""
 AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
 """of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
@@ -58,7 +60,7 @@ class Records(NamedTuple):
     beside: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
     in_step: float = 0.0
-    """-; how alike the phases of the stroke are at which the inputs began: 0 all round it, 1 all at one"""
+    """-; how alike the phases of the stroke are at which short inputs began: 0 all round it, 1 all at one"""
 
 
 def records_of(
@@ -174,8 +176,14 @@ def averaged_records(manoeuvres: tuple[Manoeuvre, ...]) -> Records:
 
 
 def _in_step(manoeuvres: tuple[Manoeuvre, ...]) -> float:
-    """Length of the mean unit vector at the wings' phases (Mardia & Jupp, Directional Statistics, 2000, ch. 2)."""
-    sizes = [np.abs(manoeuvre.command) for manoeuvre in manoeuvres]
-    begins = [int(np.argmax(size > np.max(size) / 2.0)) for size in sizes]
-    phases = [manoeuvre.strokes[begin] for manoeuvre, begin in zip(manoeuvres, begins, strict=True)]
-    return float(np.abs(np.mean(np.exp(2j * np.pi * np.array(phases)))))
+    """Length of the mean unit vector at the wings' phases (Mardia & Jupp, Directional Statistics, 2000, ch. 2).
+
+    An input of `LONG` strokes has come at all phases of the stroke, and counts as none of them.
+    """
+    begun = []
+    for manoeuvre in manoeuvres:
+        size = np.abs(manoeuvre.command)
+        moved = np.flatnonzero(size > np.max(size) / 2.0)
+        if len(moved) and manoeuvre.strokes[moved[-1]] - manoeuvre.strokes[moved[0]] < LONG:
+            begun.append(manoeuvre.strokes[moved[0]])
+    return float(np.abs(np.sum(np.exp(2j * np.pi * np.array(begun))))) / len(manoeuvres)

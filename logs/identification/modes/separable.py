@@ -18,6 +18,8 @@ PASSES = 2
 """-; of estimating the outputs' variances anew (relaxation of the likelihood)"""
 EVALUATIONS = 400
 TOLERANCE = 1e-6
+DEPENDENT = 1e-10
+"""-; of the largest: a combination of shared columns that is shorter tells nothing"""
 
 
 class Piece(NamedTuple):
@@ -67,18 +69,27 @@ def residuals_at(build: Build, values: Array) -> tuple[list[Array], tuple[Array,
 
 
 def _output_residuals(pieces: list[Piece], output: int, bases: dict[int, Array]) -> tuple[Array, Array]:
-    rests, designs = [], []
-    for piece in pieces:
-        measured, shared = piece.measured[:, output], piece.shared[output]
-        basis = bases[id(piece.own[output])]
-        rests.append(measured - basis @ (basis.T @ measured))
-        designs.append(shared - basis @ (basis.T @ shared))
-    rest, design = np.concatenate(rests), np.vstack(designs)
+    own, design, scale = _without_own(pieces, output, bases)
+    rests = [
+        piece.measured[:, output] - basis @ (basis.T @ piece.measured[:, output])
+        for piece, basis in zip(pieces, own, strict=True)
+    ]
+    rest = np.concatenate(rests)
     if not design.shape[1]:
         return rest, np.zeros(0)
-    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
-    gains = np.linalg.lstsq(design / scale, rest, rcond=1e-10)[0] / scale
+    gains = np.linalg.lstsq(design / scale, rest, rcond=DEPENDENT)[0] / scale
     return rest - design @ gains, gains
+
+
+def _without_own(pieces: list[Piece], output: int, bases: dict[int, Array]) -> tuple[list[Array], Array, Array]:
+    """Bases of what is each record's own, what is shared without it (n, g), and the columns' lengths (g,)."""
+    own = [bases[id(piece.own[output])] for piece in pieces]
+    designs = [
+        piece.shared[output] - basis @ (basis.T @ piece.shared[output])
+        for piece, basis in zip(pieces, own, strict=True)
+    ]
+    design = np.vstack(designs)
+    return own, design, np.maximum(np.linalg.norm(design, axis=0), 1e-300)
 
 
 def _bases(distinct: dict[int, Array]) -> dict[int, Array]:
@@ -98,16 +109,11 @@ def taken(build: Build, values: Array) -> Array:
     pieces, shares = build(values), []
     bases = _bases({id(own): own for piece in pieces for own in piece.own})
     for output in range(len(pieces[0].own)):
-        each = [bases[id(piece.own[output])] for piece in pieces]
-        designs = [
-            piece.shared[output] - basis @ (basis.T @ piece.shared[output])
-            for piece, basis in zip(pieces, each, strict=True)
-        ]
-        design = np.vstack(designs)
-        if design.shape[1]:
-            design = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-300))[0]
-        own = np.concatenate([np.sum(basis**2, axis=1) for basis in each])
-        shares.append(own + np.sum(design**2, axis=1))
+        own, design, scale = _without_own(pieces, output, bases)
+        along, lengths, _ = np.linalg.svd(design / scale, full_matrices=False)
+        told = along[:, lengths > DEPENDENT * np.max(lengths, initial=0.0)]
+        each = np.concatenate([np.sum(basis**2, axis=1) for basis in own])
+        shares.append(each + np.sum(told**2, axis=1))
     return np.column_stack(shares)
 
 

@@ -144,7 +144,7 @@ def _both_fits(problem: Problem) -> tuple[DerivativeFit, DerivativeFit]:
         clean = flown_regressors(problem, second)
         first = equation_error(problem.manoeuvres, problem.reference, problem.aircraft, derivatives, clean)
         if first.failure:
-            return first, failed(problem.names, ELSEWHERE)
+            return first._replace(explained=share), failed(problem.names, ELSEWHERE)._replace(explained=share)
         first, second = with_differences(lacking(first, second.lack), second, len(problem.manoeuvres))
     first, second = first._replace(explained=share), second._replace(explained=share)
     if second.failure == LOST and not first.failure:
@@ -188,7 +188,7 @@ def _in_gusts(mode: Mode, fits: tuple[DerivativeFit, DerivativeFit], by_filter: 
     """
     if mode.short_period is None:
         return mode
-    why = next((fit.failure for fit in fits if GUSTY in fit.failure or fit.failure == UNTOLD), "")
+    why = next((fit.failure for fit in fits if GUSTY in fit.failure or fit.failure in (UNTOLD, ELSEWHERE)), "")
     share = min(fit.explained for fit in fits)
     if not why and by_filter.short_period is not None and share < CALM:
         clause = contradiction(mode, by_filter)

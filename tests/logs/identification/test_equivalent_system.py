@@ -5,14 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
+from scipy.linalg import block_diag
 
-from logs.identification.modes.equivalent_system import equivalent_system
+from logs.identification.modes.equivalent_system import builder, equivalent_system, transform
 from logs.identification.modes.mode import Mode, short_period_of
 from logs.identification.modes.noise_spectrum import power_law
 from logs.identification.modes.records import averaged_records
+from logs.identification.modes.separable import Build, Piece, residuals_at, taken
 from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.results import Array
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
+AT_TRUTH = np.array([FREQUENCY, DAMPING, 0.0])
 
 
 def found(flight: Flight) -> Mode:
@@ -28,16 +32,30 @@ def test_records_of_two_seconds_hold_the_truth() -> None:
     """GIVEN six frequencies a record THEN what its ends take of the lowest is not taken for an absence of noise."""
     modes = [found(Flight(seed=seed, settle=0.83)) for seed in range(6)]
     assert all(held(mode) for mode in modes)
-    off = [mode.frequency.value / FREQUENCY - 1.0 for mode in modes if mode.frequency]
+    off = [mode.frequency.value / FREQUENCY - 1.0 for mode in modes if mode.frequency is not None]
     assert abs(np.median(off)) < 0.05
 
 
-def test_inputs_at_one_phase_of_the_stroke_are_refused() -> None:
-    """GIVEN doublets twelve strokes apart THEN what swings with the stroke is the same in all of them."""
-    mode = found(Flight(modulation=0.3, settle=0.8))
+@pytest.mark.parametrize(("flight", "why"), [
+    (Flight(modulation=0.3, settle=0.8), "much the same phase of the stroke"),
+    (Flight(modulation=0.3, doublets=1), "one input came at one phase"),
+])  # fmt: skip
+def test_inputs_at_one_phase_of_the_stroke_are_refused(flight: Flight, why: str) -> None:
+    """GIVEN doublets twelve strokes apart, or one THEN what swings with the stroke is the same in all of them."""
+    mode = found(flight)
     assert mode.frequency is None
-    assert "much the same phase of the stroke" in mode.unidentified[0].reason
+    assert why in mode.unidentified[0].reason
     assert held(found(Flight(modulation=0.15, settle=0.83)))
+
+
+@pytest.mark.parametrize("doublets", [1, 2])
+def test_an_input_of_many_strokes_has_come_at_all_phases(doublets: int) -> None:
+    """GIVEN one sine that runs through eighty strokes, or two THEN the stroke averages out within it."""
+    manoeuvres = find_manoeuvres(fly(Flight(doublets=doublets)), AIRCRAFT)
+    strokes = [np.linspace(0.25, 80.25, len(one.time)) for one in manoeuvres]
+    long = [one._replace(command=np.sin(0.3 * at), strokes=at) for one, at in zip(manoeuvres, strokes, strict=True)]
+    assert averaged_records(tuple(long)).in_step == 0.0
+    assert averaged_records(manoeuvres).in_step > 0.5
 
 
 def test_records_that_are_half_ends_are_refused() -> None:
@@ -46,20 +64,49 @@ def test_records_that_are_half_ends_are_refused() -> None:
     assert "half of what they hold is how they begin and end" in mode.unidentified[0].reason
 
 
-@pytest.mark.parametrize("flight", [Flight(gust=0.15, seed=1), Flight(modulation=0.3, settle=0.85)])
-def test_what_is_not_explained_is_not_hidden_by_weights(flight: Flight) -> None:
-    """GIVEN gusts, or a stroke that swings the derivatives THEN whitened residuals do not make a model of them."""
-    mode = found(flight)
+def test_what_is_not_explained_is_not_hidden_by_weights() -> None:
+    """GIVEN a gust that rings the aircraft THEN whitened residuals do not make a model of it."""
+    mode = found(Flight(gust=0.15, seed=1))
     assert mode.frequency is None
     assert "explains too little" in mode.unidentified[0].reason
 
 
-def test_noise_has_its_power_law_whatever_the_fit_took() -> None:
-    """GIVEN a fit that leaves next to nothing of the low frequencies THEN their noise is what it is."""
-    rng = np.random.default_rng(4)
-    frequency = np.tile(np.arange(1.0, 9.0), 400)
-    degrees = 2.0 * (1.0 - np.exp(-frequency / 4.0)) ** 2
-    power = np.exp(0.7 - 1.5 * np.log(frequency)) * rng.chisquare(degrees)
-    np.testing.assert_allclose(power_law(frequency, power, degrees), [0.7, -1.5], atol=0.15)
-    level, slope = power_law(frequency, power, np.full_like(degrees, 2.0))
-    assert slope > -0.5 and level < 0.0
+def of_flight() -> tuple[list[Piece], Build, Array]:
+    """The records of a short flight, made linear at the true mode; and the frequencies of their ordinates."""
+    records = averaged_records(find_manoeuvres(fly(Flight(settle=0.83)), AIRCRAFT))
+    transforms = [transform(record, records.blur) for record in records.pieces]
+    build = builder(transforms, records, [np.ones(t.outputs.shape) for t in transforms])
+    return build(AT_TRUTH), build, np.concatenate([np.abs(t.s) for t in transforms])
+
+
+def test_unknowns_take_what_the_matrix_of_all_of_them_projects_on() -> None:
+    """GIVEN what each record has for itself and what all share THEN leverages are those of one regression on both."""
+    pieces, build, _ = of_flight()
+    shares = taken(build, AT_TRUTH)
+    for output in range(shares.shape[1]):
+        own = block_diag(*[piece.own[output] for piece in pieces])
+        columns = np.column_stack((own, np.vstack([piece.shared[output] for piece in pieces])))
+        along = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+        np.testing.assert_allclose(shares[:, output], np.sum(along**2, axis=1), atol=1e-9)
+
+
+def test_the_noise_of_a_short_flight_is_white_where_it_is() -> None:
+    """GIVEN white noise in place of outputs THEN what the ends leave of it has no slope, and without them has one."""
+    pieces, build, frequency = of_flight()
+    left = 1.0 - taken(build, AT_TRUTH)[:, 0]
+    degrees, rng = by_ordinate(left, pieces), np.random.default_rng(7)
+    laws = []
+    for _ in range(40):
+        noisy = [piece._replace(measured=rng.normal(size=piece.measured.shape)) for piece in pieces]
+        rest = np.vstack(residuals_at(lambda values, noisy=noisy: noisy, AT_TRUTH)[0])[:, 0]
+        power = by_ordinate(rest**2, pieces)
+        laws.append([power_law(frequency, power, each) for each in (degrees, np.full_like(degrees, 2.0))])
+    (level, slope), (low, steep) = np.mean(laws, axis=0)
+    assert abs(slope) < 0.15 and abs(level) < 0.4
+    assert steep > 0.5 and low < -1.5
+
+
+def by_ordinate(both: Array, pieces: list[Piece]) -> Array:
+    """Real and imaginary part of each ordinate added up, record behind record."""
+    halves = [np.split(one, 2) for one in np.split(both, np.cumsum([len(piece.measured) for piece in pieces])[:-1])]
+    return np.concatenate([real + imaginary for real, imaginary in halves])
