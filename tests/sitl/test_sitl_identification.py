@@ -33,6 +33,8 @@ class Row(NamedTuple):
     """whether the frequency's interval holds it"""
     damped: bool
     """whether the damping's does"""
+    timed: bool
+    """whether those of period and time to half do"""
     half: float
     """-; of the frequency's interval, per frequency"""
     ratio: float
@@ -79,6 +81,7 @@ def test_twenty_flights_cover_the_true_short_period(vehicle: str) -> None:
         assert sum(row.inside for row in rows) >= 0.9 * len(rows)
         if index < WITH_A_MODEL:
             assert sum(row.damped for row in rows) >= 0.9 * len(rows)
+            assert sum(row.timed for row in rows) >= 0.8 * len(rows)
             assert max(row.half for row in rows) <= promise.half
             assert abs(np.median([row.ratio for row in rows]) - 1.0) <= promise.ratio
             assert np.median([abs(row.damping) for row in rows]) <= promise.damping
@@ -132,7 +135,8 @@ def _told(method: str, rows: list[Row]) -> str:
     half, ratio = np.array([row.half for row in rows]), np.array([row.ratio for row in rows])
     return (
         f"{method}: given {len(rows)}, frequency inside {sum(row.inside for row in rows)}, damping "
-        f"{sum(row.damped for row in rows)}; half width {half.max():.1%} at most, {np.median(half):.1%} median; "
+        f"{sum(row.damped for row in rows)}, period and time to half {sum(row.timed for row in rows)}; "
+        f"half width {half.max():.1%} at most, {np.median(half):.1%} median; "
         f"{np.median(ratio) - 1:+.1%} +- {ratio.std():.1%}; "
         f"damping off {np.median([abs(row.damping) for row in rows]):.3f} at the median"
     )
@@ -145,4 +149,13 @@ def _beside(mode: Mode, true: ShortPeriod) -> Row | None:
     half = (frequency.high - frequency.low) / 2.0 / frequency.value
     ratio = frequency.value / true.natural_frequency
     inside, damped = frequency.contains(true.natural_frequency), damping.contains(true.damping)
-    return Row(inside, damped, half, ratio, damping.value - true.damping)
+    return Row(inside, damped, _timed(mode, true), half, ratio, damping.value - true.damping)
+
+
+def _timed(mode: Mode, true: ShortPeriod) -> bool:
+    found = mode.short_period
+    if found is None or found.period is None or found.time_to_half is None:
+        return False
+    turn = true.natural_frequency * np.sqrt(1.0 - true.damping**2)
+    half = np.log(2.0) / (true.natural_frequency * true.damping)
+    return found.period.contains(2.0 * np.pi / turn) and found.time_to_half.contains(half)

@@ -10,6 +10,7 @@ import numpy as np
 
 from logs.identification.modes.equation_error import DerivativeFit
 from logs.identification.modes.errors import LEAST_CLUSTERS
+from logs.identification.modes.longitudinal import SHORT_PERIOD
 from logs.identification.results import SURE, student_factor
 
 CALM = 0.97
@@ -41,17 +42,20 @@ def with_differences(
 
 
 def with_coarseness(by_filter: DerivativeFit, by_output: DerivativeFit) -> DerivativeFit:
-    """Filter error's fit, in calm air with its way to output error's among the errors, of each derivative alone.
+    """Filter error's fit, in calm air with its way to output error's among the errors.
 
     A forecast of the next stroke lives on what the aircraft does within it, and there four states are coarsest: wings
     that twist, a wake that grows. Of the multibody aircraft in still air it found Z_q at half the truth and the
     frequency 4 % too high at the median of twenty flights, outside its interval in seven, where output error, which
-    lives on whole manoeuvres, was right. The variance about either end is d^2/3. Taken as one way of all derivatives
-    together the damping was held in 15 of the twenty: output error, too, has it too low, by 0.01. In gusts, where
-    output error takes the air's work for the tail's, it says nothing.
+    lives on whole manoeuvres, was right. Each derivative of the short period may be anywhere on its way alone, the
+    others on theirs together: the variance about either end is d^2/3. Taken as one way of all the damping was held
+    in 15 of the twenty: output error, too, has it too low, by 0.01. In gusts, where output error takes the air's
+    work for the tail's, it says nothing.
     """
     if by_filter.failure or by_output.failure or by_output.explained < CALM:
         return by_filter
     found = dict(zip(by_output.names, by_output.values, strict=True))
     apart = np.array([found.get(n, v) - v for n, v in zip(by_filter.names, by_filter.values, strict=True)])
-    return by_filter._replace(spread=by_filter.spread.plus(np.diag(apart**2) / 3.0))
+    alone = np.where([name in SHORT_PERIOD for name in by_filter.names], apart, 0.0)
+    covariance = (np.outer(apart - alone, apart - alone) + np.diag(alone**2)) / 3.0
+    return by_filter._replace(spread=by_filter.spread.plus(covariance))

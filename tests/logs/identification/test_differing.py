@@ -8,6 +8,7 @@ import pytest
 from logs.identification.modes.differing import CALM, with_coarseness, with_differences
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread
+from logs.identification.modes.output_error import lacking
 
 NAMES = ("Z_w", "M_w")
 ERRORS = np.array([0.3, 0.4])
@@ -27,6 +28,24 @@ def test_filter_error_may_be_wrong_by_the_way_to_output_error_in_each_derivative
     np.testing.assert_array_equal(wider.values, by_filter.values)
     assert wider.spread.between is not None and by_filter.spread.between is not None
     np.testing.assert_allclose(wider.spread.between - by_filter.spread.between, grown)
+
+
+def test_what_the_speed_does_is_off_by_one_way_of_all_its_derivatives() -> None:
+    """GIVEN derivatives that make the phugoid THEN they keep what they are off by together."""
+    by_filter, by_output = (fit(*values)._replace(names=("Z_u", "M_u")) for values in ((-0.5, 1.0), (-0.2, 0.4)))
+    grown = with_coarseness(by_filter, by_output).spread.covariance - by_filter.spread.covariance
+    np.testing.assert_allclose(grown, np.array([[0.09, -0.18], [-0.18, 0.36]]) / 3.0, atol=1e-12)
+    lack = np.array([0.3, -0.6])
+    np.testing.assert_allclose(
+        lacking(by_filter, lack).spread.covariance - by_filter.spread.covariance, np.outer(lack, lack)
+    )
+
+
+def test_what_a_model_lacks_moves_the_short_periods_derivatives_together_or_each_alone() -> None:
+    known = fit(-8.0, -10.0)
+    grown = lacking(known, np.array([1.0, -2.0])).spread.covariance - known.spread.covariance
+    np.testing.assert_allclose(grown, [[1.0, -1.0], [-1.0, 4.0]])
+    assert lacking(known, np.zeros(0)) is known
 
 
 def test_output_error_tells_nothing_of_filter_error_in_gusts_or_where_it_failed() -> None:
