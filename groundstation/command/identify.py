@@ -180,6 +180,7 @@ def run(arguments: Sequence[str]) -> int:
     with open_log(files[0]) as log, announced(chosen.json):
         found = identified(log, what, chosen.vehicle, chosen.elevator)
         written = write_outputs(chosen, [log], found)
+        _say_damage([log])
     _show(chosen, found, written)
     return 0
 
@@ -192,6 +193,13 @@ def _show(chosen: argparse.Namespace, found: Identification, written: Sequence[s
         open_console().print(identification_table(found))
         for line in written:
             open_console().print(line, highlight=False, soft_wrap=True)
+
+
+def _say_damage(logs: Sequence[Log]) -> None:
+    """On stderr, a line a file, what is wrong with those of which what is whole was identified."""
+    for log in logs:
+        if log.damage:
+            print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; what is whole was identified", file=sys.stderr)
 
 
 def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
@@ -212,6 +220,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
         logs = [stack.enter_context(open_log(file)) for file in every]
         found = identified_together(logs, chosen.vehicle, chosen.elevator, held)
         written = write_outputs(chosen, logs, found)
+        _say_damage(logs)
     _show(chosen, found, written)
     return 0
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from avionics import topics
+from avionics.messages import Event, Severity
 from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.command.identify_out import names_of, sha256
+from logs.identification.report import Identification
+from logs.recorder import McapRecorder
 
 
 @pytest.mark.parametrize(
@@ -45,6 +50,24 @@ def test_the_hash_is_that_of_the_whole_file(tmp_path: Path) -> None:
 def test_logs_of_the_same_name_are_told_apart_by_their_folders() -> None:
     logs = [SimpleNamespace(path=Path(path)) for path in ("monday/a.mcap", "tuesday/a.mcap", "tuesday/b.mcap")]
     assert names_of(logs) == (str(Path("monday/a.mcap")), str(Path("tuesday/a.mcap")), "b.mcap")  # type: ignore[arg-type]
+
+
+def test_a_damaged_log_says_so_beside_what_it_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.mcap"
+    with McapRecorder(path) as recorder:
+        for time_us in range(0, 10_000_000, 10_000):
+            recorder.record(topics.EVENTS, Event(time_us, Severity.INFO, "test", "on it goes"))
+    whole = path.read_bytes()
+    monkeypatch.setattr(identify, "identified", lambda log, what, vehicle, elevator: Identification())
+    assert identify.run([str(path), "servo", "--json"]) == 0
+    assert capsys.readouterr().err == ""
+    path.write_bytes(whole[: len(whole) // 2])
+    assert identify.run([str(path), "servo", "--json"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)
+    assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("what is whole was identified\n")
 
 
 def test_held_out_logs_stand_behind_the_others() -> None:
