@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from logs.identification.modes.differing import lacking
 from logs.identification.modes.equation_error import NOTHING, DerivativeFit, failed
 from logs.identification.modes.errors import by_scatter, coloured_spread, information
 from logs.identification.modes.flown_again import (
@@ -30,7 +31,7 @@ from logs.identification.modes.flown_again import (
     without_nuisances,
 )
 from logs.identification.modes.kinematics import second_order
-from logs.identification.modes.longitudinal import SHORT_PERIOD, TAIL, propagate
+from logs.identification.modes.longitudinal import TAIL, propagate
 from logs.identification.modes.modulation import (
     LEAST_MANOEUVRES,
     cleared,
@@ -233,20 +234,6 @@ def _with_delay(problem: Problem, values: Array, deviation: Array) -> Linearised
 
 def _narrow(wide: Linearised, count: int) -> Linearised:
     return wide._replace(sensitivities=[slopes[:, :, :count] for slopes in wide.sensitivities])
-
-
-def lacking(fit: DerivativeFit, lack: Array) -> DerivativeFit:
-    """``fit`` with the ``lack`` (p,) of its model, or of another fit's to the same data, among its errors.
-
-    All derivatives together may be off by it, or each of the short period alone: which of both is not known, and the
-    covariance is the mean of theirs. What a delay does moves eigenvalues along the real axis and hardly changes the
-    period: as the one way of all alone it was held in 61 of eighty fits to still flights, with each alone in 75.
-    """
-    if not len(lack):
-        return fit
-    alone = np.where([name in SHORT_PERIOD for name in fit.names], lack, 0.0)
-    covariance = (np.outer(lack, lack) + np.outer(lack - alone, lack - alone) + np.diag(alone**2)) / 2.0
-    return fit._replace(spread=fit.spread.plus(covariance), lack=lack)
 
 
 def _lack(problem: Problem, wide: Linearised, residuals: list[Array]) -> Array:

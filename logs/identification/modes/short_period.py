@@ -6,7 +6,7 @@ import numpy as np
 
 from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, Aircraft, FlightData
 from logs.identification.modes.agreement import agreement, contradiction
-from logs.identification.modes.differing import CALM, with_coarseness, with_differences
+from logs.identification.modes.differing import CALM, lacking, with_coarseness, with_differences
 from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, likely_lag
 from logs.identification.modes.experiments import modes_of_records
 from logs.identification.modes.filter_error import Filtered, filter_error
@@ -14,7 +14,7 @@ from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.modes.output_error import LOST, flown_regressors, lacking, output_error, share_explained
+from logs.identification.modes.output_error import LOST, flown_regressors, output_error, share_explained
 from logs.identification.modes.records import averaged_records
 from logs.identification.preparing.manoeuvre import (
     Reference,

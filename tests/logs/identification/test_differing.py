@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.differing import CALM, with_coarseness, with_differences
+from logs.identification.modes.differing import CALM, lacking, with_coarseness, with_differences
 from logs.identification.modes.equation_error import DerivativeFit, failed
 from logs.identification.modes.errors import Spread
-from logs.identification.modes.output_error import lacking
 
 NAMES = ("Z_w", "M_w")
 ERRORS = np.array([0.3, 0.4])
