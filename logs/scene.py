@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -22,10 +22,10 @@ from google.protobuf.message import Message as Protobuf
 
 from avionics import messages as m
 from avionics import topics
-from avionics.recorder import Recorder
 from avionics.topics import Topic
 from logs.codecs import Stamped
 from logs.poses import Frames, Pose, Posed, Vector, enu_from_ned
+from logs.recorder import McapRecorder, Said
 from sim_bridge import topics as truth_topics
 
 TRANSFORMS = Topic("/view/transforms", FrameTransforms, 2000, 50.0, deterministic=False)
@@ -193,7 +193,9 @@ class SceneRecorder:
     on the map either way. What cannot be shown, as an attitude of no numbers, is left out: nothing is raised.
     """
 
-    def __init__(self, inner: Recorder, shape: Shape | None, start_epoch_ns: int, estimated: bool = False) -> None:
+    def __init__(
+        self, inner: McapRecorder, shape: Shape | None, start_epoch_ns: int, estimated: bool = False
+    ) -> None:
         """Prepare; without a ``shape`` the map alone is added, for a recording beside one that shows the bird."""
         self.inner = inner
         self.scene = Scene(shape or PLAIN_BIRD, start_epoch_ns, *(("estimated", 0.4) if estimated else ("", 1.0)))
@@ -201,7 +203,7 @@ class SceneRecorder:
         self._pose_channel = (topics.ATTITUDE if estimated else truth_topics.STATE).channel
         self._latest: dict[int, Any] = {}
         kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
-        self._kept = kept if shape is not None else frozenset[int]()
+        self._watched = (kept if shape is not None else frozenset[int]()) | {_FIXES}
         self._located = "estimated/body" if estimated and shape is not None else "body"
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
@@ -216,17 +218,18 @@ class SceneRecorder:
     def record(self, topic: Topic, message: Any) -> None:
         """Store one message, and what there is to see at its time."""
         self.inner.record(topic, message)
-        channel = topic.channel
-        if channel in self._kept:
-            self._latest[channel] = message
-            if channel == self._pose_channel and message.time_us >= self._next_us[0]:
-                # A flight goes on, whatever a viewer would have made of this.
-                with contextlib.suppress(ValueError, ArithmeticError, TypeError):
-                    self._show(message.time_us)
-        elif channel == _FIXES and message.fix_type >= 2:
-            with contextlib.suppress(ValueError, ArithmeticError, TypeError):
-                place = location(message, self.scene.start_epoch_ns, self._located)
-                self._add(LOCATION, _stamped(message.time_us, place))
+        if topic.channel in self._watched:
+            for seen in self._seen(topic.channel, message):
+                self.inner.record(*seen)
+
+    def record_all(self, messages: Iterable[Said]) -> None:
+        """Store messages in turn, each with what there is to see at its time."""
+        watched, whole = self._watched, list[Said]()
+        for pair in messages:
+            whole.append(pair)
+            if pair[0].channel in watched:
+                whole += self._seen(pair[0].channel, pair[1])
+        self.inner.record_all(whole)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Store a file beside the messages."""
@@ -248,19 +251,36 @@ class SceneRecorder:
     ) -> None:
         self.close()
 
-    def _show(self, time_us: int) -> None:
+    def _seen(self, channel: int, message: Any) -> Sequence[Said]:
+        """What one message of a watched channel lets see."""
+        seen: Sequence[Said] = ()
+        # A flight goes on, whatever a viewer would have made of this.
+        with contextlib.suppress(ValueError, ArithmeticError, TypeError):
+            if channel == _FIXES:
+                seen = self._placed(message)
+            else:
+                self._latest[channel] = message
+                if channel == self._pose_channel and message.time_us >= self._next_us[0]:
+                    seen = self._shown(message.time_us)
+        for topic, _ in seen:
+            self.added[topic.name] = self.added.get(topic.name, 0) + 1
+        return seen
+
+    def _placed(self, fix: m.GpsFix) -> Sequence[Said]:
+        if fix.fix_type < 2:
+            return ()
+        return ((LOCATION, _stamped(fix.time_us, location(fix, self.scene.start_epoch_ns, self._located))),)
+
+    def _shown(self, time_us: int) -> Sequence[Said]:
         self._next_us[0] = time_us + TRANSFORM_PERIOD_US
         pose = self._pose(self._latest)
         if not pose.can_be_shown():
-            return
-        self._add(self._topics[0], Posed(time_us, self.scene.frames, pose))
-        if time_us >= self._next_us[1]:
-            self._next_us[1] = time_us + SCENE_PERIOD_US
-            self._add(self._topics[1], _stamped(time_us, self.scene.update(pose)))
-
-    def _add(self, topic: Topic, message: Stamped | Posed) -> None:
-        self.inner.record(topic, message)
-        self.added[topic.name] = self.added.get(topic.name, 0) + 1
+            return ()
+        frames = self._topics[0], Posed(time_us, self.scene.frames, pose)
+        if time_us < self._next_us[1]:
+            return (frames,)
+        self._next_us[1] = time_us + SCENE_PERIOD_US
+        return frames, (self._topics[1], _stamped(time_us, self.scene.update(pose)))
 
 
 def _stamped(time_us: int, body: Protobuf) -> Stamped:

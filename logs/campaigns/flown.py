@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from avionics.autopilot import Autopilot
 from avionics.quantities import BadInput
 from avionics.topics import Publish
+from logs.batches import batched
 from logs.campaigns.keys import Values
 from logs.campaigns.memory import Memory
 from logs.campaigns.metrics import METRICS, measured
@@ -143,7 +144,9 @@ def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
         return
     with _recorder(order.recording.path) as recorder:
         note_flight(recorder, flight)
-        yield SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns).record
+        seen = SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns)
+        with batched(seen.record_all) as publish:
+            yield publish
     if recorder.failure:
         raise CannotRecord(recorder.failure)
 

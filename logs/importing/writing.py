@@ -14,6 +14,7 @@ import numpy as np
 from avionics.messages import Event
 from avionics.quantities import BadInput
 from avionics.topics import EVENTS, Topic
+from logs.batches import batched
 from logs.codecs import Document
 from logs.importing.source import Array, Own, Series
 from logs.layout import Field, Layout
@@ -140,11 +141,12 @@ def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Prog
             feeds.append((EVENTS, np.array([event.time_us for event in said], np.int64), iter(said)))
         order = _order([times for _, times, _ in feeds])
         seen = SceneRecorder(recorder, PLAIN_BIRD, extras.epoch_ns, estimated=True)
-        for number, feed in enumerate(order):
-            topic, _, messages = feeds[feed]
-            seen.record(topic, next(messages))
-            if number % 10_000 == 0:
-                progress(number, len(order))
+        with batched(seen.record_all) as publish:
+            for number, feed in enumerate(order):
+                topic, _, messages = feeds[feed]
+                publish(topic, next(messages))
+                if number % 10_000 == 0:
+                    progress(number, len(order))
         for name, made in extras.attachments.items():
             recorder.attach(name, "application/json", made(seen.added))
     trouble = recorder.failure or recorder.refusal

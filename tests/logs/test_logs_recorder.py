@@ -314,3 +314,47 @@ def test_a_message_record_is_what_the_format_says(tmp_path: Path) -> None:
     body = layout_of(m.DriveTorque).encode(message)
     head = struct.pack("<BQHIQQ", 5, 22 + len(body), 23, 9, 77, 77)
     assert codec.encode(message, 77, 9) == head + body
+
+
+@pytest.mark.parametrize("size", [1, 7, 512, 10**6])
+def test_a_batch_is_recorded_as_its_messages_are_one_by_one(tmp_path: Path, size: int) -> None:
+    """To the byte, events, fixes and a message that does not fit among them."""
+    messages = flight(3.0)
+    messages[200:200] = [(topics.HEALTH, None), (topics.HEALTH._replace(logged=False), m.Health(1, 0, 0, 0))]
+
+    def recorded(name: str, batches: bool) -> tuple[bytes, int, str]:
+        with McapRecorder(tmp_path / name, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
+            for start in range(0, len(messages), size):
+                if batches:
+                    recorder.record_all(messages[start : start + size])
+                else:
+                    for said in messages[start : start + size]:
+                        recorder.record(*said)
+        return recorder.path.read_bytes(), recorder.refused, recorder.refusal
+
+    one_by_one, refused, refusal = recorded("a.mcap", batches=False)
+    assert recorded("b.mcap", batches=True) == (one_by_one, refused, refusal)
+    assert refused == 1 and "/system/health" in refusal
+
+
+def test_what_waits_is_recorded_before_a_batch(tmp_path: Path) -> None:
+    messages = flight(1.0)
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
+        for said in messages[:50]:
+            recorder.record(*said)
+        recorder.record_all(messages[50:])
+    assert recorder.path.read_bytes() == record_alone(tmp_path / "b.mcap", messages).read_bytes()
+
+
+def record_alone(path: Path, messages: list[tuple[Topic, Any]]) -> Path:
+    with McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
+        recorder.record_all(messages)
+    return path
+
+
+def test_a_batch_that_comes_after_the_end_is_forgotten(tmp_path: Path) -> None:
+    with McapRecorder(tmp_path / "a.mcap") as recorder:
+        pass
+    before = recorder.path.read_bytes()
+    recorder.record_all(flight(1.0))
+    assert recorder.path.read_bytes() == before and not recorder.failure
