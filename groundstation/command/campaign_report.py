@@ -93,6 +93,8 @@ def _table(path: Path) -> Table:
     Raises:
         BadInput: neither is there.
     """
+    if path.is_dir():
+        raise BadInput(f"{path} is a folder: give a campaign's table, such as {path / 'CAMPAIGN.parquet'}")
     journal = path.with_name(path.name + ENDING)
     return unfinished_table(journal) if journal.exists() and not path.exists() else read_table(path)
 

@@ -16,6 +16,7 @@ from avionics.quantities import BadInput, meant
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
+from groundstation.command.damage import damage_told
 from groundstation.command.identify_markers import MARKERS, identified_by_markers
 from groundstation.command.identify_out import add_outputs, check_outputs, names_of, write_outputs
 from groundstation.views.identification import identification_table
@@ -177,10 +178,9 @@ def run(arguments: Sequence[str]) -> int:
     if what not in SUBJECTS:
         raise BadInput(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
-    with open_log(files[0]) as log, announced(chosen.json):
+    with open_log(files[0]) as log, announced(chosen.json), damage_told([log], "identified"):
         found = identified(log, what, chosen.vehicle, chosen.elevator)
         written = write_outputs(chosen, [log], found)
-        _say_damage([log])
     _show(chosen, found, written)
     return 0
 
@@ -193,13 +193,6 @@ def _show(chosen: argparse.Namespace, found: Identification, written: Sequence[s
         open_console().print(identification_table(found))
         for line in written:
             open_console().print(line, highlight=False, soft_wrap=True)
-
-
-def _say_damage(logs: Sequence[Log]) -> None:
-    """On stderr, a line a file, what is wrong with those of which what is whole was identified."""
-    for log in logs:
-        if log.damage:
-            print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; what is whole was identified", file=sys.stderr)
 
 
 def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
@@ -218,9 +211,9 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     with contextlib.ExitStack() as stack:
         stack.enter_context(announced(chosen.json))
         logs = [stack.enter_context(open_log(file)) for file in every]
+        stack.enter_context(damage_told(logs, "identified"))
         found = identified_together(logs, chosen.vehicle, chosen.elevator, held)
         written = write_outputs(chosen, logs, found)
-        _say_damage(logs)
     _show(chosen, found, written)
     return 0
 

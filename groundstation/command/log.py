@@ -155,7 +155,8 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
         rate = "" if row["rate"] is None else f"{row['rate']:.4g} Hz"
         gaps = "" if not row["gaps"] else f"{row['gaps']}, up to {row['longest_gap']:.3g} s"
         table.add_row(row["topic"], str(row["messages"]), rate, gaps, row["message"].rpartition(".")[2])
-    console.print(table)
+    if document["topics"]:
+        console.print(table)
     for event in document["events"][-EVENTS_SHOWN:]:
         console.print(f"  {wording.clock(event['time'])}  {event['text']}", markup=False, highlight=False)
 

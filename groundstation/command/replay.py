@@ -13,6 +13,7 @@ from avionics.estimation.ahrs import AhrsGains
 from avionics.link.vehicle import load_identity
 from avionics.quantities import BadInput, counted
 from groundstation.command import options
+from groundstation.command.damage import damage_told
 from groundstation.command.replay_link import Playing, play
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
@@ -143,7 +144,11 @@ def _play(chosen: argparse.Namespace) -> None:
 
 
 def _replay_flight(chosen: argparse.Namespace) -> None:
-    with open_log(chosen.file) as log, ProgressBar("replaying", quiet=chosen.json) as bar:
+    with (
+        open_log(chosen.file) as log,
+        damage_told([log], "replayed"),
+        ProgressBar("replaying", quiet=chosen.json) as bar,
+    ):
         end = math.inf if chosen.end is None else chosen.end
         done = replay_flight(log, dict(chosen.set), chosen.start or 0.0, end, bar.show)
     if chosen.json:

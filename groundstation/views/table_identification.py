@@ -21,7 +21,7 @@ def table_identification(found: TableIdentification) -> RenderableType:
         parts += [*_fit(fit), Text()]
     if found.modes is not None:
         parts += [identification_table(Identification(modes=found.modes)), Text()]
-    last = [f"{one.name}: {one.reason}" for one in found.missing] + list(found.notes)
+    last = [f"{one.name}: {one.reason.removeprefix(f'{one.name}: ')}" for one in found.missing] + list(found.notes)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 

@@ -103,6 +103,8 @@ def load_campaign(path: Path) -> Campaign:
 
 
 def _campaign(path: Path, document: Mapping[str, Any]) -> Campaign:
+    if not document:
+        raise BadInput("the file is empty: [grid] or [draw] says what varies from flight to flight, flights how many")
     for key, entry in document.items():
         if key not in (*PLAIN, *SECTIONS):
             raise BadInput(f"unknown key {key}; known: {', '.join((*PLAIN, *(f'[{name}]' for name in SECTIONS)))}")

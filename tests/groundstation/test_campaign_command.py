@@ -225,6 +225,10 @@ def test_options_that_do_not_go_together_are_refused(
     assert not (folder / "recordings").exists()
 
 
+def test_a_folder_is_no_table(folder: Path, capsys: Capture) -> None:
+    assert "is a folder: give a campaign's table" in refused(capsys, "campaign", "report", ".")
+
+
 def test_what_is_not_installed_is_named_with_the_command_that_installs_it(
     folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

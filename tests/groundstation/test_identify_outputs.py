@@ -70,6 +70,19 @@ def test_a_damaged_log_says_so_beside_what_it_gives(
     assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("what is whole was identified\n")
 
 
+def test_what_a_damaged_log_lacks_is_refused_with_the_damage(tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    with McapRecorder(path) as recorder:
+        recorder.record(topics.EVENTS, Event(0, Severity.INFO, "test", "on it goes"))
+    with pytest.raises(BadInput) as whole:
+        identify.run([str(path), "servo"])
+    assert "damaged" not in str(whole.value)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(BadInput) as torn:
+        identify.run([str(path), "servo"])
+    assert str(torn.value).startswith(str(whole.value)) and "the file was cut off" in str(torn.value)
+
+
 def test_held_out_logs_stand_behind_the_others() -> None:
     files = [Path(f"{name}.mcap") for name in "abc"]
     every, held = identify._held_out(files, [Path("a.mcap"), Path("d.mcap")], None)

@@ -140,12 +140,18 @@ def test_a_file_that_begins_in_flight_without_a_snapshot_is_refused(flown: Path,
         replay_flight(log)
 
 
-def test_a_torn_log_is_replayed_up_to_where_it_ends(flown: Path, tmp_path: Path) -> None:
+def test_a_torn_log_is_replayed_up_to_where_it_ends(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
     with open_log(torn) as log:
         done = replay_flight(log, end=log.columns(topics.IMU).time[-1] - 0.3)
     assert done.ticks > 500 and done.same
+    assert main.main(["replay", str(torn), "--end", "4"]) == 0
+    told = capsys.readouterr().err
+    assert told.startswith(f"wingbeat: {torn}: ") and told.count("\n") == 1
+    assert told.endswith("the file was cut off before its end; what is whole was replayed\n")
 
 
 def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:

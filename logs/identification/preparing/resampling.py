@@ -172,9 +172,11 @@ def whole_records(
     missing = [name for name in names if name not in experiment.signals]
     if missing:
         raise BadInput(f"{experiment.name} has no signal {', '.join(missing)}")
-    step = experiment.step
-    joined = bridged(experiment, names, int(longest_gap / step + 1e-6))
-    pieces = measured_pieces(joined, names, math.ceil(least / step - 1e-6) + 1)
+    pieces: tuple[Experiment, ...] = ()
+    if len(experiment.time) > 1:
+        step = experiment.step
+        joined = bridged(experiment, names, int(longest_gap / step + 1e-6))
+        pieces = measured_pieces(joined, names, math.ceil(least / step - 1e-6) + 1)
     if not pieces:
         raise BadInput(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
     return pieces

@@ -103,6 +103,7 @@ def test_the_example_means_what_its_comments_say() -> None:
 
 
 REFUSED = {
+    "nothing": ("# later\n", "the file is empty"),
     "no section": ("[grids]\nx = [1]", "unknown key grids"),
     "a typing error": ('[grid]\n"wind.sped" = [1]', "unknown key wind.sped; did you mean wind.speed?"),
     "no distribution": ('flights = 2\n[draw]\n"wind.speed" = { unifrom = [0, 1] }', "must be one of uniform"),

@@ -9,6 +9,7 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import (
     Channel,
+    cut,
     down_sampled,
     even,
     experiment_of,
@@ -124,3 +125,6 @@ def test_what_cannot_be_resampled_is_refused() -> None:
         whole_records(flight, ["q"], 0.0, 1.0)
     with pytest.raises(BadInput, match="has no signal theta"):
         whole_records(flight, ["q", "theta"], 0.0, 1.0)
+    for samples in range(2):
+        with pytest.raises(BadInput, match="nowhere measured together"):
+            whole_records(cut(flight, slice(samples)), ["q"], 0.0, 1.0)

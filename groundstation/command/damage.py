@@ -1,0 +1,29 @@
+"""What is said of logs that are damaged beside what their whole parts give, or why they give nothing."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from avionics.quantities import BadInput
+from logs.reader import Log
+
+
+@contextmanager
+def damage_told(logs: Sequence[Log], done: str) -> Iterator[None]:
+    """Say on stderr, a line a log, what is wrong with those of which what is whole was ``done``, "identified".
+
+    Raises:
+        BadInput: what was refused, with the damage, for that may be why.
+    """
+    try:
+        yield
+    except BadInput as error:
+        wrong = "; ".join(f"{log.path}: {'; '.join(log.damage)}" for log in logs if log.damage)
+        if not wrong:
+            raise
+        raise BadInput(f"{error} (damaged: {wrong})") from None
+    for log in logs:
+        if log.damage:
+            print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; what is whole was {done}", file=sys.stderr)
