@@ -7,6 +7,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.views.imported import print_imported
 from groundstation.views.json_document import print_document
@@ -55,6 +56,8 @@ def run_verb(chosen: argparse.Namespace) -> None:
     """
     from logs.importing.log_import import Choice, import_log  # its readers are heavy
 
+    if chosen.file.is_dir():
+        raise BadInput(f"cannot read {chosen.file}: it is a folder")
     target = chosen.to or chosen.file.with_suffix(".mcap")
     with ProgressBar(f"importing {chosen.file.name}") as bar:
         report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock, chosen.onboard), bar.show)

@@ -146,6 +146,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["identify", "a.mcap", "b.mcap", "modes", "--json"], "cannot read a.mcap"),
         (["identify", "a.mcap", "b.csv"], "tables need --map MAP.toml"),
         (["replay", "--imu", "no_such.npz"], "no_such.npz"),
+        (["log", "import", "."], "cannot read .: it is a folder"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
         (["fyl"], "there is no command 'fyl' (meant 'fly'?); commands: fly,"),
