@@ -376,6 +376,8 @@ def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:
         scale = 0.0
     if not topic or not field or not scale or not math.isfinite(scale):
         raise BadInput(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
+    if topics.ACTUATORS.name in log.topics:
+        raise BadInput(f"{log.path} tells the elevator's angle: --elevator is for logs that do not")
     made = MadeElevator(log, topic, field, scale)
     made.columns(topics.ACTUATORS)  # what is wrong with it is told before anything is identified
     return made

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from avionics import topics
-from avionics.messages import Event, Severity
+from avionics.messages import ActuatorCommand, Event, Severity
 from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.command.identify_out import names_of, sha256
@@ -68,6 +68,14 @@ def test_a_damaged_log_says_so_beside_what_it_gives(
     told = capsys.readouterr()
     assert json.loads(told.out)
     assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("what is whole was identified\n")
+
+
+def test_an_elevator_is_not_made_where_the_log_tells_its_angle(tmp_path: Path) -> None:
+    path = tmp_path / "own.mcap"
+    with McapRecorder(path) as recorder:
+        recorder.record(topics.ACTUATORS, ActuatorCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0, 1))
+    with pytest.raises(BadInput, match="tells the elevator's angle"):
+        identify.run([str(path), "modes", "--elevator", "/mixing/actuators.elevator", "1"])
 
 
 def test_what_a_damaged_log_lacks_is_refused_with_the_damage(tmp_path: Path) -> None:
