@@ -1,4 +1,10 @@
-"""The flight path of a log: `wingbeat identify FLIGHT.mcap path`."""
+"""The flight path of a log: `wingbeat identify FLIGHT.mcap path`.
+
+The attitude that stands in a log is a filter's, made of the very IMU that is in question: taken for a measured one it
+gives the filter's own opinion of the IMU back, with intervals that know nothing of its slow error. So the errors are
+those by the ground velocities of the GPS (`aided_fit`). A log without these gives the motion that its attitude tells,
+and no numbers: all would rest on it.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics.quantities import BadInput
-from logs.identification.chapter import Chapter
+from logs.identification.chapter import LINE, MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.data import Aircraft
 from logs.identification.experiment import Experiment
+from logs.identification.kinematics.aided_fit import AidedFit, AidedFlight, aided_fit
 from logs.identification.kinematics.flight_path import Setup, reconstruct
-from logs.identification.kinematics.flight_sensors import WINDS, Places
-from logs.identification.kinematics.flight_told import fitted_path, path_chapter
+from logs.identification.kinematics.flight_sensors import UNITS, WINDS, Places, parameter
+from logs.identification.kinematics.flight_told import METHOD, SENSORS, WHOLE, fitted_path, path_chapter
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.excited import excited
 from logs.identification.preparing.resampling import cut, whole_records
-from logs.identification.results import Fitted
+from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified, estimate
 from logs.identification.sources.topic_table import ColumnSource
+from logs.identification.sources.velocity_fixes import ANGLES, LEAD, aided_flight
 from logs.identification.sources.whole_flight import LONGEST_GAP, whole_flight
 
 FLYING = 0.5
@@ -28,12 +36,16 @@ PIECE = 30.0
 LEAST = 5.0
 """s; a shorter piece tells little but its first states"""
 MOST_PIECES = 8
-LEAD = 5.0
-"""s; beside a manoeuvre, taken with it; behind a launch, left out"""
 UNSURE = ("north", "east")
 """not used: without a vane sideways a filter's small error of bank is a large one of the wind, in no interval"""
 NO_WIND = "not looked for: without a vane sideways it would rest on the attitude filter's bank"
-ATTITUDE = "attitude: the flight computer's own; what it drifts by over longer than a record is taken for the motion"
+NO_VELOCITY = (
+    "it would rest on the flight computer's own attitude, whose slow error is taken for it and in no interval"
+)
+ATTITUDE = "motion: by the flight computer's own attitude, as"
+VELOCITIES = "north, east and down velocities of the GPS; the flight computer's attitude serves to begin with only"
+MEANS = "bias: mean over the record of what a sensor told too much, its scale and misalignment included"
+ADVICE = "fly longer, with turns, or with fixes of the GPS all along"
 
 
 class PathResult(NamedTuple):
@@ -43,29 +55,104 @@ class PathResult(NamedTuple):
     records: tuple[str, ...]
     """-; what it was taken from"""
     chapter: Chapter | None
+    spans: tuple[tuple[float, float], ...] = ()
+    """s; begin and end of each record, since boot"""
 
 
 def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
-    """Errors of the sensors and the motion that they agree on, from a log's flight; manoeuvres where it has some.
+    """Errors of the IMU and the motion, by the velocities of the GPS or, where there are none, by the attitude told.
 
     Raises:
-        BadInput: the log lacks the IMU or the airspeed, has no flight that is long enough, or does not tell a path.
+        BadInput: the log lacks the IMU, or both the GPS and the airspeed, has no flight that is long enough, or does
+            not tell a path.
     """
     flight = whole_flight(source, "flight", aircraft.imu)
+    try:
+        aided = aided_flight(source, flight, aircraft)
+    except BadInput as reason:
+        return _by_attitude(flight, aircraft, str(reason))
+    found = aided_fit(aided)
+    if found is None:
+        raise BadInput(f"flight path: the path by IMU and GPS did not settle in its repetitions; {ADVICE}")
+    return _by_velocities(aided, found)
+
+
+def _by_velocities(flight: AidedFlight, found: AidedFit) -> PathResult:
+    errors = np.sqrt(np.diag(found.covariance))
+    names = [f"bias_{name}" for name in INPUTS]
+    every = [estimate(name, UNITS[channel], float(value), float(error))
+             for name, channel, value, error in zip(names, INPUTS, found.errors, errors, strict=True)]  # fmt: skip
+    sure = [place for place, one in enumerate(every) if not _vague(one)]
+    refused = tuple(_refused(one) for one in every if _vague(one))
+    correlation = (found.covariance / np.outer(errors, errors))[np.ix_(sure, sure)]
+    series = tuple(_fix_series(flight, found, column) for column in range(3))
+    told = tuple(every[place] for place in sure)
+    fitted = Fitted(METHOD, (*WHOLE, SENSORS), told, refused, correlation, series, (VELOCITIES, MEANS))
+    begin, end = (float(flight.time[flight.at[place]]) for place in (0, -1))
+    return PathResult(fitted, (f"flight, {begin:.1f} s to {end:.1f} s",), _drawn(flight, found), ((begin, end),))
+
+
+def _vague(one: Estimate) -> bool:
+    asked = parameter(one.name)
+    return asked is not None and one.standard_error > asked.limit
+
+
+def _refused(one: Estimate) -> Unidentified:
+    return Unidentified(one.name, f"told no better than to {one.standard_error:.2g} {one.unit} (standard error)")
+
+
+def _fix_series(flight: AidedFlight, found: AidedFit, column: int) -> FitSeries:
+    """A velocity as the fixes told it, beside that of the path."""
+    name, at = ("v_north", "v_east", "v_down")[column], flight.time[flight.at]
+    time = at[0] + float(np.median(np.diff(at))) * np.arange(len(at))
+    if np.max(np.abs(time - at)) > flight.step:  # some fixes did not come
+        time = np.linspace(at[0], at[-1], len(at))
+    values = (np.interp(time, at, one[:, column]) for one in (flight.velocity, found.told))
+    return FitSeries("flight", name, "m/s", time, *values)
+
+
+def _drawn(flight: AidedFlight, found: AidedFit) -> Chapter:
+    """Attitude of flight computer and path, and the velocities."""
+    at = flight.time[flight.at]
+    plots = [
+        _plot(name, "rad", at, np.unwrap(flight.attitude[flight.at, k]), found.motion[:, 3 + k], LINE)
+        for k, name in enumerate(ANGLES)
+    ]
+    plots += [
+        _plot(name, "m/s", at, flight.velocity[:, k], found.told[:, k], POINTS)
+        for k, name in enumerate(("v_north", "v_east", "v_down"))
+    ]
+    note = "The motion that IMU and GPS agree on, beside the flight computer's attitude and the fixes."
+    return Chapter("Flight path", (note,), plots=tuple(plots))
+
+
+def _plot(name: str, unit: str, time: Array, measured: Array, found: Array, style: str) -> Plot:
+    lines = (Series("told", time, measured, MEASURED, style), Series("reconstructed", time, found, MODEL, LINE))
+    return Plot("", "time", "s", name, unit, lines)
+
+
+def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str) -> PathResult:
+    """The motion by the attitude that was told, without numbers; ``reason`` says why not by the GPS.
+
+    Raises:
+        BadInput: the log has no airspeed, no flight that is long enough, or does not tell a path.
+    """
     if "airspeed" not in flight.signals:
-        raise BadInput("the log has no airspeed (/main/air_data), which a flight path needs")
+        raise BadInput(f"a flight path needs velocities of the GPS ({reason}) or the airspeed (/main/air_data)")
     flight = flight._replace(signals={name: one for name, one in flight.signals.items() if name not in UNSURE})
     records = _pieces(flight)
     setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)))
     found = reconstruct(records, setup)
     if found.failure:
-        raise BadInput(f"flight path: {found.failure}")
+        raise BadInput(f"flight path: {found.failure}; {reason}")
     told = fitted_path(records, found, setup)
     lost = tuple(one._replace(reason=NO_WIND) if one.name in WINDS else one for one in told.unidentified)
-    notes = (ATTITUDE,) if {"theta", "phi"} & set(flight.signals) else ()
+    refused = tuple(Unidentified(one.name, NO_VELOCITY) for one in told.estimates)
+    notes = (f"{ATTITUDE} {reason}", *told.notes)
+    told = told._replace(estimates=(), unidentified=(*refused, *lost), correlation=None, notes=notes)
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
-    told = told._replace(unidentified=lost, notes=(*notes, *told.notes))
-    return PathResult(told, names, path_chapter(records, found))
+    spans = tuple((float(one.time[0]), float(one.time[-1])) for one in records)
+    return PathResult(told, names, path_chapter(records, found), spans)
 
 
 def _pieces(flight: Experiment) -> tuple[Experiment, ...]:

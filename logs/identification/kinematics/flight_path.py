@@ -113,7 +113,7 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
             return _failed(refused, failure)
         fit = fitted(problem)
         if fit is None:
-            return _failed(refused, "the reconstruction did not converge")
+            return _failed(refused, _unsettled(channels))
         covariance = covariance_of(problem, fit.values, fit.deviation, fit.paths, fit.slopes, setup.input_noise)
         vague = vague_among(problem, covariance)
         if not vague and "alpha" not in channels and any(np.min(path.states[:, 0]) <= 0 for path in fit.paths):
@@ -124,6 +124,15 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
             return _told(problem, fit, covariance, refused)
         refused.append(vague)
         problem = problem._replace(parameters=tuple(p for p in problem.parameters if p.name != vague.name))
+
+
+def _unsettled(channels: tuple[str, ...]) -> str:
+    """Why no optimum was found, and what to do then."""
+    why = "the reconstruction did not converge"
+    if "phi" not in channels or "beta" in channels:
+        return why
+    why += ": without beta the airspeed alone tells how fast it flew sideways, and not whether to the left or right"
+    return f"{why}; measure beta, take other stretches of the flight, or its longitudinal motion alone"
 
 
 def _asked(channels: tuple[str, ...], setup: Setup) -> tuple[tuple[Parameter, ...], list[Unidentified]]:

@@ -121,8 +121,8 @@ def _carry_back(carry: Array, gain: Array, weights: Array, pulls: Array) -> None
         behind, now = now, behind
 
 
-def _with_middles(inputs: Array) -> Array:
-    """Inputs (2 N - 1, 6) with those half way between the samples, by cubics through four of them."""
+def with_middles(inputs: Array) -> Array:
+    """Inputs (2 N - 1, 6) with those half way between the samples (N, 6), by cubics through four of them."""
     dense = np.empty((2 * len(inputs) - 1, 6))
     dense[::2] = inputs
     dense[1::2] = (inputs[1:] + inputs[:-1]) / 2
@@ -132,16 +132,26 @@ def _with_middles(inputs: Array) -> Array:
 
 def fly(start: Array, inputs: Array, dt: float, gravity: float) -> Array:
     """States (N, 9) as in `STATES` from ``start`` (9,) under ``inputs`` (N, 6) as in `INPUTS`, ``dt`` s apart."""
-    states = np.zeros((len(inputs), 9))
+    return flown(start, with_middles(inputs), dt, gravity)
+
+
+def flown(start: Array, inputs: Array, dt: float, gravity: float) -> Array:
+    """States (N, 9) as `fly` gives them, the inputs (2 N - 1, 6) `with_middles`."""
+    states = np.zeros((len(inputs) // 2 + 1, 9))
     states[0] = start
-    _fly(_with_middles(inputs), dt, gravity, states)
+    _fly(inputs, dt, gravity, states)
     return states
 
 
 def jacobians(states: Array, inputs: Array, dt: float, gravity: float) -> tuple[Array, Array]:
     """Of every step by the state before it (N - 1, 9, 9) and by the inputs over it (N - 1, 9, 6)."""
+    return linearised(states, with_middles(inputs), dt, gravity)
+
+
+def linearised(states: Array, inputs: Array, dt: float, gravity: float) -> tuple[Array, Array]:
+    """The `jacobians` along ``states`` (N, 9) under inputs (2 N - 1, 6) `with_middles`."""
     carry, gain = np.zeros((len(states) - 1, 9, 9)), np.zeros((len(states) - 1, 9, 6))
-    _linearise(states, _with_middles(inputs), dt, gravity, carry, gain)
+    _linearise(states, inputs, dt, gravity, carry, gain)
     return carry, gain
 
 

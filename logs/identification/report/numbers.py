@@ -28,6 +28,7 @@ from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.remembered import Remembered
 from logs.identification.sources.topic_table import ColumnSource
+from logs.identification.sources.true_imu import imu_truths
 from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -122,7 +123,8 @@ def identify(
     if load is not None:
         known |= _load_truths(source, load)
     if what == "path":
-        return Identification(truths=known, path=identify_path(source, aircraft))
+        path = identify_path(source, aircraft)
+        return Identification(truths=known | imu_truths(source, aircraft, path.spans), path=path)
     unknown_wings = list[Unidentified]()
     aero, found = _wings(source, what, aircraft, bodies, unknown_wings), modes()
     missing += [*unknown_modes, *unknown_wings]
