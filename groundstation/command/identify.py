@@ -71,7 +71,7 @@ JSON_KEYS = {
     " failure}",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
     " records, notes",
-    "path": "estimates of the sensors' biases (SI) and scales, unidentified, records, notes",
+    "path": "estimates of the IMU's biases (SI), unidentified, records, notes",
     "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, low_pass Hz,"
     " time s, quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of"
     " {names, time, values, rates}}, notes; aero beside it where the map asks for it",

@@ -42,6 +42,8 @@ FIX_NOISE = 0.1
 """m/s; of a receiver's velocity"""
 LEAST_NOISE = (1e-4, 1e-3)
 """rad/s, m/s^2; of a sample, where no noise is seen"""
+LEAST_FIX_NOISE = 0.01
+"""m/s; to which a receiver tells its velocity"""
 FACTORS = np.array([1.0, 1.0, 1.0, 1.0, 5.0])
 """-; standard deviation of the levels' logarithms about the usual ones"""
 ROUNDS, TUNED = 12, (1, 3)
@@ -128,9 +130,10 @@ def aided_fit(flight: AidedFlight) -> AidedFit | None:
         means, covariances = _forward(linear, first - path[0], levels)
         steps = _backward(linear, means, covariances, levels)
         path = path + steps
-        settled = np.max(np.abs(steps[:, :MOTION]) / np.sqrt(np.diagonal(covariances, 0, 1, 2)[:, :MOTION]))
-        if not np.all(np.isfinite(path)):
+        variances = np.diagonal(covariances, 0, 1, 2)[:, :MOTION]
+        if not np.all(np.isfinite(path)) or np.min(variances) <= 0:
             return None
+        settled = np.max(np.abs(steps[:, :MOTION]) / np.sqrt(variances))
         if number > max(TUNED) and settled < CONVERGED:
             return _told(flight, path, first, levels)
     return None
@@ -232,16 +235,17 @@ def _added(linear: _Linear, levels: Levels) -> Array:
 
 def _likeliest(linear: _Linear, first: Array, levels: Levels, usual: Levels) -> Levels:
     """The levels at the largest likelihood, held to the usual ones by what is known of such sensors."""
-    about = np.log(usual)
+    about, least = np.log(usual), np.log((*LEAST_NOISE, 0.1 * WALKS[0], 0.1 * WALKS[1], LEAST_FIX_NOISE))
 
     def cost(logs: Array) -> float:
         means, covariance, nothing = first.copy(), np.diag(FIRST**2), (np.zeros((0, 0)), np.zeros((0, 0, 0)))
-        found = Levels(*np.exp(logs))
+        found = Levels(*np.exp(np.maximum(logs, least)))
         likelihood = filtered(*_filter_input(linear, found), means, covariance, *nothing)
         return float(0.5 * np.sum(((logs - about) / FACTORS) ** 2) - likelihood)
 
     options = {"maxfev": 300, "xatol": 0.05, "fatol": 0.05}
-    return Levels(*np.exp(minimize(cost, np.log(levels), method="Nelder-Mead", options=options).x).tolist())
+    found = minimize(cost, np.log(levels), method="Nelder-Mead", options=options).x
+    return Levels(*np.exp(np.maximum(found, least)).tolist())
 
 
 def _filter_input(linear: _Linear, levels: Levels) -> tuple[Array, Array, Array, Array, Array, Array, Array, float]:

@@ -3,7 +3,7 @@
 The attitude that stands in a log is a filter's, made of the very IMU that is in question: taken for a measured one it
 gives the filter's own opinion of the IMU back, with intervals that know nothing of its slow error. So the errors are
 those by the ground velocities of the GPS (`aided_fit`). A log without these gives the motion that its attitude tells,
-and no numbers: all would rest on it.
+and numbers only where that is a sensor's of its own, which says so by a sigma of 0: it has no error of a filter.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from avionics import topics
 from avionics.quantities import BadInput
 from logs.identification.chapter import LINE, MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.data import Aircraft
@@ -26,11 +27,9 @@ from logs.identification.preparing.excited import excited
 from logs.identification.preparing.resampling import cut, whole_records
 from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified, estimate
 from logs.identification.sources.topic_table import ColumnSource
-from logs.identification.sources.velocity_fixes import ANGLES, LEAD, aided_flight
+from logs.identification.sources.velocity_fixes import ANGLES, FLYING, IN_FLIGHT, LEAD, aided_flight
 from logs.identification.sources.whole_flight import LONGEST_GAP, whole_flight
 
-FLYING = 0.5
-"""-; of the median airspeed, below which it stands or lands"""
 PIECE = 30.0
 """s; of flight without a manoeuvre, in which the air is taken to move steadily"""
 LEAST = 5.0
@@ -42,7 +41,7 @@ NO_WIND = "not looked for: without a vane sideways it would rest on the attitude
 NO_VELOCITY = (
     "it would rest on the flight computer's own attitude, whose slow error is taken for it and in no interval"
 )
-ATTITUDE = "motion: by the flight computer's own attitude, as"
+ATTITUDE = "motion: by the attitude that was told, as"
 VELOCITIES = "north, east and down velocities of the GPS; the flight computer's attitude serves to begin with only"
 MEANS = "bias: mean over the record of what a sensor told too much, its scale and misalignment included"
 ADVICE = "fly longer, with turns, or with fixes of the GPS all along"
@@ -70,7 +69,7 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
     try:
         aided = aided_flight(source, flight, aircraft)
     except BadInput as reason:
-        return _by_attitude(flight, aircraft, str(reason))
+        return _by_attitude(flight, aircraft, str(reason), _by_a_filter(source))
     found = aided_fit(aided)
     if found is None:
         raise BadInput(f"flight path: the path by IMU and GPS did not settle in its repetitions; {ADVICE}")
@@ -131,8 +130,18 @@ def _plot(name: str, unit: str, time: Array, measured: Array, found: Array, styl
     return Plot("", "time", "s", name, unit, lines)
 
 
-def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str) -> PathResult:
-    """The motion by the attitude that was told, without numbers; ``reason`` says why not by the GPS.
+def _by_a_filter(source: ColumnSource) -> bool:
+    """Whether the attitude has an error of its own, or does not say that it has none."""
+    try:
+        return bool(np.any(np.asarray(source.columns(topics.ATTITUDE)["tilt_sigma"], dtype=np.float64) != 0.0))
+    except (KeyError, BadInput):
+        return True
+
+
+def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str, by_a_filter: bool) -> PathResult:
+    """The motion by the attitude that was told, without numbers where that is ``by_a_filter``.
+
+    The ``reason`` says why not by the GPS.
 
     Raises:
         BadInput: the log has no airspeed, no flight that is long enough, or does not tell a path.
@@ -144,12 +153,13 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str) -> PathRes
     setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)))
     found = reconstruct(records, setup)
     if found.failure:
-        raise BadInput(f"flight path: {found.failure}; {reason}")
+        raise BadInput(f"flight path: {found.failure}; by the attitude, as {reason}")
     told = fitted_path(records, found, setup)
     lost = tuple(one._replace(reason=NO_WIND) if one.name in WINDS else one for one in told.unidentified)
-    refused = tuple(Unidentified(one.name, NO_VELOCITY) for one in told.estimates)
-    notes = (f"{ATTITUDE} {reason}", *told.notes)
-    told = told._replace(estimates=(), unidentified=(*refused, *lost), correlation=None, notes=notes)
+    told = told._replace(unidentified=lost, notes=(f"{ATTITUDE} {reason}", *told.notes))
+    if by_a_filter:
+        refused = tuple(Unidentified(one.name, NO_VELOCITY) for one in told.estimates)
+        told = told._replace(estimates=(), unidentified=(*refused, *lost), correlation=None)
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
     spans = tuple((float(one.time[0]), float(one.time[-1])) for one in records)
     return PathResult(told, names, path_chapter(records, found), spans)
@@ -158,7 +168,7 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str) -> PathRes
 def _pieces(flight: Experiment) -> tuple[Experiment, ...]:
     """The manoeuvres with what is beside them, or pieces of the flight, without gaps."""
     try:
-        found = excited(flight, LEAD, LEAD)
+        found = _joined(flight, excited(flight, LEAD, LEAD))
     except BadInput:
         found = _flying(flight)
     pieces: list[Experiment] = []
@@ -172,16 +182,30 @@ def _pieces(flight: Experiment) -> tuple[Experiment, ...]:
     return tuple(pieces[:MOST_PIECES])
 
 
+def _joined(flight: Experiment, records: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
+    """The records, those that share samples as one: a sample that counts twice makes intervals too narrow."""
+    whole: list[Experiment] = []
+    for one in records:
+        if whole and one.time[0] <= whole[-1].time[-1]:
+            first, last = np.searchsorted(flight.time, (whole[-1].time[0], one.time[-1]))
+            name = f"{whole[-1].name.partition(' to ')[0]} to {one.name.rpartition(' ')[2]}"
+            whole[-1] = cut(flight, slice(int(first), int(last) + 1))._replace(name=name)
+        else:
+            whole.append(one)
+    return tuple(whole)
+
+
 def _flying(flight: Experiment) -> tuple[Experiment, ...]:
     """Pieces of the flight at an airspeed, of about `PIECE` each."""
     speed = flight.signals["airspeed"]
     known = speed[np.isfinite(speed)]
-    fast = np.nan_to_num(speed) > FLYING * float(np.median(known)) if len(known) else np.zeros(len(speed), bool)
+    least = FLYING * float(np.quantile(known, IN_FLIGHT)) if len(known) else np.inf
+    fast = np.nan_to_num(speed) > least
     edges = np.flatnonzero(np.diff(np.concatenate(([0], fast.astype(int), [0]))))
     pieces = []
     for begin, last in edges.reshape(-1, 2).tolist():
         first = min(begin + int(LEAD / flight.step), last)
         parts = max(round((last - first) * flight.step / PIECE), 1)
         bounds = np.linspace(first, last, parts + 1).astype(int)
-        pieces += [cut(flight, slice(int(a), int(b))) for a, b in pairwise(bounds)]
+        pieces += [cut(flight, slice(int(a), int(b))) for a, b in pairwise(bounds) if (b - a) * flight.step >= LEAST]
     return tuple(one._replace(name=f"piece {number}") for number, one in enumerate(pieces, 1))

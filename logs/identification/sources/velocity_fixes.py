@@ -18,7 +18,7 @@ from logs.identification.sources.whole_flight import LONGEST_GAP
 
 ANGLES = ("phi", "theta", "psi")
 FLYING = 0.5
-"""-; of the airspeed, or speed over ground, in flight, below which it stands or lands"""
+"""-; of the airspeed or the speed over ground in flight, below which it stands or lands"""
 IN_FLIGHT = 0.9
 """-; of the samples, that are slower than what counts as the speed in flight: the wait before a launch may be long"""
 LEAD = 5.0
@@ -59,7 +59,8 @@ def _usable(flight: Experiment, fixes: TopicTable) -> NDArray[np.bool_]:
     """Samples at which it flies, the IMU tells something, and fixes are not far."""
     known = np.all([np.isfinite(flight.signals[name]) for name in (*INPUTS, *ANGLES)], axis=0)
     ground = np.hypot(fixes.linear("v_north", flight.time), fixes.linear("v_east", flight.time))
-    speed = np.nan_to_num(flight.signals.get("airspeed", ground))
+    # The larger: a blocked pitot hides the one, a headwind the other.
+    speed = np.fmax(flight.signals.get("airspeed", ground), ground)
     after = np.searchsorted(fixes.time, flight.time).clip(1, len(fixes.time) - 1)
     near = fixes.time[after] - fixes.time[after - 1] < LONGEST_PAUSE
     near &= (flight.time >= fixes.time[0]) & (flight.time <= fixes.time[-1])

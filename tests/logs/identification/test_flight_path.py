@@ -9,6 +9,7 @@ from promised import SEEDS, promise_kept
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.kinematics import flight_path
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
 from logs.identification.kinematics.flight_sensors import Places
 
@@ -177,3 +178,11 @@ def test_intervals_of_many(longitudinal: bool, colour: float, input_noise: float
     flight = Flight(longitudinal=longitudinal, colour=colour, input_noise=input_noise)
     shares = coverage(SEEDS, flight, LONGITUDINAL if longitudinal else ())
     promise_kept(f"flight path, longitudinal {longitudinal}, colour {colour}, input noise {input_noise}", shares)
+
+
+def test_what_does_not_settle_is_told_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN no vane sideways THEN it is said that the airspeed alone tells how fast it flew sideways."""
+    monkeypatch.setattr(flight_path, "fitted", lambda problem: None)
+    blind = rebuilt(Flight(seed=1), ("airspeed", "phi", "theta", "psi", "altitude"))
+    assert "did not converge: without beta" in blind.failure and "measure beta" in blind.failure
+    assert rebuilt(Flight(seed=1, longitudinal=True), LONGITUDINAL).failure == "the reconstruction did not converge"
