@@ -44,7 +44,7 @@ EXAMPLES = (
     "wingbeat identify recordings/flight.mcap aero",
     "wingbeat identify recordings/monday.mcap recordings/tuesday.mcap modes   # one aircraft, one fit",
     "wingbeat identify monday.mcap tuesday.mcap modes --validate friday.mcap  # not fitted: predicted",
-    "wingbeat identify recordings/flight.mcap path        # biases and scales of the sensors",
+    "wingbeat identify recordings/flight.mcap path        # biases of gyros and accelerometers",
     "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
