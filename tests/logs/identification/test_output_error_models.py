@@ -26,7 +26,7 @@ from logs.identification.output_error.fit import output_error
 from logs.identification.output_error.models.actuated import Actuated, Actuator, actuated
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
-from logs.identification.output_error.models.stability import Steady, lateral, short_period
+from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.output_error.problem import Parameter, Problem
 
 TIME = 0.02 * np.arange(400)
@@ -73,6 +73,17 @@ def test_short_period_in_w_and_in_alpha_are_one() -> None:
     w = in_w.simulate(vector(in_w, shared | {"Z_w": -2.0, "Z_q": -1.0, "M_w": -0.75}), np.zeros(2), inputs, 0.02)
     np.testing.assert_allclose(w[:, 0], 20 * a[:, 0], atol=1e-12)
     np.testing.assert_allclose(w[:, 1:], a[:, 1:], atol=1e-10)
+
+
+def test_the_vane_of_a_flight_at_an_angle_of_attack_is_that_of_its_velocity() -> None:
+    """GIVEN small changes of u and w about 17 degrees THEN alpha changes as the direction of both does."""
+    steady = Steady(20.0, alpha=0.3)
+    model = longitudinal(steady)
+    row = list(model.outputs).index("alpha") + len(model.states)
+    told = dict(zip(model.states, model.constant[row], strict=False))
+    u, w, small = 20.0 * np.cos(0.3), 20.0 * np.sin(0.3), 1e-6
+    assert told["u"] == pytest.approx((np.arctan2(w, u + small) - 0.3) / small, rel=1e-5)
+    assert told["alpha"] == pytest.approx((np.arctan2(w + 20.0 * small, u) - 0.3) / small, rel=1e-5)
 
 
 def test_measured_sideslip_may_be_an_input() -> None:

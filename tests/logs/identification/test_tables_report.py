@@ -78,7 +78,8 @@ def table() -> str:
         return np.asarray(system.a @ x + system.b * u[0])
 
     states = MADE["fly"](rates, np.zeros(4), delta[:, None], 0.02, 4)
-    states[:, 1] /= SPEED
+    # As a vane tells it: the angle follows the forward speed too.
+    states[:, 1] = (np.cos(ALPHA) * states[:, 1] - np.sin(ALPHA) * states[:, 0]) / SPEED
     rng = np.random.default_rng(3)
     noisy = states + rng.normal(0, 1, states.shape) * [0.02, 0.002, 0.01, 0.002] + [0.0, ALPHA, 0.0, PITCH]
     rows = np.column_stack((t, noisy, delta - ELEVATOR))
