@@ -15,6 +15,7 @@ from logs.identification.results import Estimate, Fitted, Unidentified
 
 LITTLE = 0.5
 """-; R^2 under which a model is said to explain little"""
+EXPLAINS_LITTLE = "the model explains less than half of every output"
 
 
 class OutputFit(NamedTuple):

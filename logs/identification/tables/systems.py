@@ -13,7 +13,7 @@ from logs.identification.modes.lateral import DUTCH_ROLL, LateralModes, lateral_
 from logs.identification.output_error.problem import Fit
 from logs.identification.results import Array, Unidentified
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.results import LITTLE, TableFit
+from logs.identification.tables.results import EXPLAINS_LITTLE, LITTLE, TableFit
 
 LATERAL = "lateral"
 TITLE = "Lateral modes"
@@ -39,7 +39,7 @@ def fitted_system(table: TableFit, fit: Fit, chosen: Chosen) -> System:
     if fit.failure:
         return System(of, fit.failure)
     if all(one.r_squared < LITTLE for one in table.outputs if not one.held_out):
-        return System(of, "the model explains less than half of every output")
+        return System(of, EXPLAINS_LITTLE)
     lost = [one for one in fit.unidentified if _share(of, fit, one.name) > 0]
     return System(of, f"{lost[0].name} is not identified: {lost[0].reason}" if lost else "")
 

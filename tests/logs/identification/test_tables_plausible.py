@@ -123,3 +123,31 @@ def test_a_steady_climb_tells_the_sign_of_a_x_by_its_mean(scale: float, said: st
     with pytest.raises(BadInput, match=f"a_x .*{said}"):
         check_plausible((one,), {})
     return None
+
+
+def rung(seed: int, speed: float, noise: tuple[float, float, float]) -> Experiment:
+    """A lightly damped motion that fades, 30 Hz, with ``noise`` of alpha (rad), q (rad/s) and a_z (m/s^2)."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 20.0, 1.0 / 30.0)
+    lift, rate = -0.45, np.array([[-0.45, 1.0], [-39.3, -0.24]])
+    values, vectors = np.linalg.eig(rate)
+    weights = np.linalg.solve(vectors, np.array([0.15, 0.0]))
+    alpha, q = np.real((vectors * weights) @ np.exp(np.outer(values, time)))
+    signals = {"alpha": 0.1 + alpha, "q": q, "a_z": lift * speed * alpha - STANDARD_GRAVITY}
+    for name, size in zip(signals, noise, strict=True):
+        signals[name] = signals[name] + size * rng.normal(size=len(time))
+    return Experiment("rung", time, signals, UNITS)
+
+
+@pytest.mark.parametrize(("speed", "force"), [(7.0, 0.2), (7.0, 0.5)])
+def test_what_noise_adds_up_to_is_no_mistake(speed: float, force: float) -> None:
+    """With all of the motion alone 15 % and more of these were refused."""
+    for seed in range(40):
+        check_plausible((rung(seed, speed, (0.005, 0.017, force)),), {"V": speed})
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_mistake_is_named_whatever_the_noise(seed: int) -> None:
+    with pytest.raises(BadInput, match="it is in g, not in m/s"):
+        check_plausible((flown(seed=seed, a_z=1.0 / STANDARD_GRAVITY),), {"V": SPEED})
+    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+        check_plausible((flown(seed=seed, noise=0.3),), {"V": SPEED * 3600.0 / 1852.0})

@@ -248,3 +248,27 @@ def test_an_input_of_two_levels_is_no_gap(tmp_path: Path) -> None:
     told = BASE.replace('"delta_e", unit = "rad"', '"delta_e", unit = "rad", scale = 1e-4')
     found = identified(tmp_path, columns | {"delta_e": level}, told)
     assert "taken as not measured" not in said(found)
+
+
+def blown(seed: int) -> dict[str, Any]:
+    """Columns of an aircraft that gusts alone move, as they change over a second."""
+    rng, step = np.random.default_rng(seed), 0.02
+    columns = np.zeros((6000, 3))
+    alpha, q, gust = 0.0, 0.0, 0.0
+    for k in range(len(columns)):
+        gust += step * -gust + 0.02 * np.sqrt(2.0 * step) * rng.normal()
+        felt = alpha + gust
+        columns[k] = felt, q, -0.8 * 190.0 * felt - 9.81
+        alpha, q = alpha + step * (q - 0.8 * felt), q + step * (-12.0 * felt - 1.0 * q)
+    noisy = columns + rng.normal(size=columns.shape) * [0.002, 0.003, 0.1]
+    return {"t": step * np.arange(len(columns))} | dict(zip(("alpha", "q", "a_z"), noisy.T, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_that_explains_next_to_nothing_has_no_numbers(tmp_path: Path, seed: int) -> None:
+    """GIVEN gusts alone WHEN free motion is fitted to them THEN no derivative is told, and why."""
+    mapping = BASE.replace('inputs = ["delta_e"]', "inputs = []").replace("V = 100", "V = 190")
+    without_input = "\n".join(line for line in mapping.splitlines() if not line.startswith("delta_e"))
+    (fit,) = identified(tmp_path, blown(seed), without_input).fits
+    assert all(one.r_squared < 0.1 for one in fit.outputs)
+    assert not fit.fitted.estimates and fit.fitted.unidentified
