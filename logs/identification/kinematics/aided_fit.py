@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.kinematics.aided_kernels import (
@@ -25,6 +26,7 @@ from logs.identification.kinematics.aided_kernels import (
     MOTION,
     OFFSETS,
     UNKNOWNS,
+    Chain,
     filtered,
     over_interval,
 )
@@ -148,13 +150,7 @@ def usual_levels(flight: AidedFlight) -> Levels:
 
 def ned_from_frd(angles: Array) -> Array:
     """Rotations (N, 3, 3) of phi, theta and psi (N, 3) in rad."""
-    (sa, sb, sc), (ca, cb, cc) = np.sin(angles.T), np.cos(angles.T)
-    rows = (
-        (cb * cc, sa * sb * cc - ca * sc, ca * sb * cc + sa * sc),
-        (cb * sc, sa * sb * sc + ca * cc, ca * sb * sc - sa * cc),
-        (-sb, sa * cb, ca * cb),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
+    return np.asarray(Rotation.from_euler("ZYX", angles[:, ::-1]).as_matrix(), dtype=np.float64)
 
 
 def _first_path(flight: AidedFlight) -> Array:
@@ -240,7 +236,7 @@ def _likeliest(linear: _Linear, first: Array, levels: Levels, usual: Levels) -> 
     def cost(logs: Array) -> float:
         means, covariance, nothing = first.copy(), np.diag(FIRST**2), (np.zeros((0, 0)), np.zeros((0, 0, 0)))
         found = Levels(*np.exp(np.maximum(logs, least)))
-        likelihood = filtered(*_filter_input(linear, found), means, covariance, *nothing)
+        likelihood = filtered(_chain(linear, found), means, covariance, *nothing)
         return float(0.5 * np.sum(((logs - about) / FACTORS) ** 2) - likelihood)
 
     options = {"maxfev": 300, "xatol": 0.05, "fatol": 0.05}
@@ -248,17 +244,18 @@ def _likeliest(linear: _Linear, first: Array, levels: Levels, usual: Levels) -> 
     return Levels(*np.exp(np.maximum(found, least)).tolist())
 
 
-def _filter_input(linear: _Linear, levels: Levels) -> tuple[Array, Array, Array, Array, Array, Array, Array, float]:
-    added = _added(linear, levels)
-    over, shifts, _, _, sums, grown, slopes, left = linear
-    return over, shifts, added, sums, grown, slopes, left, levels.fixes
+def _chain(linear: _Linear, levels: Levels) -> Chain:
+    return Chain(
+        linear.over, linear.shifts, _added(linear, levels), linear.sums, linear.grown, linear.slopes, linear.left,
+        levels.fixes,
+    )  # fmt: skip
 
 
 def _forward(linear: _Linear, first: Array, levels: Levels) -> tuple[Array, Array]:
     """Deviations (K, 31) from the path behind each fix, and their covariances."""
     count = len(linear.left)
     means, covariances = np.zeros((count, UNKNOWNS)), np.zeros((count, UNKNOWNS, UNKNOWNS))
-    filtered(*_filter_input(linear, levels), first.copy(), np.diag(FIRST**2), means, covariances)
+    filtered(_chain(linear, levels), first.copy(), np.diag(FIRST**2), means, covariances)
     return means, covariances
 
 
@@ -281,7 +278,7 @@ def _told(flight: AidedFlight, path: Array, first: Array, levels: Levels) -> Aid
     mean = np.append(first - path[0], np.zeros(6))
     covariance = np.zeros((len(mean), len(mean)))
     covariance[:UNKNOWNS, :UNKNOWNS] = np.diag(FIRST**2)
-    filtered(*_filter_input(linear, levels), mean, covariance, np.zeros((0, 0)), np.zeros((0, 0, 0)))
+    filtered(_chain(linear, levels), mean, covariance, np.zeros((0, 0)), np.zeros((0, 0, 0)))
     whole = float(np.sum(linear.seconds))
     told = _fixes_told(path, flight.inputs[flight.at, :3], flight.arm)
     return AidedFit(

@@ -7,6 +7,8 @@ forces are behind the rates (s). The filter may carry six more behind them: the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from logs.identification.results import Array
@@ -15,6 +17,27 @@ from sim_bridge.vectors import njit
 MOTION, OFFSETS, MATRICES, LAG = 6, 6, 12, 30
 """-; how many move, and where the others begin"""
 UNKNOWNS = 31
+
+
+class Chain(NamedTuple):
+    """A flight about a path, interval by interval, as the filter goes along it."""
+
+    over: Array
+    """(K, 6, 31); motion at an interval's end by the unknowns at its begin, as `carried` takes it"""
+    shifts: Array
+    """(K, 31); added to the means"""
+    added: Array
+    """(K, 31, 31); added to the covariances"""
+    sums: Array
+    """(K, 6, 31); what the six sums grow by, as `carried` takes it"""
+    grown: Array
+    """(K, 6); added to the sums"""
+    slopes: Array
+    """(K + 1, 3, 31); how the fixes follow the unknowns"""
+    left: Array
+    """m/s; (K + 1, 3), what the fixes differ by from the path"""
+    noise: float
+    """m/s; of a fix"""
 
 
 @njit(cache=True)
@@ -66,18 +89,13 @@ def carried(covariance: Array, over: Array, sums: Array, added: Array) -> None:
 
 
 @njit(cache=True)
-def filtered(
-    over: Array, shifts: Array, added: Array, sums: Array, grown: Array, slopes: Array, left: Array, noise: float,
-    mean: Array, covariance: Array, means: Array, covariances: Array,
-) -> float:  # fmt: skip
+def filtered(chain: Chain, mean: Array, covariance: Array, means: Array, covariances: Array) -> float:
     """Kalman's filter over K intervals between K + 1 fixes; the logarithm of the likelihood, but for a constant.
 
-    ``over`` (K, 6, 31) and ``sums`` (K, 6, 31) as `carried` takes them; ``shifts`` (K, 31) and ``grown`` (K, 6) are
-    added to the means, ``added`` (K, 31, 31) to the covariances. ``left`` (K + 1, 3) is what the fixes differ by from
-    the path that all is about, ``slopes`` (K + 1, 3, 31) how they follow the unknowns, ``noise`` (m/s) theirs.
     ``mean`` (n,) and ``covariance`` (n, n) are those before the first fix, and become those behind the last;
     ``means`` (K + 1, 31) and ``covariances`` (K + 1, 31, 31), where not empty, are filled with those behind each.
     """
+    over, shifts, added, sums, grown, slopes, left, noise = chain
     likelihood, size = 0.0, mean.shape[0]
     for k in range(left.shape[0]):
         if k > 0:
