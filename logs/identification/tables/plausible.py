@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,8 +38,20 @@ LEAST_RUN = 20
 """-; samples on end in which all was measured"""
 DEGREES = math.degrees(1.0)
 ANGLE_RATES = (("theta", "q"), ("phi", "p"))
-Check = Callable[[Array | None], None]
 HINT = "body axes are x forward, y right, z down"
+
+
+class Mistake(NamedTuple):
+    """What explains that signals contradict one another."""
+
+    kind: str
+    """-; which of the known ones"""
+    words: str
+    """-; one line for people"""
+
+
+Find = Callable[[Array], Mistake | None]
+"""the factors of `_shares` -> a known mistake that explains them"""
 
 
 def check_plausible(
@@ -57,10 +70,10 @@ def check_plausible(
     _check_gravity(experiments)
     for angle, rate in ANGLE_RATES:
         shares = _shares(experiments, angle, (rate,), constants)
-        if shares is not None:
-            _check_share(shares[0], angle, rate)
-    for check in (_check_turning, _check_force, _check_speed):
-        _check_parts(check, experiments, constants)
+        wrong = None if shares is None else _turning(shares, angle, rate)
+        if wrong:
+            raise BadInput(wrong.words)
+    _check_lift(experiments, constants)
     for force, (names, speed_and_rest) in ALONG.items():
         share = _force_share(experiments, force, names, speed_and_rest)
         if share is not None:
@@ -153,79 +166,77 @@ def _check_gravity(experiments: Sequence[Experiment]) -> None:
         raise BadInput(f"signals.a_z is {mean:.3g} m/s^2 on the mean: it is in m/s^2 already, not in g")
 
 
-def _check_share(share: float, angle: str, rate: str) -> None:
-    """``share`` is how fast the angle changes over what the rate says."""
-    if _is(share, -1.0):
-        raise BadInput(f"{angle} changes against {rate}: the sign of one of them is wrong ({HINT})")
-    for factor, fast in ((DEGREES, "as fast"), (1.0 / DEGREES, "as slowly")):
-        if _is(share, factor):
-            raise BadInput(f"{angle} changes 57 times {fast} as {rate} says: the unit of one of them is wrong")
-    for power in (3, 6, 9):
-        for factor, fast in ((10.0**power, "as fast"), (10.0**-power, "as slowly")):
-            if _is(share, factor):
-                raise BadInput(f"{angle} changes 1e{power} times {fast} as {rate} says: time.unit (or rate) is wrong")
-
-
-def _check_parts(check: Check, experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
+def _check_lift(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
     """Refuse what alpha, q and a_z say by all that was measured, and by each third of alpha's motion as well.
 
     What noise adds up to over a record can stand for a mistake: of motions that fade slowly 15 to 22 % were refused.
-    It is another one in another third.
+    It is another one in another third. A third that tells nothing does not contradict.
 
     Raises:
         BadInput: they do.
     """
-    try:
-        check(_shares(experiments, "alpha", ("q", "a_z"), constants))
-    except BadInput as error:
-        thirds = (_shares(experiments, "alpha", ("q", "a_z"), constants, third) for third in range(3))
-        if all(_says(str(error), check, shares) for shares in thirds):
-            raise
-
-
-def _says(words: str, check: Check, shares: Array | None) -> bool:
-    """Whether the ``check`` of a third refuses it with the same ``words``, numbers aside, or it tells nothing."""
-    if shares is None:
-        return True
-    try:
-        check(shares)
-    except BadInput as error:
-        return str(error).rpartition("times")[2] == words.rpartition("times")[2]
-    return False
-
-
-def _check_turning(shares: Array | None) -> None:
-    if shares is not None:
-        _check_share(float(shares[0]), "alpha", "q")
-
-
-def _check_force(shares: Array | None) -> None:
-    """The second of ``shares`` is how much of alpha's change a_z makes over what it should."""
-    if shares is None:
+    whole = _shares(experiments, "alpha", ("q", "a_z"), constants)
+    if whole is None:
         return
+    for find in (_turning, _lift, _airspeed):
+        wrong = find(whole)
+        if wrong is None:
+            continue
+        thirds = (_shares(experiments, "alpha", ("q", "a_z"), constants, third) for third in range(3))
+        if all(shares is None or _is_of(wrong.kind, find(shares)) for shares in thirds):
+            raise BadInput(wrong.words)
+
+
+def _is_of(kind: str, found: Mistake | None) -> bool:
+    return found is not None and found.kind == kind
+
+
+def _turning(shares: Array, angle: str = "alpha", rate: str = "q") -> Mistake | None:
+    """The first of ``shares`` is how fast the angle changes over what the rate says."""
+    share = float(shares[0])
+    if _is(share, -1.0):
+        return _said(f"{angle} changes against {rate}: the sign of one of them is wrong ({HINT})")
+    for factor, fast in ((DEGREES, "as fast"), (1.0 / DEGREES, "as slowly")):
+        if _is(share, factor):
+            return _said(f"{angle} changes 57 times {fast} as {rate} says: the unit of one of them is wrong")
+    for power in (3, 6, 9):
+        for factor, fast in ((10.0**power, "as fast"), (10.0**-power, "as slowly")):
+            if _is(share, factor):
+                return _said(f"{angle} changes 1e{power} times {fast} as {rate} says: time.unit (or rate) is wrong")
+    return None
+
+
+def _lift(shares: Array) -> Mistake | None:
+    """The second of ``shares`` is how much of alpha's change a_z makes over what it should."""
     share = float(shares[1])
     if _is(share, -1.0):
-        raise BadInput(f"a_z is against the changes of alpha and q: its sign is wrong ({HINT}; scale = -1.0)")
+        return _said(f"a_z is against the changes of alpha and q: its sign is wrong ({HINT}; scale = -1.0)")
     for factor, unit in ((STANDARD_GRAVITY, "in g, not in m/s^2"), (1.0 / STANDARD_GRAVITY, "in m/s^2, not in g")):
         if _is(share, factor):
-            raise BadInput(f"a_z does not fit the changes of alpha and q: it is {unit}, or V is wrong")
+            return _said(f"a_z does not fit the changes of alpha and q: it is {unit}, or V is wrong")
     for factor, units in ((DEGREES, "deg, not in rad"), (1.0 / DEGREES, "rad, not in deg")):
         if _is(share, factor):
-            raise BadInput(f"alpha and q do not fit a_z and V: both are in {units}, or the unit of a_z or V is wrong")
+            return _said(f"alpha and q do not fit a_z and V: both are in {units}, or the unit of a_z or V is wrong")
+    return None
 
 
-def _check_speed(shares: Array | None) -> None:
+def _airspeed(shares: Array) -> Mistake | None:
     """Their ratio is the airspeed over what alpha, q and a_z say, apart from what alpha's own scale explains."""
-    if shares is None or not shares[0]:
-        return
-    share = float(shares[1] / shares[0])
+    share = float(shares[1] / shares[0]) if shares[0] else 0.0
     for unit, factor in SPEEDS.items():
         for told, is_in, times in (("m/s", unit, factor), (unit, "m/s", 1.0 / factor)):
             if share / times > 0 and abs(math.log(share / times)) < math.log(NEAR_SPEED):
-                raise BadInput(
+                return Mistake(
+                    f"{told} for {is_in}",
                     f"V is {share:.2g} times what alpha, q and a_z say: is it in {is_in}, not in {told}, or is the"
-                    " scale of a_z wrong?"
+                    " scale of a_z wrong?",
                 )
+    return None
+
+
+def _said(words: str) -> Mistake:
+    """A mistake that its words tell from all others."""
+    return Mistake(words, words)
 
 
 def _is(share: float, factor: float) -> bool:
