@@ -18,23 +18,30 @@ from logs.identification.preparing.resampling import filled
 from logs.identification.regression.terms import Term, evaluate
 from logs.identification.results import Array
 
+SMOOTH = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)
+"""-; mean of a signal from one sample to the next, of the two and their neighbours: that of a cubic through them"""
+LINE = (0.0, 0.5, 0.5, 0.0)
+"""-; the same of a line through the two"""
+
 
 class Averaging(NamedTuple):
     """What the columns of a regression are averaged with."""
 
     weights: Array
     """-; (2 h + 1,), of a sample and its h neighbours on both sides; they add up to 1"""
+    others: Array
+    """-; the same by another course between samples, of which neither is known to be the one"""
     through: frozenset[str]
     """-; signals that went through it before"""
 
 
-def average_of_slope(slope: Array) -> Array:
-    """Weights (2 h + 1,) of the average that a slope with the weights ``slope`` (2 h + 1,) per step takes.
+def average_of_slope(slope: Array, mean: tuple[float, ...] = SMOOTH) -> Array:
+    """Weights (2 h + 3,) of the average that a slope with the weights ``slope`` (2 h + 1,) per step takes.
 
-    A sum of differences between neighbours, summed by parts; between two samples a signal is their mean.
+    A sum of differences between neighbours, summed by parts; between two samples a signal is its ``mean``.
     """
     between = -np.cumsum(slope)[:-1]
-    return np.asarray(np.convolve(between, (0.5, 0.5)))
+    return np.asarray(np.convolve(between, mean))
 
 
 def averaged(values: Array, weights: Array) -> Array:

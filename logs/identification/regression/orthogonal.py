@@ -12,12 +12,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import f as fisher
 
 from logs.identification.experiment import Experiment
 from logs.identification.regression.candidates import candidates_of
 from logs.identification.regression.coefficients import CoefficientRegression, solve
 from logs.identification.regression.design import Design, design_of
 from logs.identification.regression.equation_error import Settings
+from logs.identification.regression.least_squares import ROUNDING
 from logs.identification.regression.statistics import System
 from logs.identification.results import Array
 
@@ -35,6 +37,8 @@ class Function(NamedTuple):
     pse: float
     """response squared; predicted square error with it and all before it"""
     kept: bool
+    chance: float
+    """-; probability of its gain by chance, in independent samples of what all functions leave"""
 
 
 class Orthogonal(NamedTuple):
@@ -93,9 +97,12 @@ def _functions(names: list[str], amplitudes: Array, system: System) -> tuple[Fun
     pse = (total - np.cumsum(amplitudes**2)) / count + system.charge * fitted
     empty = total / count + system.charge * system.basis.shape[1]
     kept = int(np.argmin(pse)) + 1 if pse.min() < empty else 0
+    free = max(system.independent - fitted[-1], 1.0)
+    left = max(total - float(np.sum(amplitudes**2)), ROUNDING * total) / free
+    chances = fisher.sf(amplitudes**2 / left, 1, free)
     return tuple(
-        Function(name, float(a**2 / total), float(p), place < kept)
-        for place, (name, a, p) in enumerate(zip(names, amplitudes, pse, strict=True))
+        Function(name, float(a**2 / total), float(p), place < kept, float(chance))
+        for place, (name, a, p, chance) in enumerate(zip(names, amplitudes, pse, chances, strict=True))
     )
 
 

@@ -16,8 +16,9 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.lever_arm import acceleration_at_centre
 from logs.identification.preparing.local_quadratic import NEIGHBOURS, local_quadratic
-from logs.identification.regression.averaging import Averaging, average_of_slope
+from logs.identification.regression.averaging import LINE, Averaging, average_of_slope
 from logs.identification.results import Array
+from logs.identification.tables.between import jumps
 
 COEFFICIENTS = ("C_X", "C_Y", "C_Z", "C_L", "C_D", "C_l", "C_m", "C_n")
 FORCES = ("a_x", "a_y", "a_z")
@@ -91,7 +92,10 @@ def averaging_of(experiments: Sequence[Experiment], wanted: Collection[str]) -> 
     if not through:
         return None
     weights = savgol_coeffs(_width(first.step), 2, deriv=1, use="dot")
-    return Averaging(average_of_slope(weights), through)
+    curved, lined = average_of_slope(weights), average_of_slope(weights, LINE)
+    if any(jumps(one.signals[name]) for one in experiments for name in wanted if name in one.signals):
+        return Averaging(lined, curved, through)
+    return Averaging(curved, lined, through)
 
 
 def _rate(of: str) -> Callable[[Source], Array]:

@@ -13,11 +13,12 @@ from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.records import away
 from logs.identification.output_error.problem import Fit
+from logs.identification.tables.between import LEAST_RUN
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import LEAST_RUN, output_error_fit
+from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.systems import fitted_system
 

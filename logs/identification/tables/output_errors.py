@@ -18,6 +18,7 @@ from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
 from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified
+from logs.identification.tables.between import LEAST_RUN, coarse, jumping
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.lacking import lacking
@@ -36,10 +37,6 @@ OFF = 8.0
 """-; robust standard deviations of the residuals, from which a sample is no noise; one in 1e15 of normal noise"""
 OVERDRIVEN = 20.0
 """-; angle of attack or sideslip per angle of the input, from which the unit of either is asked for"""
-LEAST_RUN = 16
-"""-; samples on end with every input"""
-JUMP, STILL = 0.2, 0.03
-"""-; of an input's range: what it changes by from one sample to the next, and beside that, where it was held"""
 
 
 class Driven(NamedTuple):
@@ -73,7 +70,7 @@ def output_error_fit(
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     doubts = (
-        _missing(series), _off(series), _jumping(asked, found.fitted), coarse(_lines(asked), found.fitted),
+        _missing(series), _off(series), jumping(_lines(asked), found.fitted), coarse(_lines(asked), found.fitted),
         _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
     )  # fmt: skip
     told = Fitted(
@@ -113,51 +110,8 @@ def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:
     )
 
 
-def _jumping(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs that jump between samples and are flown as lines.
-
-    A command that is held from its sample on acts half a sample later than the line to the next one, and at once.
-    """
-    names = [
-        name for name in _lines(asked) if any(name in one.signals and jumps(one.signals[name]) for one in experiments)
-    ]
-    if not names:
-        return ()
-    one, told = len(names) == 1, ", ".join(f'"{name}"' for name in names)
-    flown = "and was flown as a line" if one else "and were flown as lines"
-    return (
-        f"{', '.join(names)} {'jumps' if one else 'jump'} from one sample to the next, {flown} between them;"
-        f" if held, give hold = [{told}]",
-    )
-
-
 def _lines(asked: OutputError) -> tuple[str, ...]:
     return tuple(name for name in asked.inputs if name not in asked.hold)
-
-
-def coarse(names: Sequence[str], experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs that move so far from one sample to the next that lines are no course of theirs.
-
-    Ramps of one to three samples between 3-2-1-1 levels, at 10 Hz and 2.8 rad/s, left M_q and M_delta 1 to 20 % off,
-    outside their intervals, with the delay free or not; the same ramps at 25 Hz a quarter of that.
-    """
-    told = []
-    for name in names:
-        series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
-        largest = max((_largest_change(one) for one in series), default=0.0)
-        if largest > JUMP and not any(map(jumps, series)):
-            told.append(
-                f"{name} moves by up to {100 * largest:.0f} % of its range from one sample to the next, and counts"
-                " as a line between them: derivatives may be off by more than their intervals; record it faster"
-            )
-    return tuple(told)
-
-
-def _largest_change(values: Array) -> float:
-    """From one measured sample of an input (N,) to the next one measured, as a share of its range."""
-    known = values[np.isfinite(values)]
-    span = float(np.ptp(known)) if len(known) > 1 else 0.0
-    return float(np.max(np.abs(np.diff(known)))) / span if span else 0.0
 
 
 def _off(series: Sequence[FitSeries]) -> tuple[str, ...]:
@@ -215,16 +169,6 @@ def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ..
         status="not converged", failure=why, estimates=(), unidentified=nothing, own=(), histories=(),
         values=np.full(len(fit.values), np.nan),
     )  # fmt: skip
-
-
-def jumps(values: Array) -> bool:
-    """Whether an input (N,) changes between two samples and rests beside, as one that is held and not moved does."""
-    known = values[np.isfinite(values)]
-    if len(known) < LEAST_RUN or not np.ptp(known) > 0:
-        return False
-    changes = np.abs(np.diff(known)) / float(np.ptp(known))
-    places = np.flatnonzero(changes[1:-1] > JUMP) + 1
-    return len(places) > 0 and bool(np.all(changes[places - 1] < STILL) and np.all(changes[places + 1] < STILL))
 
 
 def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | None) -> Driven:

@@ -17,19 +17,21 @@ from logs.identification.regression.orthogonal import Orthogonal, orthogonal_reg
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.regression.terms import parse
 from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.tables.between import coarse, with_between
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.derived import MADE, averaging_of, with_made
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.map import Regression
 from logs.identification.tables.named import band_frequencies
-from logs.identification.tables.noisy import with_noise
-from logs.identification.tables.output_errors import coarse
+from logs.identification.tables.noisy import TREND, with_noise
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
 
 OF_THRUST = ("C_X", "C_Z", "C_L", "C_D")
 """responses that thrust is taken off"""
+NO_CHANCE = 0.01
+"""-; probability by chance, shared among the candidates, below which a function that was not kept is named"""
 NAMED = "Each number in brackets is called by what it multiplies."
 
 
@@ -56,19 +58,24 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     chosen, steps = _chosen(asked, names, fitted, settings)
     domain: Domain = "time" if asked.domain == "time" else "frequency"
     result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    result = with_noise(result, fitted, settings)
-    notes = (*result.notes, *_between_samples(chosen, found.fitted, settings), *thrust)
-    return _told(asked, result._replace(notes=notes), fitted, held, settings)._replace(steps=steps)
+    result = _with_errors(result, fitted, settings)
+    return _told(asked, result._replace(notes=(*result.notes, *thrust)), fitted, held, settings)._replace(steps=steps)
 
 
-def _between_samples(
-    chosen: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings
-) -> tuple[str, ...]:
-    """What is said of controls that move too far between samples for what is averaged over them beside a slope."""
-    if settings.averaging is None:
-        return ()
+def _with_errors(
+    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
+) -> CoefficientRegression:
+    """The regression with intervals that hold what noise in regressors and their course between samples do."""
+    noisy = with_noise(result, experiments, settings)
+    if settings.averaging is None or noisy.failure:
+        return noisy
+    chosen = tuple(name for name in result.names if name != INTERCEPT and not name.startswith(TREND))
     symbols = dict.fromkeys(symbol for name in chosen for symbol in parse(name).powers if symbol not in SIGNALS)
-    return coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
+    unseen = coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
+    others = settings._replace(averaging=settings.averaging._replace(weights=settings.averaging.others))
+    otherwise = coefficient_regression(experiments, result.response, chosen, result.domain, others)
+    noisy = with_between(noisy, otherwise, bool(unseen))
+    return noisy._replace(notes=(*noisy.notes, *unseen))
 
 
 def _without_thrust(
@@ -125,7 +132,14 @@ def _orthogonal(
         f" {'kept' if one.kept else 'not kept'}"
         for one in found.functions
     )
-    model = with_noise(found.model, parts[0], settings)
+    missed = [one.term for one in found.functions if not one.kept and one.chance < NO_CHANCE / len(names)]
+    if missed:
+        told = (
+            *told,
+            f"not kept, but more than chance: {', '.join(missed)}; what they tell is in the others' coefficients,"
+            ' and not in their intervals (selection = "stepwise" chooses by F)',
+        )
+    model = _with_errors(found.model, parts[0], settings)
     model = model._replace(notes=(*told, *model.notes))
     fit = _told(asked, model, *parts, settings)
     return fit._replace(

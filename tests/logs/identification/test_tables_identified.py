@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
@@ -44,10 +45,25 @@ def numbers(fit: TableFit) -> dict[str, Any]:
 
 
 @cache
-def motion(rate: float, duration: float, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, states and input of a 3-2-1-1 of the short period, ``scale`` times slower."""
+def motion(
+    rate: float, duration: float, scale: float, actuator: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states and input of a 3-2-1-1 of the short period, ``scale`` times slower, behind a lag of s, 0 none."""
+    if actuator:  # what the lag does between samples is flown
+        every = round(1000 / rate)
+        t = 1e-3 * np.arange(round(duration * scale * rate) * every)
+        command = np.radians(3) * MADE["multistep"](t, 1.0 * scale, 0.36 * scale)
+        share = 1.0 - np.exp(-1e-3 / actuator)
+        fine, states, delta = motion_of(t, lfilter([share], [1.0, share - 1.0], command), 1e-3, scale)
+        return fine[::every], states[::every], delta[::every]
     t = np.arange(0, duration * scale, 1 / rate)
-    delta = np.radians(3) * MADE["multistep"](t, 1.0 * scale, 0.36 * scale)
+    return motion_of(t, np.radians(3) * MADE["multistep"](t, 1.0 * scale, 0.36 * scale), 1 / rate, scale)
+
+
+def motion_of(
+    t: np.ndarray, delta: np.ndarray, step: float, scale: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states and input, a line between the times, of the short period."""
     p = slowed(scale)
 
     def rates(x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -56,8 +72,8 @@ def motion(rate: float, duration: float, scale: float) -> tuple[np.ndarray, np.n
             p["M_alpha"] * x[0] + p["M_q"] * x[1] + p["M_delta"] * u[0],
         ])  # fmt: skip
 
-    parts = max(1, int(200 / rate / scale))
-    return t, MADE["fly"](rates, np.zeros(2), delta[:, None], 1 / rate, parts), delta
+    parts = max(1, int(200 * step / scale))
+    return t, MADE["fly"](rates, np.zeros(2), delta[:, None], step, parts), delta
 
 
 def slowed(scale: float) -> dict[str, float]:
@@ -65,10 +81,10 @@ def slowed(scale: float) -> dict[str, float]:
 
 
 def flight(
-    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0
+    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0, actuator: float = 0.0
 ) -> dict[str, np.ndarray]:
     """Columns in SI as a noisy system records them."""
-    t, states, delta = motion(rate, duration, scale)
+    t, states, delta = motion(rate, duration, scale, actuator)
     rng, p = np.random.default_rng(5), slowed(scale)
     a_z = 100.0 * (p["Z_alpha"] * states[:, 0] + p["Z_delta"] * delta) - 9.80665
     sizes = (0.002, 0.003 / scale, 0.1 / scale)

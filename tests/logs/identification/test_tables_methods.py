@@ -13,7 +13,7 @@ from test_tables_identified import BASE, TRUTH, flight, identified, write
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
-from logs.identification.tables.output_errors import jumps
+from logs.identification.tables.between import jumps
 
 
 def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
@@ -120,6 +120,27 @@ def test_orthogonal_functions_choose_the_terms_of_the_truth(
     (held,) = [one for one in fit["outputs"] if one["held_out"]]
     assert held["theil"] < 0.05
     assert ">Orthogonal functions of <i>C</i><sub>m</sub></h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("true", "told"), [(0.0, False), (0.12, True)])
+def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], true: float, told: bool
+) -> None:
+    """Its part is in the others, as what a pitch rate does to the lift is in that of alpha and the elevator."""
+    rng, t = np.random.default_rng(3), np.arange(0, 20, 0.02)
+    columns = {"t": t, **{name: rng.normal(size=len(t)) for name in ("a", "b", "d")}}
+    columns["d"] = 0.7 * columns["b"] + columns["d"]
+    columns["y"] = 5.0 * columns["a"] + 0.5 * columns["b"] + true * columns["d"] + 0.5 * rng.normal(size=len(t))
+    signals = "".join(f'{name} = {{ column = "{name}", unit = "-" }}\n' for name in "abdy")
+    mapping = (
+        f'[time]\ncolumn = "t"\n[signals]\n{signals}[[aero.regressions]]\nresponse = "y"\nmethod = "orthogonal"\n'
+    )
+    (tmp_path / "map.toml").write_text(mapping + 'regressors = ["a", "b", "d"]\n')
+    table = str(write(tmp_path / "run.csv", columns))
+    assert identify.run([table, "aero", "--map", str(tmp_path / "map.toml"), "--json"]) == 0
+    (fit,) = json.loads(capsys.readouterr().out)["fits"]
+    assert "d" not in [one["name"] for one in fit["estimates"]]
+    assert any(one.startswith("not kept, but more than chance: d;") for one in fit["notes"]) is told
 
 
 def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
