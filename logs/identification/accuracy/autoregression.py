@@ -7,7 +7,10 @@ least corrected information criterion (Hurvich & Tsai, Biometrika 76, 1989).
 
 That likelihood does not ask what the regressors explain: where a response is smoother than what disturbs its
 regressors, a slow noise that makes all of the response, and the coefficients chance, can be the likeliest. The
-residuals as they are contradict it: an order under which they are less likely than as white noise is passed over.
+residuals as they are contradict it: an order under which they are less likely than as white noise is passed over, and
+one of whose noise the regressors, which take a part of it, would have left more than all that there is. That is a
+quadratic form of normal noise, as chi squared as its mean and variance make it (Satterthwaite, Biometrics Bulletin
+2(6), 1946).
 
 Each contiguous run of samples has its exact likelihood: its first samples are predicted from the few before them
 (Levinson's recursion). All that depends on the samples is in products of them, summed once, so that the search costs
@@ -20,7 +23,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
+from scipy.signal import lfilter, lfiltic, oaconvolve
+from scipy.stats import chi2
 
 from logs.identification.accuracy.likelihood import LARGEST, restricted
 from logs.identification.results import Array
@@ -41,6 +45,8 @@ SMALL = 1e-3
 """-; of twice the log likelihood: a step that promises less is the last, and leaves the square of it"""
 SHORTEST_SHARE = 1e-3
 """-; of a step, that is tried"""
+UNLIKELY = 1e-3
+"""-; probability of residuals as small as they are, below which a noise has not made them"""
 
 
 class Autoregression(NamedTuple):
@@ -162,12 +168,16 @@ def autoregression_of(basis: list[Array], residuals: list[Array], used: list[Arr
     everything = products(columns, used, highest)
     free = float(everything.counts.sum()) - width
     best, since, start, chosen = np.inf, 0, np.zeros(0), (everything.of_order(0), np.zeros(0))
+
+    def as_large(model: Autoregression) -> bool:
+        return probability_of_less(model, basis, residuals, used) > UNLIKELY
+
     for order in range(highest + 1):
         of = everything.of_order(order)
         if order:
             start = _minimum(of, np.append(start, 0.0))
         score = _criterion(of, start)[0] + 2 * (order + 1) * free / max(free - order - 2, 1.0)
-        if score < best and (not order or _likelier_than_white(of, start)):
+        if score < best and (not order or (_likelier_than_white(of, start) and as_large(_model(of, start, free)))):
             best, chosen, since = score, (of, start), 0
         elif (since := since + 1) >= PATIENCE:
             break
@@ -184,6 +194,39 @@ def _likelier_than_white(of: Products, at: Array) -> bool:
         return float(np.log(variances) @ of.counts + of.counts.sum() * np.log(max(squares, 1e-300)))
 
     return criterion(np.tanh(at)) < criterion(np.zeros(len(at)))
+
+
+def probability_of_less(
+    model: Autoregression, basis: list[Array], residuals: list[Array], used: list[Array]
+) -> float:
+    """That noise of the ``model`` leaves the regressors of ``basis`` no larger residuals than there are.
+
+    With P what is orthogonal to the basis B and G the noise's covariance, r^T r has the mean tr(P G) and the variance
+    2 tr(P G P G) = 2 (tr(G G) - 2 tr(B^T G G B) + tr(B^T G B B^T G B)).
+    """
+    gamma = model.autocovariance(max(map(len, used)))
+    inner = np.zeros((basis[0].shape[1],) * 2)
+    mean = variance = 0.0
+    for columns, mask in zip(basis, used, strict=True):
+        if not len(mask):
+            continue
+        through = oaconvolve(columns, _both_sides(gamma[: len(mask)])[:, None], mode="same", axes=0) * mask[:, None]
+        pairs = oaconvolve(mask, mask[::-1])[len(mask) - 1 :]
+        inner += columns.T @ through
+        mean += float(mask.sum()) * gamma[0]
+        squares = pairs * gamma[: len(mask)] ** 2
+        variance += 2.0 * float(2.0 * squares.sum() - squares[0] - 2.0 * np.sum(through**2))
+    mean -= float(np.trace(inner))
+    variance += 2.0 * float(np.sum(inner**2))
+    if not (mean > 0 and variance > 0):
+        return 1.0
+    squared = float(sum(residual @ residual for residual in residuals))
+    return float(chi2.cdf(2.0 * squared * mean / variance, 2.0 * mean**2 / variance))
+
+
+def _both_sides(autocovariance: Array) -> Array:
+    """The ``autocovariance`` (N,) at lags from -(N - 1) to N - 1."""
+    return np.concatenate((autocovariance[:0:-1], autocovariance))
 
 
 def _highest_order(used: list[Array], width: int) -> int:
