@@ -67,9 +67,12 @@ class Source(NamedTuple):
         return self.constants[name]
 
 
-def slope(values: Array, step: float) -> Array:
-    """Derivative (N,) by local parabolas, run by run between what was not measured; NaN where a run is too short."""
-    rates, width = np.full(len(values), np.nan), _width(step)
+def slope(values: Array, step: float, width: int | None = None) -> Array:
+    """Derivative (N,) by local parabolas, run by run between what was not measured; NaN where a run is too short.
+
+    They are laid over ``width`` samples, `slope_width` where none is told.
+    """
+    rates, width = np.full(len(values), np.nan), width or slope_width(step)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isfinite(values), [0]))))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first >= width + 2:
@@ -77,8 +80,9 @@ def slope(values: Array, step: float) -> Array:
     return rates
 
 
-def _width(step: float) -> int:
-    return max(NEIGHBOURS, 2 * int(SLOPE_SPAN / step / 2) + 1)
+def slope_width(step: float, span: float = SLOPE_SPAN) -> int:
+    """Samples, ``step`` s apart, over which a parabola is laid that spans ``span`` s."""
+    return max(NEIGHBOURS, 2 * int(span / step / 2) + 1)
 
 
 def averaging_of(experiments: Sequence[Experiment], wanted: Collection[str]) -> Averaging | None:
@@ -91,7 +95,7 @@ def averaging_of(experiments: Sequence[Experiment], wanted: Collection[str]) -> 
     )
     if not through:
         return None
-    weights = savgol_coeffs(_width(first.step), 2, deriv=1, use="dot")
+    weights = savgol_coeffs(slope_width(first.step), 2, deriv=1, use="dot")
     curved, lined = average_of_slope(weights), average_of_slope(weights, LINE)
     if any(jumps(one.signals[name]) for one in experiments for name in wanted if name in one.signals):
         return Averaging(lined, curved, through)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import savgol_coeffs
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
@@ -18,10 +19,15 @@ from logs.identification.output_error.models.actuated import Actuated
 from logs.identification.output_error.models.compiled import CompiledModel
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.problem import Model
+from logs.identification.preparing.resampling import filled
+from logs.identification.regression.averaging import average_of_slope, averaged
 from logs.identification.results import Array
-from logs.identification.tables.derived import slope
+from logs.identification.tables.derived import slope, slope_width
 from logs.identification.tables.map import DELAY, Parameter
 
+SPANS = (0.3, 1.0)
+"""s; over which slopes are taken, and states averaged, where shorter ones led nowhere: noise that hides the motion
+from sample to sample makes the start of an aircraft that is none"""
 MOST_ROWS = 1500
 """-; of one manoeuvre: a start needs no more"""
 ROUNDS = 6
@@ -68,13 +74,14 @@ def equation_error_start(
     places: list[int],
     constants: Mapping[str, float],
     steady: bool,
+    span: float | None = None,
 ) -> Array | None:
     """The model's parameters (P,), those at ``places`` such that its equations fit best, the others as in ``values``.
 
     ``steady`` takes a constant out of every equation of every manoeuvre, as linear models about a trim need. None
     where a state is neither measured nor to be made of what is.
     """
-    rows = [_rows(model, one, constants) for one in experiments]
+    rows = [_rows(model, one, constants, span) for one in experiments]
     if any(one is None or not len(one.states) for one in rows):
         return None
     known = [one for one in rows if one is not None]
@@ -124,15 +131,23 @@ def _left(model: Model, rows: _Rows, values: Array, steady: bool) -> Array:
     return left
 
 
-def _rows(model: Model, experiment: Experiment, constants: Mapping[str, float]) -> _Rows | None:
+def _rows(model: Model, experiment: Experiment, constants: Mapping[str, float], span: float | None) -> _Rows | None:
+    """What the equations need: as measured, or averaged over ``span`` s; gaps short beside a slope are bridged."""
     states = [state_history(name, experiment, constants) for name in model.states]
     if any(one is None for one in states):
         return None
-    table = np.column_stack([one for one in states if one is not None])
-    slopes = np.column_stack([slope(one, experiment.step) for one in table.T])
+    missing = np.full(len(experiment.time), np.nan)
+    width = slope_width(experiment.step, span) if span else slope_width(experiment.step)
+    table = np.column_stack([filled(one, width // 2) for one in states if one is not None])
+    slopes = np.column_stack([slope(one, experiment.step, width) for one in table.T])
     inputs = np.column_stack([np.zeros((len(table), 0)), *(experiment.signals[name] for name in model.inputs)])
-    missing = np.full(len(table), np.nan)
     outputs = np.column_stack([experiment.signals.get(name, missing) for name in model.outputs])
+    if span:
+        weights = average_of_slope(savgol_coeffs(width, 2, deriv=1, use="dot"))
+        table, inputs, outputs = (
+            np.column_stack([np.zeros((len(one), 0)), *(averaged(column, weights) for column in one.T)])
+            for one in (table, inputs, outputs)
+        )
     whole = np.all(np.isfinite(np.hstack((table, slopes, inputs))), axis=1)
     chosen = np.flatnonzero(whole)
     chosen = chosen[:: max(1, len(chosen) // MOST_ROWS)]
@@ -154,7 +169,22 @@ def state_history(name: str, experiment: Experiment, constants: Mapping[str, flo
         speed = signals["V"] if "V" in signals else constants["V"]
         pitch = signals["theta"] if "theta" in signals else np.zeros(len(experiment.time))
         return _summed(signals["q"] + (signals["a_z"] + STANDARD_GRAVITY * np.cos(pitch)) / speed, step)
+    if name == "beta" and "r" in signals and ("V" in signals or "V" in constants):
+        return _summed(_sideways(experiment, constants), step)
     return None
+
+
+def _sideways(experiment: Experiment, constants: Mapping[str, float]) -> Array:
+    """Rate of the sideslip (N,) in rad/s, of small angles; what is not told of it counts as none."""
+
+    def told(name: str) -> Array:
+        none = np.zeros(len(experiment.time))
+        values = np.asarray(experiment.signals.get(name, none + constants.get(name, 0.0)), dtype=np.float64)
+        return values if name == "r" else np.where(np.isfinite(values), values, 0.0)
+
+    speed = experiment.signals["V"] if "V" in experiment.signals else constants["V"]
+    alpha, pushed = told("alpha"), told("a_y") + STANDARD_GRAVITY * np.cos(told("theta")) * np.sin(told("phi"))
+    return np.asarray(pushed / speed - told("r") * np.cos(alpha) + told("p") * np.sin(alpha))
 
 
 def _summed(rate: Array, step: float) -> Array:
@@ -174,11 +204,12 @@ def begin(
     experiments: tuple[Experiment, ...],
     constants: Mapping[str, float],
     steady: bool,
+    span: float | None = None,
 ) -> dict[str, float]:
     """A start of every free parameter: the map's, or what the model's equations make of the measured states.
 
-    Where a state cannot be had of what is measured, the start is that of an aircraft that turns as quickly as the
-    outputs swing.
+    With a ``span`` (s) these are averaged over it. Where a state cannot be had of what is measured, the start is that
+    of an aircraft that turns as quickly as the outputs swing.
     """
     names = list(model.parameters)
     values = np.array([model.parameters[name].value for name in names], dtype=np.float64)
@@ -188,7 +219,7 @@ def begin(
             values[names.index(name)] = told
     wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None]
     places = [names.index(name) for name in wanted if name != DELAY]
-    found = equation_error_start(model, experiments, values, places, constants, steady) if places else values
+    found = equation_error_start(model, experiments, values, places, constants, steady, span) if places else values
     if found is None:
         found = _guessed(model, experiments, values, names, wanted)
     return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}

@@ -1,0 +1,85 @@
+"""Output error of tables finds its way from starts that noise and gaps would lead elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
+from test_tables_identified import numbers, write
+
+from logs.identification.results import Array
+from logs.identification.tables.run import identify_tables
+
+MAP = """
+[time]
+rate = 50.0
+[signals]
+beta = { column = "beta", unit = "rad" }
+p = { column = "p", unit = "rad/s" }
+r = { column = "r", unit = "rad/s" }
+phi = { column = "phi", unit = "rad" }
+a_y = { column = "a_y", unit = "m/s^2" }
+delta_a = { column = "delta_a", unit = "rad" }
+delta_r = { column = "delta_r", unit = "rad" }
+[constants]
+V = 20.0
+theta = 0.06
+alpha = 0.06
+[[aero.output_error]]
+model = "lateral"
+inputs = ["delta_a", "delta_r"]
+outputs = [OUTPUTS]
+[aero.output_error.parameters]
+"""
+FREE = "".join(f'{name} = "free"\n' for name in LATERAL_TRUTH)
+
+
+def columns(seed: int, noise: float) -> dict[str, Array]:
+    time = 0.02 * np.arange(1000)
+    inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
+    record = flown(LATERAL, LATERAL_TRUTH, inputs, 0.02, noise, seed)
+    return {name: record.signals[name] for name in ("beta", "p", "r", "phi", "a_y", "delta_a", "delta_r")}
+
+
+def held(folder: Path, tables: list[dict[str, Array]], outputs: tuple[str, ...]) -> list[bool]:
+    """Of all tables, whether each interval holds its truth."""
+    (folder / "map.toml").write_text(MAP.replace("OUTPUTS", ", ".join(f'"{one}"' for one in outputs)) + FREE)
+    found = []
+    for each in tables:
+        (fit,) = identify_tables([write(folder / "run.csv", each)], folder / "map.toml", "aero").fits
+        assert not fit.fitted.unidentified
+        found += [numbers(fit)[name].contains(true) for name, true in LATERAL_TRUTH.items()]
+    return found
+
+
+def test_rates_that_every_fifth_row_lacks_and_a_vane_that_drops_out(tmp_path: Path) -> None:
+    """No row has all states with slopes; with starts of zero the fits ended far away, some with the wrong signs."""
+    tables = []
+    for seed in range(4):
+        each = columns(seed, 0.1)
+        each["p"][::5] = np.nan
+        each["beta"][300:380] = np.nan
+        each["phi"][np.random.default_rng(seed).random(1000) < 0.3] = np.nan
+        tables.append(each)
+    assert np.mean(held(tmp_path, tables, ("beta", "p", "r", "phi", "a_y"))) >= 0.85
+
+
+def test_noise_that_hides_the_motion_from_sample_to_sample(tmp_path: Path) -> None:
+    """Slopes over 0.1 s are noise; the start that they gave led a fit of the four to a model of next to nothing."""
+    tables = [columns(seed, 3.0) for seed in range(4)]
+    assert np.mean(held(tmp_path, tables, ("beta", "p", "r", "phi", "a_y"))) >= 0.85
+
+
+@pytest.mark.parametrize("outputs", [("p", "r", "phi"), ("p", "r", "a_y")])
+def test_a_sideslip_that_nobody_measured_is_made_of_the_rates(tmp_path: Path, outputs: tuple[str, ...]) -> None:
+    tables = [{name: one for name, one in columns(seed, 0.03).items() if name != "beta"} for seed in range(4)]
+    mapping = MAP.replace('beta = { column = "beta", unit = "rad" }\n', "")
+    assert "beta =" not in mapping
+    (tmp_path / "map.toml").write_text(mapping.replace("OUTPUTS", ", ".join(f'"{one}"' for one in outputs)) + FREE)
+    found = []
+    for each in tables:
+        (fit,) = identify_tables([write(tmp_path / "run.csv", each)], tmp_path / "map.toml", "aero").fits
+        found += [one.contains(LATERAL_TRUTH[one.name]) for one in fit.fitted.estimates]
+    assert len(found) >= 36 and np.mean(found) >= 0.85
