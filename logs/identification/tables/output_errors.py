@@ -27,6 +27,7 @@ from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_mode
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import EXPLAINS_LITTLE, LITTLE, TableFit
 from logs.identification.tables.signals import LONGEST_FILL
+from logs.identification.tables.signs import turned
 from logs.identification.tables.starts import SPANS, begin
 
 BESIDE = Search(starts=4)
@@ -66,6 +67,7 @@ def output_error_fit(
     doubts = (
         _missing(series), _off(series), jumping(_lines(asked), found.fitted), coarse(_lines(asked), found.fitted),
         _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
+        turned(fit.estimates),
     )  # fmt: skip
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),

@@ -17,6 +17,7 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
+from logs.identification.tables.flow_mistakes import DEGREES, HINT, NORMAL, SIDEWAYS, level, longest, mistake
 
 UPRIGHT = (0.7, 1.4)
 """-; mean of a_z over g, of which a flight's is -1 and an a_z that counts upward's +1"""
@@ -26,19 +27,13 @@ LEAST_MEAN = 0.5
 """m/s^2; mean specific force along an axis, from which on an accelerometer's bias does not turn its sign"""
 NEAR = 1.3
 """-; factor within which a known mistake explains another one"""
-SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
-"""-; by how much a number in this unit is larger than in m/s"""
-NEAR_SPEED = 1.05
-"""-; the same as `NEAR`, of these: they are closer to what an airspeed could be off by"""
 WIDEST_TRAVEL = math.pi
 """rad; of an input's angle from one end to the other in all manoeuvres: wings flap through two thirds of it"""
 ENDS = (0.5, 99.5)
 """%; of the samples between which an input moves: a spike is no travel"""
 LEAST_RUN = 20
 """-; samples on end in which all was measured"""
-DEGREES = math.degrees(1.0)
 ANGLE_RATES = (("theta", "q"), ("phi", "p"))
-HINT = "body axes are x forward, y right, z down"
 
 
 class Mistake(NamedTuple):
@@ -74,6 +69,10 @@ def check_plausible(
         if wrong:
             raise BadInput(wrong.words)
     _check_lift(experiments, constants)
+    for flow in (NORMAL, SIDEWAYS):
+        said = mistake(flow, experiments, constants)
+        if said:
+            raise BadInput(said)
     for force, (names, speed_and_rest) in ALONG.items():
         share = _force_share(experiments, force, names, speed_and_rest)
         if share is not None:
@@ -112,7 +111,7 @@ def _force_share(experiments: Sequence[Experiment], force: str, names: tuple[str
         if not {force, *names} <= set(one.signals):
             continue
         columns = {name: np.asarray(one.signals[name]) for name in (force, *names)}
-        start, stop = _longest(np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1))
+        start, stop = longest(np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1))
         if stop - start < LEAST_RUN:
             continue
         speed, rest = along({name: values[start:stop] for name, values in columns.items()})
@@ -120,9 +119,9 @@ def _force_share(experiments: Sequence[Experiment], force: str, names: tuple[str
         summed = np.vstack((np.zeros(2), np.cumsum((both[1:] + both[:-1]) / 2.0 * one.step, axis=0)))
         change = speed - summed[:, 1]
         means.append((summed[-1, 0], change[-1] - change[0], (stop - start - 1) * one.step))
-        level = _level(np.column_stack((summed[:, 0], change)))
-        given.append(level[:, 0])
-        made.append(level[:, 1])
+        flat = level(np.column_stack((summed[:, 0], change)))
+        given.append(flat[:, 0])
+        made.append(flat[:, 1])
     if not given or not np.ptp(np.concatenate(given)) > 0 or not np.ptp(np.concatenate(made)) > 0:
         return None
     x, y = np.concatenate(given), np.concatenate(made)
@@ -178,7 +177,7 @@ def _check_lift(experiments: Sequence[Experiment], constants: Mapping[str, float
     whole = _shares(experiments, "alpha", ("q", "a_z"), constants)
     if whole is None:
         return
-    for find in (_turning, _lift, _airspeed):
+    for find in (_turning, _lift):
         wrong = find(whole)
         if wrong is None:
             continue
@@ -217,20 +216,6 @@ def _lift(shares: Array) -> Mistake | None:
     for factor, units in ((DEGREES, "deg, not in rad"), (1.0 / DEGREES, "rad, not in deg")):
         if _is(share, factor):
             return _said(f"alpha and q do not fit a_z and V: both are in {units}, or the unit of a_z or V is wrong")
-    return None
-
-
-def _airspeed(shares: Array) -> Mistake | None:
-    """Their ratio is the airspeed over what alpha, q and a_z say, apart from what alpha's own scale explains."""
-    share = float(shares[1] / shares[0]) if shares[0] else 0.0
-    for unit, factor in SPEEDS.items():
-        for told, is_in, times in (("m/s", unit, factor), (unit, "m/s", 1.0 / factor)):
-            if share / times > 0 and abs(math.log(share / times)) < math.log(NEAR_SPEED):
-                return Mistake(
-                    f"{told} for {is_in}",
-                    f"V is {share:.2g} times what alpha, q and a_z say: is it in {is_in}, not in {told}, or is the"
-                    " scale of a_z wrong?",
-                )
     return None
 
 
@@ -276,13 +261,13 @@ def _run(
     speed = _speed(one, constants)
     if "a_z" in names and speed is None:
         return []
-    start, stop = _longest(np.all(np.isfinite(columns), axis=1))
+    start, stop = longest(np.all(np.isfinite(columns), axis=1))
     if stop - start < LEAST_RUN:
         return []
     columns = columns[start:stop]
     columns[:, 0] = np.unwrap(columns[:, 0])
     if third is not None:
-        power = np.cumsum(_level(columns[:, :1])[:, 0] ** 2)
+        power = np.cumsum(level(columns[:, :1])[:, 0] ** 2)
         first, last = np.searchsorted(power, power[-1] * np.array([third, third + 1]) / 3.0)
         columns = columns[first:last]
         if len(columns) < LEAST_RUN:
@@ -291,7 +276,7 @@ def _run(
     gained = (rates[1:] + rates[:-1]) / 2.0 * one.step
     summed = np.vstack((np.zeros(gained.shape[1]), np.cumsum(gained, axis=0)))
     beside = columns[:, 1:2] if "a_z" in names else np.zeros((len(columns), 0))
-    return [(_level(np.hstack((summed, beside))), _level(columns[:, :1])[:, 0])]
+    return [(level(np.hstack((summed, beside))), level(columns[:, :1])[:, 0])]
 
 
 def _speed(one: Experiment, constants: Mapping[str, float]) -> float | None:
@@ -299,20 +284,3 @@ def _speed(one: Experiment, constants: Mapping[str, float]) -> float | None:
     told = next((one.signals[name] for name in ("V", "airspeed") if name in one.signals), np.zeros(0))
     speed = float(np.nanmean(told)) if np.any(np.isfinite(told)) else constants.get("V", 0.0)
     return speed if speed > 0 else None
-
-
-def _longest(known: Array) -> tuple[int, int]:
-    """Ends of the longest run of samples that are ``known``."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(int), [0]))))
-    runs = edges.reshape(-1, 2)
-    if not len(runs):
-        return 0, 0
-    longest = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
-    return int(longest[0]), int(longest[1])
-
-
-def _level(columns: Array) -> Array:
-    """Without their mean and slope."""
-    line = np.vander(np.linspace(-1.0, 1.0, len(columns)), 2)
-    level: Array = columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0]
-    return level

@@ -27,6 +27,7 @@ from logs.identification.tables.named import band_frequencies
 from logs.identification.tables.noisy import TREND, with_noise
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
+from logs.identification.tables.signs import turned
 
 OF_THRUST = ("C_X", "C_Z", "C_L", "C_D")
 """responses that thrust is taken off"""
@@ -67,6 +68,7 @@ def _with_errors(
 ) -> CoefficientRegression:
     """The regression with intervals that hold what noise in regressors and their course between samples do."""
     noisy = with_noise(result, experiments, settings)
+    noisy = noisy._replace(notes=(*noisy.notes, *turned(noisy.estimates, noisy.response)))
     if settings.averaging is None or noisy.failure:
         return noisy
     chosen = tuple(name for name in result.names if name != INTERCEPT and not name.startswith(TREND))

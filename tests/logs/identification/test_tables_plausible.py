@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from output_error_cases import LATERAL, LATERAL_TRUTH, steps
+from output_error_cases import flown as flown_laterally
 
 from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.results import Estimate, estimate
 from logs.identification.tables.plausible import check_plausible
+from logs.identification.tables.signs import turned
 
 STEP, SPEED = 0.02, 20.0
 UNITS = {"alpha": "rad", "theta": "rad", "q": "rad/s", "a_z": "m/s^2"}
@@ -151,3 +155,69 @@ def test_a_mistake_is_named_whatever_the_noise(seed: int) -> None:
         check_plausible((flown(seed=seed, a_z=1.0 / STANDARD_GRAVITY),), {"V": SPEED})
     with pytest.raises(BadInput, match="is it in kn, not in m/s"):
         check_plausible((flown(seed=seed, noise=0.3),), {"V": SPEED * 3600.0 / 1852.0})
+
+
+@pytest.mark.parametrize(("unit", "times"), [("kn", 3600.0 / 1852.0), ("ft/s", 1.0 / 0.3048), ("km/h", 3.6)])
+@pytest.mark.parametrize("more", [0.0, 0.15])
+def test_a_speed_in_another_unit_is_told_though_vane_and_forces_are_off(unit: str, times: float, more: float) -> None:
+    """Either way round; a vane that reads 15 % more and one that is 0.5 m ahead do not hide it."""
+    one = flown(alpha=1.0 + more)
+    one.signals["alpha"] = one.signals["alpha"] - more * 0.5 / SPEED * one.signals["q"]
+    check_plausible((one,), {"V": SPEED})
+    for speed, said in (
+        (SPEED * times, f"is it in {unit}, not in m/s"),
+        (SPEED / times, f"is it in m/s, not in {unit}"),
+    ):
+        with pytest.raises(BadInput, match=f"V does not fit alpha, q and a_z: {said}"):
+            check_plausible((one,), {"V": speed})
+
+
+SIDEWAYS = {"V": 20.0, "theta": 0.06, "alpha": 0.06}
+
+
+def sideslipping(seed: int, noise: float, **scales: float) -> Experiment:
+    """The lateral motion after steps of both controls; each of ``scales`` multiplies a signal."""
+    time = 0.02 * np.arange(1000)
+    inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
+    record = flown_laterally(LATERAL, LATERAL_TRUTH, inputs, 0.02, noise, seed)
+    return record._replace(
+        signals={name: scales.get(name, 1.0) * np.asarray(v) for name, v in record.signals.items()}
+    )
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_a_lateral_motion_is_none_of_these_mistakes(noise: float) -> None:
+    for seed in range(10):
+        check_plausible((sideslipping(seed, noise, beta=1.2, a_y=0.9),), SIDEWAYS)
+
+
+@pytest.mark.parametrize(
+    ("scales", "said"),
+    [
+        ({"a_y": -1.0}, "a_y is against the changes of beta: its sign is wrong"),
+        ({"a_y": 1.0 / STANDARD_GRAVITY}, "a_y does not fit the changes of beta: it is in g, not in m/s"),
+        ({"r": -1.0}, "r is against the changes of beta"),
+        ({"r": np.pi / 180}, "r does not fit the changes of beta: it is in rad/s, not in deg/s"),
+        ({"beta": -1.0}, "beta changes against p, r, phi and a_y"),
+    ],
+)
+def test_a_known_mistake_of_the_lateral_motion_is_named(scales: dict[str, float], said: str) -> None:
+    for seed in range(5):
+        with pytest.raises(BadInput, match=said):
+            check_plausible((sideslipping(seed, 0.02, **scales),), SIDEWAYS)
+
+
+def test_a_bank_tells_the_unit_of_the_speed() -> None:
+    with pytest.raises(BadInput, match="V does not fit beta, r, phi and a_y: is it in kn, not in m/s"):
+        check_plausible((turning(V=3600.0 / 1852.0),), {})
+
+
+def test_derivatives_of_no_aircraft_are_named() -> None:
+    def one(name: str, value: float) -> Estimate:
+        return estimate(name, "", value, 0.1)
+
+    assert turned([one("Y_beta", -3.0), one("L_p", 0.1), one("Z_alpha", -1.0), one("C_D_0", 0.5)]) == ()
+    (said,) = turned([one("Y_beta", 3.0), one("L_p", 1.0), one("M_alpha", 4.0)])
+    assert said.startswith("Y_beta, L_p have the signs of no aircraft")
+    (said,) = turned([one("intercept", -0.5), one("alpha", 3.0)], "C_D")
+    assert said.startswith("intercept has the sign of no aircraft")
