@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from logs.identification.modes.errors import coloured_spread, determined, information, scores_of, with_scatter
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.modes.mode import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
 from logs.identification.results import Array
@@ -29,6 +29,8 @@ LEAST_TURN = 2.0
 """-; periods that the ring-down must span: gusts ring the aircraft as well, and fit as lightly damped ones in less"""
 LARGEST_DAMPING = 0.4
 """-; a quarter of a cycle to half amplitude. Above, the drift took the phugoid for damping: at 0.6 3 % too little"""
+
+HEAVY = "it falls to half within a quarter of a cycle: decay and drift are not told apart"
 
 
 def free_response(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
@@ -135,7 +137,7 @@ def _doubt(fit: SeparableFit, rings: tuple[Record, ...]) -> str:
         if not frequency > 0:
             return "no oscillation found in the ring-down"
         if damping > LARGEST_DAMPING:
-            return "it falls to half within a quarter of a cycle: decay and drift are not told apart"
+            return HEAVY
         if frequency * longest < LEAST_TURN * 2 * math.pi:
             return "the ring-down is shorter than two periods of what it may hold"
     return ""
@@ -160,4 +162,8 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
     within = coloured_spread(fit.residuals, fit.sensitivities, (flat, lags), fit.linear)
     inverse = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
     spread = with_scatter(within, inverse, scores_of(fit.residuals, fit.sensitivities))
-    return paired_mode(METHOD, kinds, fit.values, spread)
+    mode = paired_mode(METHOD, kinds, fit.values, spread)
+    # By its interval as well: of a mode of 0.5 just those fits came below the limit that had found too little.
+    if any(one is not None and one.damping.high > LARGEST_DAMPING for one in map(mode.of_kind, KINDS)):
+        return nothing(METHOD, HEAVY, kinds)
+    return mode

@@ -66,6 +66,9 @@ class Mode(NamedTuple):
     """the model's parameters"""
     unidentified: tuple[Unidentified, ...]
     """what this method does not give, and why"""
+    divergence: tuple[Estimate, ...] = ()
+    """s; time in which a real mode doubles and time constant of the one that decays beside it, where the faster two
+    eigenvalues are these and no short period"""
 
     @property
     def frequency(self) -> Estimate | None:
@@ -275,7 +278,23 @@ def mode_of_system(
             missing.append(outcome)
         else:
             found[kind] = outcome
-    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], eigenvalues, derivatives, tuple(missing))
+    divergence = () if found[SHORT_PERIOD] else _divergence(system, values, spread)
+    return Mode(method, found[SHORT_PERIOD], found[PHUGOID], eigenvalues, derivatives, tuple(missing), divergence)
+
+
+def _divergence(system: Callable[[Array], Array], values: Array, spread: Spread) -> tuple[Estimate, ...]:
+    """Of the faster two eigenvalues, where one grows and the other decays; none where that is not sure."""
+
+    def rates(parameters: Array) -> Array:
+        roots = np.sort(split_pairs(system(parameters))[0].real)
+        return np.array([roots[-1], -roots[0]])
+
+    if np.any(np.abs(split_pairs(system(values))[0].imag) > 0) or not np.all(rates(values) > 0):
+        return ()
+    growing, decaying = carry(rates, values, spread)[1].estimates({"": "", " ": ""}, rates(values))
+    double = over("divergence_time_to_double", "s", math.log(2), growing)
+    constant = over("decay_time_constant", "s", 1.0, decaying)
+    return () if double is None else tuple(one for one in (double, constant) if one is not None)
 
 
 def _carried(

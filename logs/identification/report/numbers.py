@@ -259,6 +259,7 @@ def rows(result: Identification) -> tuple[Row, ...]:
             sure, wide = determined(() if pair is None else pair.estimates)
             table += _estimate_rows(mode.method, sure, result.truths, "")
             table += [Row(mode.method, one.name, "", None, None, f"not determined: {one.reason}") for one in wide]
+        table += _estimate_rows(mode.method, mode.divergence, result.truths, "")
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
@@ -413,7 +414,12 @@ def _mode(mode: Mode, truths: Mapping[str, float]) -> dict[str, Any]:
         "method": mode.method,
         **_oscillation(mode.short_period, truths),
         "phugoid": None if mode.phugoid is None else _oscillation(mode.phugoid, truths),
-        "eigenvalues": [[root.real, root.imag] for root in mode.eigenvalues if mode.short_period or mode.phugoid],
+        "eigenvalues": [
+            [root.real, root.imag]
+            for root in mode.eigenvalues
+            if mode.short_period or mode.phugoid or mode.divergence
+        ],
+        "divergence": [_estimate(found, truths) for found in mode.divergence],
         "derivatives": [_estimate(found, truths) for found in mode.derivatives],
         "unidentified": [entry._asdict() for entry in mode.unidentified],
     }

@@ -35,6 +35,8 @@ MEANINGS = {
     "short_period_damping": "damping ratio of the short period",
     "short_period_period": "of the damped oscillation of the short period",
     "short_period_time_to_half": "until the short period's amplitude has halved",
+    "divergence_time_to_double": "in which a motion that does not come back doubles",
+    "decay_time_constant": "of the motion that decays beside it",
     "short_period_time_to_double": "until the short period's amplitude has doubled",
     "short_period_cycles_to_half": "oscillations of the short period until then",
     "short_period_cycles_to_double": "oscillations of the short period until then",

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from logs.identification.experiment import Experiment
 from logs.identification.modes.errors import Spread
-from logs.identification.modes.mode import FORCED, KINDS, PHUGOID, SHORT_PERIOD, Mode, paired_mode
+from logs.identification.modes.experiments import modes_of_experiments
+from logs.identification.modes.mode import FORCED, KINDS, PHUGOID, SHORT_PERIOD, Mode, mode_of_system, paired_mode
 
 
 def found(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:
@@ -37,3 +39,47 @@ def test_pairs_that_turn_alike_are_parts_of_one_motion() -> None:
     assert mode.short_period is None and mode.phugoid is None
     assert {one.name for one in mode.unidentified} == {SHORT_PERIOD, PHUGOID}
     assert all("not told apart" in one.reason for one in mode.unidentified)
+
+
+def unstable(parameters: np.ndarray) -> np.ndarray:
+    """Two states, the elements of their matrix as parameters."""
+    return parameters.reshape(2, 2)
+
+
+def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> None:
+    """GIVEN real roots of both signs THEN they are told, with the errors that drawn matrices scatter by."""
+    values, spread = np.array([-1.4, 1.0, 12.0, -3.7]), Spread(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6)
+    mode = mode_of_system("output error", unstable, values, spread)
+    assert mode.short_period is None and "a divergence" in mode.unidentified[0].reason
+    double, decay = mode.divergence
+    slow, fast = np.sort(np.linalg.eigvals(unstable(values)).real)[::-1]
+    assert double.value == pytest.approx(np.log(2) / slow) and decay.value == pytest.approx(-1 / fast)
+    drawn = np.random.default_rng(1).multivariate_normal(values, spread.covariance, 4000)
+    roots = np.sort(np.linalg.eigvals(drawn.reshape(-1, 2, 2)).real, axis=1)
+    assert np.quantile(np.log(2) / roots[:, 1], [0.025, 0.975]) == pytest.approx([double.low, double.high], rel=0.05)
+    assert np.quantile(-1 / roots[:, 0], [0.025, 0.975]) == pytest.approx([decay.low, decay.high], rel=0.05)
+
+
+def test_what_may_not_grow_has_no_time_to_double() -> None:
+    nearly = np.array([-1.0, 1.0, 1.51, -1.5])
+    sure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-8)), 1e6))
+    unsure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-2)), 1e6))
+    assert len(sure.divergence) == 2 and unsure.divergence == ()
+    stable = mode_of_system(
+        "output error", unstable, np.array([-1.0, 1.0, -4.0, -1.5]), Spread(np.eye(4) * 1e-6, 1e6)
+    )
+    assert stable.short_period is not None and stable.divergence == ()
+
+
+def test_a_ring_down_that_may_be_damped_heavily_gives_no_number() -> None:
+    """GIVEN a damping of 0.45 beside a slow swing, which took twelve of twelve below 0.4, outside their intervals."""
+    told = []
+    for seed in range(12):
+        rng, time = np.random.default_rng(seed), np.arange(0.0, 8.0, 0.04)
+        wave = np.exp(-0.45 * 2.5 * time) * np.cos(2.5 * np.sqrt(1 - 0.45**2) * time)
+        pitch = 0.1 * wave + 0.03 * np.cos(0.6 * time) + 0.002 * rng.normal(size=len(time))
+        one = Experiment("ring", time, {"theta": pitch}, {"theta": "rad"})
+        found = {mode.method: mode for mode in modes_of_experiments((one,), None, ("theta",)).modes}
+        told.append(found["free response"].damping)
+    assert all(one is None or one.high <= 0.4 for one in told)
+    assert sum(one is not None for one in told) <= 3
