@@ -8,17 +8,19 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.modes.agreement import agreement
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.mode import Mode, ModesResult, mode_of_system, nothing
+from logs.identification.modes.free_response import METHOD as RINGING
+from logs.identification.modes.mode import KINDS, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.records import away
 from logs.identification.output_error.problem import Fit
-from logs.identification.tables.between import LEAST_RUN
+from logs.identification.tables.between import LEAST_RUN, coarse
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.output_errors import UNSEEN, output_error_fit
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.systems import fitted_system
 
@@ -57,13 +59,35 @@ def modes_fit(
         known = (*known, by_equations(asked, found.fitted, constants, fits))
     first = asked.inputs[0] if asked.inputs else None
     try:
-        return fits, modes_of_experiments(
+        result = modes_of_experiments(
             found.fitted, first, asked.outputs, asked.kinds or None, known, asked.inputs[1:]
         )
+        return fits, _seen(result, found.fitted, [name for name in asked.inputs if name not in asked.hold])
     except BadInput as error:
         if not known:
             raise
         return fits, ModesResult(known, None, f"no comparison: {error}", None, len(found.fitted), None)
+
+
+def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[str]) -> ModesResult:
+    """The modes, or none by the inputs where one method finds a motion that turns far between two samples.
+
+    That is where the inputs' course between them is not known. What rings after the inputs does not ask for them.
+    """
+    driven = [mode for mode in result.modes if mode.method != RINGING]
+    pairs = [pair for mode in driven for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
+    turned = max((pair.frequency.value for pair in pairs), default=0.0) * min(one.step for one in experiments)
+    if turned <= UNSEEN or not coarse(lines, experiments):
+        return result
+    samples = f"{2.0 * np.pi / turned:.1f} samples"
+    why = f"the motion has a period of {samples}, and inputs move far between two: record it faster"
+    modes = tuple(nothing(mode.method, why) if mode in driven and _tells(mode) else mode for mode in result.modes)
+    agree, statement = agreement(modes)
+    return result._replace(modes=modes, agree=agree, statement=statement)
+
+
+def _tells(mode: Mode) -> bool:
+    return any(mode.of_kind(kind) is not None for kind in KINDS)
 
 
 def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> None:

@@ -77,6 +77,18 @@ def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, told: bool)
     assert any("from one sample to the next" in note and "record it faster" in note for note in notes) is told
 
 
+@pytest.mark.parametrize(("rate", "told"), [(2.5, False), (10.0, True)])
+def test_a_mode_that_turns_far_between_samples_of_an_unseen_input_is_not_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: float, told: bool
+) -> None:
+    """GIVEN an actuator's course that 2.5 samples a second do not show, and 5.6 of them in a period."""
+    found = methods(tmp_path, BASE, capsys, rate=rate, duration=40.0, actuator=0.15)
+    driven = [found[name] for name in ("output error", "equation error", "equivalent system")]
+    assert [one["frequency"] is not None for one in driven] == [told] * 3
+    if not told:
+        assert sum("record it faster" in one["unidentified"][0]["reason"] for one in driven) >= 2
+
+
 ORTHOGONAL = """
 [time]
 column = "t"
