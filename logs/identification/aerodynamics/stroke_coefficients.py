@@ -51,12 +51,18 @@ class Derivatives(NamedTuple):
     unidentified: tuple[Unidentified, ...]
 
 
-def stroke_coefficients(records: tuple[StrokeRecord, ...], forces: tuple[Array, ...]) -> MeanCoefficients:
+def stroke_coefficients(
+    records: tuple[StrokeRecord, ...],
+    forces: tuple[Array, ...],
+    others: tuple[tuple[StrokeRecord, ...], ...] = (),
+) -> MeanCoefficients:
     """Coefficients of Eq. 19 from M strokes.
 
     Args:
         records: of each stroke.
         forces: (N, k) N of each stroke; the wing's aerodynamic force at the record's instants, in its directions.
+        others: the records as they would be by another measure of the motion. It is wrong in all strokes alike, which
+            their scatter does not show: what each shifts the coefficients by is one more standard error.
 
     Raises:
         BadInput: fewer than three strokes, or forces whose shape is not that of their record.
@@ -69,7 +75,7 @@ def stroke_coefficients(records: tuple[StrokeRecord, ...], forces: tuple[Array, 
     found: list[Estimate] = []
     refused: list[Unidentified] = []
     for name in HALVES:
-        outcome = _half(records, forces, name)
+        outcome = _half(records, forces, name, others)
         if isinstance(outcome, str):
             refused += [Unidentified(f"{c}_{name}", outcome) for c in ("C_L", "C_D")]
         else:
@@ -101,28 +107,49 @@ def moment_derivatives(moment: Array, attitude: Attitude) -> Derivatives:
     )
 
 
-def _half(records: tuple[StrokeRecord, ...], forces: tuple[Array, ...], name: str) -> tuple[Estimate, ...] | str:
+def _half(
+    records: tuple[StrokeRecord, ...],
+    forces: tuple[Array, ...],
+    name: str,
+    others: tuple[tuple[StrokeRecord, ...], ...],
+) -> tuple[Estimate, ...] | str:
     """Least squares over the strokes' impulses; errors by their scatter from stroke to stroke."""
-    matrices, impulses = [], []
-    for record, force in zip(records, forces, strict=True):
-        half = record.down if name == "down" else ~record.down
-        if not half.any():
-            return f"a stroke has no {name}-stroke"
-        step = record.period / len(record.down)
-        lift, drag = (pressure[half].sum(axis=0) * step for pressure in (record.lift_pressure, record.drag_pressure))
-        matrices.append(np.column_stack([lift, -drag]))
-        impulses.append(force[half].sum(axis=0) * step)
-    whole, seen = np.vstack(matrices), np.concatenate(impulses)
+    systems = [_impulses(record, force, name) for record, force in zip(records, forces, strict=True)]
+    whole, seen = np.vstack([one.matrix for one in systems]), np.concatenate([one.force for one in systems])
+    if any(not len(one.matrix) for one in systems):
+        return f"a stroke has no {name}-stroke"
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(seen))):
         return "a force or a speed is not a number"
     if not np.linalg.cond(whole) < WORST_CONDITION:
         return "lift and drag cannot be told apart: the wing does not move through the air"
     values = np.linalg.lstsq(whole, seen, rcond=None)[0]
     inverse = np.linalg.inv(whole.T @ whole)
-    scores = np.array([m.T @ (f - m @ values) for m, f in zip(matrices, impulses, strict=True)])
+    scores = np.array([one.matrix.T @ (one.force - one.matrix @ values) for one in systems])
     count = len(records)
     covariance = inverse @ (scores.T @ scores) @ inverse * count / (count - 1.0)
+    for other in others:
+        matrix = np.vstack([_impulses(one, force, name).matrix for one, force in zip(other, forces, strict=True)])
+        shift = np.linalg.lstsq(matrix, seen, rcond=None)[0] - values
+        covariance = covariance + np.outer(shift, shift)
     return estimates({f"C_L_{name}": "-", f"C_D_{name}": "-"}, values, covariance, count - 1.0)
+
+
+class _Impulses(NamedTuple):
+    """Eq. 19 of one half of a stroke."""
+
+    matrix: Array
+    """(k, 2) N s; of the pressures for C_L and C_D, (0, 2) where the stroke has no such half"""
+    force: Array
+    """(k,) N s"""
+
+
+def _impulses(record: StrokeRecord, force: Array, name: str) -> _Impulses:
+    half = record.down if name == "down" else ~record.down
+    if not half.any():
+        return _Impulses(np.zeros((0, 2)), np.zeros(0))
+    step = record.period / len(record.down)
+    lift, drag = (pressure[half].sum(axis=0) * step for pressure in (record.lift_pressure, record.drag_pressure))
+    return _Impulses(np.column_stack([lift, -drag]), force[half].sum(axis=0) * step)
 
 
 def _alone(record: StrokeRecord, force: NDArray[np.float64]) -> Array:

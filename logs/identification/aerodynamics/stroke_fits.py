@@ -63,7 +63,9 @@ def stroke_fit(flown: Sequence[Flight], held: Sequence[Flight] = ()) -> tuple[Fi
     """
     records = tuple(record for one in flown for record in one.strokes.records)
     forces = tuple(force for one in flown for force in one.strokes.forces)
-    found = stroke_coefficients(records, forces)
+    versions = [one.strokes.others for one in flown if one.strokes.records]
+    others = tuple(tuple(record for part in parts for record in part) for parts in zip(*versions, strict=True))
+    found = stroke_coefficients(records, forces, others)
     values = {one.name: one.value for one in found.estimates}
     series: list[FitSeries] = []
     if not found.unidentified:

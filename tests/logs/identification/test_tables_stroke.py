@@ -10,6 +10,15 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
+from logs.identification.aerodynamics.stroke_fits import Flight, stroke_fit
+from logs.identification.aerodynamics.strokes_measured import (
+    Flapped,
+    measured_strokes,
+    planform_of,
+    strokes_by_angle,
+    wing_motion,
+)
+from sim_bridge.aerodynamics.stroke_averages import Attitude
 
 TRUTH = {"C_L_up": 0.35, "C_L_down": 0.95, "C_D_up": 0.12, "C_D_down": 0.21}
 RATE, FLAPPING, DENSITY = 400.0, 4.87, 1.2
@@ -66,6 +75,63 @@ def run(path: Path, seed: int, lift_slope: float = 0.0, seconds: float = 6.0) ->
                np.degrees(elevator))  # fmt: skip
     rows = (",".join(f"{value:.8g}" for value in row) for row in zip(*columns, strict=True))
     path.write_text("t,flap,Fx,Fz,V,alpha,elevator\n" + "\n".join(rows) + "\n")
+
+
+def measured(seed: int, rate: float, seconds: float, noise: float, step: float) -> Flapped:
+    """Wings that flap unevenly, their angle with ``noise`` (rad) or rounded to the ``step`` (rad) of an encoder."""
+    rng, t = np.random.default_rng(seed), np.arange(0, seconds, 1 / rate)
+    turn = 2 * np.pi * FLAPPING * (t + 0.04 * np.sin(1.9 * t))
+    turning = 2 * np.pi * FLAPPING * (1 + 0.076 * np.cos(1.9 * t))
+    flap = 0.1 + 0.6 * np.sin(turn) + 0.08 * np.sin(2 * turn + 0.4)
+    slope = turning * (0.6 * np.cos(turn) + 0.16 * np.cos(2 * turn + 0.4))
+    stream, alpha = np.full(len(t), 9.0), np.full(len(t), 0.1)
+    air = forces(flap, slope, stream, alpha, (TRUTH["C_L_up"], TRUTH["C_L_down"]))
+    told = flap + noise * rng.normal(size=len(t))
+    told = np.round(told / step) * step if step else told
+    return Flapped(t, told, stream, alpha, air + 0.1 * rng.normal(size=air.shape), DENSITY)
+
+
+@pytest.mark.parametrize(
+    ("rate", "seconds", "noise", "step"),
+    [
+        (1000.0, 3.0, 0.01, 0.0),  # 0.6 deg: the slope over two samples is 14 rad/s off, as fast as the wing
+        (1000.0, 3.0, 0.0, np.radians(0.35)),  # an encoder of 10 bits
+        (400.0, 3.0, 0.003, 0.0),
+        (100.0, 8.0, 0.0, 0.0),  # 21 samples to a stroke: a line between two is 1 % off, and 4 % at 10
+        (50.0, 12.0, 0.0, 0.0),
+        (50.0, 12.0, 0.01, 0.0),
+    ],
+)
+def test_intervals_hold_at_any_noise_of_the_angle_and_any_rate(
+    rate: float, seconds: float, noise: float, step: float
+) -> None:
+    held = []
+    for seed in range(5):
+        flown = measured(seed, rate, seconds, noise, step)
+        strokes = measured_strokes(flown, planform_of(OUTLINE), strokes_by_angle(flown.time, flown.flap))
+        still = np.zeros(len(strokes.begin))
+        found = stroke_fit([Flight("run", strokes, Attitude(still, still, still))])[0].estimates
+        assert len(found) == 4
+        held += [one.contains(TRUTH[one.name]) for one in found]
+        for one in found:
+            assert one.value == pytest.approx(TRUTH[one.name], rel=0.02), (seed, one)
+            assert one.high - one.low < 0.05 * TRUTH[one.name]
+    assert sum(held) >= 16, sum(held)
+
+
+def test_the_flap_rate_is_right_within_what_it_says() -> None:
+    flown = measured(0, 1000.0, 3.0, 0.01, 0.0)
+    exact = measured(0, 1000.0, 3.0, 0.0, 0.0)
+    found, truth = wing_motion(flown.flap, 1e-3), wing_motion(exact.flap, 1e-3)
+    wrong = found.rate - np.gradient(exact.flap, 1e-3, edge_order=2)
+    assert 0.7 < float(np.std(wrong[100:-100])) / found.error < 1.4
+    assert truth.error < 1e-2 * found.error
+    holed = flown.flap.copy()
+    holed[[700, 710]] = np.nan
+    pieces = wing_motion(holed, 1e-3)
+    assert np.isnan(pieces.rate[700:711]).all(), "nine samples are too few to tell a rate"
+    assert float(np.std((pieces.rate - np.gradient(exact.flap, 1e-3, edge_order=2))[800:-100])) < 2 * found.error
+    assert np.isnan(wing_motion(np.full(30, np.nan), 1e-3).rate).all()
 
 
 def words(folder: Path, more: str = "", validate: str = "[]", count: int = 1, lift_slope: float = 0.0) -> list[str]:
