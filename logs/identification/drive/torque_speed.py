@@ -29,6 +29,8 @@ LEAST_STROKES = 10
 """-; of wings whose load is to be told: held in a hand, or thrown with still drives, they tell nothing of it"""
 LEAST_SPREAD = 0.05
 """-; of the greatest rate or voltage: what varies less tells no slope of its own"""
+LARGEST, CLEAR = 0.9, 0.2
+"""-; quantile of the sizes that counts as the largest, and the share of it that is no noise"""
 PER_STROKE = 5.0
 """-; samples of a stroke that torque and motion are brought to, which leaves what moves at one and a half times its
 frequency or less: a servo's corrections fold among what the readings have of the harmonics"""
@@ -60,24 +62,43 @@ def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: f
     good = np.all(np.isfinite(columns), axis=0)
     if good.sum() < LEAST_SAMPLES:
         raise BadInput(
-            f"torque, rate and voltage have {int(good.sum())} samples together; {LEAST_SAMPLES} are needed"
+            f"torque, speed and voltage have {int(good.sum())} samples together; a line needs {LEAST_SAMPLES}"
         )
     torque, rate, voltage = (np.where(good, values, 0.0) for values in columns)
     about = float(np.mean(voltage[good])) if nominal is None else nominal
     if about <= 0.0 or np.ptp(np.abs(rate[good])) < LEAST_SPREAD * np.max(np.abs(rate[good])):
         return _refused("the rate does not vary", torque[good])
-    design = np.column_stack((voltage / about, -np.abs(rate)))
+    if _opposed(torque[good], rate[good]):
+        return _refused("torque and speed have opposite signs: one of them is to be turned round", torque[good])
+    way = turning(torque, rate)
+    design = np.column_stack((voltage / about, -rate * way))
     try:
-        fit = regress(design, torque * turning(torque, rate), good.astype(float))
+        fit = regress(design, torque * way, good.astype(float))
     except np.linalg.LinAlgError:
         return _refused("voltage and rate do not vary apart", torque[good])
     return _constants(fit, int(good.sum()))
 
 
 def turning(torque: Array, rate: Array) -> Array:
-    """-; (N,), 1 or -1: which way a servo turns at ``rate`` (N,) in rad/s, or pulls where it stands."""
-    sign: Array = np.where(rate < 0, -1.0, np.where(rate > 0, 1.0, np.sign(torque)))
-    return sign
+    """-; (N,), 1 or -1: which way a servo at full drive is driven, by ``torque`` in N m and ``rate`` in rad/s.
+
+    By the sum of both, each in shares of its largest: at a stall the speed is only noise, and its sign made a torque
+    of 2.2 N m one of -2.2; at no load the torque is.
+    """
+    shares = torque / max(_largest(torque), 1e-300) + rate / max(_largest(rate), 1e-300)
+    return np.asarray(np.where(shares < 0.0, -1.0, 1.0), dtype=np.float64)
+
+
+def _largest(values: Array) -> float:
+    """The size that a tenth of the measured ``values`` (N,) exceeds: one reading gone wrong does not set it."""
+    sizes = np.abs(values[np.isfinite(values)])
+    return float(np.quantile(sizes, LARGEST)) if len(sizes) else 0.0
+
+
+def _opposed(torque: Array, rate: Array) -> bool:
+    """Whether torque and speed mostly have opposite signs where neither is within its noise: no servo drives so."""
+    clear = (np.abs(torque) > CLEAR * _largest(torque)) & (np.abs(rate) > CLEAR * _largest(rate))
+    return bool(np.sum(torque[clear] * rate[clear] < 0.0) > 0.5 * np.sum(clear))
 
 
 def _constants(fit: Fit, samples: int) -> ServoModel:

@@ -22,6 +22,7 @@ from logs.identification.tables.results import TableFit
 
 TORQUE_SPEED_EXAMPLE = """\
 # The line that bounds a servo at full drive (Gerdes Fig. 9): wingbeat identify BENCH.csv --map THIS.toml torque_speed
+# It takes 20 readings or more, from near the stall to near no load
 [time]
 rate = 1.0                   # Hz; any, where the rows are steady readings without a time; else column = "t"
 
@@ -52,7 +53,7 @@ windows = [[0.0, 1.5], [2.0, 3.5]]                   # s; each is used from its 
 signal = "twist"             # name of a signal
 """
 LINE = (
-    "At full drive torque = stall_torque V / nominal - torque_speed_slope |speed|, in the direction of turning"
+    "At full drive torque = stall_torque V / nominal - torque_speed_slope speed, both in the direction of the drive"
     " (Gerdes Fig. 9)",
     "no_load_speed = stall_torque / torque_speed_slope, at the nominal voltage",
 )
@@ -124,20 +125,20 @@ def _line(one: Experiment, bench: _Bench, model: ServoModel, volts: float, held_
     values = {found.name: found.value for found in model.estimates}
     told = np.full(len(bench.torque), np.nan)
     if values:
-        bound = values["stall_torque"] * bench.voltage / volts - values["torque_speed_slope"] * np.abs(bench.speed)
-        told = np.asarray(turning(bench.torque, bench.speed) * bound, dtype=np.float64)
+        way = turning(bench.torque, bench.speed)
+        stall = values["stall_torque"] * bench.voltage / volts
+        told = np.asarray(way * stall - values["torque_speed_slope"] * bench.speed, dtype=np.float64)
     return FitSeries(one.name, "torque", "N m", one.time, bench.torque, told, held_out)
 
 
 def _bounding(bench: _Bench, model: ServoModel, volts: float) -> Chapter:
     """Torque at the nominal voltage over the speed."""
     values = {found.name: found.value for found in model.estimates}
-    nominal = bench.torque * turning(bench.torque, bench.speed) + values["stall_torque"] * (
-        1.0 - bench.voltage / volts
-    )
+    way = turning(bench.torque, bench.speed)
+    nominal = bench.torque * way + values["stall_torque"] * (1.0 - bench.voltage / volts)
     across = np.array([0.0, values["no_load_speed"]])
     lines = (
-        Series("measured, for the nominal voltage", np.abs(bench.speed), nominal, MEASURED, POINTS),
+        Series("measured, for the nominal voltage", bench.speed * way, nominal, MEASURED, POINTS),
         Series("bounding line", across, values["stall_torque"] - values["torque_speed_slope"] * across, MODEL),
     )
     return Chapter("Torque and speed", plots=(Plot("", "speed", "rad/s", "torque", "N m", lines),))

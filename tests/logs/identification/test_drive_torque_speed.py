@@ -61,6 +61,28 @@ def test_a_servo_that_is_not_at_its_bound_is_refused() -> None:
         identify_torque_speed(rate[:40], rate, voltage)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_speed_whose_noise_is_of_the_other_sign_does_not_turn_the_torque(way: float) -> None:
+    hits: dict[str, int] = {}
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rate = np.concatenate(([0.01, 0.02, 0.05, 20.4], rng.uniform(0.0, 0.9 * SPEED, 36)))
+        torque = way * (STALL - STALL / SPEED * rate) + 0.02 * rng.normal(size=40)
+        rate = way * (rate + np.concatenate(([-0.1, -0.1, -0.2, 0.0], 0.05 * rng.normal(size=36))))
+        for name, found in by_name(identify_torque_speed(torque, rate, np.full(40, NOMINAL))).items():
+            truth = {"stall_torque": STALL, "no_load_speed": SPEED, "torque_speed_slope": STALL / SPEED}[name]
+            hits[name] = hits.get(name, 0) + found.contains(truth)
+            assert found.value == pytest.approx(truth, rel=0.03), (seed, name)
+    assert len(hits) == 3 and min(hits.values()) >= 17
+
+
+def test_torque_against_the_speed_is_refused_by_its_sign() -> None:
+    torque, rate, voltage = bench()
+    model = identify_torque_speed(torque, -rate, voltage, NOMINAL)
+    assert model.estimates == ()
+    assert "opposite signs" in model.unidentified[0].reason
+
+
 def flapping(seed: int = 0, amplitude: float = 0.4, wander: float = 1.0, ripple: float = 0.0) -> DriveData:
     """Wings with a load of 0.2 N m s/rad and an inertia of 0.004 kg m^2 at a frequency that wanders about 4 Hz.
 
