@@ -15,6 +15,7 @@ import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.kinematics.coordinates import Coordinates, body_coordinates, fit_coordinates
+from logs.identification.kinematics.exchanged import Exchange, exchanged
 from logs.identification.kinematics.markers import MarkedBody
 from logs.identification.kinematics.speeds import CUTOFF, LONGEST_GAP, Speeds, generalized_speeds
 from logs.identification.results import Array, Estimate, estimate
@@ -31,6 +32,8 @@ FAR = 1.8
 """-; by which a distance between two markers of a body may differ from the map's, with `SLACK`"""
 SLACK = 0.02
 """m"""
+INEXACT = 0.01
+"""m; by which places are measured wrongly at most; on a body of like distances it looks like exchanged names"""
 Places = dict[str, dict[str, tuple[float, float, float]]]
 """m; of the markers by their names in the axes of the bodies by theirs, from the bodies' origins"""
 
@@ -60,6 +63,8 @@ class MarkerMotion(NamedTuple):
     """Hz; of the low-pass before the speeds, at most 0.4 of the frame rate"""
     never: tuple[str, ...] = ()
     """-; markers that the map has and nobody saw"""
+    doubt: Exchange | None = None
+    """names that seem exchanged, by no more than an inexact place might"""
 
     @property
     def told(self) -> Array:
@@ -89,6 +94,7 @@ def marker_motion(
     }
     at = {body: np.array(list(markers.values())) for body, markers in places.items()}
     try:
+        doubt = _check_names(places, positions)
         _check_distances(places, positions)
         found = _rigid(at, positions) if vehicle is None else _jointed(vehicle, at, positions)
     except BadInput as error:
@@ -98,11 +104,26 @@ def marker_motion(
     pieces = tuple(generalized_speeds(cloud.time[part], _part(found, part), used) for part in stretches)
     names = [name for markers in places.values() for name in markers]
     never = [name for name in names if not np.isfinite(cloud.tracks.get(name, nowhere)).all(axis=1).any()]
-    return MarkerMotion(cloud.name, cloud.time, found, pieces, _noise(found, positions), used, tuple(never))
+    return MarkerMotion(cloud.name, cloud.time, found, pieces, _noise(found, positions), used, tuple(never), doubt)
+
+
+def _check_names(places: Places, positions: dict[str, Array]) -> Exchange | None:
+    """Two names that seem exchanged; refused where no place was measured so badly."""
+    found = exchanged(places, positions)
+    if found is not None and found.named > INEXACT:
+        raise BadInput(f"{_fit_of(found)}: exchange the two")
+    return found
+
+
+def _fit_of(found: Exchange) -> str:
+    return (
+        f"the markers are {1e3 * found.named:.3g} mm from their places, and with the names of {found.one} and"
+        f" {found.other} exchanged {1e3 * found.exchanged:.2g} mm"
+    )
 
 
 def _check_distances(places: Places, positions: dict[str, Array]) -> None:
-    """Refuse markers whose distances are not those of the map: another unit, or names exchanged."""
+    """Refuse markers whose distances are nowhere near those of the map: another unit, or another marker."""
     for body, markers in places.items():
         for (one, first), (other, second) in combinations(zip(markers, positions[body], strict=True), 2):
             apart = np.linalg.norm(first - second, axis=1)
@@ -167,6 +188,7 @@ def said(motion: MarkerMotion) -> tuple[str, ...]:
     ]
     lines += [f"{100.0 * unused:.1f} % of the samples seen were left out as wrong"] if unused > 0.0 else []
     lines += [f"never seen: {', '.join(motion.never)}"] if motion.never else []
+    lines += [f"{_fit_of(motion.doubt)}: exchanged, or inexact places?"] if motion.doubt is not None else []
     seconds = sum(float(one.time[-1] - one.time[0]) for one in motion.speeds)
     pieces = f"{counted(len(motion.speeds), 'record')} without a gap"
     lines.append(f"speeds over {seconds:.2f} s in {pieces}, low-passed at {motion.cutoff:.3g} Hz")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.command.main import main
+from logs.identification.kinematics.exchanged import exchanged
+from logs.identification.kinematics.marker_motion import INEXACT
 from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.skeleton import skeleton
 from logs.identification.kinematics.speeds import Speeds
@@ -200,6 +203,62 @@ def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: s
     with pytest.raises(BadInput, match=told) as refused:
         identify.run([str(path), "markers", "--map", str(mapping)])
     assert "\n" not in str(refused.value)
+
+
+def positions(tracks: Capture) -> dict[str, NDArray[np.float64]]:
+    return {body: np.stack([tracks[name] * UP / 1e3 for name in markers]) for body, markers in PLACES.items()}
+
+
+def placed(wrong: float, seed: int) -> dict[str, dict[str, tuple[float, float, float]]]:
+    """The places as they would be measured, ``wrong`` m off."""
+    rng = np.random.default_rng(seed)
+    return {
+        body: {name: tuple(np.array(at) + wrong * rng.normal(size=3)) for name, at in markers.items()}
+        for body, markers in PLACES.items()
+    }
+
+
+def test_exchanged_names_are_told_and_right_ones_are_not_doubted() -> None:
+    tracks = capture(100)
+    congruent = {frozenset(("shoulder_right", "shoulder_left")), *map(frozenset, combinations(PLACES["rudder"], 2))}
+    for one, other in list(combinations(NAMES, 2))[::7]:
+        found = exchanged(placed(0.001, 0), positions(tracks | {one: tracks[other], other: tracks[one]}))
+        if frozenset((one, other)) in congruent:
+            continue  # a triangle whose sides are as long within 3 mm
+        assert found is not None and {found.one, found.other} == {one, other}
+    assert all(exchanged(placed(0.002, seed), positions(tracks)) is None for seed in range(3))
+    doubts = [exchanged(placed(0.01, seed), positions(tracks)) for seed in range(3)]
+    assert all(each is None or each.named < INEXACT for each in doubts)
+
+
+def test_a_body_s_mirror_image_is_told_from_it() -> None:
+    places = {
+        "drone": {"nose": (0.1, 0.0, 0.0), "fin": (-0.1, 0.0, -0.08), "left": (0, -0.1, 0), "right": (0, 0.1, 0)}
+    }
+    rng = np.random.default_rng(0)
+    seen = np.array(list(places["drone"].values()))[:, None] + 0.0008 * rng.normal(size=(4, 50, 3))
+    assert exchanged(places, {"drone": seen}) is None
+    found = exchanged(places, {"drone": seen[[0, 1, 3, 2]]})
+    assert found is not None and {found.one, found.other} == {"left", "right"} and found.exchanged < 0.0015
+    exact = np.repeat(np.array(list(places["drone"].values()))[:, None], 50, axis=1)
+    assert exchanged(places, {"drone": exact}) is None
+
+
+@pytest.mark.parametrize(("one", "other"), [("tip_left", "spar_left"), ("tip_left", "tip_right")])
+def test_a_capture_with_exchanged_names_is_refused(tmp_path: Path, one: str, other: str) -> None:
+    tracks = capture(100)
+    path = table(tmp_path, tracks | {one: tracks[other], other: tracks[one]})
+    with pytest.raises(BadInput, match="exchange the two") as refused:
+        identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))])
+    assert one in str(refused.value) and other in str(refused.value)
+
+
+def test_a_small_exchange_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tracks = capture(100)
+    path = table(tmp_path, tracks | {"nose": tracks["shoulder_right"], "shoulder_right": tracks["nose"]})
+    assert identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "with the names of nose and shoulder_right exchanged" in said and "inexact places?" in said
 
 
 def test_markers_without_a_map_or_in_a_log_without_them_are_refused(
