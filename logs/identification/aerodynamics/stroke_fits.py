@@ -19,17 +19,16 @@ from logs.identification.aerodynamics.stroke_coefficients import (
 from logs.identification.aerodynamics.strokes_measured import MeasuredStrokes
 from logs.identification.chapter import DASHED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, FitSeries, Fitted, Unidentified
-from sim_bridge.aerodynamics.stroke_averages import Attitude, StrokeCoefficients, mean_force
+from sim_bridge.aerodynamics.stroke_averages import Attitude, StrokeCoefficients, StrokeRecord
 
 METHOD = "stroke-averaged coefficients"
 EQUATIONS = (
-    "Mean force of a stroke = sum over both halves of C_L times the mean of q l less C_D times that of q d"
-    " (Malladi Eq. 18, 19)",
+    "Mean force of each half of a stroke = C_L times the mean of q l less C_D times that of q d (Malladi Eq. 18, 19)",
     "l is the direction of lift and d that of the velocity of each section of the wings, q its dynamic pressure times"
     " its area",
 )
 AXES = ("force_x", "force_z")
-"""mean forces forward and, against the up of the strokes' axes, down"""
+"""mean forces of half strokes forward and, against the up of the strokes' axes, down"""
 BY_STROKE = ("C_L_up", "C_L_down", "C_D_up", "C_D_down")
 """columns of `MeanCoefficients.by_stroke`"""
 LAWS = (
@@ -56,7 +55,8 @@ class Flight(NamedTuple):
 
 
 def stroke_fit(flown: Sequence[Flight], held: Sequence[Flight] = ()) -> tuple[Fitted, MeanCoefficients]:
-    """C_L and C_D of both halves over all strokes ``flown``, beside the mean forces of these and of those ``held``.
+    """C_L and C_D of both halves over all strokes ``flown``, beside the halves' mean forces of these and of those
+    ``held``.
 
     Raises:
         BadInput: fewer than three strokes.
@@ -76,19 +76,35 @@ def stroke_fit(flown: Sequence[Flight], held: Sequence[Flight] = ()) -> tuple[Fi
 
 
 def _series(flight: Flight, coefficients: StrokeCoefficients, held_out: bool) -> list[FitSeries]:
-    """Mean force of every stroke as measured and by Eq. 19, at the strokes' mean period."""
+    """Mean force of both halves of every stroke, up and down in turn, as measured and by Eq. 19.
+
+    Of halves, since every stroke's mean is the same on a steady run: of what noise makes of it nothing is explained.
+    """
     strokes = flight.strokes
     if not strokes.records:
         return []
-    measured = np.array([force.mean(axis=0) for force in strokes.forces])
-    model = np.array([mean_force(coefficients, record) for record in strokes.records])
+    pairs = list(zip(strokes.records, strokes.forces, strict=True))
+    measured = np.array([_halves(record, force) for record, force in pairs]).reshape(-1, 2)
+    model = np.array([_halves(record, _force(coefficients, record)) for record, _ in pairs]).reshape(-1, 2)
     period = float(np.mean(strokes.end - strokes.begin))
-    time = np.asarray(strokes.begin[0] + period * np.arange(len(measured)), dtype=np.float64)
+    time = np.asarray(strokes.begin[0] + period / 2 * np.arange(len(measured)), dtype=np.float64)
     columns = ((AXES[0], 0, 1.0), (AXES[1], 1, -1.0))
     return [
         FitSeries(flight.name, name, "N", time, sign * measured[:, place], sign * model[:, place], held_out)
         for name, place, sign in columns
     ]
+
+
+def _halves(record: StrokeRecord, force: Array) -> Array:
+    """(2, k) N; means of ``force`` (N, k) over up- and down-stroke."""
+    return np.array([force[half].mean(axis=0) for half in (~record.down, record.down)])
+
+
+def _force(coefficients: StrokeCoefficients, record: StrokeRecord) -> Array:
+    """(N, k) N; of Eq. 19 at every instant."""
+    lift = np.where(record.down, coefficients.lift_down, coefficients.lift_up)[:, None]
+    drag = np.where(record.down, coefficients.drag_down, coefficients.drag_up)[:, None]
+    return np.asarray(lift * record.lift_pressure - drag * record.drag_pressure)
 
 
 def derivative_fit(flown: Sequence[Flight], by_stroke: Array) -> Fitted:

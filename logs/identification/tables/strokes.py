@@ -20,13 +20,14 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_count,
 )
 from logs.identification.experiment import Experiment
-from logs.identification.results import Array, Fitted
+from logs.identification.results import Array, Estimate, Fitted
 from logs.identification.tables.constants import need
 from logs.identification.tables.derived import Source
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.named import signal
 from logs.identification.tables.results import TableFit
+from logs.identification.tables.stroke_doubts import AS_TOLD, Signs, doubts, without_impossible
 from logs.strokes import interval_mean
 from sim_bridge.aerodynamics.stroke_averages import Attitude
 
@@ -87,13 +88,20 @@ def stroke_fits(
         raise BadInput("stroke.wings must be 1 or 2")
     wing = planform_of(asked.planform)
     notes: list[str] = []
-    flown, held = ([_flight(asked, one, constants, wing, notes) for one in part] for part in found[:2])
+    flown, held = (
+        [_flight(asked, one, constants, wing, notes) for one in part] for part in (found.fitted, found.held_out)
+    )
     count = sum(len(one.strokes.records) for one in flown)
     if count < LEAST_STROKES:
         raise BadInput(f"stroke: {counted(count, 'whole stroke')} found; {LEAST_STROKES} are needed ({notes[0]})")
     told, each = stroke_fit(flown, held)
-    fits = [_fit(told._replace(notes=(*notes, *told.notes)), count, each)]
-    if asked.derivatives:
+    told = without_impossible(told)
+
+    def turned(signs: Signs) -> tuple[Estimate, ...]:
+        return stroke_fit([_flight(asked, one, constants, wing, [], signs) for one in found.fitted])[0].estimates
+
+    fits = [_fit(told._replace(notes=(*doubts(told, turned), *notes, *told.notes)), count, each)]
+    if asked.derivatives and told.estimates:
         fits.append(_fit(derivative_fit(flown, each.by_stroke), count, None))
     return fits
 
@@ -107,16 +115,29 @@ def _fit(told: Fitted, count: int, each: MeanCoefficients | None) -> TableFit:
 
 
 def _flight(
-    asked: StrokeSection, one: Experiment, constants: Mapping[str, float], wing: Planform, notes: list[str]
+    asked: StrokeSection,
+    one: Experiment,
+    constants: Mapping[str, float],
+    wing: Planform,
+    notes: list[str],
+    signs: Signs = AS_TOLD,
 ) -> Flight:
     """The strokes of a manoeuvre and what their coefficients may depend on."""
     source = Source(one, constants, "stroke")
     need(dict(constants), *(() if "rho" in one.signals else ("rho",)), what="stroke")
-    flap = signal(one, asked.flap, "rad", "stroke.flap")
+    flap = signs.flap * signal(one, asked.flap, "rad", "stroke.flap")
     forward, down = (signal(one, getattr(asked, key), "N", f"stroke.{key}") for key in ("force_x", "force_z"))
     alpha, speed = source.get("alpha"), source.get("V")
     density = float(np.nanmean(source.get("rho")))
-    flown = Flapped(one.time, flap, speed, alpha, np.column_stack((forward, -down)), density, asked.wings)
+    flown = Flapped(
+        one.time,
+        flap,
+        speed,
+        alpha,
+        np.column_stack((signs.force_x * forward, -signs.force_z * down)),
+        density,
+        asked.wings,
+    )
     if asked.strokes is None:
         cuts = strokes_by_angle(one.time, flap)
     else:

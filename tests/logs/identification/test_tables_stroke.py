@@ -169,6 +169,54 @@ def test_lift_by_angle_of_attack_and_elevator(tmp_path: Path, capsys: pytest.Cap
         assert found[name]["value"] == pytest.approx(truth, rel=0.06)
 
 
+def steady(folder: Path, capsys: pytest.CaptureFixture[str], turned: dict[int, float]) -> str:
+    """What is said of a run in which nothing changes; ``turned``: factors of columns by their number."""
+    flown = measured(0, 400.0, 4.0, 0.0, 0.0)
+    up = -1000 / 9.80665 * flown.force[:, 1]
+    still = np.zeros(len(flown.time))
+    columns = [
+        flown.time,
+        np.degrees(flown.flap),
+        flown.force[:, 0],
+        up,
+        3.6 * flown.airspeed,
+        np.degrees(flown.alpha),
+        still,
+    ]
+    for number, factor in turned.items():
+        columns[number] = factor * columns[number]
+    asked = words(folder)
+    rows = (",".join(f"{value:.8g}" for value in row) for row in zip(*columns, strict=True))
+    (folder / "run1.csv").write_text("t,flap,Fx,Fz,V,alpha,elevator\n" + "\n".join(rows) + "\n")
+    assert main(asked) == 0
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_a_steady_run_is_explained_and_not_doubted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = steady(tmp_path, capsys, {})
+    assert "C_D_down" in said
+    assert "explains" not in said and "below zero" not in said
+
+
+@pytest.mark.parametrize(
+    ("turned", "blamed", "drag"),
+    [({1: -1.0}, "flap (wing up positive)", "C_D_up"), ({3: -1.0}, "force_z (down positive)", "C_D_down"),
+     ({2: -1.0}, "force_x (forward positive)", "C_D_up")],
+)  # fmt: skip
+def test_a_signal_of_the_other_sign_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], turned: dict[int, float], blamed: str, drag: str
+) -> None:
+    said = steady(tmp_path, capsys, turned)
+    (line,) = [part for part in said.split("residuals of") if "below zero" in part]
+    assert f"{drag} below zero: air at rest would push the wings along; with " in said
+    assert blamed in line and "turned round it would not" in line
+
+
+def test_coefficients_that_no_wing_has_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = steady(tmp_path, capsys, {2: 1000 / 9.80665, 3: 1000 / 9.80665})
+    assert "no numbers" in said and "no wing's is beyond 10: are the forces in the unit told" in said
+
+
 def test_strokes_with_missing_samples_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = words(tmp_path)
     lines = (tmp_path / "run1.csv").read_text().splitlines()
