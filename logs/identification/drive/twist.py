@@ -28,6 +28,12 @@ GUESSES = (0.05, 0.2, 0.5, 0.8)
 """-; damping ratios from which the fit begins"""
 HELD = 8.0
 """-; deviations of its noise within which of the greatest excursion it is still held"""
+CLEARLY = 0.5
+"""-; share of the greatest excursion that `HELD` must be below for the release to be seen by it"""
+STARTS, LATEST = 12, 0.5
+"""-; samples from which the swing is tried to begin where it is not seen, and the last one's share of the record"""
+CHANCE = 1e-4
+"""-; share of records of noise alone in which a swing is found"""
 CLEAR = 2.0
 """-; standard errors by which an overshoot must stand above zero"""
 
@@ -156,10 +162,35 @@ def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
     rest = float(np.median(values[finite[-max(len(finite) // 5, 1) :]]))
     away = np.abs(values[finite] - rest)
     top = int(np.argmax(away))
-    held = away[top:] > away[top] - HELD * _noise(values[finite])
-    last = int(np.argmin(held)) if not held.all() else 1
-    first = finite[top + max(last - 1, 0)]
+    gone = away[top:] <= away[top] - HELD * _noise(values[finite])
+    # Two in a row: one held sample that is far out began the swing while the wing was still held.
+    free = np.flatnonzero(gone[:-1] & gone[1:])
+    last = int(free[0]) if len(free) else 1
+    later = finite[top:]
+    first = int(later[max(last - 1, 0)])
+    if HELD * _noise(values[finite]) > CLEARLY * away[top]:
+        first = int(later[_fits_from(time[later], values[later])])
     return time[first:] - time[first], values[first:]
+
+
+def _fits_from(time: Array, values: Array) -> int:
+    """From which sample on the wing is free: before it a constant and from it on Eq. 16 fit ``values`` (N,) best.
+
+    Where noise is a large part of the excursion, nothing else tells: begun while the wing was held, 60 rad/s came out
+    as 34 +- 7. The next place after the best is taken, for the wing was let go between two.
+    """
+    places = np.unique(np.linspace(0.0, LATEST * len(values), STARTS).astype(int))
+    places = places[len(values) - places >= LEAST_SAMPLES]
+    squares = [_squares(time, values, int(place)) for place in places]
+    best = int(np.argmin(squares)) if squares else 0
+    return int(places[min(best + 1, len(places) - 1)]) if best else 0
+
+
+def _squares(time: Array, values: Array, free: int) -> float:
+    """What a constant leaves of the samples before the one that is ``free``, and Eq. 16 from it on."""
+    since = time[free:] - time[free]
+    swing = min(_search(since, values[free:], guess)[1] for guess in (GUESSES[0], GUESSES[2]))
+    return 2.0 * swing + (free * float(np.var(values[:free])) if free else 0.0)
 
 
 def _noise(values: Array) -> float:
@@ -192,7 +223,8 @@ def _fitted(time: Array, swing: Array, measured: Array) -> ServoModel:
     jacobian = np.column_stack([_slope(best, at, values, index) for index in (0, 1)])
     covariance, degrees = _covariance(jacobian, residuals, time, measured)
     errors = np.sqrt(np.diag(covariance))
-    if not np.all(np.isfinite(errors)) or errors[0] > 0.5 or best[1] - CLEAR * errors[1] <= 0.0:
+    lost = not np.all(np.isfinite(errors)) or errors[0] > 0.5 or best[1] - CLEAR * errors[1] <= 0.0
+    if lost or not _stands_out(values, residuals, degrees):
         return _nothing("the swing does not stand out of the noise", spread, count)
     natural = math.exp(best[0])
     half = student_factor(degrees) * errors[0]
@@ -208,6 +240,17 @@ def _fitted(time: Array, swing: Array, measured: Array) -> ServoModel:
         "twist_damped_frequency", "rad/s", damped, math.sqrt(float(gradient @ covariance @ gradient)), degrees
     )
     return ServoModel((frequency, ratio, ringing), (), 0.0, 0.0, spread, count)
+
+
+def _stands_out(values: Array, residuals: Array, degrees: float) -> bool:
+    """Whether Eq. 16 explains more than the best of all swings does of noise alone.
+
+    Of white noise a sine of one frequency takes chi-square of two degrees of freedom, above T by chance exp(-T / 2);
+    the search tries about as many frequencies as there are samples, at `GUESSES` of the damping.
+    """
+    least = 2.0 * math.log(len(values) * len(GUESSES) / CHANCE)
+    rest = float(np.sum((values - np.mean(values)) ** 2))
+    return (rest / max(float(residuals @ residuals), 1e-300) - 1.0) * degrees > least
 
 
 def _search(time: Array, values: Array, damping: float) -> tuple[Array, float]:

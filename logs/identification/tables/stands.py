@@ -62,8 +62,8 @@ SAMPLED = 3.0
 """-; samples kept per period of the low-pass"""
 EQUATIONS = (
     "Load of the air = load on the cell - weight and inertia of the vehicle, at the body's origin (Grauer Eq. 13)",
-    "C_L = -F_z / (qbar S), C_T = F_x / (qbar S), C_m = M_y / (qbar S c), qbar at the mean aerodynamic centre"
-    " (Eq. 14 to 16)",
+    "C_L = -F_z / (qbar S), C_T = F_x / (qbar S), C_m = M_y / (qbar S c), along the body's axes (Eq. 14 to 16)",
+    "qbar = rho / 2 |v|^2 at every instant, v the wings' mean velocity through the air, flapping included",
 )
 
 
@@ -108,7 +108,7 @@ def stand_fits(asked: StandSection, found: Cut, constants: Mapping[str, float], 
     models = identify_coefficients(tuple(records), candidates).models
     notes = tuple(_means(one) for one in (*fitted, *held))
     taken = "the vehicle's model" if tare is None else tare.name
-    told = (f"weight and inertia taken off by {taken}", *notes)
+    told = (f"the stream's load on the tail taken off by the vehicle's model, weight and inertia by {taken}", *notes)
     return [_fit(model, records, tried, told if place == 0 else ()) for place, model in enumerate(models)]
 
 
@@ -173,10 +173,19 @@ def _varies(name: str, records: list[WingCoefficients]) -> bool:
 
 
 def _means(found: WingCoefficients) -> str:
-    """Mean force and coefficients of a run."""
+    """Mean force and coefficients of a run; lift and thrust to the stream, of which the coefficients are not.
+
+    A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
+    """
     load, signals = found.load.mean(axis=0), found.experiment.signals
+    pitch = math.atan2(float(np.mean(signals["v_z"])), float(np.mean(signals["v_x"])))
+    lift = load[0] * math.sin(pitch) - load[2] * math.cos(pitch)
+    thrust = load[0] * math.cos(pitch) + load[2] * math.sin(pitch)
     told = ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS)
-    return f"{found.experiment.name}: mean lift {-load[2]:.4g} N, thrust {load[0]:.4g} N; mean {told}"
+    return (
+        f"{found.experiment.name}: mean lift {lift:.4g} N and thrust {thrust:.4g} N to the stream, in body axes"
+        f" {-load[2]:.4g} N up and {load[0]:.4g} N forward; there mean {told}"
+    )
 
 
 def _fit(

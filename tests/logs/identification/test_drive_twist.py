@@ -96,6 +96,51 @@ def test_peaks_that_are_noise_are_refused() -> None:
         damping_from_peaks(np.array([1.5]), 1.0, 0.01)
 
 
+def held(seed: int, amplitude: float, damping: float = 0.02, astray: float = 0.0) -> Experiment:
+    """A wing that is held for 0.1 s; one sample of that time is ``astray`` rad."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 0.86, 0.002)
+    free = time >= 0.1
+    twist = np.full(len(time), amplitude)
+    twist[free] = free_twist(time[free] - 0.1, amplitude, 0.0, NATURAL, damping)
+    twist = twist + 0.002 * rng.normal(size=len(time))
+    twist[5] += 0.05 * amplitude  # the greatest excursion is while it is held
+    twist[10] -= astray
+    return Experiment("release", time, {"twist": twist}, {"twist": "rad"})
+
+
+@pytest.mark.parametrize("astray", [0.0, 0.02, 0.05])
+def test_a_sample_astray_does_not_let_a_held_wing_go(astray: float) -> None:
+    held_in = 0
+    for seed in range(6):
+        found = by_name(identify_twist(held(seed, 0.2, astray=astray)))
+        assert found["twist_natural_frequency"].value == pytest.approx(NATURAL, rel=1e-3), seed
+        held_in += found["twist_natural_frequency"].contains(NATURAL) + found["twist_damping"].contains(0.02)
+    assert held_in >= 10
+
+
+def test_no_swing_is_found_in_noise() -> None:
+    looked_at = 0
+    for seed in range(10):
+        try:
+            model = identify_twist(held(seed, 0.0))
+        except BadInput as error:
+            assert "after its release" in str(error)  # the greatest excursion of noise may be its last sample
+            continue
+        looked_at += 1
+        assert model.estimates == (), (seed, model.estimates)
+    assert looked_at >= 7
+
+
+def test_a_swing_of_three_times_the_noise_is_found_from_where_the_wing_is_free() -> None:
+    hits = 0
+    for seed in range(5):
+        found = by_name(identify_twist(held(seed, 0.006, damping=0.1)))
+        assert found["twist_natural_frequency"].value == pytest.approx(NATURAL, rel=0.06), seed
+        hits += found["twist_natural_frequency"].contains(NATURAL) + found["twist_damping"].contains(0.1)
+    assert hits >= 8
+
+
 @pytest.mark.parametrize("damping", [0.1, 0.31, 0.58])
 def test_a_release_gives_frequency_and_damping(damping: float) -> None:
     hits = {"twist_natural_frequency": 0, "twist_damping": 0}
