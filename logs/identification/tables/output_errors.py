@@ -25,10 +25,11 @@ from logs.identification.tables.lacking import lacking
 from logs.identification.tables.map import DELAY, OutputError
 from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model, untold_trim
 from logs.identification.tables.prediction import predicted
-from logs.identification.tables.results import EXPLAINS_LITTLE, LITTLE, TableFit
+from logs.identification.tables.results import LITTLE, TableFit
 from logs.identification.tables.signals import LONGEST_FILL
 from logs.identification.tables.signs import turned
 from logs.identification.tables.starts import SPANS, begin
+from logs.identification.tables.unexplained import without_unexplained
 
 BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
@@ -79,7 +80,7 @@ def output_error_fit(
         fit.unidentified, correlation, series,
         (*fitted.notes, *held.notes, *chain.from_iterable(doubts)),
     )  # fmt: skip
-    told = _without_little(told)
+    told = without_unexplained(told)
     samples = sum(len(one.time) for one in fitted.experiments)
     own = {name: starts[name] for name in names}
     table = TableFit(
@@ -87,18 +88,6 @@ def output_error_fit(
         unnamed=chosen.unnamed,
     )  # fmt: skip
     return table, fit, chosen
-
-
-def _without_little(told: Fitted) -> Fitted:
-    """Without the numbers of a model that explains little of what moves, where the rest is no white noise either.
-
-    Of an aircraft that gusts alone moved, of which the model explained 1 %, the interval of M_q held in none of 12.
-    """
-    outputs = [one for one in output_fits(told.series) if not one.held_out]
-    if not outputs or any(one.r_squared >= LITTLE or one.white is not False for one in outputs):
-        return told
-    refused = tuple(Unidentified(one.name, EXPLAINS_LITTLE) for one in told.estimates)
-    return told._replace(estimates=(), unidentified=(*refused, *told.unidentified), correlation=None)
 
 
 def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:

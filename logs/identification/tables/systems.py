@@ -40,7 +40,7 @@ def fitted_system(table: TableFit, fit: Fit, chosen: Chosen) -> System:
         return System(of, fit.failure)
     if all(one.r_squared < LITTLE for one in table.outputs if not one.held_out):
         return System(of, EXPLAINS_LITTLE)
-    lost = [one for one in fit.unidentified if _share(of, fit, one.name) > 0]
+    lost = [one for one in table.fitted.unidentified if one.name in fit.names and _share(of, fit, one.name) > 0]
     return System(of, f"{lost[0].name} is not identified: {lost[0].reason}" if lost else "")
 
 
