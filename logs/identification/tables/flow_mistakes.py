@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
@@ -30,6 +31,13 @@ BETTER = 4.0
 THIRD = 0.2
 """-; of what it leaves less, on the mean of the thirds of the motion, each of them must have: what noise adds up to
 over a record can stand for a mistake, but is another one in another third"""
+SENSOR = 1.15
+"""-; factor within which a rate, a force, a bank or an airspeed may be off without being mistaken"""
+EXACT = 1.0 + 1e-6
+SHARE = 1.3
+"""-; factor within which a mended term comes out as the others do"""
+ALIKE = 1.5
+"""-; times the least that is left: units that leave no more are named with the likeliest"""
 NOISE_KNOWN = 0.1
 """-; what the power of the angle's noise is known to"""
 LEAST_RUN = 20
@@ -39,6 +47,17 @@ WALK = 15.0
 """-; a random walk of N steps without its mean and slope has N / 15 of a step's variance, on the mean"""
 
 Terms = Callable[[Mapping[str, Array]], dict[str, Array]]
+
+
+class Known(NamedTuple):
+    """A mistake that tables have."""
+
+    words: str
+    """what is said of it; of a speed's unit, up to the units"""
+    factors: Mapping[str, float]
+    """-; by term, what mends it"""
+    units: tuple[str, str] = ("", "")
+    """what the speed is in, and what it is called"""
 
 
 class Flow(NamedTuple):
@@ -53,8 +72,7 @@ class Flow(NamedTuple):
     """rad/s; the parts of its rate by name, (N,) each"""
     places: tuple[str, ...]
     """rates that a vane off the centre of mass adds to the angle"""
-    mistakes: Mapping[str, Mapping[str, float]]
-    """what is said of each -> the factors by term that mend it"""
+    mistakes: tuple[Known, ...]
 
 
 def _normal(of: Mapping[str, Array]) -> dict[str, Array]:
@@ -71,43 +89,36 @@ def _sideways(of: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def _of_speed(rest: str, terms: tuple[str, ...]) -> dict[str, dict[str, float]]:
+def _of_speed(rest: str, terms: tuple[str, ...]) -> tuple[Known, ...]:
     """The units that an airspeed may be in and not be called by."""
-    found = {}
-    for unit, larger in SPEEDS.items():
-        for told, is_in, factor in (("m/s", unit, larger), (unit, "m/s", 1.0 / larger)):
-            said = f"V does not fit {rest}: is it in {is_in}, not in {told}, or is their scale wrong?"
-            found[said] = dict.fromkeys(terms, factor)
-    return found
+    words = f"V does not fit {rest}: is it in"
+    return tuple(
+        Known(words, dict.fromkeys(terms, factor), units)
+        for unit, larger in SPEEDS.items()
+        for units, factor in (((unit, "m/s"), larger), (("m/s", unit), 1.0 / larger))
+    )
 
 
 HINT = "body axes are x forward, y right, z down"
 NORMAL = Flow(
-    "alpha",
-    ("q", "a_z", "V"),
-    {"theta": 0.0, "phi": 0.0},
-    _normal,
-    ("q",),
+    "alpha", ("q", "a_z", "V"), {"theta": 0.0, "phi": 0.0}, _normal, ("q",),
     _of_speed("alpha, q and a_z", ("pushed",)),
-)
+)  # fmt: skip
 SIDEWAYS = Flow(
-    "beta",
-    ("p", "r", "phi", "a_y", "V"),
-    {"theta": 0.0, "alpha": 0.0},
-    _sideways,
-    ("r", "p"),
-    {
-        f"a_y is against the changes of beta: its sign is wrong ({HINT})": {"pushed": -1.0},
-        "a_y does not fit the changes of beta: it is in g, not in m/s^2": {"pushed": STANDARD_GRAVITY},
-        "a_y does not fit the changes of beta: it is in m/s^2, not in g": {"pushed": 1.0 / STANDARD_GRAVITY},
-        f"r is against the changes of beta: its sign is wrong ({HINT})": {"turning": -1.0},
-        "r does not fit the changes of beta: it is in rad/s, not in deg/s": {"turning": DEGREES},
-        "r does not fit the changes of beta: it is in deg/s, not in rad/s": {"turning": 1.0 / DEGREES},
-        f"beta changes against p, r, phi and a_y: its sign is wrong ({HINT})": {
-            "pushed": -1.0, "weight": -1.0, "rolling": -1.0, "turning": -1.0,
-        },
-        **_of_speed("beta, r, phi and a_y", ("pushed", "weight")),
-    },
+    "beta", ("p", "r", "phi", "a_y", "V"), {"theta": 0.0, "alpha": 0.0}, _sideways, ("r", "p"),
+    (
+        Known(f"a_y is against the changes of beta: its sign is wrong ({HINT})", {"pushed": -1.0}),
+        Known("a_y does not fit the changes of beta: it is in g, not in m/s^2", {"pushed": STANDARD_GRAVITY}),
+        Known("a_y does not fit the changes of beta: it is in m/s^2, not in g", {"pushed": 1.0 / STANDARD_GRAVITY}),
+        Known(f"r is against the changes of beta: its sign is wrong ({HINT})", {"turning": -1.0}),
+        Known("r does not fit the changes of beta: it is in rad/s, not in deg/s", {"turning": DEGREES}),
+        Known("r does not fit the changes of beta: it is in deg/s, not in rad/s", {"turning": 1.0 / DEGREES}),
+        Known(
+            f"beta changes against p, r, phi and a_y: its sign is wrong ({HINT})",
+            {"pushed": -1.0, "weight": -1.0, "rolling": -1.0, "turning": -1.0},
+        ),
+        *_of_speed("beta, r, phi and a_y", ("pushed", "weight")),
+    ),
 )  # fmt: skip
 
 
@@ -145,35 +156,70 @@ def _mistake_of(flow: Flow, pieces: list[_Piece]) -> str:
     thirds = np.minimum((THIRDS * np.cumsum(power) / power.sum()).astype(int), THIRDS - 1)
     noise, drift = sum(piece.noise for piece in pieces), sum(piece.drift for piece in pieces)
     motion, left = float(power.sum()) - noise, float(as_told.sum()) - noise
-    best, least = "", min((1.0 - LEAST_EXPLAINED) * motion, left / BETTER - drift)
-    for said, factors in flow.mistakes.items():
-        mended = _left(pieces, factors, mended=True)
-        if mended is None:
+    least = min((1.0 - LEAST_EXPLAINED) * motion, left / BETTER - drift)
+    found: list[tuple[float, Known]] = []
+    for known in flow.mistakes:
+        mended = _left(pieces, known.factors, mended=True)
+        if mended is None or not _borne_out(pieces, known.factors):
             continue
         rest = max(float(mended.sum()) - noise, NOISE_KNOWN * noise)
         each = [float(np.sum((as_told - mended)[thirds == k])) for k in range(THIRDS)]
         if rest < least and min(each) > THIRD * sum(each) / THIRDS:
-            best, least = said, rest
-    return best
+            exactly = _left(pieces, known.factors, mended=True, sensor=EXACT)
+            found.append((np.inf if exactly is None else float(exactly.sum()), known))
+    return _said(found) if found else ""
 
 
-def _left(pieces: list[_Piece], factors: Mapping[str, float], mended: bool) -> Array | None:
+def _said(found: list[tuple[float, Known]]) -> str:
+    """What the mistake is that leaves least, with exact sensors; of speeds with those that leave hardly more."""
+    least, best = min(found, key=lambda one: one[0])
+    if not best.units[0]:
+        return best.words
+    alike = [known.units for rest, known in found if rest < ALIKE * least and known.words == best.words]
+    is_in, told = (" or ".join(dict.fromkeys(units)) for units in zip(*alike, strict=True))
+    return f"{best.words} {is_in}, not in {told}, or is their scale wrong?"
+
+
+def _borne_out(pieces: list[_Piece], factors: Mapping[str, float]) -> bool:
+    """Whether the terms that are mended come out as they should beside the others, where each sum's size is free.
+
+    A term that is noise, or all but balanced by another, fits the better the smaller it is made.
+    """
+    if all(name in factors for name in pieces[0].terms) or all(abs(one) >= 1.0 for one in factors.values()):
+        return True
+    sums = [
+        np.concatenate([np.sum([factors[n] * one.terms[n] for n in factors], axis=0) for one in pieces]),
+        np.concatenate([np.sum([t for n, t in one.terms.items() if n not in factors], axis=0) for one in pieces]),
+    ]
+    angle, beside = np.concatenate([one.angle for one in pieces]), np.vstack([one.beside for one in pieces])
+    mended, others = np.linalg.lstsq(np.column_stack((*sums, beside)), angle, rcond=None)[0][:2]
+    return bool(others > 0 and 1.0 / SHARE < mended / others < SHARE)
+
+
+def _left(pieces: list[_Piece], factors: Mapping[str, float], mended: bool, sensor: float = SENSOR) -> Array | None:
     """Squares (N,) that the terms leave of the angle, each term times its factor; None where nothing moves.
 
-    The sum's scale is a vane's. None too where a ``mended`` table asks for another one.
+    The sum's scale is a vane's, and each term's may be off by ``sensor`` beside it. None too where a ``mended`` table
+    asks for another scale.
     """
-    summed = np.concatenate(
-        [np.sum([factors.get(name, 1.0) * term for name, term in one.terms.items()], axis=0) for one in pieces]
+    terms = np.column_stack(
+        [np.concatenate([factors.get(n, 1.0) * one.terms[n] for one in pieces]) for n in pieces[0].terms]
     )
     angle, beside = np.concatenate([one.angle for one in pieces]), np.vstack([one.beside for one in pieces])
-    design = np.column_stack((summed, beside))
+    design = np.column_stack((terms.sum(axis=1), beside))
     if not np.all(np.ptp(design, axis=0) > 0) or not np.ptp(angle) > 0:
         return None
     scale = float(np.linalg.lstsq(design, angle, rcond=None)[0][0])
     if mended and not VANE[0] < scale < VANE[1]:
         return None
-    rest = angle - float(np.clip(scale, *VANE)) * summed
-    return np.asarray((rest - beside @ np.linalg.lstsq(beside, rest, rcond=None)[0]) ** 2)
+    scale = float(np.clip(scale, *VANE))
+    free = np.full(beside.shape[1], np.inf)
+    low = np.concatenate((np.full(terms.shape[1], scale / sensor), -free))
+    high = np.concatenate((np.full(terms.shape[1], scale * sensor), free))
+    size = np.linalg.norm(whole := np.column_stack((terms, beside)), axis=0)
+    size[~(size > 0)] = 1.0
+    found = lsq_linear(whole / size, angle, (low * size, high * size)).x / size
+    return np.asarray((angle - whole @ found) ** 2)
 
 
 def _pieces(flow: Flow, one: Experiment, constants: Mapping[str, float]) -> list[_Piece]:
