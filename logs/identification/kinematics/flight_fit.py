@@ -12,11 +12,12 @@ from logs.identification.kinematics.flight_records import (
     Problem,
     Slopes,
     Values,
-    first_guess,
     path_of,
     slopes_of,
 )
-from logs.identification.kinematics.rigid_motion import STATES
+from logs.identification.kinematics.flight_sensors import NO_GAIN, Parameter
+from logs.identification.kinematics.flight_starts import starts_of
+from logs.identification.kinematics.rigid_motion import INPUTS, STATES
 from logs.identification.results import Array, Unidentified
 
 ITERATIONS = 50
@@ -92,8 +93,45 @@ def _advanced(problem: Problem, values: Values, step: Array) -> Values:
 
 
 def fitted(problem: Problem) -> Fit | None:
+    """The best optimum that any start leads to; None where none does.
+
+    A vane that reads nothing (a scale of -1) frees the motion of the flow, and far from the right one that fits
+    best. So the scales are held at first wherever the attitude was not measured, or the plain search ends so.
+    """
+    guesses = starts_of(problem)
+    plain = optimum(problem, guesses[0])
+    if plain is not None and len(guesses) == 1 and not reading_nothing(problem, plain):
+        return plain
+    found = [plain, *(_scales_last(problem, guess) for guess in guesses)]
+    return min((fit for fit in found if fit is not None), key=lambda fit: _unlikely(problem, fit), default=None)
+
+
+def _scales_last(problem: Problem, guess: Values) -> Fit | None:
+    """The optimum from where the sensors fit best whose outputs are taken to have no scales."""
+    kept = [k for k, p in enumerate(problem.parameters) if p.kind != "scale" or p.channel in INPUTS]
+    unscaled = problem._replace(parameters=tuple(problem.parameters[k] for k in kept))
+    first = optimum(unscaled, Values(guess.errors[kept], guess.starts))
+    if first is None:
+        return None
+    errors = np.zeros(len(problem.parameters))
+    errors[kept] = first.values.errors
+    return optimum(problem, Values(errors, first.values.starts))
+
+
+def _unlikely(problem: Problem, fit: Fit) -> float:
+    """Minus the logarithm of the likelihood, the outputs' variances estimated: sum of N log(deviation)."""
+    samples = np.sum([np.sum(record.used, axis=0) for record in problem.records], axis=0)
+    return float(samples @ np.log(fit.deviation))
+
+
+def reading_nothing(problem: Problem, fit: Fit) -> list[Parameter]:
+    """Scales of outputs nearer to a sensor that reads nothing than to one that reads what is there."""
+    pairs = zip(problem.parameters, fit.values.errors, strict=True)
+    return [p for p, value in pairs if p.kind == "scale" and p.channel not in INPUTS and value < NO_GAIN / 2]
+
+
+def optimum(problem: Problem, values: Values) -> Fit | None:
     """Gauss-Newton, the outputs' variances estimated anew after every step; None where it does not converge."""
-    values = first_guess(problem)
     paths = _paths(problem, values)
     if not np.isfinite(_squares(paths, np.ones(len(problem.channels)))):
         return None
@@ -126,7 +164,7 @@ def independent(problem: Problem) -> tuple[Problem, list[Unidentified], str]:
     """The problem without parameters that the records do not tell from others, those, and why nothing is left."""
     refused: list[Unidentified] = []
     while True:
-        values = first_guess(problem)
+        values = starts_of(problem)[0]
         paths = _paths(problem, values)
         if not all(np.all(np.isfinite(part)) for path in paths for part in (path.states, path.residuals)):
             return problem, refused, "the kinematics run away from the first guess: are the units SI, the axes FRD?"

@@ -162,25 +162,6 @@ def free_states(channels: tuple[str, ...], longitudinal: bool) -> tuple[int, ...
     return tuple(STATES.index(name) for name in names)
 
 
-def first_guess(problem: Problem) -> Values:
-    """No errors of any sensor, and first states from the first samples of each output."""
-    starts = np.array([_start(problem, record) for record in problem.records])
-    return Values(np.zeros(len(problem.parameters)), starts)
-
-
-def _start(problem: Problem, record: Record) -> Array:
-    told = {name: values[used > 0][0] for name, values, used in
-            zip(problem.channels, record.outputs.T, record.used.T, strict=True) if np.any(used)}  # fmt: skip
-    # In steady flight the specific force along x is gravity's.
-    level = float(np.arcsin(np.clip(np.mean(record.inputs[:, 3]) / STANDARD_GRAVITY, -0.9, 0.9)))
-    theta = told.get("theta", level)
-    climb = np.arcsin(np.clip(told.get("climb_rate", 0.0) / max(told["airspeed"], 1e-6), -1, 1))
-    alpha, beta = told.get("alpha", theta - climb), told.get("beta", 0.0)
-    speed = told["airspeed"] * np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
-    rest = [told.get(name, 0.0) for name in ("psi", "altitude", "north", "east")]
-    return np.array([*speed, told.get("phi", 0.0), theta, *rest])
-
-
 def errors_by_name(problem: Problem, values: Values) -> dict[str, float]:
     """The sensors' errors by name."""
     return {p.name: float(value) for p, value in zip(problem.parameters, values.errors, strict=True)}

@@ -29,6 +29,9 @@ Place = tuple[float, float, float]
 _LIMITS = {"rad/s": 0.05, "m/s^2": 0.3, "m/s": 3.0, "rad": 0.1, "m": 50.0, "-": 0.1}
 """standard error by unit, beyond which a sensor's error is better not corrected at all"""
 
+NO_GAIN = -1.0
+"""-; scale of a sensor that reads nothing: it tells (1 + scale) times the truth"""
+
 
 class Places(NamedTuple):
     """Where the sensors sit, from the centre of mass, FRD, m."""

@@ -81,6 +81,18 @@ def test_missing_channels_are_said_and_the_rest_is_found() -> None:
     assert {"bias_p", "bias_q", "bias_a_x", "bias_alpha"} <= {p.name for p in found.parameters}
 
 
+@pytest.mark.parametrize(("seed", "duration"), [(0, 20.0), (2, 30.0)])
+def test_without_an_attitude_gravity_is_found_from_the_flow(seed: int, duration: float) -> None:
+    """GIVEN no attitude, and a flight that does not begin with level wings THEN the search starts near its own."""
+    flight = Flight(seed=seed, duration=duration)
+    found = rebuilt(flight, ("airspeed", "alpha", "beta", "altitude"))
+    assert {p.name for p in found.parameters} == ERRORS.keys()
+    assert all(abs(p.value - ERRORS[p.name]) < 3 * p.standard_error for p in found.parameters)
+    _, told = truth(flight)
+    for angle in ("phi", "theta"):
+        assert np.std(found.tracks[0].motion.signals[angle] - told[angle]) < 0.01
+
+
 def test_missing_samples_of_outputs_are_left_out() -> None:
     flight = Flight(seed=4, longitudinal=True)
     experiment = measured(flight, LONGITUDINAL)
