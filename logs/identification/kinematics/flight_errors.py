@@ -108,7 +108,7 @@ def covariance_of(
         at = np.concatenate((np.arange(count), count + index * free + np.arange(free)))
         weighted = slope.outputs / deviation[:, None] ** 2
         information[np.ix_(at, at)] += np.einsum("nmp,nmq->pq", weighted, slope.outputs)
-        noise = _input_noise(problem, values, index, input_noise)
+        noise = noise_of_inputs(problem, values, index, input_noise)
         core[np.ix_(at, at)] += _coloured(weighted, colours) * taken + _driven(weighted, slope, noise)
     scale = np.sqrt(np.diag(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
@@ -140,7 +140,7 @@ def _driven(weighted: Array, slope: Slopes, noise: Array) -> Array:
     return total
 
 
-def _input_noise(problem: Problem, values: Values, index: int, told: Mapping[str, float] | None) -> Array:
+def noise_of_inputs(problem: Problem, values: Values, index: int, told: Mapping[str, float] | None) -> Array:
     """Standard deviations (6,) of the corrected inputs' noise."""
     measured = problem.records[index].inputs
     if told is None:

@@ -103,14 +103,22 @@ def fitted(problem: Problem) -> Fit | None:
     if plain is not None and len(guesses) == 1 and not reading_nothing(problem, plain):
         return plain
     found = [plain, *(_scales_last(problem, guess) for guess in guesses)]
-    return min((fit for fit in found if fit is not None), key=lambda fit: _unlikely(problem, fit), default=None)
+    return min((fit for fit in found if fit is not None), key=lambda fit: unlikely(problem, fit), default=None)
+
+
+def unscaled(problem: Problem) -> Problem:
+    """Its outputs taken to have no scales."""
+    return problem._replace(parameters=tuple(p for p in problem.parameters if not _scales_output(p)))
+
+
+def _scales_output(asked: Parameter) -> bool:
+    return asked.kind == "scale" and asked.channel not in INPUTS
 
 
 def _scales_last(problem: Problem, guess: Values) -> Fit | None:
-    """The optimum from where the sensors fit best whose outputs are taken to have no scales."""
-    kept = [k for k, p in enumerate(problem.parameters) if p.kind != "scale" or p.channel in INPUTS]
-    unscaled = problem._replace(parameters=tuple(problem.parameters[k] for k in kept))
-    first = optimum(unscaled, Values(guess.errors[kept], guess.starts))
+    """The optimum from where the sensors fit best whose outputs have no scales."""
+    kept = [k for k, asked in enumerate(problem.parameters) if not _scales_output(asked)]
+    first = optimum(unscaled(problem), Values(guess.errors[kept], guess.starts))
     if first is None:
         return None
     errors = np.zeros(len(problem.parameters))
@@ -118,7 +126,7 @@ def _scales_last(problem: Problem, guess: Values) -> Fit | None:
     return optimum(problem, Values(errors, first.values.starts))
 
 
-def _unlikely(problem: Problem, fit: Fit) -> float:
+def unlikely(problem: Problem, fit: Fit) -> float:
     """Minus the logarithm of the likelihood, the outputs' variances estimated: sum of N log(deviation)."""
     samples = np.sum([np.sum(record.used, axis=0) for record in problem.records], axis=0)
     return float(samples @ np.log(fit.deviation))
@@ -127,7 +135,7 @@ def _unlikely(problem: Problem, fit: Fit) -> float:
 def reading_nothing(problem: Problem, fit: Fit) -> list[Parameter]:
     """Scales of outputs nearer to a sensor that reads nothing than to one that reads what is there."""
     pairs = zip(problem.parameters, fit.values.errors, strict=True)
-    return [p for p, value in pairs if p.kind == "scale" and p.channel not in INPUTS and value < NO_GAIN / 2]
+    return [asked for asked, value in pairs if _scales_output(asked) and value < NO_GAIN / 2]
 
 
 def optimum(problem: Problem, values: Values) -> Fit | None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from logs.identification.accuracy.whiteness import whiteness_of
 from logs.identification.experiment import Experiment
+from logs.identification.kinematics.flight_doubts import contradiction, unread_among
 from logs.identification.kinematics.flight_errors import covariance_of, degrees_of
 from logs.identification.kinematics.flight_fit import Fit, fitted, independent, vague_among
 from logs.identification.kinematics.flight_records import Problem, free_states, records_of
@@ -91,6 +92,8 @@ class Reconstruction(NamedTuple):
     """empty where it failed"""
     failure: str
     """-; why nothing is told, empty where it is"""
+    contradiction: str = ""
+    """-; why the signals are not those of one motion, empty where they may be"""
 
 
 def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reconstruction:
@@ -120,8 +123,9 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
             return _failed(
                 refused, "the motion found flies backwards: without alpha these records tell no flight path"
             )
+        vague = vague or unread_among(problem, fit, covariance)
         if not vague:
-            return _told(problem, fit, covariance, refused)
+            return _told(problem, fit, covariance, refused, setup)
         refused.append(vague)
         problem = problem._replace(parameters=tuple(p for p in problem.parameters if p.name != vague.name))
 
@@ -162,7 +166,7 @@ def _failed(refused: list[Unidentified], failure: str) -> Reconstruction:
 # --- what is told ---------------------------------------------------------------------------------------
 
 
-def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentified]) -> Reconstruction:
+def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentified], setup: Setup) -> Reconstruction:
     degrees = degrees_of(problem, fit.paths)
     count = len(problem.parameters)
     errors = np.sqrt(np.diag(covariance))[:count]
@@ -170,7 +174,9 @@ def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentif
     parameters = tuple(estimate(p.name, p.unit, float(value), float(error), degrees) for p, value, error in rows)
     correlation = covariance[:count, :count] / np.outer(errors, errors)
     tracks = tuple(_track(problem, fit, index) for index in range(len(problem.records)))
-    return Reconstruction(parameters, tuple(refused), correlation, tracks, "")
+    return Reconstruction(
+        parameters, tuple(refused), correlation, tracks, "", contradiction(problem, fit, setup.input_noise)
+    )
 
 
 def _track(problem: Problem, fit: Fit, index: int) -> Track:

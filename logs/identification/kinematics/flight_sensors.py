@@ -31,6 +31,8 @@ _LIMITS = {"rad/s": 0.05, "m/s^2": 0.3, "m/s": 3.0, "rad": 0.1, "m": 50.0, "-": 
 
 NO_GAIN = -1.0
 """-; scale of a sensor that reads nothing: it tells (1 + scale) times the truth"""
+SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
+"""-; by how much a number in this unit is larger than in m/s"""
 
 
 class Places(NamedTuple):

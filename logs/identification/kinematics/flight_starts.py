@@ -24,7 +24,7 @@ SPANS = (8.0, 2.0, 32.0)
 
 
 def starts_of(problem: Problem) -> list[Values]:
-    """No errors of any sensor, and first states: one guess where the attitude was measured, else one for each span."""
+    """No errors of any sensor, and first states: one guess, or one for each span without an attitude."""
     guesses: list[Values] = []
     for span in SPANS:
         rows = np.array([_start(problem, record, span) for record in problem.records])

@@ -84,7 +84,7 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     if not fitted:
         raise BadInput("path: " + "; ".join(notes))
     held = _records(found.held_out, setup.longitudinal, fill, notes)
-    result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
+    result = _of_one_motion(_with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal))
     told = fitted_path(fitted, result, setup, held)
     told = told._replace(notes=(*notes, *told.notes))
     chapter = path_chapter(fitted, result)
@@ -94,6 +94,15 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
         chapters=() if chapter is None else (chapter,),
     )  # fmt: skip
     return [one]
+
+
+def _of_one_motion(found: Reconstruction) -> Reconstruction:
+    """What was ``found``, or nothing where the signals contradict one another: all numbers rest on all of them."""
+    return _nothing(found, found.contradiction) if found.contradiction and not found.failure else found
+
+
+def _nothing(found: Reconstruction, why: str) -> Reconstruction:
+    return found._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
 
 
 def _with_level_wings(found: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
@@ -114,7 +123,7 @@ def _with_level_wings(found: Reconstruction, records: list[Experiment], longitud
                 f"phi of up to {np.degrees(np.nanmax(np.abs(phi))):.0f} deg is not level: the bank alone makes"
                 f" {made[one.name]:.2g} {one.unit} of {one.name}; tell p, r and a_y, or cut where the wings are level"
             )
-            return found._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
+            return _nothing(found, why)
     return found
 
 

@@ -16,11 +16,10 @@ from scipy.optimize import lsq_linear
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
+from logs.identification.kinematics.flight_sensors import SPEEDS
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array
 
-SPEEDS = {"kn": 3600.0 / 1852.0, "mph": 2.2369, "ft/s": 3.2808, "km/h": 3.6}
-"""-; by how much a number in this unit is larger than in m/s"""
 DEGREES = float(np.degrees(1.0))
 VANE = (0.5, 2.0)
 """-; what the scale of a flow angle may be"""

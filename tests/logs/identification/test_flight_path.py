@@ -122,6 +122,46 @@ def test_what_the_motion_hardly_tells_is_refused_with_its_error() -> None:
     assert "bias_q" in {p.name for p in found.parameters}
 
 
+def test_what_errors_of_the_kinematics_make_of_a_vane_is_no_scale() -> None:
+    """GIVEN a vane that hardly moved, and an accelerometer that wandered THEN its scale is not called -0.7."""
+    flight = Flight(seed=1, duration=6, activity=0.02, longitudinal=True, noise=0.05, input_noise=0.1)
+    experiment = measured(flight, ("airspeed", "alpha", "theta", "altitude"))
+    wander = experiment.signals["a_z"] + 0.1 * np.sin(1.5 * experiment.time + 1)
+    experiment = experiment._replace(signals={**experiment.signals, "a_z": wander})
+    found = reconstruct([experiment], Setup(longitudinal=True, places=flight.places))
+    assert "alpha would read next to nothing" in reasons(found)["scale_alpha"]
+    (bias,) = (p for p in found.parameters if p.name == "bias_alpha")
+    # The scale held at zero is missed in it, and no more: 0.08 of 0.08 rad.
+    assert bias.value == pytest.approx(ERRORS["bias_alpha"] + 0.08 * 0.08, abs=0.004)
+
+
+@pytest.mark.parametrize(("times", "unit"), [(1 / 3.6, "in m/s, not in km/h"), (3600 / 1852, "in kn, not in m/s")])
+def test_an_airspeed_in_another_unit_is_found_out(times: float, unit: str) -> None:
+    """GIVEN km/h or knots that are none THEN no vane reads nothing, but the unit is doubted."""
+    flight = Flight(seed=0, duration=15, step=0.04)
+    experiment = measured(flight)
+    signals = {**experiment.signals, "airspeed": experiment.signals["airspeed"] * times}
+    found = reconstruct([experiment._replace(signals=signals)], Setup(places=flight.places))
+    assert found.contradiction.endswith(f"V is {times:.2g} times what all others say: is it {unit}?")
+    assert not reconstruct([experiment], Setup(places=flight.places)).contradiction
+
+
+def test_a_vane_that_counts_to_the_other_side_contradicts() -> None:
+    flight = Flight(seed=0, duration=15, step=0.04)
+    experiment = measured(flight)
+    signals = {**experiment.signals, "beta": -experiment.signals["beta"]}
+    found = reconstruct([experiment._replace(signals=signals)], Setup(places=flight.places))
+    assert "beta would read backwards" in reasons(found)["scale_beta"]
+    assert found.contradiction.startswith("the kinematics follow beta worse than a constant would")
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_in_quiet_flight_is_no_contradiction(seed: int) -> None:
+    """GIVEN motion that slow noise of the sensors hides THEN it is not said that they contradict one another."""
+    flight = Flight(seed=seed, duration=8, activity=0.02, colour=0.9, step=0.05)
+    assert not reconstruct([measured(flight)], Setup(places=flight.places)).contradiction
+
+
 def test_several_records_share_the_sensors() -> None:
     flights = [Flight(seed=seed, duration=8, longitudinal=True) for seed in (7, 8, 9)]
     setup = Setup(longitudinal=True, places=PLACES)

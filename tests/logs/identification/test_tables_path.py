@@ -239,3 +239,20 @@ def test_the_longitudinal_motion_alone_is_refused_where_the_wings_were_not_level
         assert all(inside(fit["estimates"], ERRORS, 1.6))
     else:
         assert "deg is not level: the bank alone makes" in fit["failure"] and not fit["estimates"]
+
+
+def test_signals_that_are_not_of_one_motion_give_no_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GIVEN a vane that swings by itself THEN no number, but what contradicts."""
+    flown = measured(Flight(seed=3, longitudinal=True, duration=16, step=0.04))
+    alpha = 0.08 + 0.05 * np.sin(4.5 * flown.time)
+    write(tmp_path / "run.csv", flown._replace(signals={**flown.signals, "alpha": alpha}), LONGITUDINAL)
+    told = signals(LONGITUDINAL)
+    (tmp_path / "map.toml").write_text(MAP.format(signals=told, validate="[]", more=""))
+    words = [str(tmp_path / "run.csv"), "--map", str(tmp_path / "map.toml"), "path", "--json"]
+    code = identify.run(words)
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    (fit,) = json.loads(said.out)["fits"]
+    assert "follow alpha worse than a constant" in fit["failure"] and not fit["estimates"]
