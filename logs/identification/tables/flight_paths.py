@@ -86,7 +86,7 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     held = _records(found.held_out, setup.longitudinal, fill, notes)
     result = _of_one_motion(_with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal))
     told = fitted_path(fitted, result, setup, held)
-    told = told._replace(notes=(*notes, *told.notes))
+    told = told._replace(notes=(*notes, *_unknown_bank(fitted, result, setup.longitudinal), *told.notes))
     chapter = path_chapter(fitted, result)
     samples = sum(len(one.time) for one in fitted)
     one = TableFit(
@@ -125,6 +125,30 @@ def _with_level_wings(found: Reconstruction, records: list[Experiment], longitud
             )
             return _nothing(found, why)
     return found
+
+
+def _unknown_bank(records: list[Experiment], found: Reconstruction, longitudinal: bool) -> tuple[str, ...]:
+    """What is said where no measured bank can refute the level wings of the longitudinal motion alone.
+
+    Of a steady bank phi a level turn pitches by ``g / V sin(phi) tan(phi)``, and g (1 - cos(phi)) is taken off a_z.
+    """
+    if not longitudinal or found.failure or any("phi" in one.signals for one in records):
+        return ()
+    half = {one.name: one.high - one.value for one in found.parameters}
+    speed = float(np.nanmean(np.concatenate([one.signals["airspeed"] for one in records])))
+    made = []
+    if "bias_q" in half:
+        # sin(phi) tan(phi) = c of cos(phi)^2 + c cos(phi) - 1 = 0
+        share = half["bias_q"] * speed / STANDARD_GRAVITY
+        made.append(np.arccos(min((np.sqrt(share**2 + 4.0) - share) / 2.0, 1.0)))
+    if "bias_a_z" in half:
+        made.append(np.arccos(np.clip(1.0 - half["bias_a_z"] / STANDARD_GRAVITY, -1.0, 1.0)))
+    if not made:
+        return ()
+    return (
+        "phi is not told: that the wings were level is not tested, and a steady bank of"
+        f" {np.degrees(min(made)):.1f} deg would take bias_q or bias_a_z out of its interval",
+    )
 
 
 def _yaw_rate(one: Experiment) -> Array:

@@ -241,6 +241,31 @@ def test_the_longitudinal_motion_alone_is_refused_where_the_wings_were_not_level
         assert "deg is not level: the bank alone makes" in fit["failure"] and not fit["estimates"]
 
 
+def test_a_bank_that_nobody_measured_is_said_to_be_untested(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GIVEN a bank of the size said, not measured THEN it moves a bias by just about half its interval."""
+    words = tables(tmp_path, count=1, validate="[]")
+    assert main(["identify", *words, "--json"]) == 0
+    (level,) = json.loads(capsys.readouterr().out)["fits"]
+    (note,) = (one for one in level["notes"] if one.startswith("phi is not told"))
+    bank = np.radians(float(note.partition("steady bank of ")[2].partition(" deg")[0]))
+    flown = measured(Flight(seed=11, longitudinal=True, duration=16))
+    s = flown.signals
+    turned = {
+        "q": s["q"] + 9.80665 / s["airspeed"] * np.sin(bank) * np.tan(bank),
+        "a_z": s["a_z"] + 9.80665 * (1.0 - np.cos(bank)) * np.cos(s["theta"]),
+    }
+    write(tmp_path / "run1.csv", flown._replace(signals={**s, **turned}), LONGITUDINAL)
+    assert main(["identify", *words, "--json"]) == 0
+    (banked,) = json.loads(capsys.readouterr().out)["fits"]
+    moved = []
+    for before, after in zip(level["estimates"], banked["estimates"], strict=True):
+        if before["name"] in ("bias_q", "bias_a_z"):
+            moved.append((after["value"] - before["value"]) / (before["high"] - before["value"]))
+    assert 0.8 < max(moved) < 1.2
+
+
 def test_signals_that_are_not_of_one_motion_give_no_numbers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
