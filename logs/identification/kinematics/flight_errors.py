@@ -15,7 +15,15 @@ from scipy.fft import next_fast_len
 
 from logs.identification.accuracy.colour import colour_of
 from logs.identification.accuracy.widened import not_below
-from logs.identification.kinematics.flight_records import Path, Problem, Slopes, Values, errors_by_name
+from logs.identification.kinematics.flight_records import (
+    Path,
+    Problem,
+    Slopes,
+    Values,
+    errors_by_name,
+    slopes_of,
+)
+from logs.identification.kinematics.flight_sensors import Parameter
 from logs.identification.kinematics.rigid_motion import INPUTS, input_slopes
 from logs.identification.preparing.noise_level import noise_level
 from logs.identification.results import Array
@@ -113,6 +121,39 @@ def covariance_of(
     scale = np.sqrt(np.diag(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     return not_below(inverse @ core @ inverse, inverse)
+
+
+def with_held(
+    problem: Problem,
+    held: tuple[Parameter, ...],
+    values: Values,
+    deviation: Array,
+    paths: list[Path],
+    covariance: Array,
+) -> Array:
+    """The ``covariance`` (P, P) with what the errors ``held`` at zero, each as large as its limit, do to the others.
+
+    Schmidt, Application of State-Space Methods to Navigation Problems, Advances in Control Systems 3, 1966: with the
+    information's blocks, P + S D S^T of S = -I_xx^-1 I_xh and D the squares of the limits.
+    """
+    if not held:
+        return covariance
+    count, own, free = len(problem.parameters), len(held), len(problem.free)
+    whole = problem._replace(parameters=(*problem.parameters, *held))
+    far = Values(np.append(values.errors, np.zeros(own)), values.starts)
+    size = _unknowns(whole)
+    information = np.zeros((size, size))
+    for index, path in enumerate(paths):
+        slopes = slopes_of(whole, far, index, path).outputs / deviation[:, None]
+        at = np.concatenate((np.arange(count + own), count + own + index * free + np.arange(free)))
+        information[np.ix_(at, at)] += np.einsum("nmp,nmq->pq", slopes, slopes)
+    rest = np.delete(np.arange(size), count + np.arange(own))
+    inner, across = information[np.ix_(rest, rest)], information[np.ix_(rest, count + np.arange(own))]
+    scale = np.sqrt(np.diag(inner))
+    moved = np.linalg.solve(inner / np.outer(scale, scale), across / scale[:, None]) / scale[:, None]
+    moved = moved * np.array([one.limit for one in held])
+    wider: Array = covariance + moved @ moved.T
+    return wider
 
 
 def _coloured(weighted: Array, colours: list[_Residual]) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 from logs.identification.accuracy.whiteness import whiteness_of
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_doubts import contradiction, unread_among
-from logs.identification.kinematics.flight_errors import covariance_of, degrees_of
+from logs.identification.kinematics.flight_errors import covariance_of, degrees_of, with_held
 from logs.identification.kinematics.flight_fit import Fit, fitted, independent, vague_among
 from logs.identification.kinematics.flight_records import Problem, free_states, records_of
 from logs.identification.kinematics.flight_sensors import (
@@ -109,6 +109,7 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
     records, channels = records_of(experiments, setup.longitudinal)
     asked, refused = _asked(channels, setup)
     problem = Problem(records, channels, asked, free_states(channels, setup.longitudinal), setup.places)
+    held: tuple[Parameter, ...] = ()
     while True:
         problem, dependent, failure = independent(problem)
         refused += dependent
@@ -125,8 +126,10 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
             )
         vague = vague or unread_among(problem, fit, covariance)
         if not vague:
-            return _told(problem, fit, covariance, refused, setup)
+            wider = with_held(problem, held, fit.values, fit.deviation, fit.paths, covariance)
+            return _told(problem, fit, wider, refused, setup)
         refused.append(vague)
+        held += tuple(p for p in problem.parameters if p.name == vague.name)
         problem = problem._replace(parameters=tuple(p for p in problem.parameters if p.name != vague.name))
 
 
@@ -171,11 +174,22 @@ def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentif
     count = len(problem.parameters)
     errors = np.sqrt(np.diag(covariance))[:count]
     rows = zip(problem.parameters, fit.values.errors, errors, strict=True)
-    parameters = tuple(estimate(p.name, p.unit, float(value), float(error), degrees) for p, value, error in rows)
-    correlation = covariance[:count, :count] / np.outer(errors, errors)
+    found = [estimate(p.name, p.unit, float(value), float(error), degrees) for p, value, error in rows]
+    sure = [k for k, p in enumerate(problem.parameters) if errors[k] <= p.limit]
+    refused = refused + [_resting(p, errors[k]) for k, p in enumerate(problem.parameters) if k not in sure]
+    correlation = (covariance[:count, :count] / np.outer(errors, errors))[np.ix_(sure, sure)]
+    parameters = tuple(found[k] for k in sure)
     tracks = tuple(_track(problem, fit, index) for index in range(len(problem.records)))
     return Reconstruction(
         parameters, tuple(refused), correlation, tracks, "", contradiction(problem, fit, setup.input_noise)
+    )
+
+
+def _resting(asked: Parameter, error: float) -> Unidentified:
+    """Why an error is not told that the records would tell if others were zero."""
+    return Unidentified(
+        asked.name,
+        f"it rests on errors held at zero, with which it is told to {error:.2g} {asked.unit} (standard error)",
     )
 
 

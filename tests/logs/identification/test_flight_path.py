@@ -11,9 +11,10 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics import flight_path
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
-from logs.identification.kinematics.flight_sensors import Places
+from logs.identification.kinematics.flight_sensors import Parameter, Places
 
 LONGITUDINAL = ("airspeed", "theta", "altitude")
+LONGITUDINAL_FLOW = ("airspeed", "alpha", "theta", "altitude")
 
 
 def rebuilt(flight: Flight, channels: tuple[str, ...] = (), **asked: object) -> Reconstruction:
@@ -131,8 +132,37 @@ def test_what_errors_of_the_kinematics_make_of_a_vane_is_no_scale() -> None:
     found = reconstruct([experiment], Setup(longitudinal=True, places=flight.places))
     assert "alpha would read next to nothing" in reasons(found)["scale_alpha"]
     (bias,) = (p for p in found.parameters if p.name == "bias_alpha")
-    # The scale held at zero is missed in it, and no more: 0.08 of 0.08 rad.
+    # The scale held at zero is missed in it, and no more: 0.08 of 0.08 rad. The interval knows.
+    assert bias.contains(ERRORS["bias_alpha"])
     assert bias.value == pytest.approx(ERRORS["bias_alpha"] + 0.08 * 0.08, abs=0.004)
+
+
+def test_intervals_know_what_is_held_at_zero() -> None:
+    """GIVEN flight too quiet for the vanes' scales, which are not zero THEN what rests on them has them in it."""
+    held = total = 0
+    for seed in range(3):
+        found = rebuilt(Flight(seed=seed, activity=0.02, step=0.05, longitudinal=True), LONGITUDINAL_FLOW)
+        assert "scale_alpha" in reasons(found)
+        held += sum(p.contains(ERRORS[p.name]) for p in found.parameters)
+        total += len(found.parameters)
+    assert held >= total - 1
+
+
+def test_what_rests_on_errors_held_at_zero_alone_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a bias of alpha that its scale, not told, makes vaguer than a vane is wrong THEN it is refused."""
+    asked = {"scale_alpha": 3.0, "bias_alpha": 0.1}
+    known = flight_path.parameter
+
+    def limited(name: str) -> Parameter | None:
+        found = known(name)
+        return found._replace(limit=asked[name]) if found is not None and name in asked else found
+
+    monkeypatch.setattr(flight_path, "parameter", limited)
+    flight = Flight(seed=6, activity=0.0005, step=0.05, longitudinal=True)
+    found = rebuilt(flight, LONGITUDINAL_FLOW)
+    assert "read next to nothing" in reasons(found)["scale_alpha"]
+    assert reasons(found)["bias_alpha"].startswith("it rests on errors held at zero")
+    assert len(found.correlation) == len(found.parameters) == 3
 
 
 @pytest.mark.parametrize(("times", "unit"), [(1 / 3.6, "in m/s, not in km/h"), (3600 / 1852, "in kn, not in m/s")])
