@@ -28,6 +28,7 @@ from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import LITTLE, TableFit
 from logs.identification.tables.signals import LONGEST_FILL
 from logs.identification.tables.signs import turned
+from logs.identification.tables.spikes import spikes
 from logs.identification.tables.starts import SPANS, begin
 from logs.identification.tables.unexplained import without_unexplained
 
@@ -35,8 +36,6 @@ BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
 """how the optimum is looked for, by the word in the map"""
-OFF = 8.0
-"""-; robust standard deviations of the residuals, from which a sample is no noise; one in 1e15 of normal noise"""
 OVERDRIVEN = 20.0
 """-; angle of attack or sideslip per angle of the input, from which the unit of either is asked for"""
 
@@ -71,7 +70,8 @@ def output_error_fit(
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
     doubts = (
-        _missing(series), _off(series), jumping(_lines(asked), found.fitted), unseen,
+        _missing(series), spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs)),
+        jumping(_lines(asked), found.fitted), unseen,
         _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
         turned(fit.estimates),
     )  # fmt: skip
@@ -102,25 +102,6 @@ def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:
 
 def _lines(asked: OutputError) -> tuple[str, ...]:
     return tuple(name for name in asked.inputs if name not in asked.hold)
-
-
-def _off(series: Sequence[FitSeries]) -> tuple[str, ...]:
-    """What is said of outputs with samples that are no noise: spikes, drop-outs, numbers that stand for nothing."""
-    told = []
-    for one in series:
-        left = one.measured - one.model
-        known = left[np.isfinite(left)]
-        if len(known) < LEAST_RUN:
-            continue
-        deviation = 1.4826 * float(np.median(np.abs(known - np.median(known))))
-        far = np.flatnonzero(np.abs(left - np.median(known)) > OFF * deviation) if deviation else np.zeros(0, int)
-        if len(far):
-            told.append(
-                f"{one.experiment}: {counted(len(far), 'sample')} of {one.output} from {one.time[far[0]]:.6g} s on"
-                f" {'is' if len(far) == 1 else 'are'} off by more than {OFF:.0f} times the usual: spikes, drop-outs?"
-                " missing = [...] leaves them out"
-            )
-    return tuple(told)
 
 
 def _overdriven(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
