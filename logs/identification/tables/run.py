@@ -15,13 +15,14 @@ from logs.identification.tables import stands
 from logs.identification.tables.constants import read_constants
 from logs.identification.tables.experiments import Cut, cut
 from logs.identification.tables.joints import apart
-from logs.identification.tables.map import AeroSection, Map, OutputError, load_map
+from logs.identification.tables.map import AeroSection, Map, ModesSection, OutputError, Regression, load_map
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.plausible import check_plausible
 from logs.identification.tables.regressions import check_names, regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.rooms import ROOMS
+from logs.identification.tables.still import refuse_still, with_still, without_still
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
 from logs.identification.tables.systems import with_lateral_modes
 from logs.identification.tables.table import Columns, read_columns
@@ -81,10 +82,10 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     modes: ModesResult | None = None
     if chosen.modes is not None and what in (MODES, ALL):
         asked = chosen.modes
-        told = _attempt("modes", lambda: modes_fit(asked, found, constants, chosen.time.fill), missing)
+        told = _attempt("modes", lambda: _modes(asked, found, seen, constants, chosen.time.fill), missing)
         fits, modes = told or ([], None)
     if chosen.aero is not None and what in (AERO, ALL):
-        for name, work in _aero(chosen.aero, found, constants, chosen.time.fill):
+        for name, work in _aero(chosen.aero, found, seen, constants, chosen.time.fill):
             one = _attempt(name, work, missing)
             fits += [] if one is None else [one]
     fits += _of_rooms(chosen, seen, constants, what, missing)
@@ -160,20 +161,37 @@ def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T
         return None
 
 
+def _modes(
+    asked: ModesSection, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
+) -> tuple[list[TableFit], ModesResult]:
+    refuse_still(asked.outputs, seen.fitted)
+    fits, modes = modes_fit(asked, found, constants, fill)
+    return [with_still(one, (), asked.outputs, seen.fitted) for one in fits], modes
+
+
 def _aero(
-    section: AeroSection, found: Cut, constants: dict[str, float], fill: float | None
+    section: AeroSection, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
 ) -> list[tuple[str, Callable[[], TableFit]]]:
-    """What is asked for, by name, and the work."""
+    """What is asked for, by name, and the work; ``seen`` has the signals as they were measured."""
     if not section.regressions and not section.output_error:
         raise BadInput("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
     work: list[tuple[str, Callable[[], TableFit]]] = [
-        (f"regression of {one.response}", partial(regression_fit, one, found, constants))
+        (f"regression of {one.response}", partial(_regression, one, found, seen, constants))
         for one in section.regressions
     ]
     for model in section.output_error:
-        work.append((f"output error, {model.model}", partial(_model_fit, model, found, constants, fill)))
+        work.append((f"output error, {model.model}", partial(_model_fit, model, found, seen, constants, fill)))
     return work
 
 
-def _model_fit(asked: OutputError, found: Cut, constants: dict[str, float], fill: float | None) -> TableFit:
-    return with_lateral_modes(*output_error_fit("aero", asked, found, constants, fill))
+def _regression(asked: Regression, found: Cut, seen: Cut, constants: dict[str, float]) -> TableFit:
+    moving, lost = without_still(asked, seen.fitted)
+    return with_still(regression_fit(moving, found, constants), lost, asked.regressors, seen.fitted)
+
+
+def _model_fit(
+    asked: OutputError, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
+) -> TableFit:
+    refuse_still(asked.outputs, seen.fitted)
+    fit = with_lateral_modes(*output_error_fit("aero", asked, found, constants, fill))
+    return with_still(fit, (), asked.outputs, seen.fitted)
