@@ -42,6 +42,8 @@ def _table(listed: Sequence[Row]) -> RenderableType:
             table.add_row(row.subject if row.subject != subject else "", *_cells(row, row.estimate))
             subject = row.subject
     notes = [_note(row) for row in listed if row.estimate is None]
+    if len(notes) == len(listed):
+        return Group(*notes)
     return Group(table, *([Text(), *notes] if notes else []))
 
 

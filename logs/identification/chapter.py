@@ -80,6 +80,8 @@ class Bar(NamedTuple):
     estimate: Estimate
     truth: float | None = None
     """as the estimate's unit, where it is known"""
+    meaning: str = ""
+    """-; what it stands for, where that is not what its name stands for on every page"""
 
 
 class Intervals(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
@@ -37,9 +37,12 @@ LONGEST_LAG = 0.5
 Truths = Mapping[str, float]
 
 
-def parameters_chapter(fits: tuple[Fitted, ...], truths: Truths) -> Chapter:
-    """Estimates with their intervals, as numbers and as pictures, and what was not identified, method by method."""
-    return Chapter("Parameters", (), parts=tuple(_parameters(fit, truths) for fit in fits))
+def parameters_chapter(fits: tuple[Fitted, ...], truths: Truths, controls: Sequence[str] = ()) -> Chapter:
+    """Estimates with their intervals, as numbers and as pictures, and what was not identified, method by method.
+
+    ``controls`` are the inputs, where they have names of their own.
+    """
+    return Chapter("Parameters", (), parts=tuple(_parameters(fit, truths, controls) for fit in fits))
 
 
 def _pieces(fit: Fitted, held_out: bool) -> list[FitSeries]:
@@ -48,8 +51,8 @@ def _pieces(fit: Fitted, held_out: bool) -> list[FitSeries]:
     return [one for one in pieces if np.isfinite(one.measured - one.model).sum() > 1]
 
 
-def _parameters(fit: Fitted, truths: Truths) -> Chapter:
-    bars = tuple(Bar(e.name, e, truths.get(e.name)) for e in fit.estimates)
+def _parameters(fit: Fitted, truths: Truths, controls: Sequence[str]) -> Chapter:
+    bars = tuple(Bar(e.name, e, truths.get(e.name), meaning(e.name, controls)) for e in fit.estimates)
     refused = tuple(f"Not identified: {one.name.replace('_', ' ')}: {one.reason}." for one in fit.unidentified)
     return Chapter(fit.method, (*refused, *map(sentence, fit.notes)), plots=(Intervals("", bars),) if bars else ())
 

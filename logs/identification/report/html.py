@@ -180,10 +180,8 @@ def _bar(bar: Bar, scale: tuple[float, float], name: str, known: bool) -> str:
         inside = bar.truth is None or one.contains(bar.truth)
         truth = "" if bar.truth is None else number(bar.truth, step)
         cells.append(f'<td class="number{"" if inside else " out"}">{truth}</td>')
-    cells += [
-        f'<td class="unit">{unit(one.unit)}</td>',
-        f'<td class="dim">{html.escape(meaning(one.name) if bar.label == name else "")}</td>',
-    ]
+    told = bar.meaning or (meaning(one.name) if bar.label == name else "")
+    cells += [f'<td class="unit">{unit(one.unit)}</td>', f'<td class="dim">{rich(told)}</td>']
     return "<tr>" + "".join(cells) + "</tr>"
 
 

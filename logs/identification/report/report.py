@@ -260,7 +260,7 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
 def model_chapter(fits: tuple[Fitted, ...], result: ModesResult | None) -> Chapter:
     """Equations and the flight that they are about."""
     methods = {fit.equations: [other.method for other in fits if other.equations == fit.equations] for fit in fits}
-    parts = tuple(Chapter(" and ".join(names), equations) for equations, names in methods.items())
+    parts = tuple(Chapter(" and ".join(dict.fromkeys(names)), equations) for equations, names in methods.items())
     tables: tuple[Table, ...] = ()
     if result is not None and result.reference is not None:
         about = result.reference

@@ -15,6 +15,8 @@ from logs.identification.results import Array
 
 MOST_POINTS = 2500
 """-; of a scatter: more would only hide each other"""
+DIGIT = 6.5
+"""px; width of a digit on an axis"""
 LEFT, RIGHT, TOP, BELOW = 52.0, 12.0, 20.0, 36.0
 """px; around the axes, for the numbers and names"""
 
@@ -57,7 +59,7 @@ def drawn(plot: Plot, size: Size) -> str:
     if extent is None:
         return '<p class="none">Nothing finite to draw.</p>'
     (left, right), (low, high) = extent
-    across = axis(left, right, LEFT, size.width - RIGHT, 6 if size.width > 500 else 5)
+    across = _across(left, right, size)
     up = axis(*_airy(low, high), size.height - BELOW, TOP, 4)
     parts = [_frame(plot, across, up, size)]
     parts += [_band(band, across, up) for band in plot.bands]
@@ -68,6 +70,16 @@ def drawn(plot: Plot, size: Size) -> str:
         + "".join(parts)
         + "</svg>"
     )
+
+
+def _across(left: float, right: float, size: Size) -> Axis:
+    """The axis below, with as many numbers as stand there apart from one another."""
+    for about in range(6 if size.width > 500 else 5, 1, -1):
+        found = axis(left, right, LEFT, size.width - RIGHT, about)
+        widths = DIGIT * np.array([len(written(one, _step(found))) for one in found.ticks])
+        if np.all(np.diff(found.place(np.array(found.ticks))) > 0.5 * (widths[1:] + widths[:-1]) + DIGIT):
+            break
+    return found
 
 
 def axis(low: float, high: float, start: float, end: float, about: int) -> Axis:

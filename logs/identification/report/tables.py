@@ -21,7 +21,7 @@ from logs.identification.report.fits import (
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import model_chapter, modes_chapter, write_page
 from logs.identification.report.steps import step_table
-from logs.identification.report.words import number, sentence, unit
+from logs.identification.report.words import meaning, number, sentence, unit
 from logs.identification.results import Estimate, Fitted
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.results import TableFit, TableIdentification
@@ -54,7 +54,9 @@ def write_tables_report(path: Path, sources: tuple[Source, ...], found: TableIde
         BadInput: the file exists or cannot be written.
     """
     names = tuple(one.name for one in sources)
-    return write_page(path, f"{names[0]}: identification", names, table_chapters(sources, found))
+    more = len(found.files) - 1
+    title = f"{names[0]}{f' and {more} more' if more > 0 else ''}: identification"
+    return write_page(path, title, names, table_chapters(sources, found))
 
 
 def table_chapters(sources: tuple[Source, ...], found: TableIdentification) -> tuple[Chapter, ...]:
@@ -115,13 +117,16 @@ def _findings(found: TableIdentification) -> Chapter:
         estimates = [e for method, pair in pairs if method == first for e in determined(pair.estimates)[0]]
         bars = tuple(Bar(e.name, e) for e in estimates)
         notes.append(f"Modes by {first}; {found.modes.statement}." if pairs else sentence(found.modes.statement))
-    parts = tuple(_numbers(fit.fitted.method, fit.fitted.estimates) for fit in found.fits if fit.fitted.estimates)
+    parts = tuple(
+        _numbers(fit.fitted.method, fit.fitted.estimates, found.inputs) for fit in found.fits if fit.fitted.estimates
+    )
     notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
     return Chapter("Findings", tuple(notes), plots=(Intervals("", bars),) if bars else (), parts=parts)
 
 
-def _numbers(title: str, found: tuple[Estimate, ...]) -> Chapter:
-    return Chapter(title, plots=(Intervals("", tuple(Bar(e.name, e) for e in found)),))
+def _numbers(title: str, found: tuple[Estimate, ...], controls: tuple[str, ...]) -> Chapter:
+    bars = tuple(Bar(e.name, e, meaning=meaning(e.name, controls)) for e in found)
+    return Chapter(title, plots=(Intervals("", bars),))
 
 
 def _extent(fit: TableFit) -> str:
@@ -130,11 +135,11 @@ def _extent(fit: TableFit) -> str:
 
 
 def _data(sources: tuple[Source, ...], found: TableIdentification) -> Chapter:
-    """The files, the manoeuvres, and what was dropped, filled or found strange."""
+    """The files, the manoeuvres, and what was dropped, filled or found strange in reading; fits tell of the rest."""
     files = Table(("file", "SHA-256"), tuple((one.name, one.sha256) for one in sources))
     notes = tuple(map(sentence, (*found.notes, *_absent(found))))
     if not notes:
-        notes = ("Every sample was measured; nothing was dropped, filled or found strange in the tables.",)
+        notes = ("Every sample was measured; none was dropped or filled.",)
     return Chapter("Data used", notes, (files, _manoeuvres(found), _signals(found)), parts=_inputs(found))
 
 
@@ -195,7 +200,7 @@ def _parameters(found: TableIdentification) -> Chapter | None:
     """The numbers with their intervals, and below each method where its search began and what was held."""
     if not found.fits:
         return None
-    whole = parameters_chapter(tuple(one.fitted for one in found.fits), {})
+    whole = parameters_chapter(tuple(one.fitted for one in found.fits), {}, found.inputs)
     parts = tuple(part._replace(tables=_search(fit)) for part, fit in zip(whole.parts, found.fits, strict=True))
     return whole._replace(parts=parts)
 

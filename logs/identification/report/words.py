@@ -5,15 +5,18 @@ from __future__ import annotations
 import html
 import math
 import re
+from collections.abc import Sequence
 
 GREEK = {"alpha": "α", "beta": "β", "delta": "δ", "theta": "θ", "tau": "τ", "omega": "ω", "zeta": "ζ", "rho": "ρ",
          "phi": "φ", "psi": "ψ", "sigma": "σ"}  # fmt: skip
 AXES = {"X": "forward force per mass", "Z": "downward force per mass", "M": "nose-up pitch acceleration",
         "Y": "force to the right per mass", "L": "roll acceleration", "N": "yaw acceleration"}  # fmt: skip
 FOLLOWED = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate", "delta": "tail angle",
-            "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack"}  # fmt: skip
-SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta|alpha|theta|tau0?|rudder"
+            "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack",
+            "beta": "sideslip", "theta": "pitch", "phi": "bank"}  # fmt: skip
+SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta(?:_[A-Za-z0-9]{1,2})?|alpha|beta|theta|phi|tau0?|rudder"
 LETTERS = "|".join(GREEK)
+BELOW = r"(?:[A-Za-z]_)?[A-Za-z0-9δα]+|delta_[A-Za-z0-9]{1,2}"
 DOT = "\u0307"
 """above the letter before it: its change with time"""
 NAMED = rf"(?:[A-Za-z]|{LETTERS})_(?:[DLTm]_)?(?:{SUBSCRIPT}|alpha2|dot)"
@@ -21,6 +24,8 @@ SYMBOL = rf"\b(?:{NAMED}|{LETTERS})\b(?!\.\w)"
 """symbols in a sentence: a letter, Greek or not, with a short subscript, or a Greek letter; not a file's name"""
 FACTOR = rf"\b(?:{NAMED}(?:_rate)?|{LETTERS})(?:\^\d)?\b(?!\.\w)"
 """the same, of their change with time or to a power too"""
+EQUATION = re.compile(r"\w+'? = ")
+"""how one begins; letters that stand alone in it are symbols"""
 MEANINGS = {
     "q": "pitch rate",
     "a_x": "specific force at the IMU, forward",
@@ -116,7 +121,7 @@ def symbol(name: str) -> str:
         return f"{head} of {symbol(rest)}"
     if rest == "dot":
         return f"<i>{html.escape(GREEK.get(head, head))}{DOT}</i>"
-    if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(r"(?:[A-Za-z]_)?[A-Za-z0-9δα]+", rest):
+    if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(BELOW, rest):
         return f"<i>{html.escape(GREEK.get(head, head))}</i><sub>{html.escape(_below(rest))}</sub>"
     if slope := COEFFICIENT.fullmatch(name):
         return f"{symbol(slope[1])} by {symbol(slope[2])}"
@@ -132,16 +137,20 @@ def symbol(name: str) -> str:
 
 
 def _below(rest: str) -> str:
-    """A subscript with its Greek letter, ``tau0`` and ``D_alpha`` too."""
+    """A subscript with its Greek letter, ``tau0``, ``D_alpha`` and ``delta_a`` too."""
+    if rest.startswith("delta_"):
+        return GREEK["delta"] + rest.removeprefix("delta_")
     axis, _, last = rest.rpartition("_")
     letters = last.rstrip("0123456789")
     return axis + GREEK.get(letters, letters) + last[len(letters) :]
 
 
 def rich(text: str) -> str:
-    """A sentence as HTML, the symbols in it set as such."""
+    """A sentence or an equation as HTML, the symbols in it set as such."""
     told = WORDS.sub(lambda match: match[0].replace("_", " "), html.escape(text))
-    return re.sub(FACTOR, lambda match: symbol(match[0]), told)
+    if not EQUATION.match(text):
+        return re.sub(FACTOR, lambda match: symbol(match[0]), told)
+    return re.sub(rf"{FACTOR}|\b[A-Za-z]\b", lambda match: symbol(match[0]), re.sub(r"(?<![\w.])-", "−", told))
 
 
 def drawn_words(text: str) -> str:
@@ -157,11 +166,14 @@ def _drawn_symbol(name: str) -> str:
     return GREEK.get(head, head) + low
 
 
-def meaning(name: str) -> str:
-    """What a symbol stands for; empty where nothing is known of it."""
+def meaning(name: str, controls: Sequence[str] = ()) -> str:
+    """What a symbol stands for; empty where nothing is known of it. ``controls`` go by their own names."""
     if name in MEANINGS:
         return MEANINGS[name]
     axis, _, follows = name.partition("_")
+    own = controls[0] if follows == "delta" and len(controls) == 1 else follows
+    if axis in AXES and own in controls and own not in FOLLOWED:
+        return f"{AXES[axis]} by {own}"
     if axis in AXES and follows in FOLLOWED:
         return f"{AXES[axis]} by {FOLLOWED[follows]}"
     return ""

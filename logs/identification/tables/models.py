@@ -208,45 +208,55 @@ def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:
     )
 
 
-def _linear(model: LinearModel, inputs: tuple[str, ...]) -> Made:
+def _linear(model: LinearModel, asked: OutputError) -> Made:
     names = [name for name in model.parameters if not name.endswith("_0") and name not in DROPPED]
-    rows = [*(f"{name}'" for name in model.states)]
-    n = len(rows)
     slopes = model.slopes.reshape(len(model.parameters), *model.constant.shape)
-    columns = [*model.states, *model.inputs, "1"]
+    columns, states = (*model.states, *model.inputs, "1"), tuple(model.states)
+    rows = {f"{name}'": row for row, name in enumerate(states)}
+    rows |= {name: len(states) + row for row, name in enumerate(model.outputs) if name in asked.outputs}
     equations = []
-    for row in range(n):
-        known = [
-            f"{model.constant[row, c]:.6g} {of}".removeprefix("1 ")
-            for c, of in enumerate(columns)
-            if model.constant[row, c]
-        ]
-        named = [
-            f"{slopes[p, row, c]:.6g} {name} {of}".removeprefix("1 ")
+    for told, row in rows.items():
+        # What is a state is measured as it is.
+        if told in states:
+            continue
+        terms = [(float(model.constant[row, c]), of) for c, of in enumerate(columns)]
+        terms += [
+            (float(slopes[p, row, c]), name if of == "1" else f"{name} {of}")
             for p, name in enumerate(model.parameters)
             for c, of in enumerate(columns)
-            if slopes[p, row, c] and not name.endswith("_0")
+            if not name.endswith("_0")
         ]
-        equations.append(f"{rows[row]} = " + " + ".join((*known, *named)))
-    return Made(model, tuple(equations), tuple(names), {name: name for name in inputs})
+        equations.append(f"{told} = {_sum([one for one in terms if one[0]])}")
+    return Made(model, tuple(equations), tuple(names), {name: name for name in asked.inputs})
+
+
+def _sum(terms: list[tuple[float, str]]) -> str:
+    """Of numbers times what each multiplies: ``q - 0.5 Z_alpha alpha``."""
+    told = ""
+    for value, of in terms:
+        size = f"{abs(value):.6g}"
+        term = size if of == "1" else of if size == "1" else f"{size} {of}"
+        sign = ("-" if value < 0 else "") if not told else " - " if value < 0 else " + "
+        told += sign + term
+    return told or "0"
 
 
 def _short_period(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
     steady, pitch = _steady(asked, constants), "theta" in asked.outputs
     if not TELL_THE_FORCE & set(asked.outputs):
         steady = steady._replace(pitch=0.0)
-    return _linear(short_period(steady, asked.inputs, pitch=pitch), asked.inputs)
+    return _linear(short_period(steady, asked.inputs, pitch=pitch), asked)
 
 
 def _longitudinal(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
-    return _linear(longitudinal(_steady(asked, constants), asked.inputs), asked.inputs)
+    return _linear(longitudinal(_steady(asked, constants), asked.inputs), asked)
 
 
 def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
     inputs = asked.inputs
     left_out = {*inputs, *(("phi",) if "beta" in inputs and "phi" not in asked.outputs else ())}
     states = tuple(name for name in ("beta", "p", "r", "phi") if name not in left_out)
-    return _linear(lateral(_steady(asked, constants), inputs, states), inputs)
+    return _linear(lateral(_steady(asked, constants), inputs, states), asked)
 
 
 def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +38,8 @@ from logs.identification.report import Identification
 from logs.identification.report.html import page
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
-from logs.identification.report.svg import axis, round_step, written
-from logs.identification.report.words import number, rich, symbol
+from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
+from logs.identification.report.words import meaning, number, rich, symbol
 from logs.identification.results import Estimate, Unidentified, estimate
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
@@ -262,6 +263,35 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("v_z*theta_11_rate") == "<i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub>"
     assert rich("short_period_damping of v_z^2") == "short period damping of <i>v</i><sub>z</sub><sup>2</sup>"
     assert rich("M_w of b_1.mcap, a_flight.mcap") == "<i>M</i><sub>w</sub> of b_1.mcap, a_flight.mcap"
+
+
+def test_an_equation_is_set_in_one_kind_of_type() -> None:
+    told = rich("p' = L_beta beta + L_p p - 0.5 L_delta_a delta_a")
+    assert told == (
+        "<i>p</i>&#x27; = <i>L</i><sub>β</sub> <i>β</i> + <i>L</i><sub>p</sub> <i>p</i>"
+        " − 0.5 <i>L</i><sub>δa</sub> <i>δ</i><sub>a</sub>"
+    )
+    assert rich("a - b") == "a - b", "a sentence's words stay as they are"
+
+
+def test_a_derivative_by_a_control_goes_by_the_controls_own_name() -> None:
+    assert meaning("M_delta") == "nose-up pitch acceleration by tail angle"
+    assert meaning("M_delta", ("elevator",)) == "nose-up pitch acceleration by elevator"
+    assert meaning("L_delta_a", ("delta_a", "delta_r")) == "roll acceleration by delta_a"
+    assert meaning("L_beta", ("delta_a", "beta")) == "roll acceleration by sideslip"
+    bars = (Bar("M_delta", estimate("M_delta", "1/s^2", -6.0, 0.1), meaning="pitch by delta_e"),)
+    assert "pitch by <i>δ</i><sub>e</sub>" in page("t", (), (Chapter("c", plots=(Intervals("", bars),)),))
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.0142, 0.0009, 3e-5, 4e6])
+@pytest.mark.parametrize("centre", [0.0, 1.0])
+def test_numbers_below_a_small_plot_do_not_touch(reach: float, centre: float) -> None:
+    x = reach * (centre + np.linspace(-1.0, 0.9, 50))
+    text = drawn(Plot("", "x", "", "y", "", (Series("", x, x),)), NARROW)
+    below = re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="middle">([^<]+)</text>', text)
+    assert len(below) >= 2
+    ends = [(float(at) - 3.2 * len(told), float(at) + 3.2 * len(told)) for at, told in below]
+    assert all(after[0] - before[1] > 4.0 for before, after in pairwise(ends)), below
 
 
 def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:

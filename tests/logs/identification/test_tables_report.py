@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import re
 import runpy
@@ -11,13 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
+from groundstation.views.identification import identification_table
 from logs.identification.data import Aircraft
 from logs.identification.modes.longitudinal import matrices
+from logs.identification.modes.mode import Mode, ModesResult, Oscillation, nothing
 from logs.identification.preparing.manoeuvre import Reference
-from logs.identification.report.tables import table_chapters
+from logs.identification.report import Identification
+from logs.identification.report.tables import Source, table_chapters, write_tables_report
 from logs.identification.report.words import number, rich, sentence, symbol
 from logs.identification.results import Fitted, Unidentified, estimate
 from logs.identification.tables.results import TableFit, TableIdentification
@@ -116,6 +121,8 @@ def test_a_tables_page_has_the_chapters_numbers_and_hashes_of_a_logs(
     model, findings = (text.partition(f">{title}</h2>")[2].partition("<h2")[0] for title in ("Model", "Findings"))
     assert "Held, not estimated: <i>Z</i><sub>q</sub> = 0." in model
     assert "<td><i>M</i><sub>q</sub></td>" in findings and "<td>intercept</td>" in findings
+    assert "<i>a</i><sub>z</sub> = 100 <i>Z</i><sub>α</sub> <i>α</i> + 100 <i>Z</i><sub>q</sub> <i>q</i>" in model
+    assert "by tail angle" not in text and "pitch acceleration by <i>δ</i><sub>e</sub>" in findings
     assert "25 of 351 samples of <i>α</i> not measured" in text
     assert "2 manoeuvres fitted, 1 held out" in text and "Theil" in text
     for method in document["modes"]["methods"]:
@@ -155,6 +162,29 @@ def test_what_a_fit_holds_is_told_fit_by_fit_and_what_it_could_not_find_is_not_h
         "Held, not estimated, in fit 1 of these: X_p = 0, X_q = 0.1.",
         "Held, not estimated, in fit 2 of these: X_p = 0, X_q = 0.2.",
     )
+
+
+@pytest.mark.parametrize(
+    ("names", "title"), [(("a.csv",), "a.csv"), (("a.csv", "b.csv", "c.csv"), "a.csv and 2 more")]
+)
+def test_a_pages_title_tells_that_there_are_more_files(tmp_path: Path, names: tuple[str, ...], title: str) -> None:
+    sources = tuple(Source(name, "0") for name in (*names, "map.toml"))
+    write_tables_report(tmp_path / "page.html", sources, TableIdentification(names, (), (), (), None, ()))
+    assert f"<title>{title}: identification</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_modes_of_which_none_was_identified_have_no_heads_of_columns(known: bool) -> None:
+    refused = nothing("spectrum", "a frequency response needs 4 records or more")
+    frequency = estimate("short_period_frequency", "rad/s", 2.5, 0.1)
+    found = Oscillation(frequency, estimate("short_period_damping", "-", 0.5, 0.1), None, None, None, ())
+    modes = (*((Mode("output error", found, None, (), (), ()),) if known else ()), refused)
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(
+        identification_table(Identification(modes=ModesResult(modes, None, "no comparison", None, 1, None)))
+    )
+    text = console.export_text()
+    assert "needs 4 records or more" in text and ("95 % interval" in text) is known
 
 
 def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
