@@ -20,17 +20,20 @@ LEAST_SAMPLES = 20
 
 
 def lacking(series: Sequence[FitSeries]) -> tuple[str, ...]:
-    """A line for each fitted output of which the model leaves far more than its noise in any manoeuvre."""
+    """One line for all fitted outputs of which the model leaves far more than its noise in any manoeuvre."""
     worst: dict[str, tuple[float, float]] = {}
     for one in series:
-        told = None if one.held_out else _left(one)
-        if told is not None and told > worst.get(one.output, (0.0, 0.0)):
-            worst[one.output] = told
-    return tuple(
-        f"what the model leaves of {name} is {times:.0f} times its noise, {_per_cent(share)} % of its power:"
-        " turbulence or slow noise, which the intervals hold, or a signal that is late, two manoeuvres in one, an"
-        " input or a motion that the model lacks, which they do not"
-        for name, (times, share) in worst.items()
+        left = None if one.held_out else _left(one)
+        if left is not None and left > worst.get(one.output, (0.0, 0.0)):
+            worst[one.output] = left
+    if not worst:
+        return ()
+    (first, (times, share)), *others = worst.items()
+    told = [f"what the model leaves of {first} is {times:.0f} times its noise, {_per_cent(share)} % of its power"]
+    told += [f"of {name} {times:.0f} times, {_per_cent(share)} %" for name, (times, share) in others]
+    return (
+        f"{'; '.join(told)}: turbulence or slow noise, which the intervals hold, or a signal that is late, two"
+        " manoeuvres in one, an input or a motion that the model lacks, which they do not",
     )
 
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate
 from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
+
+INFORMS = re.compile(
+    r"^orthogonal function of |^weight and inertia |: mean lift |: \d+ strokes?\b|"
+    r"( interpolated| left out| not measured)$"
+)
+"""notes that tell what was done, and cast no doubt on a number"""
 
 
 class NumberRow(NamedTuple):
@@ -24,25 +32,33 @@ def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:
 
 
 def notes_of(fit: TableFit) -> tuple[str, ...]:
-    """What must be said beside the numbers, a line each."""
+    """What must be said beside the numbers, a line each: first what doubts them, then what only tells of them."""
     lines = [fit.failure] if fit.failure else []
-    if fit.fixed:
-        lines.append("held: " + ", ".join(f"{name} = {value:.6g}" for name, value in fit.fixed.items()))
     lines += [
         f"{one.name} not identified: {one.reason}" for one in fit.fitted.unidentified if one.reason != fit.failure
     ]
     lines += [f"{one.name} not identified: {one.reason}" for one in fit.lost]
+    lines += _poor(fit)
+    lines += [note for note in fit.fitted.notes if not INFORMS.search(note)]
     lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
-    poor = [one for one in fit.outputs if one.r_squared < LITTLE]
-    lines += [
-        f"the model explains {100 * max(one.r_squared, 0):.0f} % of {one.output} in {one.experiment}" for one in poor
-    ]
+    if fit.fixed:
+        lines.append("held: " + ", ".join(f"{name} = {value:.6g}" for name, value in fit.fixed.items()))
     coloured = [one for one in fit.outputs if one.white is False and not one.held_out]
     if coloured:
         names = ", ".join(dict.fromkeys(one.output for one in coloured))
         lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
-    lines += [f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term]
-    return (*lines, *fit.fitted.notes)
+    lines += [note for note in fit.fitted.notes if INFORMS.search(note)]
+    return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term))
+
+
+def _poor(fit: TableFit) -> list[str]:
+    """A line for each manoeuvre with outputs of which the model explains little."""
+    poor = [one for one in fit.outputs if one.r_squared < LITTLE]
+    return [
+        f"the model explains {', '.join(f'{100 * max(one.r_squared, 0):.0f} % of {one.output}' for one in group)}"
+        f" in {name}"
+        for name, group in groupby(poor, key=lambda one: one.experiment)
+    ]
 
 
 def heading(fit: TableFit) -> str:

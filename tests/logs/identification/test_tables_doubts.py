@@ -21,10 +21,13 @@ from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
 from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
-from logs.identification.results import FitSeries
+from logs.identification.results import FitSeries, Fitted
 from logs.identification.tables.lacking import lacking
 from logs.identification.tables.noisy import with_noise
+from logs.identification.tables.results import OutputFit, TableFit
 from logs.identification.tables.run import identify_tables
+from logs.identification.tables.telling import notes_of as said_of
+from logs.identification.tables.telling import table_document
 from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import flight
 from tests.logs.identification.test_tables_strangers import identified
@@ -284,3 +287,35 @@ def test_what_a_model_lacks_is_told_in_whole_per_cents_of_the_power(share: float
     measured += np.random.default_rng(1).normal(0.0, 1e-4, len(time))
     (line,) = lacking([FitSeries("one", "q", "rad/s", time, measured, model)])
     assert f" its noise, {told} % of its power:" in line
+
+
+def test_outputs_of_which_a_model_lacks_something_share_one_line() -> None:
+    time = np.arange(0.0, 20.0, 0.02)
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, len(time))
+    series = [
+        FitSeries("one", name, "rad/s", time, np.sin(time) + share * np.sin(0.5 * time) + noise, np.sin(time))
+        for name, share in (("p", 0.5), ("q", 0.0), ("r", 0.3))
+    ]
+    (line,) = lacking(series)
+    assert line.count("turbulence") == 1 and "leaves of p is" in line and "; of r " in line and "of q" not in line
+
+
+def test_what_doubts_the_numbers_stands_before_what_only_tells_of_them(tmp_path: Path) -> None:
+    """GIVEN samples that were not measured and spikes THEN the spikes come first, and JSON keeps both."""
+    columns = flight()
+    columns["q"] = columns["q"].copy()
+    columns["q"][20:25] = np.nan
+    columns["q"][[100, 160]] += 1.0
+    (fit,) = identified(tmp_path, columns).fits
+    lines = list(said_of(fit))
+    places = [next(i for i, line in enumerate(lines) if word in line) for word in ("spikes", "not measured")]
+    assert places == sorted(places)
+    (told,) = table_document(identified(tmp_path, columns))["fits"]
+    assert all(any(word in note for note in told["notes"]) for word in ("spikes", "not measured"))
+
+
+def test_what_a_model_hardly_explains_is_one_line_for_a_manoeuvre() -> None:
+    outputs = tuple(OutputFit("one", name, "rad/s", False, 100, share, 1.0, 0.9, None) for name, share in
+                    (("p", 0.1), ("q", 0.9), ("r", -3.0)))  # fmt: skip
+    fit = TableFit("aero", Fitted("made", (), (), ()), True, "", {}, {}, outputs, 100)
+    assert said_of(fit) == ("the model explains 10 % of p, 0 % of r in one",)
