@@ -33,6 +33,12 @@ MOSTLY = 0.5
 MOST = 0.9
 """-; share that is reckoned with at most"""
 LEAST_SAMPLES = 32
+OF_AIR = ("V", "rho", "qbar")
+"""what regressors and responses are made dimensionless by: their noise counts for little"""
+MADE_OF = {"C_L": ("alpha",), "C_D": ("alpha",)}
+"""signals whose noise is in a response that is made of them, and may be in it as in the model"""
+SLACK = 2.0
+"""-; by how many times the residuals a regressor's noise may make up: a coefficient may be off by others'"""
 TREND = "t^"
 """how the names of a manoeuvre's trends begin"""
 
@@ -53,8 +59,10 @@ def with_noise(
         return result
     moments, left = _moments(parts, result.frequencies, experiments[0].step)
     left *= _through_average(settings, result.frequencies, experiments[0].step)
-    noise, common = (left * one for one in _noise(names, result.response, experiments, settings))
-    bias, lost = _bias(moments, noise, common, result.values[[result.names.index(name) for name in names]])
+    values = result.values[[result.names.index(name) for name in names]]
+    most = _most(names, values, result, settings)
+    noise, common = (left * one for one in _at_most(most, *_noise(names, result.response, experiments, settings)))
+    bias, lost = _bias(moments, noise, common, values)
     off = dict(zip(names, bias.tolist(), strict=True)) | {INTERCEPT: -float(np.vstack(parts).mean(axis=0) @ bias)}
     refused = {
         name: "its regressor is noise for the most part, but for what the others tell of it"
@@ -64,7 +72,7 @@ def with_noise(
     kept = tuple(_widened(one, off, result) for one in result.estimates if one.name not in refused)
     before = {one.name for one in result.unidentified}
     found = tuple(Unidentified(name, why) for name, why in refused.items() if name not in before)
-    told = _said(kept, off, _noisy(names, moments, noise))
+    told = _said(kept, off, _noisy(names, moments, noise), bool(len(result.frequencies)))
     drowned = bool(refused) and all(one.name == INTERCEPT for one in kept)
     failure = "every regressor is noise for the most part" if drowned else ""
     return result._replace(
@@ -132,6 +140,33 @@ def _noise(
     return covariance[:p, :p], covariance[:p, p] if settings.averaging is None else np.zeros(p)
 
 
+def _most(names: tuple[str, ...], values: Array, result: CoefficientRegression, settings: Settings) -> Array:
+    """Standard deviation (p,) that noise in each regressor has at most: more would be left in the residuals.
+
+    The third differences of a motion that is faster than its samples, or free of noise, are none. Infinite where that
+    is not known: terms of one signal, or of one that the response is made of, can make up for one another's noise.
+    """
+    left = np.concatenate([one[np.isfinite(one)] for one in result.residuals] or [np.zeros(0)])
+    if not len(left):
+        return np.full(len(names), np.inf)
+    shares = 1.0 if settings.averaging is None else float(np.sum(settings.averaging.weights**2))
+    size = float(np.sqrt(np.mean(left**2) / shares))
+    symbols = [{one for one in parse(name).powers if one not in (*settings.constants, *OF_AIR)} for name in names]
+    made = set(MADE_OF.get(result.response, ()))
+    alone = [
+        not own & made and not any(own & other for other in (*symbols[:i], *symbols[i + 1 :]))
+        for i, own in enumerate(symbols)
+    ]
+    return np.where(np.array(alone) & (values != 0.0), SLACK * size / np.maximum(np.abs(values), 1e-300), np.inf)
+
+
+def _at_most(most: Array, noise: Array, common: Array) -> tuple[Array, Array]:
+    """The ``noise`` (p, p), and what of it is in ``common`` (p,), with deviations of ``most`` (p,) at most."""
+    level = np.sqrt(np.diag(noise))
+    share = np.minimum(1.0, most / np.maximum(level, 1e-300))
+    return noise * np.outer(share, share), common * share
+
+
 def _covariance(differences: Array) -> Array:
     """Covariance (k, k) of the noise by third ``differences`` (N, k), such that steps count for little.
 
@@ -182,7 +217,7 @@ def _noisy(names: tuple[str, ...], moments: Array, noise: Array) -> list[str]:
     return [name for name, share in zip(names, shares, strict=True) if share >= max(0.1 * shares.max(), 1e-300)]
 
 
-def _said(kept: tuple[Estimate, ...], off: Mapping[str, float], noisy: list[str]) -> tuple[str, ...]:
+def _said(kept: tuple[Estimate, ...], off: Mapping[str, float], noisy: list[str], in_a_band: bool) -> tuple[str, ...]:
     """One line with what noise puts off notably."""
     told = []
     for one in kept:
@@ -193,7 +228,7 @@ def _said(kept: tuple[Estimate, ...], off: Mapping[str, float], noisy: list[str]
             told.append(f"{one.name} by about {share:+.2g} %" if abs(share) < 100 else f"{one.name} by all of it")
     if not told:
         return ()
+    use = "a narrower band" if in_a_band else 'domain = "frequency" with a narrow band'
     return (
-        f"noise in {', '.join(noisy)} puts off {', '.join(told)}, which the intervals hold; smooth it, or use"
-        ' domain = "frequency" with a narrow band',
+        f"noise in {', '.join(noisy)} puts off {', '.join(told)}, which the intervals hold; smooth it, or use {use}",
     )

@@ -192,6 +192,37 @@ def test_a_regressor_that_is_noise_has_no_coefficient() -> None:
     assert not alone.estimates and "noise for the most part" in alone.failure
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
+    """GIVEN q faster than its samples show WHEN the response follows it to 1 part in 1e6 THEN none of it is noise."""
+    rng = np.random.default_rng(1)
+    time = 0.1 * np.arange(300)
+    q, delta = np.sin(5.0 * time + 2.0 * np.sin(0.3 * time)), np.sin(1.1 * time) + 0.5 * np.sin(5.0 * time)
+    told = 3.0 * q - 2.0 * delta + 1e-6 * rng.normal(size=300)
+    signals = {"q": q + noise * rng.normal(size=300), "delta": delta, "C": told}
+    flights = (Experiment("one", time, signals, {"q": "rad/s", "delta": "rad", "C": "-"}),)
+    bare = coefficient_regression(flights, "C", ("q", "delta"))
+    found = with_noise(bare, flights, Settings())
+    if noise:
+        assert all(one.contains(true) for one, true in zip(found.estimates[1:], (3.0, -2.0), strict=True))
+        return
+    assert not [note for note in found.notes if note.startswith("noise in")]
+    wider = [
+        one.standard_error / own.standard_error for one, own in zip(found.estimates, bare.estimates, strict=True)
+    ]
+    assert max(wider) < 3.0, "without that, a thousand times as wide"
+
+
+def test_who_works_in_a_band_is_not_told_to() -> None:
+    band = Settings(frequencies=np.arange(1, 101) / 25.0)
+    flights = tuple(noisy_moment(seed, 0.4) for seed in range(4))
+    ways = (("time", Settings(), 'use domain = "frequency"'), ("frequency", band, "or use a narrower band"))
+    for domain, settings, advice in ways:
+        bare = coefficient_regression(flights, "C", ("q", "delta"), domain, settings)
+        (line,) = with_noise(bare, flights, settings).notes
+        assert advice in line
+
+
 def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
