@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import hypot
 
 import numpy as np
@@ -11,6 +11,9 @@ from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import CoefficientRegression
 from logs.identification.results import Array, estimate
 
+FELT = 0.3
+"""-; standard errors by which another course between samples moves a number, from which on it is said. Where the
+course was ramps or an actuator's lag the number was off by one to four times as much"""
 LEAST_RUN = 16
 """-; samples on end with every input"""
 JUMP, STILL = 0.2, 0.03
@@ -43,22 +46,34 @@ def jumping(lines: Sequence[str], experiments: tuple[Experiment, ...]) -> tuple[
     )
 
 
-def coarse(names: Sequence[str], experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs that move so far from one sample to the next that lines are no course of theirs.
+def coarse(names: Sequence[str], experiments: tuple[Experiment, ...], least: float = JUMP) -> dict[str, float]:
+    """Inputs that move so far from one sample to the next that the line may be no course of theirs, and how far.
 
-    Ramps of one to three samples between 3-2-1-1 levels, at 10 Hz and 2.8 rad/s, left M_q and M_delta 1 to 20 % off,
-    outside their intervals, with the delay free or not; the same ramps at 25 Hz a quarter of that.
+    That is by more than ``least`` of their range, held ones apart. Ramps of one to three samples between 3-2-1-1
+    levels, at 10 Hz and 2.8 rad/s, left M_q and M_delta 1 to 20 % off, outside their intervals, with the delay free
+    or not; the same ramps at 25 Hz a quarter of that.
     """
-    told = []
+    found = {}
     for name in names:
         series = [np.asarray(one.signals[name]) for one in experiments if name in one.signals]
         largest = max((_largest_change(one) for one in series), default=0.0)
-        if largest > JUMP and not any(map(jumps, series)):
-            told.append(
-                f"{name} moves by up to {100 * largest:.0f} % of its range from one sample to the next, and counts"
-                " as a line between them: derivatives may be off by more than their intervals; record it faster"
-            )
-    return tuple(told)
+        if largest > least and not any(map(jumps, series)):
+            found[name] = largest
+    return found
+
+
+def said_coarse(found: Mapping[str, float], intervals: str) -> tuple[str, ...]:
+    """One line of inputs whose course between samples matters, and what that is to the ``intervals``."""
+    if not found:
+        return ()
+    one, reach = len(found) == 1, 100.0 * max(found.values())
+    counts = "its range from one sample to the next, and counts as a line between them"
+    if not one:
+        counts = "their range from one sample to the next, and count as lines between them"
+    return (
+        f"{', '.join(found)} {'moves' if one else 'move'} by up to {reach:.0f} % of {counts}: {intervals};"
+        f" record {'it' if one else 'them'} faster",
+    )
 
 
 def _largest_change(values: Array) -> float:
@@ -66,6 +81,14 @@ def _largest_change(values: Array) -> float:
     known = values[np.isfinite(values)]
     span = float(np.ptp(known)) if len(known) > 1 else 0.0
     return float(np.max(np.abs(np.diff(known)))) / span if span else 0.0
+
+
+def felt(result: CoefficientRegression, otherwise: CoefficientRegression) -> bool:
+    """Whether another course between samples moves any coefficient notably, beside its standard error."""
+    others = {} if otherwise.failure else {one.name: one.value for one in otherwise.estimates}
+    return any(
+        abs(one.value - others.get(one.name, one.value)) > FELT * one.standard_error for one in result.estimates
+    )
 
 
 def with_between(

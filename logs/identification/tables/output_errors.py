@@ -31,6 +31,7 @@ from logs.identification.tables.signs import turned
 from logs.identification.tables.spikes import spikes
 from logs.identification.tables.starts import SPANS, begin
 from logs.identification.tables.unexplained import without_unexplained
+from logs.identification.tables.unseen import unseen
 
 BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
@@ -65,13 +66,13 @@ def output_error_fit(
     names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
     fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
     starts, problem, fit = _likeliest(asked, chosen, fitted.experiments, constants, (names, fixed))
-    unseen = coarse(_lines(asked), found.fitted)
-    fit = _within_sampling(fit, chosen, fitted.experiments, bool(unseen))
+    fit = _within_sampling(fit, chosen, fitted.experiments, bool(coarse(_lines(asked), found.fitted)))
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
+    between = {name: chosen.aliases.get(name, name) for name in _lines(asked)}
     doubts = (
         _missing(series), spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs)),
-        jumping(_lines(asked), found.fitted), unseen,
+        jumping(_lines(asked), found.fitted), unseen(problem, fit, between),
         _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
         turned(fit.estimates),
     )  # fmt: skip

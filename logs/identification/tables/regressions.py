@@ -17,7 +17,7 @@ from logs.identification.regression.orthogonal import Orthogonal, orthogonal_reg
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.regression.terms import parse
 from logs.identification.results import Array, FitSeries, Fitted
-from logs.identification.tables.between import coarse, with_between
+from logs.identification.tables.between import coarse, felt, said_coarse, with_between
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.derived import MADE, averaging_of, with_made
 from logs.identification.tables.experiments import Cut
@@ -76,8 +76,9 @@ def _with_errors(
     unseen = coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
     others = settings._replace(averaging=settings.averaging._replace(weights=settings.averaging.others))
     otherwise = coefficient_regression(experiments, result.response, chosen, result.domain, others)
+    told = said_coarse(unseen, "the intervals hold what that may do") if felt(noisy, otherwise) else ()
     noisy = with_between(noisy, otherwise, bool(unseen))
-    return noisy._replace(notes=(*noisy.notes, *unseen))
+    return noisy._replace(notes=(*noisy.notes, *told))
 
 
 def _without_thrust(
