@@ -73,4 +73,6 @@ def _written(files: Sequence[Path], what: str, chosen: argparse.Namespace, found
             written = write_linear(chosen.model, told.model, base, bar.show)
         paths = " and ".join(str(path) for path in written.paths)
         lines += [f"written {paths}", *told.notes, *written.notes]
+        if len(written.paths) == 1:
+            lines.append(f"wingbeat tune {chosen.model} needs --vehicle V too: whose gains are designed")
     return lines

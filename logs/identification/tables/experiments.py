@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
+from avionics.quantities import BadInput, counted, meant
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import down_sampled
 from logs.identification.preparing.split import split
 from logs.identification.results import Array, Estimate
-from logs.identification.tables.keys import check_known, read_section
+from logs.identification.tables.keys import read_section
 from logs.identification.tables.prepare import PrepareSection, prepared
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
@@ -121,7 +121,9 @@ def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, note
     numbers = _held_out(len(experiments), section.validate)
     files = [one.name.partition(" of ")[2] for one, _ in experiments]
     for name in section.validate_files:
-        check_known(name, dict.fromkeys(files), f"manoeuvres.validate_files {name}")
+        if name not in files:
+            told = f"manoeuvres.validate_files {name}{meant(name, files)}: no such file is among those given"
+            raise BadInput(f"{told}; there are: {', '.join(dict.fromkeys(files))}")
     held = [
         told or number in numbers or file in section.validate_files
         for number, ((_, told), file) in enumerate(zip(experiments, files, strict=True), 1)

@@ -194,6 +194,7 @@ def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
     said = capsys.readouterr().out
     assert "delta_e pitches the nose down: the model's elevator is -delta_e" in said
     assert "held, not found: X_q = 0, X_delta = 0, Z_q = 0" in said
+    assert re.search(r"wingbeat tune \S*bird\.toml needs --vehicle V too", said)
     model = load_model(tmp_path / "bird.toml")
     truth = matrices(tuple(TRUTH), np.array(list(TRUTH.values())), about(), Aircraft())
     assert (model.airspeed, model.pitch, model.frequency) == (SPEED, PITCH, 4.0)
