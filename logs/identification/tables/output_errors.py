@@ -30,6 +30,7 @@ from logs.identification.tables.signals import LONGEST_FILL
 from logs.identification.tables.signs import turned
 from logs.identification.tables.spikes import spikes
 from logs.identification.tables.starts import SPANS, begin
+from logs.identification.tables.suspects import speeds_of, suspicion
 from logs.identification.tables.unexplained import without_unexplained
 from logs.identification.tables.unseen import unseen
 
@@ -74,7 +75,7 @@ def output_error_fit(
         _missing(series), spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs)),
         jumping(_lines(asked), found.fitted), unseen(problem, fit, between),
         _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
-        turned(fit.estimates),
+        suspicion(problem, fit, speeds_of(fitted.experiments, constants)), turned(fit.estimates),
     )  # fmt: skip
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),

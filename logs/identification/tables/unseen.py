@@ -49,7 +49,7 @@ def put_off(problem: Problem, fit: Fit, names: tuple[str, ...]) -> dict[str, flo
     scale = np.where(scale > 0.0, scale, np.inf)
     moments, moved = np.zeros((p, p)), np.zeros((p, len(names)))
     for record, own in zip(flight.records, fit.own, strict=True):
-        slopes = flight.slopes(record, fit.values, _vector(problem, layout, own)) / scale[:, None]
+        slopes = flight.slopes(record, fit.values, own_vector(problem, layout, own)) / scale[:, None]
         flat = slopes.reshape(-1, slopes.shape[2])
         away = [(_between(problem, record, own, name) * record.used / scale).ravel() for name in names]
         mine, both = flat[:, len(fit.values) :], np.column_stack((flat[:, kept], *away))
@@ -63,7 +63,7 @@ def put_off(problem: Problem, fit: Fit, names: tuple[str, ...]) -> dict[str, flo
     return dict(zip(names, worst.tolist(), strict=True))
 
 
-def _vector(problem: Problem, layout: Layout, own: Own) -> Array:
+def own_vector(problem: Problem, layout: Layout, own: Own) -> Array:
     """A record's own numbers in the order of `Layout`."""
     parameters, states = list(problem.model.parameters), list(problem.model.states)
     inputs = list(problem.model.inputs)

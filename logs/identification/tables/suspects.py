@@ -1,0 +1,182 @@
+"""What would explain the residuals of output error: an input or an output that is late, a vane off the centre.
+
+Each is a number that the model holds at zero. What one step of its search would find, the fitted parameters and all
+nuisances moving with it, is the score test (Rao, Proc. Cambridge Phil. Soc. 44, 1948): its value, and the share of
+the residuals' power that it would take. The fit is not made anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.experiment import Experiment
+from logs.identification.output_error.flown import Flight
+from logs.identification.output_error.problem import Fit, Own, Problem
+from logs.identification.output_error.records import Record, layout_of, records_of
+from logs.identification.results import Array
+from logs.identification.tables.map import DELAY
+from logs.identification.tables.unseen import own_vector
+
+LEAST_SHARE = 0.1
+"""-; of the residuals' power that a suspect takes, below which it is none"""
+LEAST_ERRORS = 6.0
+"""-; standard errors of white residuals that it differs from zero by"""
+LEAST_STEPS = 0.2
+"""-; of a sampling interval, by which something is late at least"""
+LEAST_MOVE = 0.02
+"""-; of a flow angle's swing, by which a vane's place moves it at least"""
+VANES = {"alpha": ("q", -1.0), "beta": ("r", 1.0)}
+"""a flow angle -> the rate that a vane ahead of the centre of mass feels, and the sign"""
+
+
+class Suspect(NamedTuple):
+    """A number held at zero that would explain a part of the residuals."""
+
+    name: str
+    """-; `DELAY` of the inputs, ``late NAME`` of an output or ``vane NAME``"""
+    value: float
+    """s late, or m ahead of the centre of mass"""
+    share: float
+    """-; of the residuals' power"""
+
+
+def suspicion(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> tuple[str, ...]:
+    """A line on what explains the most of the residuals, where it is much.
+
+    ``speeds`` (m/s) by manoeuvre are for vanes.
+    """
+    found = most_suspect(problem, fit, speeds)
+    if found is None:
+        return ()
+    kind, _, name = found.name.partition(" ")
+    late = "late" if found.value > 0 else "early"
+    taken = f"would explain {100 * found.share:.0f} % of what the model leaves"
+    doubt = "derivatives may be off by more than their intervals"
+    if kind == "vane":
+        where = "ahead of" if found.value > 0 else "behind"
+        return (
+            f"a vane of {name} {abs(found.value):.2g} m {where} the place that is told {taken}: give vane_x, or the"
+            f" accelerometers' imu_x; {doubt}",
+        )
+    if kind == "late":
+        return (f"{name} {abs(found.value):.2g} s {late} {taken}: [prepare.delay] moves it; {doubt}",)
+    return (f'inputs that act {abs(found.value):.2g} s {late} {taken}: delay = "free" finds it; {doubt}',)
+
+
+def most_suspect(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> Suspect | None:
+    """The suspect that takes the most of the residuals' power; None where none takes much."""
+    if fit.failure or not problem.model.inputs:
+        return None
+    names, p = _suspects(problem, speeds), len(fit.values)
+    stacked, swings = _columns(problem, fit, names, speeds)
+    if not np.all(np.isfinite(stacked)):
+        return None
+    rest = stacked[:, p:] - stacked[:, :p] @ np.linalg.lstsq(stacked[:, :p], stacked[:, p:], rcond=1e-10)[0]
+    left, free = rest[:, -1], max(len(rest) - p, 1)
+    power, step = float(left @ left), problem.experiments[0].step
+    found = []
+    for name, column, swing in zip(names, rest.T, swings, strict=False):
+        size = float(column @ column)
+        if not size > 0.0 or not power > 0.0:
+            continue
+        value = float(column @ left) / size
+        share = value**2 * size / power
+        least = LEAST_MOVE / swing if name.startswith("vane") else LEAST_STEPS * step
+        sure = value**2 * size * free > LEAST_ERRORS**2 * power
+        if abs(value) >= least and share > LEAST_SHARE and sure:
+            found.append(Suspect(name, value, share))
+    return max(found, key=lambda one: one.share, default=None)
+
+
+def _columns(problem: Problem, fit: Fit, names: list[str], speeds: Mapping[str, float]) -> tuple[Array, Array]:
+    """Of all records, without what nuisances take: sensitivities to the parameters and to ``names``, residuals.
+
+    The outputs in their noise; and how far a unit of each name moves one at the most, of its swing.
+    """
+    layout = layout_of(problem)
+    flight = Flight(problem.model, layout, records_of(problem, layout))
+    scale = np.sqrt(np.diag(fit.noise))
+    scale = np.where(scale > 0.0, scale, np.inf)
+    p = len(fit.values)
+    whole, swings = [], np.full(len(names), 1e-300)
+    for record, own in zip(flight.records, fit.own, strict=True):
+        vector = own_vector(problem, layout, own)
+        slopes = flight.slopes(record, fit.values, vector) / scale[:, None]
+        flat = slopes.reshape(-1, slopes.shape[2])
+        outputs = flight.outputs(record, fit.values, vector)
+        moved = [_moved(name, problem, record, own, outputs, speeds) for name in names]
+        swings = np.maximum(swings, [float(np.max(np.abs(one) / _swing(outputs))) for one in moved])
+        left = (record.measured - outputs) * record.used / scale
+        asked = [(one * record.used / scale).ravel() for one in moved]
+        both, mine = np.column_stack((flat[:, :p], *asked, left.ravel())), flat[:, p:]
+        whole.append(both - mine @ np.linalg.lstsq(mine, both, rcond=1e-10)[0])
+    return np.vstack(whole), swings
+
+
+def _suspects(problem: Problem, speeds: Mapping[str, float]) -> list[str]:
+    model = problem.model
+    names = [DELAY] if DELAY not in model.parameters else []
+    if len(problem.outputs) > 1:  # of one alone the inputs' delay tells it
+        names += [f"late {name}" for name in problem.outputs]
+    told = all(one.name in speeds for one in problem.experiments)
+    return names + [
+        f"vane {angle}"
+        for angle, (rate, _) in VANES.items()
+        if told and angle in problem.outputs and rate in model.outputs
+    ]
+
+
+def _moved(
+    name: str, problem: Problem, record: Record, own: Own, outputs: Array, speeds: Mapping[str, float]
+) -> Array:
+    """What a unit of the suspect ``name`` does to the ``outputs`` (N, m) of a record."""
+    kind, _, of = name.partition(" ")
+    if kind == "late":
+        place = problem.outputs.index(of)
+        column = np.zeros_like(outputs)
+        column[:, place] = -np.gradient(outputs[:, place], record.step)
+        return column
+    biases = np.array([own.input_biases[one] for one in problem.model.inputs])
+    inputs = record.inputs + biases
+    if kind == DELAY:
+        flown = [_flown(problem, record, own, one) for one in (_later(inputs), inputs)]
+        return np.asarray((flown[0] - flown[1])[:, _places(problem)] / record.step)
+    rate, sign = VANES[of]
+    turning = _flown(problem, record, own, inputs)[:, list(problem.model.outputs).index(rate)]
+    column = np.zeros_like(outputs)
+    column[:, problem.outputs.index(of)] = sign * turning / speeds[record.name]
+    return column
+
+
+def _flown(problem: Problem, record: Record, own: Own, inputs: Array) -> Array:
+    parameters, start = np.array(list(own.parameters.values())), np.array(list(own.initial.values()))
+    return problem.model.simulate(parameters, start, inputs, record.step)
+
+
+def _swing(outputs: Array) -> Array:
+    """From end to end (m,), 1 of what does not move."""
+    reach = np.ptp(outputs, axis=0)
+    return np.where(reach > 0.0, reach, 1.0)
+
+
+def _later(inputs: Array) -> Array:
+    """``inputs`` (N, k) one sample later."""
+    return np.vstack((inputs[:1], inputs[:-1]))
+
+
+def _places(problem: Problem) -> list[int]:
+    return [list(problem.model.outputs).index(one) for one in problem.outputs]
+
+
+def speeds_of(experiments: tuple[Experiment, ...], constants: Mapping[str, float]) -> dict[str, float]:
+    """Mean airspeed in m/s by manoeuvre, of those that tell one."""
+    found = {}
+    for one in experiments:
+        measured = np.asarray(one.signals.get("V", np.zeros(0)), dtype=np.float64)
+        speed = float(np.nanmean(measured)) if np.any(np.isfinite(measured)) else constants.get("V", 0.0)
+        if speed > 0.0:
+            found[one.name] = speed
+    return found

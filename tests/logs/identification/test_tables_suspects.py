@@ -1,0 +1,75 @@
+"""What a table leaves out, and its residuals tell: a delay, a channel that is late, a vane ahead of the centre."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_tables_identified import BASE, flight, identified
+
+from logs.identification.results import Array
+
+Columns = dict[str, Array]
+
+
+def later(values: Array, samples: int) -> Array:
+    return np.concatenate((np.full(samples, values[0]), values[:-samples]))
+
+
+def told(folder: Path, change: Callable[[Columns], None], noise: float = 1.0) -> list[str]:
+    columns = {name: np.array(values) for name, values in flight(25.0, noise=noise).items()}
+    change(columns)
+    (fit,) = identified(folder, columns, BASE).fits
+    return [note for note in fit.fitted.notes if "would explain" in note]
+
+
+def number(note: str, pattern: str) -> float:
+    found = re.search(pattern, note)
+    assert found is not None, note
+    return float(found[1])
+
+
+def test_an_input_that_acts_late_is_found_with_its_delay(tmp_path: Path) -> None:
+    def change(columns: Columns) -> None:
+        for name in ("alpha", "q", "a_z"):
+            columns[name] = later(columns[name], 3)
+
+    (note,) = told(tmp_path, change)
+    assert number(note, r"inputs that act ([\d.]+) s late") == pytest.approx(0.12, rel=0.25)
+    assert 'delay = "free" finds it' in note
+
+
+def test_a_channel_that_is_late_is_named(tmp_path: Path) -> None:
+    def change(columns: Columns) -> None:
+        columns["alpha"] = later(columns["alpha"], 3)
+
+    (note,) = told(tmp_path, change)
+    assert number(note, r"alpha ([\d.]+) s late") == pytest.approx(0.12, rel=0.25)
+
+
+@pytest.mark.parametrize(("place", "where"), [(12.0, "ahead of"), (-12.0, "behind")])
+def test_a_vane_off_the_centre_is_found_with_its_place(tmp_path: Path, place: float, where: str) -> None:
+    """Of an airspeed of 100 m/s; the specific force contradicts it."""
+
+    def change(columns: Columns) -> None:
+        columns["alpha"] = columns["alpha"] - place * columns["q"] / 100.0
+
+    (note,) = told(tmp_path, change, noise=0.3)
+    assert number(note, rf"vane of alpha ([\d.]+) m {where} the place") == pytest.approx(abs(place), rel=0.3)
+
+
+@pytest.mark.parametrize("kind", ["white", "slow"])
+def test_noise_of_any_colour_is_none_of_these(tmp_path: Path, kind: str) -> None:
+    for seed in range(6):
+
+        def change(columns: Columns, seed: int = seed) -> None:
+            rng = np.random.default_rng(seed)
+            for name, size in (("alpha", 0.004), ("q", 0.006), ("a_z", 0.2)):
+                drawn = rng.normal(size=len(columns["t"]))
+                slow = np.convolve(drawn, np.exp(-np.arange(40) / 10.0))[: len(drawn)]
+                columns[name] = columns[name] + size * (drawn if kind == "white" else slow / slow.std())
+
+        assert told(tmp_path, change) == []
