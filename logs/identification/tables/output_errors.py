@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -17,29 +16,25 @@ from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
-from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified
-from logs.identification.tables.between import LEAST_RUN, coarse, jumping
+from logs.identification.results import Estimate, FitSeries, Fitted, Unidentified
+from logs.identification.tables.between import LEAST_RUN, coarse
+from logs.identification.tables.doubts import Flown, doubts, lines_of
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.lacking import lacking
 from logs.identification.tables.map import DELAY, OutputError
-from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model, untold_trim
+from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import LITTLE, TableFit
 from logs.identification.tables.signals import LONGEST_FILL
-from logs.identification.tables.signs import turned
 from logs.identification.tables.spikes import spikes
 from logs.identification.tables.starts import SPANS, begin
-from logs.identification.tables.suspects import speeds_of, suspicion
 from logs.identification.tables.unexplained import without_unexplained
-from logs.identification.tables.unseen import unseen
 
 BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
 """how the optimum is looked for, by the word in the map"""
-OVERDRIVEN = 20.0
-"""-; angle of attack or sideslip per angle of the input, from which the unit of either is asked for"""
 
 UNSEEN = 1.0
 """rad; that a motion may turn from sample to sample where the inputs between them are not known: at 1.3 an equivalent
@@ -67,20 +62,15 @@ def output_error_fit(
     names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
     fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
     starts, problem, fit = _likeliest(asked, chosen, fitted.experiments, constants, (names, fixed))
-    fit = _within_sampling(fit, chosen, fitted.experiments, bool(coarse(_lines(asked), found.fitted)))
+    fit = _within_sampling(fit, chosen, fitted.experiments, bool(coarse(lines_of(asked), found.fitted)))
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
-    between = {name: chosen.aliases.get(name, name) for name in _lines(asked)}
-    doubts = (
-        _missing(series), spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs)),
-        jumping(_lines(asked), found.fitted), unseen(problem, fit, between),
-        _overdriven(asked, found.fitted), untold_trim(asked, constants, found.fitted), lacking(series),
-        suspicion(problem, fit, speeds_of(fitted.experiments, constants)), turned(fit.estimates),
-    )  # fmt: skip
+    notes = doubts(asked, found.fitted, Flown(chosen, problem, fit, series), constants)
+    spiky = spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs))
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
         fit.unidentified, correlation, series,
-        (*fitted.notes, *held.notes, *chain.from_iterable(doubts)),
+        (*fitted.notes, *held.notes, *spiky, *notes),
     )  # fmt: skip
     told = without_unexplained(told)
     samples = sum(len(one.time) for one in fitted.experiments)
@@ -90,40 +80,6 @@ def output_error_fit(
         unnamed=chosen.unnamed,
     )  # fmt: skip
     return table, fit, chosen
-
-
-def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:
-    """What is said of outputs that were not measured throughout: the fit passes over those samples."""
-    counts = [(one, int(np.count_nonzero(~np.isfinite(one.measured)))) for one in series]
-    return tuple(
-        f"{one.experiment}: {count} of {counted(len(one.measured), 'sample')} of {one.output} not measured"
-        for one, count in counts
-        if count
-    )
-
-
-def _lines(asked: OutputError) -> tuple[str, ...]:
-    return tuple(name for name in asked.inputs if name not in asked.hold)
-
-
-def _overdriven(asked: OutputError, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
-    """What is said of inputs so small beside the flow angles that the unit of one of the two is in doubt."""
-    told = []
-    for one in experiments:
-        reach = {name: _reach(one.signals.get(name, np.zeros(0))) for name in (*asked.inputs, "alpha", "beta")}
-        for name in asked.inputs:
-            moved = max(reach[angle] for angle in ("alpha", "beta") if angle != name)
-            if one.units.get(name) == "rad" and 0 < OVERDRIVEN * reach[name] < moved:
-                told.append(
-                    f"{one.name}: a flow angle moves {moved / reach[name]:.0f} times as far as {name}:"
-                    f" is {name} in rad and called deg, or the angle in deg and called rad?"
-                )
-    return tuple(told)
-
-
-def _reach(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if len(known) else 0.0
 
 
 def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ...], unseen: bool) -> Fit:

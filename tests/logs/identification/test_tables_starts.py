@@ -83,3 +83,18 @@ def test_a_sideslip_that_nobody_measured_is_made_of_the_rates(tmp_path: Path, ou
         (fit,) = identify_tables([write(tmp_path / "run.csv", each)], tmp_path / "map.toml", "aero").fits
         found += [one.contains(LATERAL_TRUTH[one.name]) for one in fit.fitted.estimates]
     assert len(found) >= 36 and np.mean(found) >= 0.85
+
+
+@pytest.mark.parametrize(("noise", "told"), [(0.03, False), (0.3, True)])
+def test_a_sideslip_that_is_flown_with_its_noise_is_named(tmp_path: Path, noise: float, told: bool) -> None:
+    """As an input its noise is taken for motion: Y_beta came out smaller by as much."""
+    mapping = MAP.replace('inputs = ["delta_a"', 'inputs = ["beta", "delta_a"').replace(
+        "OUTPUTS", '"p", "r", "phi", "a_y"'
+    )
+    (tmp_path / "map.toml").write_text(mapping + FREE)
+    (fit,) = identify_tables([write(tmp_path / "run.csv", columns(3, noise))], tmp_path / "map.toml", "aero").fits
+    said = [note for note in fit.fitted.notes if note.startswith("beta is flown as it was measured, ")]
+    assert len(said) == told
+    if told:
+        assert float(said[0].split()[7]) == pytest.approx(100 * noise**2 / (1 + noise**2), rel=0.35)
+        assert abs(numbers(fit)["Y_beta"].value) < 0.97 * abs(LATERAL_TRUTH["Y_beta"])
