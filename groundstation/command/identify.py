@@ -65,7 +65,8 @@ JSON_KEYS = {
     "frequency": "estimates of flapping against throttle; unidentified, centre_throttle, centre_voltage V, residual"
     " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",
     "modes": "methods: list of {method, frequency, damping, period, time_to_half, cycles, time_constants, phugoid,"
-    " eigenvalues, derivatives, unidentified}; agree, statement, manoeuvres, wing_period s,"
+    " eigenvalues, divergence: times of two real eigenvalues of which one grows, derivatives, unidentified};"
+    " agree, statement, manoeuvres, wing_period s,"
     " reference, notes: what the log does not tell and was taken from elsewhere; held_out: null, or {flights,"
     " predictions: list of {flight, manoeuvres, output, unit, rms, theil: {coefficient, bias, variance, covariance}},"
     " failure}",

@@ -291,7 +291,8 @@ def _divergence(system: Callable[[Array], Array], values: Array, spread: Spread)
 
     if np.any(np.abs(split_pairs(system(values))[0].imag) > 0) or not np.all(rates(values) > 0):
         return ()
-    growing, decaying = carry(rates, values, spread)[1].estimates({"": "", " ": ""}, rates(values))
+    found, worth = carry(rates, values, spread)
+    growing, decaying = worth.estimates({"growing": "1/s", "decaying": "1/s"}, found)
     double = over("divergence_time_to_double", "s", math.log(2), growing)
     constant = over("decay_time_constant", "s", 1.0, decaying)
     return () if double is None else tuple(one for one in (double, constant) if one is not None)

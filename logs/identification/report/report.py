@@ -251,6 +251,9 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
         )
         if bars:
             parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=(Intervals("", bars),)))
+    bars = tuple(Bar(mode.method, e, truths.get(e.name)) for mode in result.modes for e in mode.divergence)
+    if bars:
+        parts.append(Chapter("Divergence", plots=(Intervals("", bars),)))
     refused = [(mode.method, one) for mode in result.modes for one in mode.unidentified]
     rows = (*((method, one.name.replace("_", " "), one.reason) for method, one in refused), *open_ones)
     tables = (Table(("method", "not identified", "why"), rows),) if rows else ()

@@ -225,8 +225,9 @@ def _pieces(flow: Flow, one: Experiment, constants: Mapping[str, float]) -> list
     """The longest run of a manoeuvre with all that the flow angle asks for; none where it is not told."""
     columns: dict[str, Array] = {}
     for name in (flow.angle, *flow.needed, *flow.usual):
-        if name in one.signals:
-            columns[name] = np.asarray(one.signals[name], dtype=np.float64)
+        called = "airspeed" if name == "V" and name not in one.signals else name
+        if called in one.signals:
+            columns[name] = np.asarray(one.signals[called], dtype=np.float64)
         elif name == flow.angle or not (name in constants or name in flow.usual):
             return []
         else:

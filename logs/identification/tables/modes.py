@@ -15,12 +15,12 @@ from logs.identification.modes.free_response import METHOD as RINGING
 from logs.identification.modes.mode import KINDS, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.modes.records import away
 from logs.identification.output_error.problem import Fit
-from logs.identification.tables.between import LEAST_RUN, coarse
+from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import UNSEEN, output_error_fit
+from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.systems import fitted_system
 
@@ -77,7 +77,7 @@ def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[
     driven = [mode for mode in result.modes if mode.method != RINGING]
     pairs = [pair for mode in driven for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
     turned = max((pair.frequency.value for pair in pairs), default=0.0) * min(one.step for one in experiments)
-    if turned <= UNSEEN or not coarse(lines, experiments):
+    if turned <= FURTHEST_TURN or not coarse(lines, experiments):
         return result
     samples = f"{2.0 * np.pi / turned:.1f} samples"
     why = f"the motion has a period of {samples}, and inputs move far between two: record it faster"

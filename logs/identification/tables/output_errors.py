@@ -17,7 +17,7 @@ from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted, Unidentified
-from logs.identification.tables.between import LEAST_RUN, coarse
+from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
 from logs.identification.tables.doubts import Flown, doubts, lines_of
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
@@ -35,10 +35,6 @@ BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
 """how the optimum is looked for, by the word in the map"""
-
-UNSEEN = 1.0
-"""rad; that a motion may turn from sample to sample where the inputs between them are not known: at 1.3 an equivalent
-system was 10 % off and a damping half of what it is, at 2.5 all was"""
 
 
 class Driven(NamedTuple):
@@ -82,10 +78,11 @@ def output_error_fit(
     return table, fit, chosen
 
 
-def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ...], unseen: bool) -> Fit:
+def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ...], jerky: bool) -> Fit:
     """The fit, or none where the motion that it found is faster than the samples could show.
 
-    Where the inputs' course between samples is ``unseen`` too, a motion of which a radian passes between two is.
+    Where the inputs' course between samples is not known either (``jerky``), that is one that turns by more than a
+    radian between two.
     """
     if fit.failure or not chosen.linear:
         return fit
@@ -98,7 +95,7 @@ def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ..
         why = (
             f"it found a motion of {fastest:.3g} rad/s, faster than {np.pi / step:.3g} rad/s, half the sampling rate"
         )
-    elif unseen and turning * step > UNSEEN:
+    elif jerky and turning * step > FURTHEST_TURN:
         why = (
             f"it found a motion of {turning:.3g} rad/s, a period of {2 * np.pi / turning / step:.1f} samples, and the"
             " inputs move far between two: record it faster"

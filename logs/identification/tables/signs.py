@@ -18,6 +18,7 @@ OF_MODELS = {
 OF_RESPONSES = {
     ("C_L", "alpha"): 1, ("C_Z", "alpha"): -1, ("C_m", "q*c/2V"): -1, ("C_Y", "beta"): -1,
     ("C_l", "p*b/2V"): -1, ("C_n", "r*b/2V"): -1, ("C_D", "intercept"): 1,
+    ("C_m", "q"): -1, ("C_l", "p"): -1, ("C_n", "r"): -1,
 }  # fmt: skip
 """sign of a coefficient by response and regressor"""
 

@@ -22,7 +22,7 @@ from logs.identification.output_error.problem import Model
 from logs.identification.preparing.resampling import filled
 from logs.identification.regression.averaging import average_of_slope, averaged
 from logs.identification.results import Array
-from logs.identification.tables.derived import slope, slope_width
+from logs.identification.tables.derived import SLOPE_SPAN, slope, slope_width
 from logs.identification.tables.map import DELAY, Parameter
 
 SPANS = (0.3, 1.0)
@@ -137,7 +137,7 @@ def _rows(model: Model, experiment: Experiment, constants: Mapping[str, float], 
     if any(one is None for one in states):
         return None
     missing = np.full(len(experiment.time), np.nan)
-    width = slope_width(experiment.step, span) if span else slope_width(experiment.step)
+    width = slope_width(experiment.step, span or SLOPE_SPAN)
     table = np.column_stack([filled(one, width // 2) for one in states if one is not None])
     slopes = np.column_stack([slope(one, experiment.step, width) for one in table.T])
     inputs = np.column_stack([np.zeros((len(table), 0)), *(experiment.signals[name] for name in model.inputs)])

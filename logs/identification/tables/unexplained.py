@@ -65,8 +65,6 @@ def _reason(name: str, explained: dict[str, float]) -> str:
     worst = min(shares, key=lambda output: shares[output], default="")
     if not worst or not (shares[worst] < 0.0 or all(share < LITTLE for share in shares.values())):
         return ""
-    return (
-        f"the model follows {worst} worse than its mean"
-        if shares[worst] < 0.0
-        else (f"the model explains less than half of {', '.join(shares)}")
-    )
+    if shares[worst] < 0.0:
+        return f"the model follows {worst} worse than its mean"
+    return f"the model explains less than half of {', '.join(shares)}"

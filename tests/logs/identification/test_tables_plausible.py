@@ -172,6 +172,13 @@ def test_a_speed_in_another_unit_is_told_though_vane_and_forces_are_off(unit: st
             check_plausible((one,), {"V": speed})
 
 
+def test_an_airspeed_by_its_other_name_is_asked_for_its_unit() -> None:
+    one = flown(noise=0.3)
+    one.signals["airspeed"] = np.full(len(one.time), SPEED * 3600.0 / 1852.0)
+    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+        check_plausible((one,), {})
+
+
 SIDEWAYS = {"V": 20.0, "theta": 0.06, "alpha": 0.06}
 
 
