@@ -42,7 +42,7 @@ def without_impossible(told: Fitted) -> Fitted:
         " told (N, gf), planform in m, V in its unit?"
     )
     lost = tuple(Unidentified(one.name, why) for one in told.estimates)
-    return told._replace(estimates=(), unidentified=(*told.unidentified, *lost), series=())
+    return told._replace(estimates=(), unidentified=(*told.unidentified, *lost), correlation=None, series=())
 
 
 def doubts(told: Fitted, again: Callable[[Signs], tuple[Estimate, ...]]) -> tuple[str, ...]:
@@ -55,9 +55,14 @@ def doubts(told: Fitted, again: Callable[[Signs], tuple[Estimate, ...]]) -> tupl
     below = _below(told.estimates)
     if not below:
         return ()
-    mended = [name for name, signs in TURNED.items() if not _below(again(signs))]
+    mended = [name for name, signs in TURNED.items() if _mends(below, again(signs))]
     more = f"with {' or '.join(mended)} turned round it would not" if mended else "are weight and inertia taken off?"
     return (f"{' and '.join(below)} below zero: air at rest would push the wings along; {more}",)
+
+
+def _mends(below: list[str], found: tuple[Estimate, ...]) -> bool:
+    """Whether those ``below`` zero are ``found`` again, and no C_D is below zero now."""
+    return set(below) <= {one.name for one in found} and not _below(found)
 
 
 def _below(estimates: tuple[Estimate, ...]) -> list[str]:

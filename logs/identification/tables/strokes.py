@@ -122,16 +122,19 @@ def _flight(
     notes: list[str],
     signs: Signs = AS_TOLD,
 ) -> Flight:
-    """The strokes of a manoeuvre and what their coefficients may depend on."""
+    """The strokes of a manoeuvre and what their coefficients may depend on.
+
+    They are cut by the angle as told also with its sign turned: at its other passes one of few would be lost.
+    """
     source = Source(one, constants, "stroke")
     need(dict(constants), *(() if "rho" in one.signals else ("rho",)), what="stroke")
-    flap = signs.flap * signal(one, asked.flap, "rad", "stroke.flap")
+    flap = signal(one, asked.flap, "rad", "stroke.flap")
     forward, down = (signal(one, getattr(asked, key), "N", f"stroke.{key}") for key in ("force_x", "force_z"))
     alpha, speed = source.get("alpha"), source.get("V")
     density = float(np.nanmean(source.get("rho")))
     flown = Flapped(
         one.time,
-        flap,
+        signs.flap * flap,
         speed,
         alpha,
         np.column_stack((signs.force_x * forward, -signs.force_z * down)),

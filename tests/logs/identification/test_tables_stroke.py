@@ -18,6 +18,8 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_angle,
     wing_motion,
 )
+from logs.identification.results import Estimate, Fitted, estimate
+from logs.identification.tables.stroke_doubts import Signs, doubts, without_impossible
 from sim_bridge.aerodynamics.stroke_averages import Attitude
 
 TRUTH = {"C_L_up": 0.35, "C_L_down": 0.95, "C_D_up": 0.12, "C_D_down": 0.21}
@@ -169,9 +171,9 @@ def test_lift_by_angle_of_attack_and_elevator(tmp_path: Path, capsys: pytest.Cap
         assert found[name]["value"] == pytest.approx(truth, rel=0.06)
 
 
-def steady(folder: Path, capsys: pytest.CaptureFixture[str], turned: dict[int, float]) -> str:
+def steady(folder: Path, capsys: pytest.CaptureFixture[str], turned: dict[int, float], seconds: float = 4.0) -> str:
     """What is said of a run in which nothing changes; ``turned``: factors of columns by their number."""
-    flown = measured(0, 400.0, 4.0, 0.0, 0.0)
+    flown = measured(0, 400.0, seconds, 0.0, 0.0)
     up = -1000 / 9.80665 * flown.force[:, 1]
     still = np.zeros(len(flown.time))
     columns = [
@@ -210,6 +212,39 @@ def test_a_signal_of_the_other_sign_is_named(
     (line,) = [part for part in said.split("residuals of") if "below zero" in part]
     assert f"{drag} below zero: air at rest would push the wings along; with " in said
     assert blamed in line and "turned round it would not" in line
+
+
+def test_a_turned_angle_is_named_where_only_three_strokes_are_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GIVEN so few that one fewer is whole between the other passes of its middle THEN the three are kept."""
+    said = steady(tmp_path, capsys, {1: -1.0}, 0.72)
+    assert "3 strokes at" in said
+    assert "C_D_up below zero: air at rest would push the wings along; with flap (wing up positive)" in said
+
+
+def test_signals_mend_nothing_where_the_drag_is_not_found_with_them_turned() -> None:
+    below = estimate("C_D_up", "-", -0.3, 0.01, 5.0)
+    told = Fitted("strokes", (), (below,), ())
+    found: dict[str, tuple[Estimate, ...]] = {
+        "flap": (),
+        "force_x": (estimate("C_L_up", "-", 0.3, 0.01, 5.0),),
+        "force_z": (below,),
+    }
+
+    def again(signs: Signs) -> tuple[Estimate, ...]:
+        return found[next(name for name, sign in signs._asdict().items() if sign < 0.0)]
+
+    (line,) = doubts(told, again)
+    assert line.endswith("; are weight and inertia taken off?")
+    found["flap"] = (below._replace(value=0.3, low=0.28, high=0.32),)
+    (line,) = doubts(told, again)
+    assert line.endswith("; with flap (wing up positive) turned round it would not")
+
+
+def test_coefficients_that_no_wing_has_leave_no_correlation() -> None:
+    told = Fitted("strokes", (), (estimate("C_L_up", "-", 90.0, 1.0, 5.0),), (), np.eye(1))
+    assert without_impossible(told).correlation is None
 
 
 def test_coefficients_that_no_wing_has_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
