@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from avionics.quantities import counted
@@ -20,6 +21,7 @@ from logs.identification.results import Array, FitSeries
 from logs.identification.tables.between import LEAST_RUN
 
 Flags = NDArray[np.bool_]
+Places = NDArray[np.intp]
 
 OFF = 8.0
 """-; robust standard deviations of the residuals, from which a sample is no noise; one in 1e15 of normal noise"""
@@ -65,13 +67,15 @@ def _bad(measured: Array, left: Array, inputs: Mapping[str, Array]) -> list[int]
     middle = float(np.median(known))
     deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(known - middle)))
     far = np.abs(left - middle) > OFF * deviation if deviation else np.zeros(len(left), bool)
-    found = np.zeros(len(left), bool)
-    for begin, end in _runs(far):
-        for a in range(begin, end):
-            for b in range(a + 1, min(a + LONGEST, end) + 1):
-                apart = all(_apart(one, a, b, OFF * deviation) for one in (measured, left))
-                if apart and not _pushed(inputs, a, b):
-                    found[a:b] = True
+    found, starts = np.zeros(len(left), bool), np.flatnonzero(far)
+    for length in range(1, LONGEST + 1):
+        starts = starts[starts + length <= len(left)]
+        starts = starts[far[starts + length - 1]]
+        apart = starts
+        for one in (measured, left):
+            apart = apart[_apart(one, apart, length, OFF * deviation)]
+        for place in apart[~_pushed(inputs, apart, length)]:
+            found[place : place + length] = True
     places: list[int] = np.flatnonzero(found | _frozen(measured, far)).tolist()
     return places
 
@@ -82,24 +86,51 @@ def _runs(true: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _apart(values: Array, a: int, b: int, least: float = 0.0) -> bool:
-    """Whether ``values[a:b]`` jump away from the neighbours on both sides, by more than ``least``, and back."""
-    places = np.arange(len(values))
-    before, after = slice(max(a - BESIDE, 0), a), slice(b, b + BESIDE)
-    sides = [(places[part][known], values[part][known]) for part in (before, after)
-             for known in (np.isfinite(values[part]),)]  # fmt: skip
-    if min(len(where) for where, _ in sides) < BESIDE - 2:
-        return False
-    (x0, y0), (x1, y1) = ((float(np.median(where)), float(np.median(what))) for where, what in sides)
-    off = np.abs(values - (y0 + (y1 - y0) * (places - x0) / (x1 - x0)))
-    near = np.concatenate([off[where] for where, _ in sides])
-    shoulders = max(off[sides[0][0][-1]], off[sides[1][0][0]])
-    return bool(np.min(off[a:b]) > max(least, APART * np.percentile(near, MOST_BESIDE), APART * shoulders))
+def _apart(values: Array, starts: Places, length: int, least: float = 0.0) -> Flags:
+    """Whether ``values`` jump away from the neighbours on both sides, by more than ``least``, and back.
+
+    So for each of the ``starts`` (n,) and as many samples from there on as the ``length``; neighbours that are not
+    measured, or beyond the record's ends, do not count; one is enough where no more are left to an end.
+    """
+    padded = np.concatenate((np.full(BESIDE, np.nan), values, np.full(BESIDE + length, np.nan)))
+    seen, places = sliding_window_view(padded, length + 2 * BESIDE)[starts], np.arange(length + 2.0 * BESIDE)
+    sides = (slice(0, BESIDE), slice(BESIDE + length, None))
+    known = [np.isfinite(seen[:, side]) for side in sides]
+    room = (starts, len(values) - length - starts)
+    needed = [np.clip(one, 1, BESIDE - 2) for one in room]
+    enough = np.all([np.sum(one, axis=1) >= few for one, few in zip(known, needed, strict=True)], axis=0)
+    told, seen, known = np.zeros(len(starts), bool), seen[enough], [one[enough] for one in known]
+    (x0, y0), (x1, y1) = (
+        (_quantile(np.where(one, places[side], np.nan), 50.0), _quantile(np.where(one, seen[:, side], np.nan), 50.0))
+        for side, one in zip(sides, known, strict=True)
+    )
+    off = np.abs(seen - (y0 + (y1 - y0) / (x1 - x0) * (places[:, None] - x0)).T)
+    before, after = (np.where(one, off[:, side], np.nan) for side, one in zip(sides, known, strict=True))
+    rows = np.arange(len(seen))
+    last, first = BESIDE - 1 - np.argmax(known[0][:, ::-1], axis=1), np.argmax(known[1], axis=1)
+    shoulders = np.maximum(before[rows, last], after[rows, first])
+    near = np.maximum(_quantile(np.hstack((before, after)), MOST_BESIDE), shoulders)
+    told[enough] = np.min(off[:, BESIDE : BESIDE + length], axis=1) > np.maximum(least, APART * near)
+    return told
 
 
-def _pushed(inputs: Mapping[str, Array], a: int, b: int) -> bool:
-    """Whether an input went away and back just before: what follows that is an answer."""
-    return any(_apart(one, a - late, b - late) for one in inputs.values() for late in range(LATE + 1) if a >= late)
+def _quantile(values: Array, percent: float) -> Array:
+    """(n,); of what is known, at least one, in each row of ``values`` (n, k)."""
+    rows, ordered = np.arange(len(values)), np.sort(values, axis=1)
+    place = percent / 100.0 * (np.sum(np.isfinite(values), axis=1) - 1)
+    low, high = np.floor(place).astype(int), np.ceil(place).astype(int)
+    share = place - low
+    return np.asarray((1.0 - share) * ordered[rows, low] + share * ordered[rows, high])
+
+
+def _pushed(inputs: Mapping[str, Array], starts: Places, length: int) -> Flags:
+    """Whether an input went away and back just before each of the ``starts``: what follows that is an answer."""
+    pushed = np.zeros(len(starts), bool)
+    for one in inputs.values():
+        for late in range(LATE + 1):
+            there = starts >= late
+            pushed[there] |= _apart(one, starts[there] - late, length)
+    return pushed
 
 
 def _frozen(measured: Array, far: Flags) -> Flags:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -35,6 +36,29 @@ def test_samples_apart_from_their_neighbours_are_spikes(size: float, places: tup
     assert told(measured, MOTION) == 0
     measured[list(places)] += 0.6
     assert told(measured, MOTION) == len(places)
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.01])
+@pytest.mark.parametrize("places", [(1,), (2,), (-2,), (-3,), (1, -2), (1, 2), (-3, -2)])
+def test_spikes_beside_an_end_are_named(size: float, places: tuple[int, ...]) -> None:
+    measured = MOTION + noise(size)
+    measured[list(places)] += 0.6
+    assert told(measured, MOTION) == len(places)
+    stepped = MOTION + noise(size)
+    stepped[-2:] += 0.6
+    assert told(stepped, MOTION) == 0, "nobody knows whether it comes back"
+
+
+def test_thousands_of_samples_far_off_in_a_long_record_take_no_time() -> None:
+    rng, time = np.random.default_rng(0), 0.01 * np.arange(100_000)
+    off = np.zeros(len(time))
+    off[rng.choice(len(time), 2000, replace=False)] = 1.0
+    off[20_000:23_000] = 1.0
+    measured = np.sin(time) + rng.normal(0.0, 0.01, len(time)) + off
+    flown = Experiment("one", time, {"delta": off}, {"delta": "rad"})
+    begin = perf_counter()
+    spikes([FitSeries("one", "q", "rad/s", time, measured, np.sin(time))], (flown,), ("delta",))
+    assert perf_counter() - begin < 1.0
 
 
 def test_a_channel_that_froze_is_named_and_a_coarse_one_is_not() -> None:
