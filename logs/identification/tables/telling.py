@@ -11,7 +11,7 @@ from logs.identification.results import Estimate
 from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
 
 INFORMS = re.compile(
-    r"^orthogonal function of |^weight and inertia |: mean lift |: \d+ strokes?\b|"
+    r"^orthogonal function of |^the stream's load on the tail taken off |: mean lift |: \d+ strokes?\b|"
     r"( interpolated| left out| not measured)$"
 )
 """notes that tell what was done, and cast no doubt on a number"""

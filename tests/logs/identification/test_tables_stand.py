@@ -14,6 +14,8 @@ from groundstation.command.main import main
 from logs.identification.aerodynamics.inverse_dynamics import states, wing_of
 from logs.identification.aerodynamics.stand import StandRun, stand_motion
 from logs.identification.aerodynamics.wing_air import wing_air
+from logs.identification.tables.run import identify_tables
+from logs.identification.tables.telling import notes_of
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 PLACE, AXES = np.array((0.02, 0.0, 0.07)), np.array([(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
@@ -96,6 +98,16 @@ def test_a_stand_tells_the_wings_coefficients(
     assert up == pytest.approx(4.224, rel=0.01) and "to the stream, in body axes" in said[1]
     assert fits[0]["steps"] and fits[0]["outputs"][0]["r_squared"] > 0.98
     assert ">Steps of the regressions</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_what_was_taken_off_is_told_behind_what_doubts_the_numbers(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(MAP)
+    fit = identify_tables([run(tmp_path / "run.csv", 9.2)], tmp_path / "map.toml", "stand").fits[0]
+    doubted = fit._replace(fitted=fit.fitted._replace(notes=(*fit.fitted.notes, "a doubt")))
+    said = notes_of(doubted)
+    told = fit.fitted.notes
+    assert len(told) == 2 and set(told) < set(said)
+    assert said.index("a doubt") < min(said.index(one) for one in told)
 
 
 @pytest.mark.parametrize(
