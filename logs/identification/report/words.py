@@ -150,7 +150,9 @@ def rich(text: str) -> str:
     told = WORDS.sub(lambda match: match[0].replace("_", " "), html.escape(text))
     if not EQUATION.match(text):
         return re.sub(FACTOR, lambda match: symbol(match[0]), told)
-    return re.sub(rf"{FACTOR}|\b[A-Za-z]\b", lambda match: symbol(match[0]), re.sub(r"(?<![\w.])-", "−", told))
+    return re.sub(
+        rf"{FACTOR}|(?<!&#x27;)\b[A-Za-z]\b", lambda match: symbol(match[0]), re.sub(r"(?<![\w.])-", "−", told)
+    )
 
 
 def drawn_words(text: str) -> str:

@@ -14,6 +14,7 @@ from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
 from avionics.quantities import BadInput
 from logs.identification.accuracy.whiteness import BAND, autocorrelation
+from logs.identification.aerodynamics import stroke_fits
 from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
 from logs.identification.chapter import (
     DASHED,
@@ -41,6 +42,7 @@ from logs.identification.report.report import Subject, chapters, refuse_existing
 from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
 from logs.identification.report.words import meaning, number, rich, symbol
 from logs.identification.results import Estimate, Unidentified, estimate
+from logs.identification.tables import benches, stands
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
 TRUTHS = {"K_tau": K_TAU, "K_tau0": K_TAU0, "short_period_frequency": 11.0, "short_period_damping": 0.6}
@@ -272,6 +274,16 @@ def test_an_equation_is_set_in_one_kind_of_type() -> None:
         " − 0.5 <i>L</i><sub>δa</sub> <i>δ</i><sub>a</sub>"
     )
     assert rich("a - b") == "a - b", "a sentence's words stay as they are"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [*stands.EQUATIONS, *stroke_fits.EQUATIONS, *stroke_fits.LAWS, stroke_fits.MOMENT_LAW, *benches.LINE,
+     *benches.RELEASE],
+)  # fmt: skip
+def test_words_with_an_apostrophe_stay_words_in_what_begins_as_an_equation(text: str) -> None:
+    assert "&#x27;<i>" not in rich(text)
+    assert ("'s " in text) == ("&#x27;s " in rich(text))
 
 
 def test_a_derivative_by_a_control_goes_by_the_controls_own_name() -> None:
