@@ -78,6 +78,11 @@ class Cut(NamedTuple):
     """s; by which signals were measured to be late, by their names"""
 
 
+def file_of(one: Experiment) -> str:
+    """The file that an experiment of `cut` was cut from, which may be called "log of day.csv"."""
+    return one.name.partition(" of ")[2]
+
+
 def cut(
     tables: list[Columns],
     entries: dict[str, SignalEntry],
@@ -119,7 +124,7 @@ def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, note
         BadInput: a manoeuvre or file that is not there, a share beside another choice, or nothing left to fit.
     """
     numbers = _held_out(len(experiments), section.validate)
-    files = [one.name.partition(" of ")[2] for one, _ in experiments]
+    files = [file_of(one) for one, _ in experiments]
     for name in section.validate_files:
         if name not in files:
             told = f"manoeuvres.validate_files {name}{meant(name, files)}: no such file is among those given"

@@ -13,7 +13,7 @@ from logs.identification.modes.mode import ModesResult
 from logs.identification.results import Unidentified
 from logs.identification.tables import stands
 from logs.identification.tables.constants import read_constants
-from logs.identification.tables.experiments import Cut, cut
+from logs.identification.tables.experiments import Cut, cut, file_of
 from logs.identification.tables.joints import apart
 from logs.identification.tables.map import AeroSection, Map, ModesSection, OutputError, Regression, load_map
 from logs.identification.tables.modes import modes_fit
@@ -94,7 +94,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     tare = stands.tare_name(chosen.stand, found) if chosen.stand is not None and what == STAND else None
     fitted, held = (tuple(one.name for one in part if one.name != tare) for part in (found.fitted, found.held_out))
     every = (*found.fitted, *found.held_out)
-    files = tuple(dict.fromkeys(one.name.rpartition(" of ")[2] for one in every))
+    files = tuple(dict.fromkeys(file_of(one) for one in every))
     return TableIdentification(
         files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
         tuple(one for one in every if one.name != tare), _inputs(chosen), constants,

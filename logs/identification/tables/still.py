@@ -14,6 +14,7 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.regression.terms import parse
 from logs.identification.results import Array, Unidentified
+from logs.identification.tables.experiments import file_of
 from logs.identification.tables.map import Regression
 from logs.identification.tables.regressions import product_of
 from logs.identification.tables.results import TableFit
@@ -112,5 +113,5 @@ def _moves(values: Array) -> bool:
 
 
 def _not_moving(name: str, experiments: tuple[Experiment, ...]) -> str:
-    files = dict.fromkeys(one.name.rpartition(" of ")[2] for one in experiments)
+    files = dict.fromkeys(file_of(one) for one in experiments)
     return f"{name} does not move in {', '.join(files)}"

@@ -38,6 +38,14 @@ def test_an_output_that_never_moves_is_refused_by_its_name(tmp_path: Path, more:
         identify_tables([write(tmp_path / "run.csv", columns)], tmp_path / "map.toml", "modes")
 
 
+def test_a_file_with_an_of_in_its_name_is_called_by_all_of_it(tmp_path: Path) -> None:
+    columns = flight()
+    (tmp_path / "map.toml").write_text(BASE)
+    file = write(tmp_path / "log of day.csv", columns | {"alpha": np.full(len(columns["t"]), 0.05)})
+    with pytest.raises(BadInput, match=r"^alpha does not move in log of day\.csv;"):
+        identify_tables([file], tmp_path / "map.toml", "modes")
+
+
 def test_an_output_that_froze_in_one_of_two_manoeuvres_is_named(tmp_path: Path) -> None:
     columns = flight()
     frozen = columns | {"q": np.full(len(columns["t"]), 0.01)}
