@@ -28,6 +28,8 @@ LEAST_STROKES = 3
 HALVES = ("up", "down")
 INTERCEPTS = ("stiffness", "0", "min")
 """terms that are constant where nothing varies with them"""
+HIDDEN = "the angle's noise hides which half of the stroke a sample is of"
+"""of a stroke that has neither pressures nor forces: none of its samples could be told to be of one half"""
 LEAST_VARIED = 1e-6
 """-; of a regressor's largest value"""
 LIFT_UNITS = {"alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad", "stiffness": "per unit of E"}
@@ -114,6 +116,8 @@ def _half(
     others: tuple[tuple[StrokeRecord, ...], ...],
 ) -> tuple[Estimate, ...] | str:
     """Least squares over the strokes' impulses; errors by their scatter from stroke to stroke."""
+    if any(np.isnan(a.lift_pressure).all() and np.isnan(b).all() for a, b in zip(records, forces, strict=True)):
+        return HIDDEN
     systems = [_impulses(record, force, name) for record, force in zip(records, forces, strict=True)]
     whole, seen = np.vstack([one.matrix for one in systems]), np.concatenate([one.force for one in systems])
     if any(not len(one.matrix) for one in systems):
@@ -153,6 +157,8 @@ def _impulses(record: StrokeRecord, force: Array, name: str) -> _Impulses:
 
 
 def _alone(record: StrokeRecord, force: NDArray[np.float64]) -> Array:
+    if not all(np.isfinite(one).all() for one in (force, record.lift_pressure, record.drag_pressure)):
+        return np.full(4, np.nan)
     try:
         return np.array(mean_coefficients(force, record))
     except BadInput:

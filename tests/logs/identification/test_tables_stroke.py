@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
+from logs.identification.aerodynamics.stroke_coefficients import HIDDEN
 from logs.identification.aerodynamics.stroke_fits import Flight, stroke_fit
 from logs.identification.aerodynamics.strokes_measured import (
     Flapped,
@@ -119,6 +120,15 @@ def test_intervals_hold_at_any_noise_of_the_angle_and_any_rate(
             assert one.value == pytest.approx(TRUTH[one.name], rel=0.02), (seed, one)
             assert one.high - one.low < 0.05 * TRUTH[one.name]
     assert sum(held) >= 16, sum(held)
+
+
+def test_an_angle_of_noise_alone_is_said_to_hide_the_halves() -> None:
+    flown = measured(0, 400.0, 3.0, 0.0, 0.0)
+    noisy = flown._replace(flap=np.random.default_rng(0).normal(0.0, 0.5, len(flown.time)))
+    strokes = measured_strokes(noisy, planform_of(OUTLINE), strokes_by_angle(flown.time, flown.flap))
+    still = np.zeros(len(strokes.begin))
+    lost = stroke_fit([Flight("run", strokes, Attitude(still, still, still))])[0].unidentified
+    assert len(lost) == 4 and {one.reason for one in lost} == {HIDDEN}
 
 
 def test_the_flap_rate_is_right_within_what_it_says() -> None:
