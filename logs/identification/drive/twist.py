@@ -20,6 +20,7 @@ from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.accuracy.widened import not_below
 from logs.identification.drive.servo import ServoModel
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
@@ -162,13 +163,13 @@ def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
     rest = float(np.median(values[finite[-max(len(finite) // 5, 1) :]]))
     away = np.abs(values[finite] - rest)
     top = int(np.argmax(away))
-    gone = away[top:] <= away[top] - HELD * _noise(values[finite])
+    gone = away[top:] <= away[top] - HELD * noise_beside_steps(values[finite])
     # Two in a row: one held sample that is far out began the swing while the wing was still held.
     free = np.flatnonzero(gone[:-1] & gone[1:])
     last = int(free[0]) if len(free) else 1
     later = finite[top:]
     first = int(later[max(last - 1, 0)])
-    if HELD * _noise(values[finite]) > CLEARLY * away[top]:
+    if HELD * noise_beside_steps(values[finite]) > CLEARLY * away[top]:
         first = int(later[_fits_from(time[later], values[later])])
     return time[first:] - time[first], values[first:]
 
@@ -191,12 +192,6 @@ def _squares(time: Array, values: Array, free: int) -> float:
     since = time[free:] - time[free]
     swing = min(_search(since, values[free:], guess)[1] for guess in (GUESSES[0], GUESSES[2]))
     return 2.0 * swing + (free * float(np.var(values[:free])) if free else 0.0)
-
-
-def _noise(values: Array) -> float:
-    """Standard deviation of the white noise by the median third difference, which a release does not reach."""
-    differences = np.abs(np.diff(values, 3))
-    return 1.4826 * float(np.median(differences)) / math.sqrt(20.0) if len(differences) else 0.0
 
 
 def _columns(time: Array, natural: float, damping: float) -> Array:
