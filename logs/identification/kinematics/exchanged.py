@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.kinematics.markers import rotations
+from logs.identification.kinematics.markers import Places, rotations
 from logs.identification.results import Array
 from logs.importing.rigid_body import LEAST_MARKERS, fitted
 
@@ -44,11 +44,11 @@ class _Marker(NamedTuple):
 Bodies = dict[str, Array]
 
 
-def exchanged(places: dict[str, dict[str, tuple[float, float, float]]], positions: Bodies) -> Exchange | None:
+def exchanged(places: Places, positions: Bodies) -> Exchange | None:
     """The exchange that mends most, if one makes the markers fit far better.
 
     Args:
-        places: m; of the markers by their names in the axes of the bodies by theirs.
+        places: m; of the markers.
         positions: m; (markers, N, 3) of each body, NaN where one was not seen.
     """
     at = {body: np.array(list(markers.values())) for body, markers in places.items()}

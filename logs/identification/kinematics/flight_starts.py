@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.kinematics.flight_records import LEAST_SAMPLES, Problem, Record, Values
+from logs.identification.kinematics.rigid_motion import STATES
 from logs.identification.results import Array
 
 SPANS = (8.0, 2.0, 32.0)
@@ -58,7 +59,7 @@ def _attitude(problem: Problem, record: Record, span: float, level: float) -> tu
     """Bank and pitch (rad) at the start; wings level at the pitch ``level`` where the flow was not measured."""
     three = ("airspeed", "alpha", "beta") if "beta" in problem.channels else ("airspeed", "alpha")
     # Of the longitudinal motion alone no bank is free, and its inputs tell none.
-    if 3 not in problem.free or not set(three) <= set(problem.channels):
+    if STATES.index("phi") not in problem.free or not set(three) <= set(problem.channels):
         return 0.0, level
     columns = [problem.channels.index(name) for name in three]
     known = np.all(record.used[:, columns] > 0, axis=1) & (record.time - record.time[0] <= span)

@@ -16,7 +16,7 @@ import numpy as np
 from avionics.quantities import BadInput, counted
 from logs.identification.kinematics.coordinates import Coordinates, body_coordinates, fit_coordinates
 from logs.identification.kinematics.exchanged import Exchange, exchanged
-from logs.identification.kinematics.markers import MarkedBody
+from logs.identification.kinematics.markers import MarkedBody, Places
 from logs.identification.kinematics.speeds import CUTOFF, LONGEST_GAP, Speeds, generalized_speeds
 from logs.identification.results import Array, Estimate, estimate
 from sim_bridge.mechanism import build_mechanism
@@ -34,8 +34,6 @@ SLACK = 0.02
 """m"""
 INEXACT = 0.01
 """m; by which places are measured wrongly at most; on a body of like distances it looks like exchanged names"""
-Places = dict[str, dict[str, tuple[float, float, float]]]
-"""m; of the markers by their names in the axes of the bodies by theirs, from the bodies' origins"""
 
 
 class Cloud(NamedTuple):

@@ -29,6 +29,8 @@ NEIGHBOURS = 7
 LEAST_FRAMES = 20
 MISTAKEN = 1e-7
 """-; share of good frames that may be taken for wrong ones"""
+Places = dict[str, dict[str, tuple[float, float, float]]]
+"""m; of the markers by their names in the axes of the bodies by theirs, from the bodies' origins"""
 
 
 class MarkedBody(NamedTuple):

@@ -11,7 +11,8 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
 from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
-from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, Places, marker_motion
+from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, marker_motion
+from logs.identification.kinematics.markers import Places
 from logs.identification.kinematics.speeds import CUTOFF
 from logs.identification.results import Array
 from logs.identification.tables.keys import read_document, read_section
