@@ -15,9 +15,10 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from logs.identification.kinematics.flight_errors import noise_of_inputs
-from logs.identification.kinematics.flight_fit import Fit, fitted, unlikely, unscaled
+from logs.identification.kinematics.flight_fit import Fit, fitted, optimum, unlikely, unscaled
 from logs.identification.kinematics.flight_records import Problem
 from logs.identification.kinematics.flight_sensors import NO_GAIN, SPEEDS
+from logs.identification.kinematics.flight_shortened import thinned, windows_of
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array, Unidentified
@@ -109,17 +110,26 @@ def contradiction(problem: Problem, fit: Fit, input_noise: Mapping[str, float] |
     if not poor:
         return ""
     unit = _speed_unit(problem, fit)
-    odd = poor if unit else _certainly_odd(problem, fit, every, input_noise)
+    odd = poor if unit else _odd_in_windows(problem, fit, input_noise)
     if not odd:
         return ""
     said = f"the kinematics follow {', '.join(odd)} worse than a constant would: these signals are not of one motion"
     return f"{said}; {unit or 'is a unit, a sign or a place wrong?'}"
 
 
-def _certainly_odd(
-    problem: Problem, fit: Fit, every: Mapping[str, _Followed], input_noise: Mapping[str, float] | None
-) -> list[str]:
+def _odd_in_windows(problem: Problem, fit: Fit, input_noise: Mapping[str, float] | None) -> list[str]:
+    """`_certainly_odd`, of the whole records or of short ones with first states of their own."""
+    odd = _certainly_odd(problem, fit, input_noise)
+    short, values = windows_of(problem, fit.values, fit.paths)
+    if odd or len(short.records) == len(problem.records):
+        return odd
+    again = optimum(short, values)
+    return [] if again is None else _certainly_odd(short, again, input_noise)
+
+
+def _certainly_odd(problem: Problem, fit: Fit, input_noise: Mapping[str, float] | None) -> list[str]:
     """Outputs followed worse than by a constant by no chance, in a motion that all noise does not make or hide."""
+    every = {channel: _followed(problem, fit, channel) for channel in problem.channels}
     noise = dict(zip(problem.channels, _by_noise(problem, fit, input_noise), strict=True))
     return [
         channel for channel, one in every.items()
@@ -151,6 +161,8 @@ def _speed_unit(problem: Problem, fit: Fit) -> str:
 
     By sensors without scales: a vane that may read nothing is explained with any airspeed.
     """
+    problem = thinned(problem)
+    plain = optimum(problem, fit.values)
     found = []
     samples = float(sum(np.sum(one.used[:, problem.channels.index("airspeed")]) for one in problem.records))
     for unit, factor in SPEEDS.items():
@@ -161,7 +173,7 @@ def _speed_unit(problem: Problem, fit: Fit) -> str:
                 # Per number as it was told: a larger unit's smaller residuals are no better.
                 found.append((unlikely(other, better) + samples * np.log(times), told, is_in, times))
     best = min(found, default=None)
-    if best is None or best[0] >= unlikely(problem, fit):
+    if best is None or (plain is not None and best[0] >= unlikely(problem, plain)):
         return ""
     return f"V is {best[3]:.2g} times what all others say: is it in {best[2]}, not in {best[1]}?"
 
