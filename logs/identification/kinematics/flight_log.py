@@ -150,7 +150,7 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str, by_a_filte
         raise BadInput(f"a flight path needs velocities of the GPS ({reason}) or the airspeed (/main/air_data)")
     flight = flight._replace(signals={name: one for name, one in flight.signals.items() if name not in UNSURE})
     records = _pieces(flight)
-    setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)))
+    setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)), gusts=True)
     found = reconstruct(records, setup)
     if found.failure:
         raise BadInput(f"flight path: {found.failure}; by the attitude, as {reason}")

@@ -52,6 +52,8 @@ class Setup(NamedTuple):
     places: Places = Places()
     input_noise: Mapping[str, float] | None = None
     """as the input, by its name; standard deviation of the white noise; where None, `noise_level` tells"""
+    gusts: bool = False
+    """-; the air may move: an airspeed that a constant follows better, as one that is held, contradicts nothing"""
 
 
 USUAL = Setup()
@@ -91,9 +93,7 @@ class Reconstruction(NamedTuple):
     tracks: tuple[Track, ...]
     """empty where it failed"""
     failure: str
-    """-; why nothing is told, empty where it is"""
-    contradiction: str = ""
-    """-; why the signals are not those of one motion, empty where they may be"""
+    """-; why nothing is told, empty where it is: no optimum, or signals that are not those of one motion"""
 
 
 def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reconstruction:
@@ -126,8 +126,11 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
             )
         vague = vague or unread_among(problem, fit, covariance)
         if not vague:
+            odd = "" if setup.gusts else contradiction(problem, fit, setup.input_noise)
+            if odd:  # all numbers rest on all signals
+                return _failed(refused, odd)
             wider = with_held(problem, held, fit.values, fit.deviation, fit.paths, covariance)
-            return _told(problem, fit, wider, refused, setup)
+            return _told(problem, fit, wider, refused)
         refused.append(vague)
         held += tuple(p for p in problem.parameters if p.name == vague.name)
         problem = problem._replace(parameters=tuple(p for p in problem.parameters if p.name != vague.name))
@@ -169,7 +172,7 @@ def _failed(refused: list[Unidentified], failure: str) -> Reconstruction:
 # --- what is told ---------------------------------------------------------------------------------------
 
 
-def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentified], setup: Setup) -> Reconstruction:
+def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentified]) -> Reconstruction:
     degrees = degrees_of(problem, fit.paths)
     count = len(problem.parameters)
     errors = np.sqrt(np.diag(covariance))[:count]
@@ -180,9 +183,7 @@ def _told(problem: Problem, fit: Fit, covariance: Array, refused: list[Unidentif
     correlation = (covariance[:count, :count] / np.outer(errors, errors))[np.ix_(sure, sure)]
     parameters = tuple(found[k] for k in sure)
     tracks = tuple(_track(problem, fit, index) for index in range(len(problem.records)))
-    return Reconstruction(
-        parameters, tuple(refused), correlation, tracks, "", contradiction(problem, fit, setup.input_noise)
-    )
+    return Reconstruction(parameters, tuple(refused), correlation, tracks, "")
 
 
 def _resting(asked: Parameter, error: float) -> Unidentified:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,8 +11,7 @@ from logs.identification.kinematics.flight_records import LEAST_SAMPLES, Path, P
 from logs.identification.results import Array
 
 WINDOW = 15.0
-"""s; at most of a record whose first state is its own: over longer ones the noise of the inputs, integrated, hides all
-that an output tells"""
+"""s; at most of a record with a first state of its own: over longer ones the inputs' integrated noise hides all"""
 SLOWEST = 0.1
 """s; at most between samples of a thinned record, as the motion goes on between them"""
 LEAST_THINNED = 600
@@ -27,7 +27,7 @@ def windows_of(problem: Problem, values: Values, paths: Sequence[Path]) -> tuple
     starts: list[Array] = []
     for record, path in zip(problem.records, paths, strict=True):
         bounds = _bounds(record)
-        for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+        for begin, end in pairwise(bounds):
             records.append(_cut(record, slice(int(begin), int(end))))
             starts.append(path.states[begin])
     return problem._replace(records=tuple(records)), Values(values.errors, np.array(starts))
@@ -36,7 +36,8 @@ def windows_of(problem: Problem, values: Values, paths: Sequence[Path]) -> tuple
 def _bounds(record: Record) -> Array:
     """First samples of the pieces, and the number of all samples."""
     there = np.any(record.used > 0, axis=0)
-    for count in range(int(np.ceil(record.step * len(record.time) / WINDOW)), 1, -1):
+    most = int(np.ceil((record.time[-1] - record.time[0]) / WINDOW - 1e-6))
+    for count in range(most, 1, -1):
         bounds = np.linspace(0, len(record.time), count + 1).astype(int)
         told = np.add.reduceat(record.used[:, there], bounds[:-1], axis=0)
         if np.min(np.diff(bounds)) >= LEAST_SAMPLES and np.min(told) >= LEAST_SAMPLES // 2:

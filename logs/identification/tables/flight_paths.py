@@ -84,7 +84,7 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     if not fitted:
         raise BadInput("path: " + "; ".join(notes))
     held = _records(found.held_out, setup.longitudinal, fill, notes)
-    result = _of_one_motion(_with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal))
+    result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
     told = fitted_path(fitted, result, setup, held)
     told = told._replace(notes=(*notes, *_unknown_bank(fitted, result, setup.longitudinal), *told.notes))
     chapter = path_chapter(fitted, result)
@@ -94,11 +94,6 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
         chapters=() if chapter is None else (chapter,),
     )  # fmt: skip
     return [one]
-
-
-def _of_one_motion(found: Reconstruction) -> Reconstruction:
-    """What was ``found``, or nothing where the signals contradict one another: all numbers rest on all of them."""
-    return _nothing(found, found.contradiction) if found.contradiction and not found.failure else found
 
 
 def _nothing(found: Reconstruction, why: str) -> Reconstruction:

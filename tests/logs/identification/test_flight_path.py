@@ -11,7 +11,10 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics import flight_path
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
+from logs.identification.kinematics.flight_records import Problem, free_states, path_of, records_of
 from logs.identification.kinematics.flight_sensors import Parameter, Places
+from logs.identification.kinematics.flight_shortened import thinned, windows_of
+from logs.identification.kinematics.flight_starts import starts_of
 
 LONGITUDINAL = ("airspeed", "theta", "altitude")
 LONGITUDINAL_FLOW = ("airspeed", "alpha", "theta", "altitude")
@@ -124,12 +127,17 @@ def test_what_the_motion_hardly_tells_is_refused_with_its_error() -> None:
 
 
 def test_what_errors_of_the_kinematics_make_of_a_vane_is_no_scale() -> None:
-    """GIVEN a vane that hardly moved, and an accelerometer that wandered THEN its scale is not called -0.7."""
+    """GIVEN a vane that hardly moved, and an accelerometer that wandered THEN its scale is not called -0.7.
+
+    Such signals are at odds too, so no number is told in the end.
+    """
     flight = Flight(seed=1, duration=6, activity=0.02, longitudinal=True, noise=0.05, input_noise=0.1)
     experiment = measured(flight, ("airspeed", "alpha", "theta", "altitude"))
     wander = experiment.signals["a_z"] + 0.1 * np.sin(1.5 * experiment.time + 1)
     experiment = experiment._replace(signals={**experiment.signals, "a_z": wander})
-    found = reconstruct([experiment], Setup(longitudinal=True, places=flight.places))
+    setup = Setup(longitudinal=True, places=flight.places)
+    assert "follow alpha worse than a constant" in reconstruct([experiment], setup).failure
+    found = reconstruct([experiment], setup._replace(gusts=True))
     assert "alpha would read next to nothing" in reasons(found)["scale_alpha"]
     (bias,) = (p for p in found.parameters if p.name == "bias_alpha")
     # The scale held at zero is missed in it, and no more: 0.08 of 0.08 rad. The interval knows.
@@ -172,8 +180,8 @@ def test_an_airspeed_in_another_unit_is_found_out(times: float, unit: str) -> No
     experiment = measured(flight)
     signals = {**experiment.signals, "airspeed": experiment.signals["airspeed"] * times}
     found = reconstruct([experiment._replace(signals=signals)], Setup(places=flight.places))
-    assert found.contradiction.endswith(f"V is {times:.2g} times what all others say: is it {unit}?")
-    assert not reconstruct([experiment], Setup(places=flight.places)).contradiction
+    assert found.failure.endswith(f"V is {times:.2g} times what all others say: is it {unit}?")
+    assert not reconstruct([experiment], Setup(places=flight.places)).failure
 
 
 def test_a_vane_that_counts_to_the_other_side_contradicts() -> None:
@@ -182,14 +190,62 @@ def test_a_vane_that_counts_to_the_other_side_contradicts() -> None:
     signals = {**experiment.signals, "beta": -experiment.signals["beta"]}
     found = reconstruct([experiment._replace(signals=signals)], Setup(places=flight.places))
     assert "beta would read backwards" in reasons(found)["scale_beta"]
-    assert found.contradiction.startswith("the kinematics follow beta worse than a constant would")
+    assert found.failure.startswith("the kinematics follow beta worse than a constant would")
+
+
+@pytest.mark.parametrize(("seed", "step"), [(0, 0.04), (1, 0.04), (2, 0.04), (3, 0.02), (4, 0.02)])
+def test_a_vane_that_counts_to_the_other_side_contradicts_in_long_records(seed: int, step: float) -> None:
+    """GIVEN a minute, over which the noise of the inputs would hide what beta tells THEN no numbers all the same."""
+    flight = Flight(seed=seed, duration=60, step=step)
+    experiment = measured(flight)
+    signals = {**experiment.signals, "beta": -experiment.signals["beta"]}
+    found = reconstruct([experiment._replace(signals=signals)], Setup(places=flight.places))
+    assert found.failure.startswith("the kinematics follow beta worse than a constant would")
+    assert not found.parameters and not found.tracks
+
+
+@pytest.mark.parametrize(("duration", "step"), [(15, 0.02), (60, 0.02), (60, 0.04), (120, 0.04)])
+def test_records_of_any_length_that_are_right_are_believed(duration: float, step: float) -> None:
+    found = rebuilt(Flight(seed=5, duration=duration, step=step))
+    assert not found.failure
+    assert {p.name for p in found.parameters} >= ERRORS.keys()
+
+
+def test_thinned_records_are_means_of_what_was_measured() -> None:
+    experiment = measured(Flight(duration=60, longitudinal=True), LONGITUDINAL)
+    count = len(experiment.time)
+    sparse = np.where(np.arange(count) % 20 == 0, experiment.signals["altitude"], np.nan)
+    records, channels = records_of([experiment._replace(signals={**experiment.signals, "altitude": sparse})], True)
+    (one,) = thinned(Problem(records, channels, (), free_states(channels, True), PLACES)).records
+    assert one.step == pytest.approx(0.1) and len(one.time) == count // 5
+    np.testing.assert_allclose(one.inputs[3], records[0].inputs[15:20].mean(axis=0))
+    np.testing.assert_allclose(one.time[3], records[0].time[17])
+    at = channels.index("altitude")
+    np.testing.assert_array_equal(np.flatnonzero(one.used[:, at]), np.arange(0, count // 5, 4))
+    np.testing.assert_array_equal(one.outputs[4, at], sparse[20])
+
+
+def test_windows_begin_where_the_path_passes_and_miss_no_output() -> None:
+    """GIVEN a minute THEN four pieces, fewer where the altitude was measured in a part of it alone."""
+    experiment = measured(Flight(duration=60, longitudinal=True), LONGITUDINAL)
+    for until, pieces in ((np.inf, 4), (44.0, 3), (35.0, 2), (20.0, 1)):
+        altitude = np.where(experiment.time < until, experiment.signals["altitude"], np.nan)
+        told = experiment._replace(signals={**experiment.signals, "altitude": altitude})
+        records, channels = records_of([told], True)
+        problem = Problem(records, channels, (), free_states(channels, True), PLACES)
+        (start,) = starts_of(problem)[:1]
+        path = path_of(problem, start, 0)
+        short, values = windows_of(problem, start, [path])
+        assert len(short.records) == pieces
+        passed = np.searchsorted(experiment.time, [one.time[0] for one in short.records])
+        np.testing.assert_array_equal(values.starts, path.states[passed])
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_noise_in_quiet_flight_is_no_contradiction(seed: int) -> None:
     """GIVEN motion that slow noise of the sensors hides THEN it is not said that they contradict one another."""
     flight = Flight(seed=seed, duration=8, activity=0.02, colour=0.9, step=0.05)
-    assert not reconstruct([measured(flight)], Setup(places=flight.places)).contradiction
+    assert not reconstruct([measured(flight)], Setup(places=flight.places)).failure
 
 
 def test_several_records_share_the_sensors() -> None:
