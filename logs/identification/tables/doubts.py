@@ -47,7 +47,7 @@ def doubts(
         chain(
             _missing(series), jumping(lines_of(asked), experiments), unseen(problem, fit, between),
             _overdriven(asked, experiments), _noisy(asked, experiments), untold_trim(asked, constants, experiments),
-            lacking(series), suspicion(problem, fit, speeds_of(problem.experiments, constants)),
+            lacking(series), suspicion(problem, fit, speeds_of(problem.experiments, constants), chosen.unnamed),
             turned(fit.estimates),
         )
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What would explain the residuals of output error: an input or an output that is late, a vane off the centre.
+"""What would explain the residuals of output error: what is late, a vane off the centre, a derivative left out.
 
 Each is a number that the model holds at zero. What one step of its search would find, the fitted parameters and all
 nuisances moving with it, is the score test (Rao, Proc. Cambridge Phil. Soc. 44, 1948): its value, and the share of
@@ -7,7 +7,7 @@ the residuals' power that it would take. The fit is not made anew.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,9 @@ LEAST_ERRORS = 6.0
 LEAST_STEPS = 0.2
 """-; of a sampling interval, by which something is late at least"""
 LEAST_MOVE = 0.02
-"""-; of a flow angle's swing, by which a vane's place moves it at least"""
+"""-; of an output's swing, by which a vane's place or a derivative moves it at least"""
+DERIVATIVE, WIDTH = "derivative", 1e-4
+"""-; as the derivative: width of the difference that tells what it does"""
 VANES = {"alpha": ("q", -1.0), "beta": ("r", 1.0)}
 """a flow angle -> the rate that a vane ahead of the centre of mass feels, and the sign"""
 
@@ -36,19 +38,21 @@ class Suspect(NamedTuple):
     """A number held at zero that would explain a part of the residuals."""
 
     name: str
-    """-; `DELAY` of the inputs, ``late NAME`` of an output or ``vane NAME``"""
+    """-; `DELAY` of the inputs, ``late NAME`` of an output, ``vane NAME`` or ``derivative NAME``"""
     value: float
-    """s late, or m ahead of the centre of mass"""
+    """s late, m ahead of the centre of mass, or as the derivative, beside what it is held at"""
     share: float
     """-; of the residuals' power"""
 
 
-def suspicion(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> tuple[str, ...]:
+def suspicion(
+    problem: Problem, fit: Fit, speeds: Mapping[str, float], unnamed: Collection[str] = ()
+) -> tuple[str, ...]:
     """A line on what explains the most of the residuals, where it is much.
 
-    ``speeds`` (m/s) by manoeuvre are for vanes.
+    ``speeds`` (m/s) by manoeuvre are for vanes; ``unnamed`` are parameters that the model has and the map leaves out.
     """
-    found = most_suspect(problem, fit, speeds)
+    found = most_suspect(problem, fit, speeds, unnamed)
     if found is None:
         return ()
     kind, _, name = found.name.partition(" ")
@@ -61,16 +65,20 @@ def suspicion(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> tuple[
             f"a vane of {name} {abs(found.value):.2g} m {where} the place that is told {taken}: give vane_x, or the"
             f" accelerometers' imu_x; {doubt}",
         )
+    if kind == DERIVATIVE:
+        return (f"{name} of {found.value:+.2g}, which is held, {taken}: name it in the parameters; {doubt}",)
     if kind == "late":
         return (f"{name} {abs(found.value):.2g} s {late} {taken}: [prepare.delay] moves it; {doubt}",)
     return (f'inputs that act {abs(found.value):.2g} s {late} {taken}: delay = "free" finds it; {doubt}',)
 
 
-def most_suspect(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> Suspect | None:
+def most_suspect(
+    problem: Problem, fit: Fit, speeds: Mapping[str, float], unnamed: Collection[str] = ()
+) -> Suspect | None:
     """The suspect that takes the most of the residuals' power; None where none takes much."""
     if fit.failure or not problem.model.inputs:
         return None
-    names, p = _suspects(problem, speeds), len(fit.values)
+    names, p = _suspects(problem, speeds, unnamed), len(fit.values)
     stacked, swings = _columns(problem, fit, names, speeds)
     if not np.all(np.isfinite(stacked)):
         return None
@@ -84,7 +92,7 @@ def most_suspect(problem: Problem, fit: Fit, speeds: Mapping[str, float]) -> Sus
             continue
         value = float(column @ left) / size
         share = value**2 * size / power
-        least = LEAST_MOVE / swing if name.startswith("vane") else LEAST_STEPS * step
+        least = LEAST_MOVE / swing if name.startswith(("vane", DERIVATIVE)) else LEAST_STEPS * step
         sure = value**2 * size * free > LEAST_ERRORS**2 * power
         if abs(value) >= least and share > LEAST_SHARE and sure:
             found.append(Suspect(name, value, share))
@@ -116,11 +124,12 @@ def _columns(problem: Problem, fit: Fit, names: list[str], speeds: Mapping[str, 
     return np.vstack(whole), swings
 
 
-def _suspects(problem: Problem, speeds: Mapping[str, float]) -> list[str]:
+def _suspects(problem: Problem, speeds: Mapping[str, float], unnamed: Collection[str]) -> list[str]:
     model = problem.model
     names = [DELAY] if DELAY not in model.parameters else []
     if len(problem.outputs) > 1:  # of one alone the inputs' delay tells it
         names += [f"late {name}" for name in problem.outputs]
+    names += [f"{DERIVATIVE} {name}" for name in unnamed]
     told = all(one.name in speeds for one in problem.experiments)
     return names + [
         f"vane {angle}"
@@ -141,6 +150,10 @@ def _moved(
         return column
     biases = np.array([own.input_biases[one] for one in problem.model.inputs])
     inputs = record.inputs + biases
+    if kind == DERIVATIVE:
+        more = own._replace(parameters={**own.parameters, of: own.parameters[of] + WIDTH})
+        flown = [_flown(problem, record, each, inputs) for each in (more, own)]
+        return np.asarray((flown[0] - flown[1])[:, _places(problem)] / WIDTH)
     if kind == DELAY:
         flown = [_flown(problem, record, own, one) for one in (_later(inputs), inputs)]
         return np.asarray((flown[0] - flown[1])[:, _places(problem)] / record.step)

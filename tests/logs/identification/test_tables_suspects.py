@@ -8,9 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_tables_identified import BASE, flight, identified
+from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
+from test_tables_identified import BASE, flight, identified, write
+from test_tables_starts import FREE
+from test_tables_starts import MAP as LATERAL_MAP
 
 from logs.identification.results import Array
+from logs.identification.tables.run import identify_tables
 
 Columns = dict[str, Array]
 
@@ -73,3 +77,19 @@ def test_noise_of_any_colour_is_none_of_these(tmp_path: Path, kind: str) -> None
                 columns[name] = columns[name] + size * (drawn if kind == "white" else slow / slow.std())
 
         assert told(tmp_path, change) == []
+
+
+@pytest.mark.parametrize("true", [0.0, 4.0])
+def test_a_derivative_that_the_map_leaves_out_is_named_with_its_size(tmp_path: Path, true: float) -> None:
+    """Y_r counts as zero unless it is named; the derivatives beside it take what they can of it."""
+    time = 0.02 * np.arange(1000)
+    inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
+    record = flown(LATERAL, {**LATERAL_TRUTH, "Y_r": true}, inputs, 0.02, 0.02, 1)
+    columns = {name: record.signals[name] for name in ("beta", "p", "r", "phi", "a_y", "delta_a", "delta_r")}
+    outputs = ", ".join(f'"{name}"' for name in ("beta", "p", "r", "phi", "a_y"))
+    (tmp_path / "map.toml").write_text(LATERAL_MAP.replace("OUTPUTS", outputs) + FREE)
+    (fit,) = identify_tables([write(tmp_path / "run.csv", columns)], tmp_path / "map.toml", "aero").fits
+    notes = [note for note in fit.fitted.notes if "would explain" in note]
+    assert len(notes) == (true > 0.0)
+    if notes:
+        assert number(notes[0], r"^Y_r of \+([\d.]+), which is held") == pytest.approx(true, rel=0.3)
