@@ -7,32 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
+from test_lateral_modes import MAP as LATERAL_MAP
 from test_tables_identified import numbers, write
 
 from logs.identification.results import Array
 from logs.identification.tables.run import identify_tables
 
-MAP = """
-[time]
-rate = 50.0
-[signals]
-beta = { column = "beta", unit = "rad" }
-p = { column = "p", unit = "rad/s" }
-r = { column = "r", unit = "rad/s" }
-phi = { column = "phi", unit = "rad" }
-a_y = { column = "a_y", unit = "m/s^2" }
-delta_a = { column = "delta_a", unit = "rad" }
-delta_r = { column = "delta_r", unit = "rad" }
-[constants]
-V = 20.0
-theta = 0.06
-alpha = 0.06
-[[aero.output_error]]
-model = "lateral"
-inputs = ["delta_a", "delta_r"]
-outputs = [OUTPUTS]
-[aero.output_error.parameters]
-"""
+MAP = LATERAL_MAP.replace("[constants]", 'a_y = { column = "a_y", unit = "m/s^2" }\n[constants]').replace(
+    "INPUTS", '"delta_a", "delta_r"'
+)
 FREE = "".join(f'{name} = "free"\n' for name in LATERAL_TRUTH)
 
 
