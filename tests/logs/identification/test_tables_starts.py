@@ -81,3 +81,16 @@ def test_a_sideslip_that_is_flown_with_its_noise_is_named(tmp_path: Path, noise:
     if told:
         assert float(said[0].split()[7]) == pytest.approx(100 * noise**2 / (1 + noise**2), rel=0.35)
         assert abs(numbers(fit)["Y_beta"].value) < 0.97 * abs(LATERAL_TRUTH["Y_beta"])
+
+
+@pytest.mark.parametrize(("second", "told"), [(20.5, False), (26.0, True)])
+def test_manoeuvres_at_airspeeds_far_apart_are_named(tmp_path: Path, second: float, told: bool) -> None:
+    mapping = MAP.replace("[constants]\nV = 20.0\n", 'V = { column = "V", unit = "m/s" }\n[constants]\n')
+    (tmp_path / "map.toml").write_text(mapping.replace("OUTPUTS", '"beta", "p", "r", "phi", "a_y"') + FREE)
+    tables = [
+        write(tmp_path / f"{speed}.csv", {**columns(seed, 0.03), "V": np.full(1000, speed)})
+        for seed, speed in enumerate((20.0, second))
+    ]
+    (fit,) = identify_tables(tables, tmp_path / "map.toml", "aero").fits
+    said = [note for note in fit.fitted.notes if note.startswith(f"airspeeds from 20 to {second:.3g} m/s are one")]
+    assert len(said) == told
