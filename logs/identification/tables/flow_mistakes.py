@@ -166,15 +166,15 @@ def _mistake_of(flow: Flow, pieces: list[_Piece]) -> str:
         if rest < least and min(each) > THIRD * sum(each) / THIRDS:
             exactly = _left(pieces, known.factors, mended=True, sensor=EXACT)
             found.append((np.inf if exactly is None else float(exactly.sum()), known))
-    return _said(found) if found else ""
+    return said_of(found) if found else ""
 
 
-def _said(found: list[tuple[float, Known]]) -> str:
+def said_of(found: list[tuple[float, Known]]) -> str:
     """What the mistake is that leaves least, with exact sensors; of speeds with those that leave hardly more."""
     least, best = min(found, key=lambda one: one[0])
     if not best.units[0]:
         return best.words
-    alike = [known.units for rest, known in found if rest < ALIKE * least and known.words == best.words]
+    alike = [known.units for rest, known in found if rest <= ALIKE * least and known.words == best.words]
     is_in, told = (" or ".join(dict.fromkeys(units)) for units in zip(*alike, strict=True))
     return f"{best.words} {is_in}, not in {told}, or is their scale wrong?"
 

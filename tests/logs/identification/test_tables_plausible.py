@@ -11,6 +11,7 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Estimate, estimate
+from logs.identification.tables.flow_mistakes import Known, said_of
 from logs.identification.tables.plausible import check_plausible
 from logs.identification.tables.signs import turned
 
@@ -170,6 +171,15 @@ def test_a_speed_in_another_unit_is_told_though_vane_and_forces_are_off(unit: st
     ):
         with pytest.raises(BadInput, match=f"V does not fit alpha, q and a_z: {said}"):
             check_plausible((one,), {"V": speed})
+
+
+def test_a_mistake_that_leaves_nothing_at_all_is_named() -> None:
+    """GIVEN a table without any noise, of which the mended terms leave 0."""
+    known = [Known("V does not fit: is it in", {"pushed": 2.0}, (unit, "m/s")) for unit in ("kn", "mph")]
+    assert (
+        said_of([(0.0, known[0]), (0.1, known[1])])
+        == "V does not fit: is it in kn, not in m/s, or is their scale wrong?"
+    )
 
 
 def test_an_airspeed_by_its_other_name_is_asked_for_its_unit() -> None:
