@@ -55,9 +55,8 @@ def output_error_fit(
     chosen = chosen_model(asked, constants, found.fitted)
     fitted = driven(found.fitted, chosen, fill)
     held = driven(found.held_out, chosen, fill) if found.held_out else Driven((), ())
-    names = tuple(name for name, one in chosen.parameters.items() if one.fixed is None)
     fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    starts, problem, fit = _likeliest(asked, chosen, fitted.experiments, constants, (names, fixed))
+    starts, problem, fit = _likeliest(asked, chosen, fitted.experiments, constants)
     fit = _within_sampling(fit, chosen, fitted.experiments, bool(coarse(lines_of(asked), found.fitted)))
     series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
     correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
@@ -70,7 +69,7 @@ def output_error_fit(
     )  # fmt: skip
     told = without_unexplained(told)
     samples = sum(len(one.time) for one in fitted.experiments)
-    own = {name: starts[name] for name in names}
+    own = {name: value for name, value in starts.items() if name not in fixed}
     table = TableFit(
         subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model,
         unnamed=chosen.unnamed,
@@ -165,14 +164,14 @@ def _likeliest(
     chosen: Chosen,
     experiments: tuple[Experiment, ...],
     constants: Mapping[str, float],
-    known: tuple[tuple[str, ...], Mapping[str, float]],
 ) -> tuple[dict[str, float], Problem, Fit]:
     """The fit, with where it began, from the first start that leads somewhere; in doubt the likeliest of all.
 
     In doubt is what did not converge, or leaves more of an output than noise: of full and clean records of a large
     transport, one in twenty ended elsewhere from the first start; of those with runs not measured, most.
     """
-    names, fixed = known
+    fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
+    names = tuple(name for name in chosen.parameters if name not in fixed)
     ends: list[tuple[dict[str, float], Problem, Fit]] = []
     for starts, search in _starts(asked, chosen, experiments, constants):
         if any(starts == before for before, *_ in ends) and search is not BESIDE:

@@ -37,6 +37,15 @@ SMALLEST = 1e-6
 """-; singular value, of the largest, under which a combination of parameters stays where it was"""
 
 
+class How(NamedTuple):
+    """How a start is found."""
+
+    steady: bool
+    """-; a constant is taken out of every equation of every manoeuvre, as linear models about a trim need"""
+    span: float | None = None
+    """s; that slopes and states are averaged over; None: as `derived.slope` has them, and as measured"""
+
+
 class _Rows(NamedTuple):
     """Samples of one manoeuvre at which all is known that the equations need."""
 
@@ -73,21 +82,19 @@ def equation_error_start(
     values: Array,
     places: list[int],
     constants: Mapping[str, float],
-    steady: bool,
-    span: float | None = None,
+    how: How,
 ) -> Array | None:
     """The model's parameters (P,), those at ``places`` such that its equations fit best, the others as in ``values``.
 
-    ``steady`` takes a constant out of every equation of every manoeuvre, as linear models about a trim need. None
-    where a state is neither measured nor to be made of what is.
+    None where a state is neither measured nor to be made of what is.
     """
-    rows = [_rows(model, one, constants, span) for one in experiments]
+    rows = [_rows(model, one, constants, how.span) for one in experiments]
     if any(one is None or not len(one.states) for one in rows):
         return None
     known = [one for one in rows if one is not None]
     found = values.copy()
     for _ in range(ROUNDS):
-        step = _step(model, known, found, places, steady)
+        step = _step(model, known, found, places, how.steady)
         if not np.all(np.isfinite(step)):
             return None
         found[places] += step
@@ -219,7 +226,8 @@ def begin(
             values[names.index(name)] = told
     wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None]
     places = [names.index(name) for name in wanted if name != DELAY]
-    found = equation_error_start(model, experiments, values, places, constants, steady, span) if places else values
+    how = How(steady, span)
+    found = equation_error_start(model, experiments, values, places, constants, how) if places else values
     if found is None:
         found = _guessed(model, experiments, values, names, wanted)
     return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
