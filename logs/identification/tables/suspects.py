@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.experiment import Experiment
-from logs.identification.output_error.flown import Flight
 from logs.identification.output_error.problem import Fit, Own, Problem
-from logs.identification.output_error.records import Record, layout_of, records_of
+from logs.identification.output_error.records import Record
 from logs.identification.results import Array
+from logs.identification.tables.beside_fit import beside, flown_with, places_of
 from logs.identification.tables.map import DELAY
-from logs.identification.tables.unseen import own_vector
 
 LEAST_SHARE = 0.1
 """-; of the residuals' power that a suspect takes, below which it is none"""
@@ -79,10 +78,18 @@ def most_suspect(
     if fit.failure or not problem.model.inputs:
         return None
     names, p = _suspects(problem, speeds, unnamed), len(fit.values)
-    stacked, swings = _columns(problem, fit, names, speeds)
+    swings = np.full(len(names), 1e-300)
+
+    def changes(record: Record, own: Own, outputs: Array) -> list[Array]:
+        moved = [_moved(name, problem, record, own, outputs, speeds) for name in names]
+        swings[:] = np.maximum(swings, [float(np.max(np.abs(one) / _swing(outputs))) for one in moved])
+        return moved
+
+    parameters, columns, left = beside(problem, fit, changes)
+    stacked = np.column_stack((columns, left))
     if not np.all(np.isfinite(stacked)):
         return None
-    rest = stacked[:, p:] - stacked[:, :p] @ np.linalg.lstsq(stacked[:, :p], stacked[:, p:], rcond=1e-10)[0]
+    rest = stacked - parameters @ np.linalg.lstsq(parameters, stacked, rcond=1e-10)[0]
     left, free = rest[:, -1], max(len(rest) - p, 1)
     power, step = float(left @ left), problem.experiments[0].step
     found = []
@@ -97,31 +104,6 @@ def most_suspect(
         if abs(value) >= least and share > LEAST_SHARE and sure:
             found.append(Suspect(name, value, share))
     return max(found, key=lambda one: one.share, default=None)
-
-
-def _columns(problem: Problem, fit: Fit, names: list[str], speeds: Mapping[str, float]) -> tuple[Array, Array]:
-    """Of all records, without what nuisances take: sensitivities to the parameters and to ``names``, residuals.
-
-    The outputs in their noise; and how far a unit of each name moves one at the most, of its swing.
-    """
-    layout = layout_of(problem)
-    flight = Flight(problem.model, layout, records_of(problem, layout))
-    scale = np.sqrt(np.diag(fit.noise))
-    scale = np.where(scale > 0.0, scale, np.inf)
-    p = len(fit.values)
-    whole, swings = [], np.full(len(names), 1e-300)
-    for record, own in zip(flight.records, fit.own, strict=True):
-        vector = own_vector(problem, layout, own)
-        slopes = flight.slopes(record, fit.values, vector) / scale[:, None]
-        flat = slopes.reshape(-1, slopes.shape[2])
-        outputs = flight.outputs(record, fit.values, vector)
-        moved = [_moved(name, problem, record, own, outputs, speeds) for name in names]
-        swings = np.maximum(swings, [float(np.max(np.abs(one) / _swing(outputs))) for one in moved])
-        left = (record.measured - outputs) * record.used / scale
-        asked = [(one * record.used / scale).ravel() for one in moved]
-        both, mine = np.column_stack((flat[:, :p], *asked, left.ravel())), flat[:, p:]
-        whole.append(both - mine @ np.linalg.lstsq(mine, both, rcond=1e-10)[0])
-    return np.vstack(whole), swings
 
 
 def _suspects(problem: Problem, speeds: Mapping[str, float], unnamed: Collection[str]) -> list[str]:
@@ -148,25 +130,19 @@ def _moved(
         column = np.zeros_like(outputs)
         column[:, place] = -np.gradient(outputs[:, place], record.step)
         return column
-    biases = np.array([own.input_biases[one] for one in problem.model.inputs])
-    inputs = record.inputs + biases
+    inputs = record.inputs
     if kind == DERIVATIVE:
         more = own._replace(parameters={**own.parameters, of: own.parameters[of] + WIDTH})
-        flown = [_flown(problem, record, each, inputs) for each in (more, own)]
-        return np.asarray((flown[0] - flown[1])[:, _places(problem)] / WIDTH)
+        flown = [flown_with(problem, each, inputs, record.step) for each in (more, own)]
+        return np.asarray((flown[0] - flown[1])[:, places_of(problem)] / WIDTH)
     if kind == DELAY:
-        flown = [_flown(problem, record, own, one) for one in (_later(inputs), inputs)]
-        return np.asarray((flown[0] - flown[1])[:, _places(problem)] / record.step)
+        flown = [flown_with(problem, own, one, record.step) for one in (_later(inputs), inputs)]
+        return np.asarray((flown[0] - flown[1])[:, places_of(problem)] / record.step)
     rate, sign = VANES[of]
-    turning = _flown(problem, record, own, inputs)[:, list(problem.model.outputs).index(rate)]
+    turning = flown_with(problem, own, inputs, record.step)[:, list(problem.model.outputs).index(rate)]
     column = np.zeros_like(outputs)
     column[:, problem.outputs.index(of)] = sign * turning / speeds[record.name]
     return column
-
-
-def _flown(problem: Problem, record: Record, own: Own, inputs: Array) -> Array:
-    parameters, start = np.array(list(own.parameters.values())), np.array(list(own.initial.values()))
-    return problem.model.simulate(parameters, start, inputs, record.step)
 
 
 def _swing(outputs: Array) -> Array:
@@ -178,10 +154,6 @@ def _swing(outputs: Array) -> Array:
 def _later(inputs: Array) -> Array:
     """``inputs`` (N, k) one sample later."""
     return np.vstack((inputs[:1], inputs[:-1]))
-
-
-def _places(problem: Problem) -> list[int]:
-    return [list(problem.model.outputs).index(one) for one in problem.outputs]
 
 
 def speeds_of(experiments: tuple[Experiment, ...], constants: Mapping[str, float]) -> dict[str, float]:

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from logs.identification.output_error.flown import Flight
 from logs.identification.output_error.problem import Fit, Own, Problem
-from logs.identification.output_error.records import Layout, Record, layout_of, records_of
+from logs.identification.output_error.records import Record
 from logs.identification.results import Array
+from logs.identification.tables.beside_fit import beside, flown_with, places_of
 from logs.identification.tables.between import FELT, coarse, said_coarse
 
 LEAST = 0.1
@@ -43,50 +43,24 @@ def put_off(problem: Problem, fit: Fit, names: tuple[str, ...]) -> dict[str, flo
     errors = np.array([one.standard_error for one in fit.estimates if one.name in fit.names])
     if not kept:
         return dict.fromkeys(names, 0.0)
-    layout, p = layout_of(problem), len(kept)
-    flight = Flight(problem.model, layout, records_of(problem, layout))
-    scale = np.sqrt(np.diag(fit.noise))
-    scale = np.where(scale > 0.0, scale, np.inf)
-    moments, moved = np.zeros((p, p)), np.zeros((p, len(names)))
-    for record, own in zip(flight.records, fit.own, strict=True):
-        slopes = flight.slopes(record, fit.values, own_vector(problem, layout, own)) / scale[:, None]
-        flat = slopes.reshape(-1, slopes.shape[2])
-        away = [(_between(problem, record, own, name) * record.used / scale).ravel() for name in names]
-        mine, both = flat[:, len(fit.values) :], np.column_stack((flat[:, kept], *away))
-        both = both - mine @ np.linalg.lstsq(mine, both, rcond=1e-10)[0]
-        moments += both[:, :p].T @ both[:, :p]
-        moved += both[:, :p].T @ both[:, p:]
-    if not np.all(np.isfinite(moved)):
+    found = beside(problem, fit, lambda record, own, _: [_between(problem, record, own, name) for name in names])
+    if not np.all(np.isfinite(found.changes)):
         return dict.fromkeys(names, 0.0)
-    off = np.linalg.lstsq(moments, moved, rcond=1e-12)[0]
+    parameters = found.parameters[:, kept]
+    off = np.linalg.lstsq(parameters.T @ parameters, parameters.T @ found.changes, rcond=1e-12)[0]
     worst = np.max(np.abs(off) / np.where(errors > 0.0, errors, np.inf)[:, None], axis=0)
     return dict(zip(names, worst.tolist(), strict=True))
 
 
-def own_vector(problem: Problem, layout: Layout, own: Own) -> Array:
-    """A record's own numbers in the order of `Layout`."""
-    parameters, states = list(problem.model.parameters), list(problem.model.states)
-    inputs = list(problem.model.inputs)
-    return np.array([
-        *(own.parameters[parameters[place]] for place in layout.local),
-        *(own.initial[states[place]] for place in layout.states),
-        *(own.output_biases[problem.outputs[place]] for place in layout.biased_outputs),
-        *(own.input_biases[inputs[place]] for place in layout.biased_inputs),
-    ])  # fmt: skip
-
-
 def _between(problem: Problem, record: Record, own: Own, name: str) -> Array:
     """Outputs (N, m) by a cubic course of the input ``name`` between its samples, less those by lines."""
-    model, column = problem.model, list(problem.model.inputs).index(name)
-    biases = np.array([own.input_biases[one] for one in model.inputs])
+    column = list(problem.model.inputs).index(name)
     places = np.arange(PARTS * (len(record.time) - 1) + 1) / PARTS
     lines = np.column_stack([np.interp(places, np.arange(len(record.time)), one) for one in record.inputs.T])
     cubic = lines.copy()
     cubic[:, column] = _cubic(record.inputs[:, column], places)
-    parameters, start = np.array(list(own.parameters.values())), np.array(list(own.initial.values()))
-    flown = [model.simulate(parameters, start, one + biases, record.step / PARTS)[::PARTS] for one in (cubic, lines)]
-    outputs = [list(model.outputs).index(one) for one in problem.outputs]
-    return np.asarray((flown[0] - flown[1])[:, outputs])
+    flown = [flown_with(problem, own, one, record.step / PARTS)[::PARTS] for one in (cubic, lines)]
+    return np.asarray((flown[0] - flown[1])[:, places_of(problem)])
 
 
 def _cubic(values: Array, places: Array) -> Array:
