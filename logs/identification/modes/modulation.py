@@ -84,6 +84,13 @@ def second_order(
     return outputs
 
 
+def swing_of(model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array, imu: tuple[float, float]) -> Array:
+    """Stroke-averaged outputs (M, 4) that the swing adds to those of the linear ``states`` (N, 4), to all orders."""
+    forcing = products(manoeuvre, swung(model, manoeuvre, states, factors))
+    outputs: Array = responses(model, manoeuvre, forcing, imu) @ factors
+    return outputs
+
+
 def responses(model: Matrices, manoeuvre: Manoeuvre, forcing: Array, imu: tuple[float, float]) -> Array:
     """Stroke-averaged outputs (M, 4, 3 k) of each ``forcing`` (N, k) along x, along z and in pitch.
 

@@ -30,8 +30,7 @@ from logs.identification.modes.flown_again import (
     squares_of,
     without_nuisances,
 )
-from logs.identification.modes.kinematics import second_order
-from logs.identification.modes.longitudinal import TAIL, propagate
+from logs.identification.modes.longitudinal import TAIL, TAIL_LAG, propagate
 from logs.identification.modes.modulation import (
     LEAST_MANOEUVRES,
     cleared,
@@ -40,8 +39,8 @@ from logs.identification.modes.modulation import (
     responses,
     swung,
 )
-from logs.identification.modes.modulation import second_order as swung_again
-from logs.identification.preparing.manoeuvre import OUTPUT_STEP
+from logs.identification.modes.small_motions import without_second_order
+from logs.identification.preparing.manoeuvre import OUTPUT_STEP, lagged
 from logs.identification.results import Array
 
 ITERATIONS = 40
@@ -68,7 +67,7 @@ def output_error(problem: Problem, start: Array) -> DerivativeFit:
     """
     linear, fit = problem, _begun(problem, start)
     for _ in range(SECOND_ORDER_PASSES):
-        linear = _without_second_order(problem, linear, fit)
+        linear = without_second_order(problem, linear, fit)
         fit = _fitted(linear, fit.values)
         if fit.failure:
             break
@@ -79,23 +78,6 @@ def _begun(problem: Problem, start: Array) -> DerivativeFit:
     """Derivatives ``start`` (p,) with the scatter that they leave, worth nothing."""
     scatter = spread_of(residuals_of(problem, start, np.ones(len(problem.outputs))))
     return failed(problem.names, "not fitted")._replace(values=start, scatter=scatter)
-
-
-def _without_second_order(problem: Problem, linear: Problem, fit: DerivativeFit) -> Problem:
-    """``problem`` with outputs as linear kinematics and a modulation of first order would have them.
-
-    ``linear`` is the last such one.
-    """
-    imu = problem.aircraft.imu_x, problem.aircraft.imu_z
-    flown, manoeuvres = flown_at(problem, fit.values), []
-    for measured, last in zip(problem.manoeuvres, linear.manoeuvres, strict=True):
-        start = project(linear, flown, last, fit.scatter).start
-        states = propagate(flown.exact, start, flown.tail(measured))
-        more = second_order(flown.model, measured, states, problem.reference)
-        if len(fit.swing):
-            more = more + swung_again(flown.model, measured, states, fit.swing, imu)
-        manoeuvres.append(measured._replace(averages=measured.averages - more))
-    return problem._replace(manoeuvres=tuple(manoeuvres))
 
 
 def _fitted(problem: Problem, start: Array) -> DerivativeFit:
@@ -132,10 +114,21 @@ def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
 
 
 def fitted_outputs(problem: Problem, fit: DerivativeFit) -> list[Array]:
-    """Stroke-averaged outputs (M_i, m) of the fitted model ; initial states and biases at their best."""
-    pieces = projections(_without_second_order(problem, problem, fit), fit.values, fit.scatter)
+    """Stroke-averaged outputs (M_i, m) of the fitted model; initial states and biases at their best."""
+    pieces = projections(without_second_order(problem, problem, fit), fit.values, fit.scatter)
     pairs = zip(problem.manoeuvres, pieces, strict=True)
     return [m.averages[:, problem.outputs] - piece.residuals * fit.scatter for m, piece in pairs]
+
+
+def with_lag_known(problem: Problem, fit: DerivativeFit) -> tuple[Problem, DerivativeFit]:
+    """Both with the tail's lag that was found taken as known, the parameter then being the rest of it: none."""
+    if TAIL_LAG not in fit.names:
+        return problem, fit
+    values, place = fit.values.copy(), fit.names.index(TAIL_LAG)
+    aircraft = problem.aircraft._replace(tail_time_constant=max(float(values[place]), 0.0))
+    values[place] = 0.0
+    manoeuvres = tuple(lagged(m, aircraft) for m in problem.manoeuvres)
+    return problem._replace(manoeuvres=manoeuvres, aircraft=aircraft, names=fit.names), fit._replace(values=values)
 
 
 def share_explained(problem: Problem, values: Array) -> float:

@@ -156,17 +156,19 @@ def rest_of(given: Array | None) -> int:
     return int(moving[-1]) + 1 if len(moving) else 0
 
 
-def averaged_records(manoeuvres: tuple[Manoeuvre, ...]) -> Records:
+def averaged_records(manoeuvres: tuple[Manoeuvre, ...], beyond: tuple[Array, ...] = ()) -> Records:
     """Stroke averages of tail angle, pitch rate and normal specific force of each manoeuvre of a flapping flight.
+
+    ``beyond`` are outputs (L, 4) of each that are known not to be linear (`small_motions`), taken off; or none.
 
     One average is taken of input and outputs alike, which leaves every linear relation between them as it is. They
     go on until the manoeuvre ends: a transform that ends before the motion has died away misleads more than what the
     loops do in the last half stroke.
     """
     pieces = []
-    for manoeuvre in manoeuvres:
+    for manoeuvre, more in zip(manoeuvres, beyond or [np.zeros(4)] * len(manoeuvres), strict=True):
         tail = manoeuvre.averaging_to_end @ manoeuvre.tail
-        outputs = manoeuvre.averaging_to_end @ manoeuvre.raw[:, [0, 2]]
+        outputs = (manoeuvre.averaging_to_end @ manoeuvre.raw - more)[:, [0, 2]]
         step = float(manoeuvre.at[1] - manoeuvre.at[0])
         about = outputs - outputs.mean(axis=0)
         pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))

@@ -9,11 +9,11 @@ from logs.identification.modes.filter_error import Filtered
 from logs.identification.modes.flown_again import OUTPUTS, Problem
 from logs.identification.modes.gust_strokes import PHASES
 from logs.identification.modes.gusts import OUTPUTS as FORETOLD
-from logs.identification.modes.longitudinal import TAIL_LAG, UNITS
+from logs.identification.modes.longitudinal import UNITS
 from logs.identification.modes.mode import ModesResult
-from logs.identification.modes.output_error import fitted_outputs, output_error
+from logs.identification.modes.output_error import fitted_outputs, output_error, with_lag_known
 from logs.identification.modes.short_period import EQUATION_ERROR, FILTER_ERROR, OUTPUT_ERROR
-from logs.identification.preparing.manoeuvre import Manoeuvre, lagged
+from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.preparing.split import by_flight, drawn
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array, FitSeries, Fitted, Unidentified
@@ -51,31 +51,20 @@ def fitted(result: ModesResult) -> tuple[Fitted, ...]:
 
 def predicted(problem: Problem, fit: DerivativeFit, held: tuple[Manoeuvre, ...]) -> tuple[FitSeries, ...]:
     """Outputs of manoeuvres that were not fitted, by a ``fit`` of output error; first states and biases their own."""
-    ready, again = _with_lag(problem._replace(manoeuvres=held), fit)
+    ready, again = with_lag_known(problem._replace(manoeuvres=held), fit)
     return _series(ready, again, ready.manoeuvres, True)
 
 
 def _output_error(method: str, problem: Problem, fit: DerivativeFit, held: tuple[Manoeuvre, ...]) -> Fitted:
     if fit.failure:
         return _failed(method, fit)
-    ready, again = _with_lag(problem, fit)
+    ready, again = with_lag_known(problem, fit)
     series = _series(ready, again, ready.manoeuvres, False)
     if held:
         told, note = predicted(problem, fit, held), _said(held, problem.manoeuvres)
     else:
         told, note = _held_out(ready, again)
     return _told(method, fit)._replace(series=series + told, validation=note)
-
-
-def _with_lag(problem: Problem, fit: DerivativeFit) -> tuple[Problem, DerivativeFit]:
-    """Both with the tail's lag that was found taken as known, the parameter then being the rest of it: none."""
-    if TAIL_LAG not in fit.names:
-        return problem, fit
-    values, place = fit.values.copy(), fit.names.index(TAIL_LAG)
-    aircraft = problem.aircraft._replace(tail_time_constant=max(float(values[place]), 0.0))
-    values[place] = 0.0
-    manoeuvres = tuple(lagged(m, aircraft) for m in problem.manoeuvres)
-    return problem._replace(manoeuvres=manoeuvres, aircraft=aircraft, names=fit.names), fit._replace(values=values)
 
 
 def _series(

@@ -14,8 +14,15 @@ from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.gust_strokes import PHASES, Task
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, TAIL_LAG, UNITS, matrices, modes_matrix
 from logs.identification.modes.mode import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.modes.output_error import LOST, flown_regressors, output_error, share_explained
+from logs.identification.modes.output_error import (
+    LOST,
+    flown_regressors,
+    output_error,
+    share_explained,
+    with_lag_known,
+)
 from logs.identification.modes.records import averaged_records
+from logs.identification.modes.small_motions import beyond_small_motions
 from logs.identification.preparing.manoeuvre import (
     Reference,
     dropped_manoeuvres,
@@ -82,13 +89,14 @@ def identify_modes(
     third = with_coarseness(third, second)
     by_filter = mode_of(FILTER_ERROR, third, reference, aircraft)
     second, first = _uncontradicted(by_filter, (second, first), reference, aircraft)
+    beyond = () if second.failure else beyond_small_motions(*with_lag_known(problem, second))
     modes = (
         mode_of(OUTPUT_ERROR, second, reference, aircraft),
         mode_of(EQUATION_ERROR, first, reference, aircraft),
         by_filter,
         *(
             _in_gusts(mode, (second, first), by_filter)
-            for mode in modes_of_records(averaged_records(manoeuvres), (SHORT_PERIOD,))
+            for mode in modes_of_records(averaged_records(manoeuvres, beyond), (SHORT_PERIOD,))
         ),
     )
     agree, statement = agreement(modes)
