@@ -20,7 +20,16 @@ from logs.identification.modes.errors import Spread, determined, information, sc
 from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
 from logs.identification.modes.noise_spectrum import power_law
 from logs.identification.modes.records import Record, Records
-from logs.identification.modes.separable import Build, Piece, SeparableFit, residuals_at, solve, squares, taken
+from logs.identification.modes.separable import (
+    Build,
+    Piece,
+    Prior,
+    SeparableFit,
+    residuals_at,
+    solve,
+    squares,
+    taken,
+)
 from logs.identification.results import Array
 
 Complex = NDArray[np.complex128]
@@ -42,11 +51,13 @@ DAMPINGS = (0.1, 0.4, 0.8)
 DELAYS = (0.0,)
 """s"""
 SLOW_SHARE, SLOW_DAMPING = 0.12, 0.2
-"""-; the slow pair that stands for the phugoid where it is not asked for, as a share of the short period. Without
-one the frequency came out 1.3 % too high and the damping 0.02 too low; with one of half or twice the true
-frequency a third of that. A system that has no slow pair cancels it in the numerator"""
-OTHER_SHARES = 1.0 / 1.4, 1.4
-"""-; of the slow pair's frequency: by what fits with those are moved counts as an error"""
+"""-; the slow pair that stands for the phugoid where it is not asked for, its frequency as a share of the short
+period's. Without one the frequency came out 1.3 % too high and the damping 0.02 too low. A system that has no slow
+pair cancels it in the numerator"""
+SLOW_DOUBT = 1.4, 0.15
+"""-; how far it may be off, share (as a factor) and damping, one standard deviation: they are parameters with that
+prior. Two fits with shares 1.4 times larger and smaller, taken for an error as large as they differ, had inputs of
+0.4 s, which tell the share, say a third less than they do"""
 NOISE_PASSES = 1
 LEAST_DEGREES = 4.0
 LEAST_FREQUENCIES = 3
@@ -82,6 +93,8 @@ class Transform(NamedTuple):
     """(F, m), complex"""
     length: float
     """s"""
+    line: Array
+    """-; (F,), by which the input's is less where it is a line between the samples"""
 
 
 def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
@@ -98,15 +111,16 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     why = _little(transforms, records)
     if why:
         return nothing(METHOD, why, kinds)
-    fit, shifts = fit_transforms(transforms, records, len(kinds))
-    why = fit.failure or _doubt(fit, transforms)
+    fit, shift = fit_transforms(transforms, records, len(kinds))
+    why = fit.failure or _doubt(fit, transforms, len(kinds))
     if why:
         return nothing(METHOD, why, kinds)
-    spread = _spread(fit, shifts)
+    spread = _spread(fit, len(kinds)).plus(np.outer(shift, shift))
     if spread.degrees < LEAST_DEGREES:
         return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
     delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, fit.values[-1:])
-    return paired_mode(METHOD, kinds, fit.values[:-1], spread, delay)
+    oscillations = slice(0, 2 * len(kinds))
+    return paired_mode(METHOD, kinds, fit.values[oscillations], spread.part(oscillations), delay)
 
 
 def _little(transforms: list[Transform], records: Records) -> str:
@@ -134,38 +148,46 @@ def transform(record: Record, blur: float) -> Transform:
     kept = slice(0, int(np.searchsorted(power, POWER_KEPT * power[-1])) + 1) if len(power) else slice(0, 0)
     s: Complex = np.asarray(2j * np.pi * frequencies[kept], dtype=np.complex128)
     seen: Complex = np.asarray(both[kept], dtype=np.complex128)
-    return Transform(s, seen[:, 0], seen[:, 1:], length)
+    line = np.sinc(frequencies[kept] * record.step) ** 2
+    return Transform(s, seen[:, 0], seen[:, 1:], length, line)
 
 
 def fit_transforms(transforms: list[Transform], records: Records, count: int) -> tuple[SeparableFit, Array]:
-    """``count`` pairs of frequency and damping and the delay, residuals white; and what other slow pairs shift.
+    """Two pairs of frequency and damping and the delay (5,), residuals white; and what is not known of the input.
 
-    Of the latter (2, p), one to a row.
+    Of one pair that is asked for alone the other is told by how many standard deviations share and damping are off.
+    The second (5,) is by what they move where the input is a line between the samples, not as smooth as they allow.
     """
-    weights = [np.ones(t.outputs.shape) for t in transforms]
-    build = builder(transforms, records, weights)
+    unknown = np.zeros(5)
+    weights, prior = [np.ones(t.outputs.shape) for t in transforms], _prior(count)
+    build = builder(transforms, records, weights, count)
     values, explained = _start(build, transforms, count), []
-    nothing_shifted = np.zeros((len(OTHER_SHARES), len(values)))
     for _ in range(NOISE_PASSES):
-        fit = solve(build, values)
+        fit = solve(build, values, prior)
         if fit.failure:
-            return fit, nothing_shifted
+            return fit, unknown
         values = fit.values
         explained.append(_explained(build, fit))
         weights = _reweighted(build, fit, transforms, weights)
-        build = builder(transforms, records, weights)
-    fit = solve(build, values)
+        build = builder(transforms, records, weights, count)
+    fit = solve(build, values, prior)
     least = LEAST_EXPLAINED_FLAPPING if records.blur else LEAST_EXPLAINED
     # Whitened residuals hide what is not explained: on the Arizona it was 0.99 before and 0.997 with the weights.
     if not fit.failure and min(*explained, _explained(build, fit)) < least:
-        fit = fit._replace(
-            failure="the input explains too little of the motion: turbulence, or a lag that is not known"
-        )
-    if count > 1 or fit.failure:
-        return fit, nothing_shifted
-    others = [solve(builder(transforms, records, weights, by * SLOW_SHARE), fit.values) for by in OTHER_SHARES]
-    why = next((other.failure for other in others if other.failure), "")
-    return fit._replace(failure=why), np.array([other.values - fit.values for other in others])
+        why = "the input explains too little of the motion: turbulence, or a lag that is not known"
+        return fit._replace(failure=why), unknown
+    if records.blur or fit.failure:  # an average is smooth
+        return fit, unknown
+    lines = [t._replace(input=t.input * t.line) for t in transforms]
+    other = solve(builder(lines, records, weights, count), fit.values, prior)
+    return fit._replace(failure=other.failure), other.values - fit.values
+
+
+def _prior(count: int) -> Prior:
+    """What is known beforehand where ``count`` pairs are asked for: of one alone, what the slow pair may be."""
+    weight = np.zeros(5)
+    weight[2:4] = float(count == 1)
+    return Prior(np.zeros(5), weight)
 
 
 def _explained(build: Build, fit: SeparableFit) -> float:
@@ -183,24 +205,30 @@ def _start(build: Build, transforms: list[Transform], count: int) -> Array:
     high = max(abs(t.s[-1]) for t in transforms)
     slow = [SLOW_SHARE, SLOW_DAMPING]
     starts = [
-        np.array([w, z, *([] if count == 1 else [slow[0] * w, slow[1]]), tau])
+        np.array([w, z, *([0.0, 0.0] if count == 1 else [slow[0] * w, slow[1]]), tau])
         for w in np.geomspace(low, high, GRID) for z in DAMPINGS for tau in DELAYS
     ]  # fmt: skip
     return min(starts, key=lambda start: squares(build, start))
 
 
-def builder(
-    transforms: list[Transform], records: Records, weights: list[Array], slow_share: float = SLOW_SHARE
-) -> Build:
-    """What makes the linear problem of given frequencies, dampings and, last, the delay (2 k + 1,)."""
+def builder(transforms: list[Transform], records: Records, weights: list[Array], count: int) -> Build:
+    """What makes the linear problem of two pairs and the delay (5,), as `fit_transforms` has them."""
 
     def build(values: Array) -> list[Piece]:
-        pairs = values[:-1].reshape(-1, 2)
-        if len(pairs) == 1:
-            pairs = np.vstack((pairs, [slow_share * pairs[0, 0], SLOW_DAMPING]))
-        return [_piece(t, records, w, (pairs, values[-1])) for t, w in zip(transforms, weights, strict=True)]
+        given = _pairs(values, count), values[-1]
+        return [_piece(t, records, w, given) for t, w in zip(transforms, weights, strict=True)]
 
     return build
+
+
+def _pairs(values: Array, count: int) -> Array:
+    """Frequencies and dampings (2, 2) of the denominator."""
+    if count == 2:
+        return values[:-1].reshape(-1, 2)
+    frequency, damping, share, slow = values[:-1]
+    by_share, by_damping = SLOW_DOUBT
+    standing_in = [SLOW_SHARE * by_share**share * frequency, SLOW_DAMPING + by_damping * slow]
+    return np.array([[frequency, damping], standing_in])
 
 
 def _piece(given: Transform, records: Records, weights: Array, parameters: tuple[Array, float]) -> Piece:
@@ -241,15 +269,16 @@ def _folded(both: Array) -> Array:
     return both[:half] + both[half:]
 
 
-def _doubt(fit: SeparableFit, transforms: list[Transform]) -> str:
+def _doubt(fit: SeparableFit, transforms: list[Transform], count: int) -> str:
     """Why the fitted numbers may not be used; empty where they may."""
     if not determined(fit.sensitivities):
         return "the records do not determine frequency, damping and delay"
-    if np.any(fit.values[:-1:2] <= 0):
+    frequencies = fit.values[: 2 * count : 2]
+    if np.any(frequencies <= 0):
         return "no mode of second order fits the records"
     if abs(fit.values[-1]) * fit.values[0] > LARGEST_DELAY:
         return "the delay took the mode's place: the input does not excite it"
-    fastest = float(np.max(fit.values[:-1:2]))
+    fastest = float(np.max(frequencies))
     periods = fastest * sum(t.length for t in transforms) / (2 * math.pi)
     if periods < LEAST_PERIODS:
         return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"
@@ -258,11 +287,11 @@ def _doubt(fit: SeparableFit, transforms: list[Transform]) -> str:
     return ""
 
 
-def _spread(fit: SeparableFit, shifts: Array) -> Spread:
-    """Cramer-Rao bounds or the scatter between records, and the ``shifts`` (2, p) by what the slow pair may be."""
-    inverse = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
-    count = sum(r.size for r in fit.residuals)
-    degrees = float(count - fit.linear - len(fit.values))
-    covariance = inverse * count / max(degrees, 1.0)
-    spread = with_scatter(Spread(covariance, degrees), inverse, scores_of(fit.residuals, fit.sensitivities))
-    return spread.plus(shifts.T @ shifts / len(shifts))
+def _spread(fit: SeparableFit, count: int) -> Spread:
+    """Cramer-Rao bounds or the scatter between records, the prior's information with the records'."""
+    known = np.diag(_prior(count).weight ** 2)
+    inverse = np.asarray(np.linalg.inv(information(fit.sensitivities) + known), dtype=np.float64)
+    size = sum(r.size for r in fit.residuals)
+    degrees = float(size - fit.linear - len(fit.values))
+    spread = Spread(inverse * size / max(degrees, 1.0), degrees)
+    return with_scatter(spread, inverse, scores_of(fit.residuals, fit.sensitivities))

@@ -18,7 +18,9 @@ from logs.identification.modes.separable import Build, Piece, SeparableFit, solv
 from logs.identification.results import Array
 
 METHOD = "free response"
-DRIFT_ORDER = 2
+DRIFT_ORDER, FINER_DRIFT = 2, 4
+"""-; of the polynomial that stands for slow motion. What the finer one moves counts as an error: of 100 flights of a
+lightly damped aircraft with a phugoid of a fifth of its frequency 87 frequencies were held without, 97 with it"""
 GRID = 24
 DAMPINGS = (0.05, 0.3, 0.8)
 SLOWER = (0.08, 0.2, 0.4)
@@ -73,12 +75,12 @@ def fit_ring_downs(rings: tuple[Record, ...], count: int) -> SeparableFit:
     return solve(build, min(pairs, key=lambda start: squares(build, start)))
 
 
-def builder(rings: tuple[Record, ...]) -> Build:
-    """What makes the linear problem of given frequencies and dampings (2 k,)."""
+def builder(rings: tuple[Record, ...], order: int = DRIFT_ORDER) -> Build:
+    """What makes the linear problem of given frequencies and dampings (2 k,), with a drift of the ``order``."""
     spans = {(len(ring.outputs), ring.step) for ring in rings}
 
     def build(values: Array) -> list[Piece]:
-        own = {span: _columns(values, *span) for span in spans}
+        own = {span: _columns(values, *span, order) for span in spans}
         pieces = []
         for ring in rings:
             outputs = ring.outputs.shape[1]
@@ -89,11 +91,11 @@ def builder(rings: tuple[Record, ...]) -> Build:
     return build
 
 
-def _columns(values: Array, samples: int, step: float) -> Array:
-    """The waves of each pair of ``values`` (2 k,), an offset and a slow drift: (N, 2 k + 3)."""
+def _columns(values: Array, samples: int, step: float, order: int) -> Array:
+    """The waves of each pair of ``values`` (2 k,), an offset and a drift of the ``order``: (N, 2 k + 1 + order)."""
     time = np.linspace(0.0, (samples - 1) * step, samples)
     waves = [wave for w, z in values.reshape(-1, 2).tolist() for wave in damped(time, w, z)]
-    return np.column_stack((*waves, np.vander(2 * time / time[-1] - 1, DRIFT_ORDER + 1)))
+    return np.column_stack((*waves, np.vander(2 * time / time[-1] - 1, order + 1)))
 
 
 def damped(time: Array, frequency: float, damping: float) -> tuple[Array, Array]:
@@ -162,6 +164,12 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
     within = coloured_spread(fit.residuals, fit.sensitivities, (flat, lags), fit.linear)
     inverse = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
     spread = with_scatter(within, inverse, scores_of(fit.residuals, fit.sensitivities))
+    if len(kinds) == 1:
+        finer = solve(builder(rings, FINER_DRIFT), fit.values)
+        if finer.failure:
+            return nothing(METHOD, f"with a finer drift {finer.failure}", kinds)
+        shift = finer.values - fit.values
+        spread = spread.plus(np.outer(shift, shift))
     mode = paired_mode(METHOD, kinds, fit.values, spread)
     # By its interval as well: of a mode of 0.5 just those fits came below the limit that had found too little.
     if any(one is not None and one.damping.high > LARGEST_DAMPING for one in map(mode.of_kind, KINDS)):

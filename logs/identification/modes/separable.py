@@ -33,6 +33,15 @@ class Piece(NamedTuple):
     """m of (n, g); what has one coefficient in all records, g may be 0"""
 
 
+class Prior(NamedTuple):
+    """What is known of the nonlinear parameters beforehand, each by itself."""
+
+    mean: Array
+    """(p,)"""
+    weight: Array
+    """(p,); one over the standard deviation, 0 where nothing is known"""
+
+
 class SeparableFit(NamedTuple):
     """The nonlinear parameters at the optimum."""
 
@@ -123,29 +132,33 @@ def squares(build: Build, values: Array) -> float:
     return float(np.sum(np.log(np.sum(np.vstack(residuals) ** 2, axis=0) + 1e-300)))
 
 
-def solve(build: Build, start: Array) -> SeparableFit:
-    """The nonlinear parameters from ``start`` (p,) on, by Levenberg-Marquardt on what the linear ones leave."""
+def solve(build: Build, start: Array, prior: Prior | None = None) -> SeparableFit:
+    """The nonlinear parameters from ``start`` (p,) on, by Levenberg-Marquardt on what the linear ones leave.
+
+    A ``prior`` counts as one more residual of each parameter, in standard deviations.
+    """
     values, deviation = start, np.ones(1)
     for _ in range(PASSES):
         residuals, _ = residuals_at(build, values)
         deviation = np.maximum(np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0)), 1e-300)
         found = least_squares(
-            _weighted(build, deviation), values, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE,
+            _weighted(build, deviation, prior), values, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE,
             max_nfev=EVALUATIONS,
         )  # fmt: skip
         values = found.x
     residuals, gains = residuals_at(build, values)
     failure = "" if found.success and np.all(np.isfinite(found.jac)) else "the fit did not converge"
-    bounds = np.cumsum([len(piece) for piece in residuals])[:-1]
-    slopes = np.split(-found.jac.reshape(-1, len(deviation), len(values)), bounds)
+    bounds = np.cumsum([len(piece) for piece in residuals])
+    told = found.jac[: bounds[-1] * len(deviation)]
+    slopes = np.split(-told.reshape(-1, len(deviation), len(values)), bounds[:-1])
     pieces = build(values)
     linear = sum(own.shape[1] for piece in pieces for own in piece.own) + sum(len(gain) for gain in gains)
     return SeparableFit(values, [r / deviation for r in residuals], slopes, linear, deviation, gains, failure)
 
 
-def _weighted(build: Build, deviation: Array) -> Callable[[Array], Array]:
+def _weighted(build: Build, deviation: Array, prior: Prior | None) -> Callable[[Array], Array]:
     def weighted(values: Array) -> Array:
         flat: Array = (np.vstack(residuals_at(build, values)[0]) / deviation).ravel()
-        return flat
+        return flat if prior is None else np.concatenate((flat, (values - prior.mean) * prior.weight))
 
     return weighted

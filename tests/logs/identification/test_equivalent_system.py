@@ -16,7 +16,7 @@ from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.results import Array
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
-AT_TRUTH = np.array([FREQUENCY, DAMPING, 0.0])
+AT_TRUTH = np.array([FREQUENCY, DAMPING, 0.0, 0.0, 0.0])
 
 
 def found(flight: Flight) -> Mode:
@@ -75,7 +75,7 @@ def of_flight() -> tuple[list[Piece], Build, Array]:
     """The records of a short flight, made linear at the true mode; and the frequencies of their ordinates."""
     records = averaged_records(find_manoeuvres(fly(Flight(settle=0.83)), AIRCRAFT))
     transforms = [transform(record, records.blur) for record in records.pieces]
-    build = builder(transforms, records, [np.ones(t.outputs.shape) for t in transforms])
+    build = builder(transforms, records, [np.ones(t.outputs.shape) for t in transforms], 1)
     return build(AT_TRUTH), build, np.concatenate([np.abs(t.s) for t in transforms])
 
 

@@ -60,7 +60,7 @@ def test_what_a_model_tells_of_large_motions_is_no_noise(flight: Flight) -> None
 
 
 def test_a_lag_that_is_found_is_in_the_model_that_tells_of_large_motions() -> None:
-    """GIVEN a tail of unknown lag THEN the motions that are taken off are those of its lag, as if it had been known."""
+    """GIVEN a tail of unknown lag THEN what is taken off is as if it had been known."""
     flight = Flight(width=0.4)
     data = fly(flight)
     known = find_manoeuvres(data, AIRCRAFT)
