@@ -59,6 +59,17 @@ def with_coarseness(by_filter: DerivativeFit, by_output: DerivativeFit) -> Deriv
     return by_filter._replace(spread=by_filter.spread.plus(_each_alone(by_filter.names, apart) / 3.0))
 
 
+def share_of_lack(delay: float, variance: float, sure: float) -> float:
+    """Share (0 to 1) of a ``delay`` with the ``variance`` of its noise that counts as what a model lacks.
+
+    None below ``sure`` standard errors; above, as far as its square exceeds twice its variance, from where on a model
+    with it would forecast better (Akaike, IEEE Trans. Automatic Control 19(6), 1974).
+    """
+    if not delay**2 > sure**2 * variance > 0.0:
+        return 0.0
+    return 1.0 - 2.0 * variance / delay**2
+
+
 def lacking(fit: DerivativeFit, lack: Array) -> DerivativeFit:
     """``fit`` with the ``lack`` (p,) of its model, or of another fit's to the same data, among its errors.
 

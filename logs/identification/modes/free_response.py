@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from logs.identification.modes.errors import coloured_spread, determined, information, scores_of, with_scatter
-from logs.identification.modes.mode import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.modes.mode import HEAVY, KINDS, SHORT_PERIOD, Mode, nothing, paired_mode
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
 from logs.identification.results import Array
@@ -31,8 +31,6 @@ LEAST_TURN = 2.0
 """-; periods that the ring-down must span: gusts ring the aircraft as well, and fit as lightly damped ones in less"""
 LARGEST_DAMPING = 0.4
 """-; a quarter of a cycle to half amplitude. Above, the drift took the phugoid for damping: at 0.6 3 % too little"""
-
-HEAVY = "it falls to half within a quarter of a cycle: decay and drift are not told apart"
 
 
 def free_response(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:

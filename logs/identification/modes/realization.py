@@ -17,13 +17,24 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.modes.errors import Spread
-from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, eigenvalues_of, nothing, paired_mode
+from logs.identification.modes.mode import (
+    HEAVY,
+    KINDS,
+    SHORT_PERIOD,
+    TOO_FAST,
+    Mode,
+    eigenvalues_of,
+    nothing,
+    paired_mode,
+)
 from logs.identification.modes.records import Record, Records
 from logs.identification.results import Array
 
 METHOD = "eigensystem realization"
-SAMPLES_A_STROKE = 4
-"""-; to which stroke averages are thinned: their neighbours hold the same wing strokes"""
+SAMPLES_A_STROKE = 3
+"""-; to which stroke averages are thinned: their neighbours hold the same wing strokes. With 4 the frequency of a
+lightly damped aircraft was held in 89 % of 272 flights, with 3 in 92 of 257; of weak inputs 197 and 231 of 300 gave a
+number"""
 LONGEST_RECORD = 160
 """-; samples to which a free motion is thinned"""
 SAMPLES_A_CYCLE = 8
@@ -88,7 +99,11 @@ def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> M
             pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
     except ValueError as error:
         return nothing(METHOD, str(error), kinds)
-    return paired_mode(METHOD, kinds, pairs, Spread(covariance, degrees))
+    mode = paired_mode(METHOD, kinds, pairs, Spread(covariance, degrees))
+    # By its interval as well: of an Arizona damped by 0.68 one flight of twenty came out at 0.36.
+    if driven and any(one is not None and one.damping.high > LARGEST_DAMPING for one in map(mode.of_kind, KINDS)):
+        return nothing(METHOD, HEAVY, kinds)
+    return mode
 
 
 def _spacing(records: Sequence[Record], blur: float) -> int:
@@ -132,7 +147,7 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
     if float(np.max(whole[::2])) > 2 * math.pi * max(_band(record) for record in records):
         raise ValueError(TOO_FAST)
     if np.any(whole[1::2] > LARGEST_DAMPING):
-        raise ValueError("it falls to half within a quarter of a cycle: decay and drift are not told apart")
+        raise ValueError(HEAVY)
     around, number = np.array(left_out), len(left_out)
     about = around - around.mean(axis=0)
     covariance = about.T @ about * (number - 1) / number

@@ -89,15 +89,15 @@ def identify_modes(
     third = with_coarseness(third, second)
     by_filter = mode_of(FILTER_ERROR, third, reference, aircraft)
     second, first = _uncontradicted(by_filter, (second, first), reference, aircraft)
-    beyond = () if second.failure else beyond_small_motions(*with_lag_known(problem, second))
+    records = averaged_records(manoeuvres)
+    if not second.failure:
+        ready, flown = with_lag_known(problem, second)
+        records = averaged_records(ready.manoeuvres, beyond_small_motions(ready, flown))
     modes = (
         mode_of(OUTPUT_ERROR, second, reference, aircraft),
         mode_of(EQUATION_ERROR, first, reference, aircraft),
         by_filter,
-        *(
-            _in_gusts(mode, (second, first), by_filter)
-            for mode in modes_of_records(averaged_records(manoeuvres, beyond), (SHORT_PERIOD,))
-        ),
+        *(_in_gusts(mode, (second, first), by_filter) for mode in modes_of_records(records, (SHORT_PERIOD,))),
     )
     agree, statement = agreement(modes)
     if by_filter.frequency is not None and sum(mode.frequency is not None for mode in modes) == 1:
