@@ -21,7 +21,7 @@ from logs.identification.modes.output_error import (
     share_explained,
     with_lag_known,
 )
-from logs.identification.modes.records import averaged_records
+from logs.identification.modes.records import Records, averaged_records
 from logs.identification.modes.small_motions import beyond_small_motions
 from logs.identification.preparing.manoeuvre import (
     Reference,
@@ -89,10 +89,7 @@ def identify_modes(
     third = with_coarseness(third, second)
     by_filter = mode_of(FILTER_ERROR, third, reference, aircraft)
     second, first = _uncontradicted(by_filter, (second, first), reference, aircraft)
-    records = averaged_records(manoeuvres)
-    if not second.failure:
-        ready, flown = with_lag_known(problem, second)
-        records = averaged_records(ready.manoeuvres, beyond_small_motions(ready, flown))
+    records = records_flown(problem, second)
     modes = (
         mode_of(OUTPUT_ERROR, second, reference, aircraft),
         mode_of(EQUATION_ERROR, first, reference, aircraft),
@@ -108,6 +105,15 @@ def identify_modes(
     return ModesResult(
         modes, agree, statement, reference, len(manoeuvres), period, notes, problem, fits, filtered, held
     )
+
+
+def records_flown(problem: Problem, by_output: DerivativeFit) -> Records:
+    """What methods without a physical model work on: stroke averages, as small motions would have them where output
+    error tells what large ones add, and driven by the tail with the lag that it found."""
+    if by_output.failure:
+        return averaged_records(problem.manoeuvres)
+    ready, fit = with_lag_known(problem, by_output)
+    return averaged_records(ready.manoeuvres, beyond_small_motions(ready, fit))
 
 
 def _with_gusts(data: FlightData, problem: Problem, near: DerivativeFit) -> tuple[DerivativeFit, Filtered | None]:

@@ -14,7 +14,7 @@ from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL_LAG
 from logs.identification.modes.mode import Mode
 from logs.identification.modes.output_error import with_lag_known
 from logs.identification.modes.records import Records, averaged_records
-from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives
+from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, records_flown
 from logs.identification.modes.small_motions import beyond_small_motions
 from logs.identification.preparing.manoeuvre import find_manoeuvres, lagged, reference_of
 from logs.identification.results import Array
@@ -27,10 +27,9 @@ def seen(flight: Flight) -> tuple[Records, Records, tuple[float, float]]:
     reference = reference_of(data, manoeuvres)
     problem = Problem(manoeuvres, reference, flight.aircraft, LONGITUDINAL, FITTED_OUTPUTS)
     _, fit = fit_derivatives(problem)
-    beyond = beyond_small_motions(*with_lag_known(problem, fit))
     true = truth_of(flight, reference)
     pair = true["short_period_frequency"], true["short_period_damping"]
-    return averaged_records(manoeuvres), averaged_records(manoeuvres, beyond), pair
+    return averaged_records(manoeuvres), records_flown(problem, fit), pair
 
 
 def half_widths(mode: Mode) -> Array:
