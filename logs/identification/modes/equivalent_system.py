@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.modes.differing import share_of_lack
-from logs.identification.modes.errors import Spread, determined, information, scores_of, with_scatter
+from logs.identification.modes.errors import Spread, by_scatter, determined, information
 from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
 from logs.identification.modes.noise_spectrum import power_law
 from logs.identification.modes.records import Record, Records
@@ -297,8 +297,8 @@ def _spread(fit: SeparableFit, count: int) -> Spread:
     inverse = np.asarray(np.linalg.inv(information(fit.sensitivities) + known), dtype=np.float64)
     size = sum(r.size for r in fit.residuals)
     degrees = float(size - fit.linear - len(fit.values))
-    spread = Spread(inverse * size / max(degrees, 1.0), degrees)
-    return with_scatter(spread, inverse, scores_of(fit.residuals, fit.sensitivities))
+    within = Spread(inverse * size / max(degrees, 1.0), degrees)
+    return by_scatter(within, fit.residuals, fit.sensitivities, known)
 
 
 def _lack(fit: SeparableFit, spread: Spread) -> Array:

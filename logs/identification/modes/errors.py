@@ -130,20 +130,24 @@ def with_scatter(within: Spread, inverse: Array, scores: list[Array]) -> Spread:
     return within._replace(between=scatter_between(inverse, scores), records=count)
 
 
-def by_scatter(within: Spread, residuals: list[Array], sensitivities: list[Array]) -> Spread:
+def by_scatter(
+    within: Spread, residuals: list[Array], sensitivities: list[Array], known: Array | None = None
+) -> Spread:
     """The errors ``within`` records, and by the scatter between them, which then counts alone; where records are few,
     the former.
 
-    ``residuals`` (N_i, m) and ``sensitivities`` (N_i, m, p) as `coloured_spread` takes them. A fit follows the
-    records that tell most of a parameter: their scores are too small, and are made as large as they were (the
-    bias-reduced sandwich CR2 of Bell & McCaffrey, Survey Methodology 28(2), 2002).
+    ``residuals`` (N_i, m) and ``sensitivities`` (N_i, m, p) as `coloured_spread` takes them, ``known`` (p, p) what a
+    prior tells beside them. A fit follows the records that tell most of a parameter: their scores are too small, and
+    are made as large as they were (the bias-reduced sandwich CR2 of Bell & McCaffrey, Survey Methodology 28(2),
+    2002).
     """
     if len(residuals) < LEAST_CLUSTERS:
         return within
     own = np.array([information([one]) for one in sensitivities])
-    root = _root_of_inverse(own.sum(axis=0))
+    prior = np.zeros_like(own[0]) if known is None else known
+    root = _root_of_inverse(own.sum(axis=0) + prior)
     inverse = root @ root.T
-    between = np.zeros_like(inverse)
+    between: Array = inverse @ prior @ inverse
     for share, score in zip(root.T @ own @ root, scores_of(residuals, sensitivities), strict=True):
         values, vectors = np.linalg.eigh(share)
         whole = vectors @ (vectors.T @ (root.T @ score) / np.sqrt(1.0 - np.minimum(values, MOST_OF_ALL)))
