@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from logs.identification.modes.differing import share_of_lack
 from logs.identification.modes.errors import Spread, by_scatter, determined, information
-from logs.identification.modes.mode import SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
+from logs.identification.modes.mode import KINDS, PHUGOID, SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
 from logs.identification.modes.noise_spectrum import power_law
 from logs.identification.modes.records import Record, Records
 from logs.identification.modes.separable import (
@@ -47,10 +47,8 @@ POWER_KEPT = 0.99
 HIGHEST_OF_AVERAGE = 0.8
 """-; of the moving average's own frequency, beyond which it leaves nothing"""
 HIGHEST_OF_SAMPLING = 0.2
-GRID = 12
+GRID, STARTS = 12, 3
 DAMPINGS = (0.1, 0.4, 0.8)
-DELAYS = (0.0,)
-"""s"""
 SLOW_SHARE, SLOW_DAMPING = 0.12, 0.2
 """-; the slow pair that stands for the phugoid where it is not asked for, its frequency as a share of the short
 period's. Without one the frequency came out 1.3 % too high and the damping 0.02 too low. A system that has no slow
@@ -59,7 +57,6 @@ SLOW_DOUBT = 1.4, 0.2
 """-; how far it may be off, share (as a factor) and damping, one standard deviation: they are parameters with that
 prior. Two fits with shares 1.4 times larger and smaller, taken for an error as large as they differ, had inputs of
 0.4 s, which tell the share, say a third less than they do"""
-NOISE_PASSES = 1
 LEAST_DEGREES = 4.0
 LEAST_FREQUENCIES = 3
 OWN = 5.0
@@ -101,7 +98,10 @@ class Transform(NamedTuple):
 
 
 def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
-    """Modes ``kinds`` from input and outputs of all records."""
+    """Modes ``kinds`` from input and outputs of all records.
+
+    A phugoid alone is the slower of two pairs: with but one, the faster was taken for it.
+    """
     driven = tuple(r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0)
     if not driven:
         seen = any(r.input is not None for r in records.pieces)
@@ -114,17 +114,21 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     why = _little(transforms, records)
     if why:
         return nothing(METHOD, why, kinds)
-    fit, shift = fit_transforms(transforms, records, len(kinds))
-    why = fit.failure or _doubt(fit, transforms, len(kinds))
+    fitted = KINDS if PHUGOID in kinds else kinds
+    fit, shift = fit_transforms(transforms, records, len(fitted))
+    why = fit.failure or _doubt(fit, transforms, kinds)
     if why:
         return nothing(METHOD, why, kinds)
-    spread = _spread(fit, len(kinds)).plus(np.outer(shift, shift))
+    spread = _spread(fit, len(fitted)).plus(np.outer(shift, shift))
     spread = spread.plus(_lack(fit, spread)) if records.blur else spread
     if spread.degrees < LEAST_DEGREES:
         return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
     delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, fit.values[-1:])
-    oscillations = slice(0, 2 * len(kinds))
-    return paired_mode(METHOD, kinds, fit.values[oscillations], spread.part(oscillations), delay)
+    oscillations = slice(0, 2 * len(fitted))
+    mode = paired_mode(METHOD, fitted, fit.values[oscillations], spread.part(oscillations), delay)
+    if SHORT_PERIOD in kinds:
+        return mode
+    return mode._replace(short_period=None, unidentified=tuple(u for u in mode.unidentified if u.name == PHUGOID))
 
 
 def _little(transforms: list[Transform], records: Records) -> str:
@@ -165,19 +169,16 @@ def fit_transforms(transforms: list[Transform], records: Records, count: int) ->
     unknown = np.zeros(5)
     weights, prior = [np.ones(t.outputs.shape) for t in transforms], _prior(count)
     build = builder(transforms, records, weights, count)
-    values, explained = _start(build, transforms, count), []
-    for _ in range(NOISE_PASSES):
-        fit = solve(build, values, prior)
-        if fit.failure:
-            return fit, unknown
-        values = fit.values
-        explained.append(_explained(build, fit))
-        weights = _reweighted(build, fit, transforms, weights)
-        build = builder(transforms, records, weights, count)
-    fit = solve(build, values, prior)
     least = LEAST_EXPLAINED_FLAPPING if records.blur else LEAST_EXPLAINED
+    first = _first(build, transforms, count, least)
+    if first.failure:
+        return first, unknown
+    explained = _explained(build, first)
+    weights = _reweighted(build, first, transforms, weights)
+    build = builder(transforms, records, weights, count)
+    fit = solve(build, first.values, prior)
     # Whitened residuals hide what is not explained: on the Arizona it was 0.99 before and 0.997 with the weights.
-    if not fit.failure and min(*explained, _explained(build, fit)) < least:
+    if not fit.failure and min(explained, _explained(build, fit)) < least:
         why = "the input explains too little of the motion: turbulence, or a lag that is not known"
         return fit._replace(failure=why), unknown
     if records.blur or fit.failure:  # an average is smooth
@@ -204,15 +205,36 @@ def _explained(build: Build, fit: SeparableFit) -> float:
     return float(np.max(1 - left / np.maximum(total, 1e-300)))
 
 
-def _start(build: Build, transforms: list[Transform], count: int) -> Array:
+def _first(build: Build, transforms: list[Transform], count: int, least: float) -> SeparableFit:
+    """The fit from the best place of a grid, or where it does not explain ``least`` the first one that does.
+
+    From the best place alone a pitch that rang at 2 and at 0.2 rad/s was fitted with the latter and a delay of a
+    second.
+    """
+    fits = []
+    for start in _starts(build, transforms, count):
+        fit = solve(build, start, _prior(count))
+        turns = not fit.failure and bool(np.all(_pairs(fit.values, count)[:, 0] > 0))
+        if turns and _explained(build, fit) >= least:
+            return fit
+        fits.append(fit)
+    return fits[0]
+
+
+def _starts(build: Build, transforms: list[Transform], count: int) -> list[Array]:
+    """Of a grid of frequencies, each with its best damping, those `STARTS` that fit best among their neighbours."""
     low = 0.7 * min(abs(t.s[0]) for t in transforms)
     high = max(abs(t.s[-1]) for t in transforms)
-    slow = [SLOW_SHARE, SLOW_DAMPING]
-    starts = [
-        np.array([w, z, *([0.0, 0.0] if count == 1 else [slow[0] * w, slow[1]]), tau])
-        for w in np.geomspace(low, high, GRID) for z in DAMPINGS for tau in DELAYS
-    ]  # fmt: skip
-    return min(starts, key=lambda start: squares(build, start))
+    best, costs = [], []
+    for w in np.geomspace(low, high, GRID):
+        other = (0.0, 0.0) if count == 1 else (SLOW_SHARE * w, SLOW_DAMPING)
+        tried = [np.array([w, z, *other, 0.0]) for z in DAMPINGS]
+        cost = [squares(build, start) for start in tried]
+        best.append(tried[int(np.argmin(cost))])
+        costs.append(min(cost))
+    around = np.concatenate(([np.inf], costs, [np.inf]))
+    valleys = [k for k in range(GRID) if around[k + 1] <= min(around[k], around[k + 2])]
+    return [best[k] for k in sorted(valleys, key=lambda k: costs[k])[:STARTS]]
 
 
 def builder(transforms: list[Transform], records: Records, weights: list[Array], count: int) -> Build:
@@ -273,11 +295,11 @@ def _folded(both: Array) -> Array:
     return both[:half] + both[half:]
 
 
-def _doubt(fit: SeparableFit, transforms: list[Transform], count: int) -> str:
+def _doubt(fit: SeparableFit, transforms: list[Transform], kinds: tuple[str, ...]) -> str:
     """Why the fitted numbers may not be used; empty where they may."""
     if not determined(fit.sensitivities):
         return "the records do not determine frequency, damping and delay"
-    frequencies = fit.values[: 2 * count : 2]
+    frequencies = fit.values[: 4 if PHUGOID in kinds else 2 : 2]
     if np.any(frequencies <= 0):
         return "no mode of second order fits the records"
     if abs(fit.values[-1]) * fit.values[0] > LARGEST_DELAY:
@@ -286,7 +308,8 @@ def _doubt(fit: SeparableFit, transforms: list[Transform], count: int) -> str:
     periods = fastest * sum(t.length for t in transforms) / (2 * math.pi)
     if periods < LEAST_PERIODS:
         return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"
-    if fastest > max(abs(t.s[-1]) for t in transforms):
+    asked = fastest if SHORT_PERIOD in kinds else float(np.min(frequencies))
+    if asked > max(abs(t.s[-1]) for t in transforms):
         return TOO_FAST
     return ""
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 from scipy.linalg import block_diag
+from scipy.signal import lsim
 
+from logs.identification.experiment import Experiment
 from logs.identification.modes.equivalent_system import builder, equivalent_system, transform
-from logs.identification.modes.mode import Mode, short_period_of
+from logs.identification.modes.mode import PHUGOID, Mode, short_period_of
 from logs.identification.modes.noise_spectrum import power_law
-from logs.identification.modes.records import averaged_records
+from logs.identification.modes.records import averaged_records, records_of
 from logs.identification.modes.separable import Build, Piece, residuals_at, taken
 from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.results import Array
@@ -69,6 +71,24 @@ def test_what_is_not_explained_is_not_hidden_by_weights() -> None:
     mode = found(Flight(gust=0.15, seed=1))
     assert mode.frequency is None
     assert "explains too little" in mode.unidentified[0].reason
+
+
+def test_a_phugoid_alone_is_the_slower_of_both() -> None:
+    """GIVEN a pitch that rings at 2 and at 0.2 rad/s THEN the phugoid is the latter."""
+    step = 0.1
+    time = np.arange(0.0, 200.0, step)
+    given = np.where((time > 2) & (time < 5), 0.05, 0.0) - np.where((time >= 5) & (time < 6), 0.05, 0.0)
+    system = block_diag(*[[[0.0, 1.0], [-(w**2), -2 * z * w]] for w, z in ((2.0, 0.3), (0.2, 0.05))])
+    _, _, states = lsim((system, [[0.0], [1.0]] * 2, np.eye(4), np.zeros((4, 1))), given, time)
+    noise = 1e-4 * np.random.default_rng(3).normal(size=(2, len(time)))
+    pitch, pitch_rate = states[:, :2].T + 0.3 * states[:, 2:].T + noise
+    signals = {"q": pitch_rate, "theta": pitch, "delta_e": given}
+    units = {"q": "rad/s", "theta": "rad", "delta_e": "rad"}
+    records = records_of((Experiment("one", time, signals, units),), "delta_e", ("q", "theta"))
+    mode = equivalent_system(records, (PHUGOID,))
+    assert mode.short_period is None and mode.phugoid is not None
+    assert mode.phugoid.frequency.contains(0.2) and mode.phugoid.damping.contains(0.05)
+    assert mode.phugoid.frequency.standard_error < 0.002
 
 
 def of_flight() -> tuple[list[Piece], Build, Array]:
