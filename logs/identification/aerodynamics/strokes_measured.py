@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from avionics.quantities import BadInput
 from logs.identification.preparing.fourier_smoothing import LEAST, POWER, fourier_smoothing
+from logs.identification.preparing.runs import longest_run, runs
 from logs.identification.results import Array
 from logs.strokes import strokes_of, time_at
 from sim_bridge.aerodynamics.stroke_averages import StrokeRecord, stroke_record
@@ -153,12 +154,10 @@ def wing_motion(flap: Array, step: float) -> WingMotion:
     the longest one's cut-off.
     """
     smooth, rate, bent = (np.full(len(flap), np.nan) for _ in range(3))
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isfinite(flap), [0]))))
-    pieces = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= LEAST]
+    pieces = [run for run in runs(np.isfinite(flap)) if run.stop - run.start >= LEAST]
     if not pieces:
         return WingMotion(smooth, rate, 0.0, bent)
-    longest = max(pieces, key=lambda piece: piece.stop - piece.start)
-    cut_off = min(fourier_smoothing(flap[longest], step).cut_off, HIGHEST / step)
+    cut_off = min(fourier_smoothing(flap[longest_run(np.isfinite(flap))], step).cut_off, HIGHEST / step)
     errors = []
     for piece in pieces:
         left, count = flap[piece], piece.stop - piece.start

@@ -25,6 +25,7 @@ from logs.identification.kinematics.flight_told import METHOD, SENSORS, WHOLE, f
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.excited import excited
 from logs.identification.preparing.resampling import cut, whole_records
+from logs.identification.preparing.runs import runs
 from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified, estimate
 from logs.identification.sources.topic_table import ColumnSource
 from logs.identification.sources.velocity_fixes import ANGLES, FLYING, IN_FLIGHT, LEAD, aided_flight
@@ -201,11 +202,10 @@ def _flying(flight: Experiment) -> tuple[Experiment, ...]:
     known = speed[np.isfinite(speed)]
     least = FLYING * float(np.quantile(known, IN_FLIGHT)) if len(known) else np.inf
     fast = np.nan_to_num(speed) > least
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], fast.astype(int), [0]))))
     pieces = []
-    for begin, last in edges.reshape(-1, 2).tolist():
-        first = min(begin + int(LEAD / flight.step), last)
-        parts = max(round((last - first) * flight.step / PIECE), 1)
-        bounds = np.linspace(first, last, parts + 1).astype(int)
+    for run in runs(fast):
+        first = min(run.start + int(LEAD / flight.step), run.stop)
+        parts = max(round((run.stop - first) * flight.step / PIECE), 1)
+        bounds = np.linspace(first, run.stop, parts + 1).astype(int)
         pieces += [cut(flight, slice(int(a), int(b))) for a, b in pairwise(bounds) if (b - a) * flight.step >= LEAST]
     return tuple(one._replace(name=f"piece {number}") for number, one in enumerate(pieces, 1))

@@ -11,6 +11,7 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.preparing.noise_level import noise_beside_steps
+from logs.identification.preparing.runs import longest_run, runs
 from logs.identification.results import Array
 
 LEAST_SAMPLES = 16
@@ -112,20 +113,13 @@ def _without_gaps(columns: Array) -> tuple[Array, str]:
     if np.all(whole):
         return columns, ""
     bridged, count = columns.copy(), 0
-    gaps = [run for run in _runs(~whole) if run.stop - run.start <= LONGEST_GAP]
+    gaps = [run for run in runs(~whole) if run.stop - run.start <= LONGEST_GAP]
     for run in (run for run in gaps if run.start > 0 and run.stop < len(whole)):
         share = (np.arange(run.start, run.stop) - run.start + 1)[:, None] / (run.stop - run.start + 1)
         bridged[run] = (1 - share) * columns[run.start - 1] + share * columns[run.stop]
         whole[run], count = True, count + run.stop - run.start
-    longest = max(_runs(whole), key=lambda run: run.stop - run.start, default=slice(0, 0))
-    kept = bridged[longest]
+    kept = bridged[longest_run(whole)]
     return kept, f"{count} missing samples bridged, {len(columns) - len(kept)} at the ends or in long gaps left out"
-
-
-def _runs(mask: Array) -> list[slice]:
-    """Stretches on which ``mask`` (N,) holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(int), [0]))))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:

@@ -17,6 +17,7 @@ from scipy.signal import firwin, kaiserord, oaconvolve
 
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.runs import runs
 from logs.identification.results import Array
 
 PASSED = 0.6
@@ -39,17 +40,11 @@ class Channel(NamedTuple):
     """as the unit; (N,), NaN where a sample was not measured"""
 
 
-def gaps(values: Array) -> list[slice]:
-    """The runs of NaN in ``values`` (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isnan(values), [0]))))
-    return [slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def filled(values: Array, longest: int) -> Array:
     """``values`` (N,) with inner gaps of up to ``longest`` samples bridged by straight lines; the others stay."""
     out, places = values.copy(), np.arange(len(values))
     known = np.isfinite(values)
-    for gap in gaps(values):
+    for gap in runs(np.isnan(values)):
         if gap.start > 0 and gap.stop < len(values) and gap.stop - gap.start <= longest:
             out[gap] = np.interp(places[gap], places[known], values[known])
     return out
@@ -155,9 +150,8 @@ def measured_pieces(experiment: Experiment, names: Sequence[str], least: int) ->
     known = np.ones(len(experiment.time), bool)
     for name in names:
         known &= np.isfinite(experiment.signals[name])
-    runs = [run for run in gaps(np.where(known, np.nan, 0.0)) if run.stop - run.start >= least]
-    labels = [f", part {number + 1}" if len(runs) > 1 else "" for number in range(len(runs))]
-    pieces = [cut(experiment, run) for run in runs]
+    pieces = [cut(experiment, run) for run in runs(known) if run.stop - run.start >= least]
+    labels = [f", part {number + 1}" if len(pieces) > 1 else "" for number in range(len(pieces))]
     return tuple(one._replace(name=one.name + label) for one, label in zip(pieces, labels, strict=True))
 
 

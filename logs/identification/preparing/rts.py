@@ -17,6 +17,7 @@ from filterpy.kalman import KalmanFilter, rts_smoother
 
 from avionics.quantities import BadInput
 from logs.identification.preparing.fourier_smoothing import fourier_smoothing
+from logs.identification.preparing.runs import longest_run
 from logs.identification.preparing.smoothed import Smoothed, half_power
 from logs.identification.results import Array
 
@@ -44,9 +45,7 @@ def tuning_of(values: Array, step: float) -> Tuning:
     Raises:
         BadInput: no piece has 64 samples.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isfinite(values), [0]))))
-    pieces = [values[first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
-    longest = max(pieces, key=len, default=values[:0])
+    longest = values[longest_run(np.isfinite(values))]
     if len(longest) < LEAST_TUNED:
         raise BadInput(
             f"no {LEAST_TUNED} samples without a gap to tell noise from signal: give the smoother's tuning"

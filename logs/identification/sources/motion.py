@@ -22,6 +22,7 @@ from logs.identification.aerodynamics.wing_air import MovedVehicle
 from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.speeds import smoothed
 from logs.identification.preparing.lag import behind
+from logs.identification.preparing.runs import runs
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
@@ -160,8 +161,7 @@ def _stretches(vehicle: SimulatedVehicle, whole: _Whole, use: NDArray[np.bool_])
     spline = CubicSpline(time, coordinates)
     speeds = np.column_stack([base.velocity, base.omega, spline(time, 1)])
     rates = np.column_stack([base.velocity_rate, base.omega_rate, spline(time, 2)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
-    spans = [slice(a, b) for a, b in edges.reshape(-1, 2) if (b - a) * step >= LEAST_SECONDS]
+    spans = [run for run in runs(use) if (run.stop - run.start) * step >= LEAST_SECONDS]
     if not spans:
         raise BadInput(f"the log has no {LEAST_SECONDS:g} s of flapping flight without a break")
     return tuple(

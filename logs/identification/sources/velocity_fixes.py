@@ -12,6 +12,7 @@ from logs.identification.experiment import Experiment
 from logs.identification.kinematics.aided_fit import AidedFlight, ned_from_frd
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.resampling import bridged
+from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
 from logs.identification.sources.whole_flight import LONGEST_GAP
@@ -69,13 +70,11 @@ def _usable(flight: Experiment, fixes: TopicTable) -> NDArray[np.bool_]:
 
 
 def _longest(usable: NDArray[np.bool_], step: float) -> slice:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], usable.astype(int), [0])))).reshape(-1, 2)
-    lengths = edges[:, 1] - edges[:, 0] - int(LEAD / step)
-    if not len(lengths) or np.max(lengths) * step < LEAST:
+    whole = longest_run(usable)
+    first = whole.start + int(LEAD / step)
+    if (whole.stop - first) * step < LEAST:
         raise BadInput(f"no {LEAST:g} s of flight with fixes of the GPS all along, {LEAD:g} s behind a launch")
-    first, last = edges[int(np.argmax(lengths))]
-    first += int(LEAD / step)
-    return slice(int(first), int(min(last, first + LONGEST / step)))
+    return slice(first, int(min(whole.stop, first + LONGEST / step)))
 
 
 def _age(time: Array, inputs: Array, attitude: Array, arrived: Array, velocity: Array) -> float:

@@ -16,6 +16,7 @@ from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.lever_arm import acceleration_at_centre
 from logs.identification.preparing.local_quadratic import NEIGHBOURS, local_quadratic
+from logs.identification.preparing.runs import runs
 from logs.identification.regression.averaging import LINE, Averaging, average_of_slope
 from logs.identification.results import Array
 from logs.identification.tables.between import jumps
@@ -73,10 +74,9 @@ def slope(values: Array, step: float, width: int | None = None) -> Array:
     They are laid over ``width`` samples, `slope_width` where none is told.
     """
     rates, width = np.full(len(values), np.nan), width or slope_width(step)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isfinite(values), [0]))))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first >= width + 2:
-            rates[first:last] = local_quadratic(values[first:last], step, width).rates
+    for run in runs(np.isfinite(values)):
+        if run.stop - run.start >= width + 2:
+            rates[run] = local_quadratic(values[run], step, width).rates
     return rates
 
 

@@ -18,6 +18,7 @@ from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_sensors import SPEEDS
 from logs.identification.preparing.noise_level import noise_beside_steps
+from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
 
 DEGREES = float(np.degrees(1.0))
@@ -233,31 +234,22 @@ def _pieces(flow: Flow, one: Experiment, constants: Mapping[str, float]) -> list
         else:
             columns[name] = np.full(len(one.time), constants.get(name, flow.usual.get(name, 0.0)))
     known = np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1) & (columns["V"] > 0)
-    start, stop = longest(known)
-    if stop - start < LEAST_RUN:
+    there = longest_run(known)
+    length = there.stop - there.start
+    if length < LEAST_RUN:
         return []
-    run = {name: values[start:stop] for name, values in columns.items()}
+    run = {name: values[there] for name, values in columns.items()}
     rates = flow.terms(run)
     terms = {name: level(_summed(rate, one.step)) for name, rate in rates.items()}
     beside = np.column_stack([level(run[name]) for name in flow.places])
     walked = sum((noise_beside_steps(rate) * one.step) ** 2 for rate in rates.values())
     angle = np.unwrap(run[flow.angle])
-    noise = (stop - start) * noise_beside_steps(angle) ** 2
-    return [_Piece(level(angle), terms, beside, (stop - start) ** 2 * walked / WALK, noise)]
+    noise = length * noise_beside_steps(angle) ** 2
+    return [_Piece(level(angle), terms, beside, length**2 * walked / WALK, noise)]
 
 
 def _summed(rate: Array, step: float) -> Array:
     return np.concatenate(([0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * step)))
-
-
-def longest(known: Array) -> tuple[int, int]:
-    """Ends of the longest run of samples that are ``known``."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(int), [0]))))
-    runs = edges.reshape(-1, 2)
-    if not len(runs):
-        return 0, 0
-    widest = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
-    return int(widest[0]), int(widest[1])
 
 
 def level(columns: Array) -> Array:

@@ -16,8 +16,9 @@ import numpy as np
 from avionics.constants import STANDARD_GRAVITY
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
+from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
-from logs.identification.tables.flow_mistakes import DEGREES, HINT, NORMAL, SIDEWAYS, level, longest, mistake
+from logs.identification.tables.flow_mistakes import DEGREES, HINT, NORMAL, SIDEWAYS, level, mistake
 
 UPRIGHT = (0.7, 1.4)
 """-; mean of a_z over g, of which a flight's is -1 and an a_z that counts upward's +1"""
@@ -111,14 +112,14 @@ def _force_share(experiments: Sequence[Experiment], force: str, names: tuple[str
         if not {force, *names} <= set(one.signals):
             continue
         columns = {name: np.asarray(one.signals[name]) for name in (force, *names)}
-        start, stop = longest(np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1))
-        if stop - start < LEAST_RUN:
+        there = longest_run(np.all(np.isfinite(np.column_stack(list(columns.values()))), axis=1))
+        if there.stop - there.start < LEAST_RUN:
             continue
-        speed, rest = along({name: values[start:stop] for name, values in columns.items()})
-        both = np.column_stack((columns[force][start:stop], rest))
+        speed, rest = along({name: values[there] for name, values in columns.items()})
+        both = np.column_stack((columns[force][there], rest))
         summed = np.vstack((np.zeros(2), np.cumsum((both[1:] + both[:-1]) / 2.0 * one.step, axis=0)))
         change = speed - summed[:, 1]
-        means.append((summed[-1, 0], change[-1] - change[0], (stop - start - 1) * one.step))
+        means.append((summed[-1, 0], change[-1] - change[0], (len(summed) - 1) * one.step))
         flat = level(np.column_stack((summed[:, 0], change)))
         given.append(flat[:, 0])
         made.append(flat[:, 1])
@@ -261,10 +262,9 @@ def _run(
     speed = _speed(one, constants)
     if "a_z" in names and speed is None:
         return []
-    start, stop = longest(np.all(np.isfinite(columns), axis=1))
-    if stop - start < LEAST_RUN:
+    columns = columns[longest_run(np.all(np.isfinite(columns), axis=1))]
+    if len(columns) < LEAST_RUN:
         return []
-    columns = columns[start:stop]
     columns[:, 0] = np.unwrap(columns[:, 0])
     if third is not None:
         power = np.cumsum(level(columns[:, :1])[:, 0] ** 2)

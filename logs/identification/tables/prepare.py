@@ -8,7 +8,8 @@ import numpy as np
 
 from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
-from logs.identification.preparing.resampling import cut, down_sampled, gaps, whole_records
+from logs.identification.preparing.resampling import cut, down_sampled, whole_records
+from logs.identification.preparing.runs import runs
 from logs.identification.preparing.skew import LEAST, shifted, skew_between
 from logs.identification.preparing.smoothing import RATE_SUFFIX, smoothed
 from logs.identification.results import Array, Estimate, estimate
@@ -160,7 +161,7 @@ def _smoothed(one: Experiment, name: str, method: str, notes: list[str]) -> Expe
     clean: Array = np.full(len(values), np.nan)
     rates: Array = np.full(len(values), np.nan)
     taken: list[float] = []
-    for run in gaps(np.where(np.isfinite(values), np.nan, 0.0)):
+    for run in runs(np.isfinite(values)):
         if run.stop - run.start < LEAST_SMOOTHED:
             continue
         done = smoothed(cut(one, run), (name,), method)

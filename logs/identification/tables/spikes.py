@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from avionics.quantities import counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.noise_level import MEDIAN_TO_DEVIATION
+from logs.identification.preparing.runs import runs
 from logs.identification.results import Array, FitSeries
 from logs.identification.tables.between import LEAST_RUN
 
@@ -80,12 +81,6 @@ def _bad(measured: Array, left: Array, inputs: Mapping[str, Array]) -> list[int]
     return places
 
 
-def _runs(true: Flags) -> list[tuple[int, int]]:
-    """Begin and end of each run of neighbours that are true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def _apart(values: Array, starts: Places, length: int, least: float = 0.0) -> Flags:
     """Whether ``values`` jump away from the neighbours on both sides, by more than ``least``, and back.
 
@@ -136,9 +131,9 @@ def _pushed(inputs: Mapping[str, Array], starts: Places, length: int) -> Flags:
 def _frozen(measured: Array, far: Flags) -> Flags:
     """(N,) of bool; the same number on end, far from the model, and longer than where the model follows."""
     same = np.append(np.diff(measured) == 0.0, False)
-    runs = [(begin, end + 1) for begin, end in _runs(same)]
-    held = [(begin, end) for begin, end in runs if np.any(far[begin:end])]
-    elsewhere = max((end - begin for begin, end in runs if (begin, end) not in held), default=1)
+    equal = [(run.start, run.stop + 1) for run in runs(same)]
+    held = [(begin, end) for begin, end in equal if np.any(far[begin:end])]
+    elsewhere = max((end - begin for begin, end in equal if (begin, end) not in held), default=1)
     frozen = np.zeros(len(measured), bool)
     for begin, end in held:
         if end - begin >= max(FROZEN, TIMES_ELSEWHERE * elsewhere):

@@ -14,7 +14,6 @@ from logs.identification.preparing.resampling import (
     even,
     experiment_of,
     filled,
-    gaps,
     interpolated,
     measured_pieces,
     whole_records,
@@ -31,9 +30,8 @@ def test_uneven_samples_of_a_line_stay_on_it_and_end_with_it() -> None:
     assert np.all(np.isnan(found[~inside]))
 
 
-def test_gaps_are_found_and_short_ones_bridged() -> None:
+def test_short_gaps_are_bridged() -> None:
     values = np.array([np.nan, 1.0, np.nan, 3.0, np.nan, np.nan, np.nan, 7.0, np.nan])
-    assert gaps(values) == [slice(0, 1), slice(2, 3), slice(4, 7), slice(8, 9)]
     np.testing.assert_allclose(filled(values, 1), [np.nan, 1, 2, 3, np.nan, np.nan, np.nan, 7, np.nan])
     np.testing.assert_allclose(filled(values, 3), [np.nan, 1, 2, 3, 4, 5, 6, 7, np.nan])
 
