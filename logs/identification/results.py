@@ -65,6 +65,12 @@ class FitSeries(NamedTuple):
     """as `unit`; of the steady flight, from which Theil's coefficient counts: gravity alone is no prediction"""
 
 
+class Information(str):
+    """A note that tells what was done, and casts no doubt on a number as all other notes do."""
+
+    __slots__ = ()
+
+
 class Fitted(NamedTuple):
     """What any method hands to the report: its model, its numbers, and how they fit."""
 
@@ -78,7 +84,7 @@ class Fitted(NamedTuple):
     """-; (p, p), of the estimates in their order"""
     series: tuple[FitSeries, ...] = ()
     notes: tuple[str, ...] = ()
-    """-; what was dropped, taken from elsewhere or decided, one sentence each"""
+    """-; what was dropped, taken from elsewhere or decided, one sentence each; `Information` where it is no doubt"""
     validation: str = ""
     """-; how the held-out manoeuvres were predicted, or why none were, one sentence; empty where nothing is to say"""
 

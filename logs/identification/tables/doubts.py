@@ -12,7 +12,7 @@ from avionics.quantities import counted
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.problem import Fit, Problem
 from logs.identification.preparing.noise_level import noise_beside_steps
-from logs.identification.results import Array, FitSeries
+from logs.identification.results import Array, FitSeries, Information
 from logs.identification.tables.between import jumping
 from logs.identification.tables.lacking import lacking
 from logs.identification.tables.map import OutputError
@@ -57,11 +57,13 @@ def doubts(
     )  # fmt: skip
 
 
-def _missing(series: Sequence[FitSeries]) -> tuple[str, ...]:
+def _missing(series: Sequence[FitSeries]) -> tuple[Information, ...]:
     """What is said of outputs that were not measured throughout: the fit passes over those samples."""
     counts = [(one, int(np.count_nonzero(~np.isfinite(one.measured)))) for one in series]
     return tuple(
-        f"{one.experiment}: {count} of {counted(len(one.measured), 'sample')} of {one.output} not measured"
+        Information(
+            f"{one.experiment}: {count} of {counted(len(one.measured), 'sample')} of {one.output} not measured"
+        )
         for one, count in counts
         if count
     )

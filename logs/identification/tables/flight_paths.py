@@ -16,7 +16,7 @@ from logs.identification.kinematics.flight_sensors import LONGITUDINAL_INPUTS, U
 from logs.identification.kinematics.flight_told import fitted_path, input_names, path_chapter
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.preparing.resampling import whole_records
-from logs.identification.results import Array
+from logs.identification.results import Array, Information
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.keys import check_known
@@ -197,7 +197,9 @@ def _records(
         left = len(one.time) - sum(len(piece.time) for piece in pieces)
         if lost:
             said = f"{counted(lost, 'sample')} without {', '.join(names)}"
-            notes.append(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
+            notes.append(
+                Information(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
+            )
         found += pieces
     return found
 

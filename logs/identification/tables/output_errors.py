@@ -16,7 +16,7 @@ from logs.identification.output_error.problem import Fit, Nuisances, Problem
 from logs.identification.output_error.problem import Parameter as Sought
 from logs.identification.preparing.resampling import bridged, measured_pieces
 from logs.identification.regression.terms import quotient
-from logs.identification.results import Estimate, FitSeries, Fitted, Unidentified
+from logs.identification.results import Estimate, FitSeries, Fitted, Information, Unidentified
 from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
 from logs.identification.tables.doubts import Flown, doubts, lines_of
 from logs.identification.tables.experiments import Cut
@@ -136,11 +136,12 @@ def _whole_runs(
     for name in inputs:
         count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
         if count:
-            notes.append(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated")
+            notes.append(Information(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated"))
     pieces = measured_pieces(whole, inputs, LEAST_RUN)
     left = len(experiment.time) - sum(len(piece.time) for piece in pieces)
     if left:
-        notes.append(f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out")
+        told = f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out"
+        notes.append(Information(told))
     return pieces
 
 

@@ -16,7 +16,7 @@ from logs.identification.regression.equation_error import Domain, Settings
 from logs.identification.regression.orthogonal import Orthogonal, orthogonal_regression
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.regression.terms import parse
-from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.results import Array, FitSeries, Fitted, Information
 from logs.identification.tables.between import coarse, felt, said_coarse, with_between
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.derived import MADE, averaging_of, with_made
@@ -130,9 +130,11 @@ def _orthogonal(
     if not found.terms:
         why = found.failure or "no orthogonal function lowers the predicted square error"
         raise BadInput(f"{key}: nothing was chosen: {why}")
-    told = tuple(
-        f"orthogonal function of {one.term}: {100 * one.gain:.3g} % of the variance, PSE {one.pse:.4g},"
-        f" {'kept' if one.kept else 'not kept'}"
+    told: tuple[str, ...] = tuple(
+        Information(
+            f"orthogonal function of {one.term}: {100 * one.gain:.3g} % of the variance, PSE {one.pse:.4g},"
+            f" {'kept' if one.kept else 'not kept'}"
+        )
         for one in found.functions
     )
     missed = [one.term for one in found.functions if not one.kept and one.chance < NO_CHANCE / len(names)]

@@ -16,7 +16,7 @@ from logs.identification.aerodynamics.strokes_measured import strokes_by_angle
 from logs.identification.aerodynamics.structure import CANDIDATES, CoefficientModel, identify_coefficients
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.speeds import CUTOFF
-from logs.identification.results import FitSeries, Fitted
+from logs.identification.results import FitSeries, Fitted, Information
 from logs.identification.tables.derived import Source
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
@@ -108,7 +108,8 @@ def stand_fits(asked: StandSection, found: Cut, constants: Mapping[str, float], 
     models = identify_coefficients(tuple(records), candidates).models
     notes = tuple(_means(one) for one in (*fitted, *held))
     taken = "the vehicle's model" if tare is None else tare.name
-    told = (f"the stream's load on the tail taken off by the vehicle's model, weight and inertia by {taken}", *notes)
+    off = f"the stream's load on the tail taken off by the vehicle's model, weight and inertia by {taken}"
+    told = (Information(off), *notes)
     return [_fit(model, records, tried, told if place == 0 else ()) for place, model in enumerate(models)]
 
 
@@ -172,7 +173,7 @@ def _varies(name: str, records: list[WingCoefficients]) -> bool:
     return float(np.ptp(values)) > STILL * float(np.max(np.abs(values)))
 
 
-def _means(found: WingCoefficients) -> str:
+def _means(found: WingCoefficients) -> Information:
     """Mean force and coefficients of a run; lift and thrust to the stream, of which the coefficients are not.
 
     A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
@@ -182,7 +183,7 @@ def _means(found: WingCoefficients) -> str:
     lift = load[0] * math.sin(pitch) - load[2] * math.cos(pitch)
     thrust = load[0] * math.cos(pitch) + load[2] * math.sin(pitch)
     told = ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS)
-    return (
+    return Information(
         f"{found.experiment.name}: mean lift {lift:.4g} N and thrust {thrust:.4g} N to the stream, in body axes"
         f" {-load[2]:.4g} N up and {load[0]:.4g} N forward; there mean {told}"
     )

@@ -20,7 +20,7 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_count,
 )
 from logs.identification.experiment import Experiment
-from logs.identification.results import Array, Estimate, Fitted
+from logs.identification.results import Array, Estimate, Fitted, Information
 from logs.identification.tables.constants import need
 from logs.identification.tables.derived import Source
 from logs.identification.tables.experiments import Cut
@@ -150,11 +150,11 @@ def _flight(
     return _with_attitude(asked, one, source, strokes)
 
 
-def _told(name: str, strokes: MeasuredStrokes, found: int) -> str:
+def _told(name: str, strokes: MeasuredStrokes, found: int) -> Information:
     lost = found - len(strokes.records)
     left = f", {lost} with missing samples left out" if lost else ""
     rate = f" at {1 / float(np.mean(strokes.end - strokes.begin)):.3g} Hz" if len(strokes.records) else ""
-    return f"{name}: {counted(len(strokes.records), 'stroke')}{rate}{left}"
+    return Information(f"{name}: {counted(len(strokes.records), 'stroke')}{rate}{left}")
 
 
 def _with_attitude(asked: StrokeSection, one: Experiment, source: Source, strokes: MeasuredStrokes) -> Flight:

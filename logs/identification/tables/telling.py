@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from itertools import groupby
 from typing import Any, NamedTuple
 
 from logs.identification.report.numbers import Identification, document, step_entries
-from logs.identification.results import Estimate
+from logs.identification.results import Estimate, Information
 from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
-
-INFORMS = re.compile(
-    r"^orthogonal function of |^the stream's load on the tail taken off |: mean lift |: \d+ strokes?\b|"
-    r"( interpolated| left out| not measured)$"
-)
-"""notes that tell what was done, and cast no doubt on a number"""
 
 
 class NumberRow(NamedTuple):
@@ -39,7 +32,7 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
     ]
     lines += [f"{one.name} not identified: {one.reason}" for one in fit.lost]
     lines += _poor(fit)
-    lines += [note for note in fit.fitted.notes if not INFORMS.search(note)]
+    lines += [note for note in fit.fitted.notes if not isinstance(note, Information)]
     lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
     if fit.fixed:
         lines.append("held: " + ", ".join(f"{name} = {value:.6g}" for name, value in fit.fixed.items()))
@@ -47,7 +40,7 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
     if coloured:
         names = ", ".join(dict.fromkeys(one.output for one in coloured))
         lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
-    lines += [note for note in fit.fitted.notes if INFORMS.search(note)]
+    lines += [note for note in fit.fitted.notes if isinstance(note, Information)]
     return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term))
 
 

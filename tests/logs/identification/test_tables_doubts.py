@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from pathlib import Path
@@ -21,10 +22,10 @@ from logs.identification.modes.realization import realization
 from logs.identification.modes.records import records_of
 from logs.identification.regression.coefficients import coefficient_regression
 from logs.identification.regression.equation_error import Settings
-from logs.identification.results import FitSeries, Fitted
+from logs.identification.results import FitSeries, Fitted, Information
 from logs.identification.tables.lacking import lacking
 from logs.identification.tables.noisy import with_noise
-from logs.identification.tables.results import OutputFit, TableFit
+from logs.identification.tables.results import OutputFit, TableFit, TableIdentification
 from logs.identification.tables.run import identify_tables
 from logs.identification.tables.telling import notes_of as said_of
 from logs.identification.tables.telling import table_document
@@ -343,6 +344,15 @@ def test_what_doubts_the_numbers_stands_before_what_only_tells_of_them(tmp_path:
     assert places == sorted(places)
     (told,) = table_document(identified(tmp_path, columns))["fits"]
     assert all(any(word in note for note in told["notes"]) for word in ("spikes", "not measured"))
+
+
+def test_a_note_doubts_the_numbers_unless_it_was_made_as_information() -> None:
+    """GIVEN notes of both kinds in the same words THEN the kind tells their order, in JSON they stay as they are."""
+    notes = (Information("one: 3 strokes, 2 samples left out"), "two: 3 strokes, 2 samples left out")
+    fit = TableFit("aero", Fitted("made", (), (), (), notes=notes), True, "", {}, {}, (), 100)
+    assert said_of(fit) == notes[::-1]
+    (told,) = table_document(TableIdentification((), (), (), (fit,), None, ()))["fits"]
+    assert json.dumps(told["notes"]) == json.dumps([str(note) for note in notes])
 
 
 def test_what_a_model_hardly_explains_is_one_line_for_a_manoeuvre() -> None:
