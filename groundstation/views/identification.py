@@ -26,7 +26,7 @@ def identification_summary(found: Identification, log: Path) -> RenderableType:
 
 
 def identification_table(found: Identification) -> RenderableType:
-    """One row a number; below it, what the data does not give and why."""
+    """One row a number; below it, what the data does not give and why, each reason once."""
     return _table(rows(found))
 
 
@@ -41,8 +41,10 @@ def _table(listed: Sequence[Row]) -> RenderableType:
         if row.estimate is not None:
             table.add_row(row.subject if row.subject != subject else "", *_cells(row, row.estimate))
             subject = row.subject
-    notes = [_note(row) for row in listed if row.estimate is None]
-    if len(notes) == len(listed):
+    rest = [row for row in listed if row.estimate is None]
+    texts = dict.fromkeys(row.note for row in rest)
+    notes = [_note([row for row in rest if row.note == text]) for text in texts]
+    if len(rest) == len(listed):
         return Group(*notes)
     return Group(table, *([Text(), *notes] if notes else []))
 
@@ -67,6 +69,13 @@ def _truth(truth: float | None, estimate: Estimate, half: float) -> Text:
     return Text(wording.significant(truth, half)[0], style="green" if estimate.contains(truth) else "yellow")
 
 
-def _note(row: Row) -> Text:
-    subject = row.subject if row.subject == row.name else f"{row.subject} {_name(row)}"
-    return Text(f"{subject}: {row.note}", style="dim")
+def _note(told: Sequence[Row]) -> Text:
+    """What is said of all these rows alike; subjects of which it is said of the same names share them."""
+    names: dict[str, list[str]] = {}
+    for row in told:
+        names.setdefault(row.subject, []).append("" if row.subject == row.name else _name(row))
+    subjects: dict[str, list[str]] = {}
+    for subject, own in names.items():
+        subjects.setdefault(", ".join(own), []).append(subject)
+    labels = [f"{'; '.join(who)} {own}".rstrip() for own, who in subjects.items()]
+    return Text(f"{'; '.join(labels)}: {told[0].note}", style="dim")

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from groundstation.views import tables, wording
 from groundstation.views.identification import identification_table
+from logs.identification.modes.mode import Mode, ModesResult
 from logs.identification.report import Identification
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.telling import heading, notes_of, number_rows
+
+ABOVE = "as said above"
+"""in place of a reason that stands at a fit already"""
 
 
 def table_identification(found: TableIdentification) -> RenderableType:
@@ -20,9 +25,20 @@ def table_identification(found: TableIdentification) -> RenderableType:
     for fit in found.fits:
         parts += [*_fit(fit), Text()]
     if found.modes is not None:
-        parts += [identification_table(Identification(modes=found.modes)), Text()]
+        parts += [identification_table(Identification(modes=_unsaid(found.modes, found.fits))), Text()]
     last = [f"{one.name}: {one.reason.removeprefix(f'{one.name}: ')}" for one in found.missing] + list(found.notes)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
+
+
+def _unsaid(modes: ModesResult, fits: Sequence[TableFit]) -> ModesResult:
+    """The modes, with a word for each reason that stands at a fit above already."""
+    told = {one.reason for fit in fits for one in fit.fitted.unidentified} | {fit.failure for fit in fits}
+    return modes._replace(modes=tuple(_referring(mode, told) for mode in modes.modes))
+
+
+def _referring(mode: Mode, told: Collection[str]) -> Mode:
+    lost = (one._replace(reason=ABOVE) if one.reason in told else one for one in mode.unidentified)
+    return mode._replace(unidentified=tuple(lost))
 
 
 def _data(found: TableIdentification) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
 from logs.identification.report.numbers import Identification, document, step_entries
-from logs.identification.results import Estimate, Information
+from logs.identification.results import Estimate, Information, Unidentified
 from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
 
 
@@ -27,10 +28,8 @@ def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:
 def notes_of(fit: TableFit) -> tuple[str, ...]:
     """What must be said beside the numbers, a line each: first what doubts them, then what only tells of them."""
     lines = [fit.failure] if fit.failure else []
-    lines += [
-        f"{one.name} not identified: {one.reason}" for one in fit.fitted.unidentified if one.reason != fit.failure
-    ]
-    lines += [f"{one.name} not identified: {one.reason}" for one in fit.lost]
+    lines += _refused([one for one in fit.fitted.unidentified if one.reason != fit.failure])
+    lines += _refused(fit.lost)
     lines += _poor(fit)
     lines += [note for note in fit.fitted.notes if not isinstance(note, Information)]
     lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
@@ -42,6 +41,15 @@ def notes_of(fit: TableFit) -> tuple[str, ...]:
         lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
     lines += [note for note in fit.fitted.notes if isinstance(note, Information)]
     return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term))
+
+
+def _refused(lost: Sequence[Unidentified]) -> list[str]:
+    """A line for each reason, with all that it is the reason of."""
+    reasons = dict.fromkeys(one.reason for one in lost)
+    return [
+        f"{', '.join(one.name for one in lost if one.reason == reason)} not identified: {reason}"
+        for reason in reasons
+    ]
 
 
 def _poor(fit: TableFit) -> list[str]:

@@ -40,7 +40,13 @@ def test_of_two_methods_neither_is_the_outlier() -> None:
 def test_one_number_alone_is_not_compared() -> None:
     agree, statement = agreement((found("a", 6.0, 0.5), nothing("b", "no input")))
     assert agree is None
-    assert statement == "no comparison: b: no input"
+    assert statement == "no comparison: a alone gives a number"
+
+
+def test_where_no_method_gives_a_number_their_reasons_are_not_repeated() -> None:
+    agree, statement = agreement((nothing("a", "gusts"), nothing("b", "no input")))
+    assert agree is None
+    assert statement == "no comparison: no method gives a number"
 
 
 def test_times_and_cycles_follow_from_frequency_and_damping() -> None:

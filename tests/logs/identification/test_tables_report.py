@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
+from rich.console import Console, RenderableType
 
 from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.views.identification import identification_table
+from groundstation.views.table_identification import table_identification
 from logs.identification.data import Aircraft
+from logs.identification.modes.agreement import agreement
 from logs.identification.modes.longitudinal import matrices
 from logs.identification.modes.mode import Mode, ModesResult, Oscillation, nothing
 from logs.identification.preparing.manoeuvre import Reference
@@ -26,6 +28,7 @@ from logs.identification.report.tables import Source, table_chapters, write_tabl
 from logs.identification.report.words import number, rich, sentence, symbol
 from logs.identification.results import Fitted, Unidentified, estimate
 from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.telling import table_document
 from sim_bridge.tuning.model import load_model
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -185,6 +188,47 @@ def test_modes_of_which_none_was_identified_have_no_heads_of_columns(known: bool
     )
     text = console.export_text()
     assert "needs 4 records or more" in text and ("95 % interval" in text) is known
+
+
+def printed(what: RenderableType) -> list[str]:
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(what)
+    return [line.rstrip() for line in console.export_text().splitlines() if line.strip()]
+
+
+def test_a_reason_that_several_methods_have_is_told_once() -> None:
+    both = ("short_period", "phugoid")
+    modes = (
+        nothing("output error", "gusts", both), nothing("free response", "gusts", both),
+        nothing("spectrum", "gusts"), nothing("realization", "no input"),
+    )  # fmt: skip
+    assert printed(
+        identification_table(Identification(modes=ModesResult(modes, *agreement(modes), None, 1, None)))
+    ) == [
+        "output error; free response short period, phugoid; spectrum short period: not identified: gusts",
+        "realization short period: not identified: no input",
+        "modes agreement: no comparison: no method gives a number",
+    ]
+
+
+def test_why_a_table_gives_no_modes_by_a_fit_stands_at_the_fit() -> None:
+    why = "the search ran into a bound"
+    lost = tuple(Unidentified(name, "no input moves it") for name in ("Z_delta", "M_delta"))
+    fit = TableFit("modes", Fitted("output error, short period", (), (), lost), False, why, {}, {}, (), 100)
+    modes = (nothing("output error", why), nothing("spectrum", "no input"))
+    result = ModesResult(modes, *agreement(modes), None, 1, None)
+    found = TableIdentification(("t.csv",), ("one",), (), (fit,), result, ())
+    assert printed(table_identification(found)) == [
+        "fitted: one",
+        "output error, short period: no numbers",
+        why,
+        "Z_delta, M_delta not identified: no input moves it",
+        "output error short period: not identified: as said above",
+        "spectrum short period: not identified: no input",
+        "modes agreement: no comparison: no method gives a number",
+    ]
+    (refused,) = table_document(found)["modes"]["methods"][0]["unidentified"]
+    assert refused["reason"] == why
 
 
 def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
