@@ -47,6 +47,10 @@ POWER_KEPT = 0.99
 HIGHEST_OF_AVERAGE = 0.8
 """-; of the moving average's own frequency, beyond which it leaves nothing"""
 HIGHEST_OF_SAMPLING = 0.2
+ALONE, BOTH = 0, 2
+"""pairs that are fitted: one with nothing beside it, both; 1 is one with a slow pair that stands in for the other"""
+MUCH_LESS = 4.0
+"""-; times what both pairs leave of an output, which one alone must leave for the second to be told"""
 GRID, STARTS = 12, 3
 DAMPINGS = (0.1, 0.4, 0.8)
 SLOW_SHARE, SLOW_DAMPING = 0.12, 0.2
@@ -100,7 +104,7 @@ class Transform(NamedTuple):
 def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
     """Modes ``kinds`` from input and outputs of all records.
 
-    A phugoid alone is the slower of two pairs: with but one, the faster was taken for it.
+    A phugoid alone is the slower of two pairs where the data tell two: with but one, the faster was taken for it.
     """
     driven = tuple(r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0)
     if not driven:
@@ -114,21 +118,38 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     why = _little(transforms, records)
     if why:
         return nothing(METHOD, why, kinds)
-    fitted = KINDS if PHUGOID in kinds else kinds
-    fit, shift = fit_transforms(transforms, records, len(fitted))
-    why = fit.failure or _doubt(fit, transforms, kinds)
+    count = len(kinds) if SHORT_PERIOD in kinds else _told(transforms, records)
+    fit, shift = fit_transforms(transforms, records, count)
+    why = fit.failure or _doubt(fit, transforms, count, kinds)
     if why:
         return nothing(METHOD, why, kinds)
-    spread = _spread(fit, len(fitted)).plus(np.outer(shift, shift))
+    spread = _spread(fit, count).plus(np.outer(shift, shift))
     spread = spread.plus(_lack(fit, spread)) if records.blur else spread
     if spread.degrees < LEAST_DEGREES:
         return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
     delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, fit.values[-1:])
+    fitted = KINDS if count == BOTH else kinds
     oscillations = slice(0, 2 * len(fitted))
     mode = paired_mode(METHOD, fitted, fit.values[oscillations], spread.part(oscillations), delay)
     if SHORT_PERIOD in kinds:
         return mode
     return mode._replace(short_period=None, unidentified=tuple(u for u in mode.unidentified if u.name == PHUGOID))
+
+
+def _told(transforms: list[Transform], records: Records) -> int:
+    """Whether a motion of which the phugoid is asked is fitted as `BOTH` pairs or as one `ALONE`.
+
+    Both where the second explains most of what one leaves: else it is fitted to noise, and told for the slower mode.
+    """
+    white = [np.ones(t.outputs.shape) for t in transforms]
+    left = {}
+    for count in (ALONE, BOTH):
+        fit, _ = fit_transforms(transforms, records, count)
+        if not np.all(np.isfinite(fit.values)):
+            return BOTH
+        residuals, _ = residuals_at(builder(transforms, records, white, count), fit.values)
+        left[count] = np.sum(np.vstack(residuals) ** 2, axis=0)
+    return BOTH if np.max(left[ALONE] / np.maximum(left[BOTH], 1e-300)) > MUCH_LESS else ALONE
 
 
 def _little(transforms: list[Transform], records: Records) -> str:
@@ -163,7 +184,8 @@ def transform(record: Record, blur: float) -> Transform:
 def fit_transforms(transforms: list[Transform], records: Records, count: int) -> tuple[SeparableFit, Array]:
     """Two pairs of frequency and damping and the delay (5,), residuals white; and what is not known of the input.
 
-    Of one pair that is asked for alone the other is told by how many standard deviations share and damping are off.
+    The former are (w, z, w, z, delay); of a ``count`` of 1 the second pair is by how many standard deviations the
+    slow pair's share and damping are off, of `ALONE` it is not used.
     The second (5,) is by what they move where the input is a line between the samples, not as smooth as they allow.
     """
     unknown = np.zeros(5)
@@ -185,13 +207,14 @@ def fit_transforms(transforms: list[Transform], records: Records, count: int) ->
         return fit, unknown
     lines = [t._replace(input=t.input * t.line) for t in transforms]
     other = solve(builder(lines, records, weights, count), fit.values, prior)
-    return fit._replace(failure=other.failure), other.values - fit.values
+    why = f"with its input as a line between samples {other.failure}" if other.failure else ""
+    return fit._replace(failure=why), other.values - fit.values
 
 
 def _prior(count: int) -> Prior:
-    """What is known beforehand where ``count`` pairs are asked for: of one alone, what the slow pair may be."""
+    """What is known beforehand of a fit of ``count``: what the pair may be that stands in, or that it is not used."""
     weight = np.zeros(5)
-    weight[2:4] = float(count == 1)
+    weight[2:4] = float(count != BOTH)
     return Prior(np.zeros(5), weight)
 
 
@@ -218,7 +241,7 @@ def _first(build: Build, transforms: list[Transform], count: int, least: float) 
         if turns and _explained(build, fit) >= least:
             return fit
         fits.append(fit)
-    return fits[0]
+    return next((fit for fit in fits if not fit.failure), fits[0])
 
 
 def _starts(build: Build, transforms: list[Transform], count: int) -> list[Array]:
@@ -227,7 +250,7 @@ def _starts(build: Build, transforms: list[Transform], count: int) -> list[Array
     high = max(abs(t.s[-1]) for t in transforms)
     best, costs = [], []
     for w in np.geomspace(low, high, GRID):
-        other = (0.0, 0.0) if count == 1 else (SLOW_SHARE * w, SLOW_DAMPING)
+        other = (0.0, 0.0) if count != BOTH else (SLOW_SHARE * w, SLOW_DAMPING)
         tried = [np.array([w, z, *other, 0.0]) for z in DAMPINGS]
         cost = [squares(build, start) for start in tried]
         best.append(tried[int(np.argmin(cost))])
@@ -249,8 +272,10 @@ def builder(transforms: list[Transform], records: Records, weights: list[Array],
 
 def _pairs(values: Array, count: int) -> Array:
     """Frequencies and dampings (2, 2) of the denominator."""
-    if count == 2:
+    if count == BOTH:
         return values[:-1].reshape(-1, 2)
+    if count == ALONE:
+        return values[:2].reshape(1, 2)
     frequency, damping, share, slow = values[:-1]
     by_share, by_damping = SLOW_DOUBT
     standing_in = [SLOW_SHARE * by_share**share * frequency, SLOW_DAMPING + by_damping * slow]
@@ -295,20 +320,19 @@ def _folded(both: Array) -> Array:
     return both[:half] + both[half:]
 
 
-def _doubt(fit: SeparableFit, transforms: list[Transform], kinds: tuple[str, ...]) -> str:
+def _doubt(fit: SeparableFit, transforms: list[Transform], count: int, kinds: tuple[str, ...]) -> str:
     """Why the fitted numbers may not be used; empty where they may."""
-    if not determined(fit.sensitivities):
+    if not determined(fit.sensitivities, np.diag(_prior(count).weight ** 2)):
         return "the records do not determine frequency, damping and delay"
-    frequencies = fit.values[: 4 if PHUGOID in kinds else 2 : 2]
+    frequencies = fit.values[: 4 if count == BOTH else 2 : 2]
     if np.any(frequencies <= 0):
         return "no mode of second order fits the records"
-    if abs(fit.values[-1]) * fit.values[0] > LARGEST_DELAY:
+    asked = float(np.max(frequencies) if SHORT_PERIOD in kinds else np.min(frequencies))
+    if abs(fit.values[-1]) * asked > LARGEST_DELAY:
         return "the delay took the mode's place: the input does not excite it"
-    fastest = float(np.max(frequencies))
-    periods = fastest * sum(t.length for t in transforms) / (2 * math.pi)
+    periods = asked * sum(t.length for t in transforms) / (2 * math.pi)
     if periods < LEAST_PERIODS:
         return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"
-    asked = fastest if SHORT_PERIOD in kinds else float(np.min(frequencies))
     if asked > max(abs(t.s[-1]) for t in transforms):
         return TOO_FAST
     return ""
@@ -327,9 +351,10 @@ def _spread(fit: SeparableFit, count: int) -> Spread:
 def _lack(fit: SeparableFit, spread: Spread) -> Array:
     """Covariance (5, 5) of what moves where the delay is none, as far as it is more than noise.
 
-    A flapping flight knows its tail's lag: a delay beyond it stands for what four states lack, as in output error,
-    and its noise is in the errors already. Together and each alone, see `differing.lacking`. Without it the multibody
-    Robo Raven in still air, 4 % too fast at the median, was held in 17 flights of twenty.
+    A flight's tail angle has the tail's lag, as it is known or as output error found it: a delay beyond it stands for
+    what four states lack. Here its noise is in the errors already, and twice as much of it is asked for than where it
+    is not; the delay's own interval holds none then. Together and each alone, see `differing.lacking`. Without it the
+    multibody Robo Raven in still air, 4 % too fast at the median, was held in 17 flights of twenty.
     """
     delay, covariance = float(fit.values[-1]), spread.covariance
     share = share_of_lack(delay, float(covariance[-1, -1]), SURE_OF_DELAY)

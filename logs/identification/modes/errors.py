@@ -176,9 +176,9 @@ def scatter_between(inverse: Array, scores: list[Array]) -> Array:
     return sandwich
 
 
-def determined(sensitivities: list[Array]) -> bool:
-    """Whether the data moves with every parameter and with no combination of them too little."""
-    total = information(sensitivities)
+def determined(sensitivities: list[Array], known: Array | None = None) -> bool:
+    """Whether the data, or what is ``known`` (p, p) beside, tell every parameter and no combination too little."""
+    total = information(sensitivities) + (0.0 if known is None else known)
     scale = np.sqrt(np.diag(total))
     if not np.all(np.isfinite(scale)) or not np.all(scale > 0):
         return False

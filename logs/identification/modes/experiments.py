@@ -18,8 +18,6 @@ METHODS = (equivalent_system, realization, free_response, spectrum)
 SINGLE = {equivalent_system: EQUIVALENT, realization: REALIZATION, spectrum: SPECTRUM}
 """methods that know one input, by what reports call them: what another one moved they took for the first one's. With
 a tenth of its power the equivalent system had the frequency 8 % too low, with an interval of 6 %"""
-SLOW_UNITS = ("m/s", "m")
-"""speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
 
 
 def modes_of_experiments(
@@ -60,8 +58,6 @@ def _single(name: str, records: Records, kinds: tuple[str, ...]) -> Mode:
 
 
 def _likely(records: Records) -> tuple[str, ...]:
-    slow = any(unit in SLOW_UNITS for unit in records.units)
-    fast = any(unit in ("rad/s", "m/s^2") for unit in records.units) or "alpha" in records.names
-    if slow:
-        return (SHORT_PERIOD, PHUGOID) if fast else (PHUGOID,)
+    if records.slow:
+        return (SHORT_PERIOD, PHUGOID) if records.fast else (PHUGOID,)
     return (SHORT_PERIOD,)

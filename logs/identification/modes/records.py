@@ -27,6 +27,8 @@ LONGEST_SPIKE = 2
 """-; samples in all that an input may be elsewhere and is said to rest"""
 LONG = 4.0
 """-; strokes, from the first to the last sample above half of an input's peak"""
+FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
+"""rates and accelerations; speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
 AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
 """of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
@@ -62,6 +64,16 @@ class Records(NamedTuple):
     """-; inputs beside the one in the pieces, that move as well"""
     in_step: float = 0.0
     """-; how alike the phases of the stroke are at which short inputs began: 0 all round it, 1 all at one"""
+
+    @property
+    def fast(self) -> bool:
+        """Whether an output shows the short period."""
+        return any(unit in FAST_UNITS for unit in self.units) or "alpha" in self.names
+
+    @property
+    def slow(self) -> bool:
+        """Whether one shows the phugoid far more."""
+        return any(unit in SLOW_UNITS for unit in self.units)
 
 
 def records_of(

@@ -113,7 +113,10 @@ def records_flown(problem: Problem, by_output: DerivativeFit) -> Records:
     if by_output.failure:
         return averaged_records(problem.manoeuvres)
     ready, fit = with_lag_known(problem, by_output)
-    return averaged_records(ready.manoeuvres, beyond_small_motions(ready, fit))
+    with np.errstate(over="ignore", invalid="ignore"):
+        beyond = beyond_small_motions(ready, fit)
+    finite = all(np.all(np.isfinite(one)) for one in beyond)
+    return averaged_records(ready.manoeuvres, beyond if finite else ())
 
 
 def _with_gusts(data: FlightData, problem: Problem, near: DerivativeFit) -> tuple[DerivativeFit, Filtered | None]:

@@ -12,7 +12,7 @@ from logs.identification.experiment import Experiment
 from logs.identification.modes.equivalent_system import builder, equivalent_system, transform
 from logs.identification.modes.mode import PHUGOID, Mode, short_period_of
 from logs.identification.modes.noise_spectrum import power_law
-from logs.identification.modes.records import averaged_records, records_of
+from logs.identification.modes.records import Records, averaged_records, records_of
 from logs.identification.modes.separable import Build, Piece, residuals_at, taken
 from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.results import Array
@@ -73,22 +73,42 @@ def test_what_is_not_explained_is_not_hidden_by_weights() -> None:
     assert "explains too little" in mode.unidentified[0].reason
 
 
-def test_a_phugoid_alone_is_the_slower_of_both() -> None:
-    """GIVEN a pitch that rings at 2 and at 0.2 rad/s THEN the phugoid is the latter."""
-    step = 0.1
+SLOW = (0.2, 0.05)
+
+
+def ringing(pairs: tuple[tuple[float, float], ...], shares: tuple[float, ...]) -> Records:
+    """Pitch and pitch rate for 200 s after an input, of oscillators with these frequencies and dampings."""
+    step, count = 0.1, len(pairs)
     time = np.arange(0.0, 200.0, step)
     given = np.where((time > 2) & (time < 5), 0.05, 0.0) - np.where((time >= 5) & (time < 6), 0.05, 0.0)
-    system = block_diag(*[[[0.0, 1.0], [-(w**2), -2 * z * w]] for w, z in ((2.0, 0.3), (0.2, 0.05))])
-    _, _, states = lsim((system, [[0.0], [1.0]] * 2, np.eye(4), np.zeros((4, 1))), given, time)
+    system = block_diag(*[[[0.0, 1.0], [-(w**2), -2 * z * w]] for w, z in pairs])
+    _, _, states = lsim((system, [[0.0], [1.0]] * count, np.eye(2 * count), np.zeros((2 * count, 1))), given, time)
     noise = 1e-4 * np.random.default_rng(3).normal(size=(2, len(time)))
-    pitch, pitch_rate = states[:, :2].T + 0.3 * states[:, 2:].T + noise
-    signals = {"q": pitch_rate, "theta": pitch, "delta_e": given}
+    pitch, rate = noise + sum(share * states[:, [2 * k, 2 * k + 1]].T for k, share in enumerate(shares))
+    signals = {"q": rate, "theta": pitch, "delta_e": given}
     units = {"q": "rad/s", "theta": "rad", "delta_e": "rad"}
-    records = records_of((Experiment("one", time, signals, units),), "delta_e", ("q", "theta"))
-    mode = equivalent_system(records, (PHUGOID,))
+    return records_of((Experiment("one", time, signals, units),), "delta_e", ("q", "theta"))
+
+
+@pytest.mark.parametrize(("pairs", "shares"), [(((2.0, 0.3), SLOW), (1.0, 0.3)), ((SLOW,), (1.0,))])
+def test_a_phugoid_alone_is_the_slower_of_those_that_ring(
+    pairs: tuple[tuple[float, float], ...], shares: tuple[float, ...]
+) -> None:
+    """GIVEN a pitch that rings at 2 and at 0.2 rad/s, or at the latter alone THEN the phugoid is the latter."""
+    mode = equivalent_system(ringing(pairs, shares), (PHUGOID,))
     assert mode.short_period is None and mode.phugoid is not None
-    assert mode.phugoid.frequency.contains(0.2) and mode.phugoid.damping.contains(0.05)
+    assert mode.phugoid.frequency.contains(SLOW[0]) and mode.phugoid.damping.contains(SLOW[1])
     assert mode.phugoid.frequency.standard_error < 0.002
+
+
+def test_a_phugoid_of_few_periods_has_no_number() -> None:
+    """GIVEN 40 s of it, with a short period of many periods beside THEN its own periods count."""
+    whole = ringing(((2.0, 0.3), SLOW), (1.0, 0.3))
+    piece = whole.pieces[0]
+    short = piece._replace(input=None if piece.input is None else piece.input[:400], outputs=piece.outputs[:400])
+    mode = equivalent_system(whole._replace(pieces=(short,)), (PHUGOID,))
+    assert mode.phugoid is None
+    assert "1.3 periods in all" in mode.unidentified[0].reason
 
 
 def of_flight() -> tuple[list[Piece], Build, Array]:
