@@ -82,3 +82,16 @@ def test_a_lag_that_is_found_is_in_the_model_that_tells_of_large_motions() -> No
     asked = beyond_small_motions(Problem(known, reference, AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS), right)
     for one, other in zip(told, asked, strict=True):
         assert np.max(np.abs(one - other), axis=0)[0] < 0.1 * np.max(np.abs(other), axis=0)[0]
+
+
+def test_a_model_that_flies_without_bound_takes_nothing_off() -> None:
+    """GIVEN a fit whose motion diverges THEN records are as they were measured, not lost."""
+    data = fly(Flight(doublets=2))
+    manoeuvres = find_manoeuvres(data, AIRCRAFT)
+    problem = Problem(manoeuvres, reference_of(data, manoeuvres), AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS)
+    _, fit = fit_derivatives(problem)
+    values = fit.values.copy()
+    values[LONGITUDINAL.index("M_w")] = 2000.0
+    diverging = fit._replace(values=values, failure="")
+    for one, plain in zip(records_flown(problem, diverging).pieces, averaged_records(manoeuvres).pieces, strict=True):
+        np.testing.assert_array_equal(one.outputs, plain.outputs)
