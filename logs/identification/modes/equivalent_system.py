@@ -261,7 +261,7 @@ def _starts(build: Build, transforms: list[Transform], count: int) -> list[Array
 
 
 def builder(transforms: list[Transform], records: Records, weights: list[Array], count: int) -> Build:
-    """What makes the linear problem of two pairs and the delay (5,), as `fit_transforms` has them."""
+    """What makes the linear problem of a ``count`` of pairs and the delay (5,), as `fit_transforms` has them."""
 
     def build(values: Array) -> list[Piece]:
         given = _pairs(values, count), values[-1]
@@ -271,7 +271,7 @@ def builder(transforms: list[Transform], records: Records, weights: list[Array],
 
 
 def _pairs(values: Array, count: int) -> Array:
-    """Frequencies and dampings (2, 2) of the denominator."""
+    """Frequencies and dampings of the denominator: (2, 2), of one `ALONE` (1, 2)."""
     if count == BOTH:
         return values[:-1].reshape(-1, 2)
     if count == ALONE:
@@ -352,9 +352,9 @@ def _lack(fit: SeparableFit, spread: Spread) -> Array:
     """Covariance (5, 5) of what moves where the delay is none, as far as it is more than noise.
 
     A flight's tail angle has the tail's lag, as it is known or as output error found it: a delay beyond it stands for
-    what four states lack. Here its noise is in the errors already, and twice as much of it is asked for than where it
-    is not; the delay's own interval holds none then. Together and each alone, see `differing.lacking`. Without it the
-    multibody Robo Raven in still air, 4 % too fast at the median, was held in 17 flights of twenty.
+    what four states lack. Its noise is in the errors already, unlike output error's, which fits none: so it must be
+    surer here. The delay's own interval holds none then. Together and each alone, see `differing.lacking`. Without it
+    the multibody Robo Raven in still air, 4 % too fast at the median, was held in 17 flights of twenty.
     """
     delay, covariance = float(fit.values[-1]), spread.covariance
     share = share_of_lack(delay, float(covariance[-1, -1]), SURE_OF_DELAY)
