@@ -14,7 +14,7 @@ import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
-from logs.identification.modes.errors import Spread, with_scatter
+from logs.identification.modes.errors import Spread, by_scatter
 from logs.identification.modes.longitudinal import REGRESSORS
 from logs.identification.modes.modulation import LEAST_MANOEUVRES
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
@@ -219,7 +219,7 @@ class _Rows(NamedTuple):
 
 def _regressed(rows: _Rows, count: int) -> DerivativeFit | None:
     """Values of the first ``count`` columns and, in the spread, what they are worth; None where not determined."""
-    design, clean, axes = rows.design, rows.clean, rows.response.shape[1]
+    design, clean = rows.design, rows.clean
     degrees = float(len(design) - rows.drifts * (len(rows.bounds) - 1) - design.shape[1])
     scale = np.linalg.norm(design, axis=0)
     if degrees < 1 or not np.all(scale > 0) or np.linalg.cond(design / scale) > WORST_CONDITION:
@@ -229,12 +229,28 @@ def _regressed(rows: _Rows, count: int) -> DerivativeFit | None:
     inverse = np.linalg.inv(clean.T @ design)
     values = inverse @ clean.T @ rows.response
     residuals = rows.response - design @ values
-    weights, taken = inverse[:count], np.sqrt(1 + design.shape[1] / degrees)
-    scores = [_score(clean[a:b], taken * residuals[a:b]) for a, b in pairwise(rows.bounds)]
-    within = Spread(_uneven(weights @ clean.T, residuals * np.sqrt(len(design) / degrees)), degrees, alone=True)
-    spread = with_scatter(within, np.kron(np.eye(axes), weights), scores)
+    within = Spread(_uneven(inverse[:count] @ clean.T, residuals * np.sqrt(len(design) / degrees)), degrees)
+    spread = by_scatter(within, [residuals[a:b] for a, b in pairwise(rows.bounds)], _sensitivities(rows, count))
     scatter: Array = np.sqrt(np.sum(residuals**2, axis=0) / degrees)
     return DerivativeFit((), values[:count].T.ravel(), spread, scatter)
+
+
+def _sensitivities(rows: _Rows, count: int) -> list[Array]:
+    """(N_i, axes, axes x count); of each manoeuvre's responses to the values, the other columns taken out.
+
+    As far as instruments tell the regressors: they make of the estimate one by least squares (two stages: Theil,
+    Economic Forecasts and Policy, 1958).
+    """
+    told = _along(rows.clean, rows.design)
+    slopes, axes = told[:, :count] - _along(told[:, count:], told[:, :count]), rows.response.shape[1]
+    wide = np.asarray(np.kron(np.eye(axes), slopes), dtype=np.float64).reshape(axes, len(slopes), -1).swapaxes(0, 1)
+    return [wide[a:b] for a, b in pairwise(rows.bounds)]
+
+
+def _along(columns: Array, values: Array) -> Array:
+    """What of ``values`` (N, k) lies in the space of ``columns`` (N, l)."""
+    basis = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    return np.asarray(basis @ (basis.T @ values))
 
 
 def _least_correlation(clean: Array, design: Array) -> float:
@@ -260,12 +276,6 @@ def _uneven(weights: Array, residuals: Array) -> Array:
     parts = np.einsum("pn,na->apn", weights, residuals).reshape(-1, weights.shape[1])
     covariance: Array = parts @ parts.T
     return covariance
-
-
-def _score(clean: Array, residuals: Array) -> Array:
-    """Gradient (axes x columns,) of one manoeuvre's squares."""
-    gradient: Array = (clean.T @ residuals).T.ravel()
-    return gradient
 
 
 def failed(names: tuple[str, ...], why: str) -> DerivativeFit:
