@@ -54,7 +54,7 @@ class DerivativeFit(NamedTuple):
     explained: float = 1.0
     """-; share of the pitch rate's power by the elevator, 1 where it was not looked at"""
     swing: Array = NOTHING
-    """factors (12,) of `modulation.swung`, empty where too few manoeuvres tell them"""
+    """factors (12,) of `modulation.swing`, empty where too few manoeuvres tell them"""
 
 
 class Signals(NamedTuple):

@@ -10,24 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from avionics.constants import STANDARD_GRAVITY
-from logs.identification.modes.longitudinal import Matrices, discretise, propagate
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array
 
-PASSES = 3
-"""-; of putting the states found into the products that they were found with"""
 
-
-def second_order(model: Matrices, manoeuvre: Manoeuvre, states: Array, reference: Reference) -> Array:
-    """Stroke-averaged outputs (M, 4) that the linear ``states`` (N, 4) lack."""
-    step = float(manoeuvre.time[1] - manoeuvre.time[0])
-    exact = [discretise(model._replace(b=np.eye(4)[axis]), step, False) for axis in (0, 1)]
-    more = np.zeros_like(states)
-    for _ in range(PASSES):
-        forces = _forces(_anchored(states + more, manoeuvre, reference), reference)
-        more = np.sum([propagate(e, np.zeros(4), f) for e, f in zip(exact, forces, strict=True)], axis=0)
-    outputs: Array = (manoeuvre.averaging @ more) @ model.c.T
-    return outputs
+def turned(states: Array, manoeuvre: Manoeuvre, reference: Reference) -> Array:
+    """Accelerations (N, 3) along x, along z and in pitch beyond the linear ones, of ``states`` (N, 4) about the
+    reference."""
+    u, w, q, pitch = _anchored(states, manoeuvre, reference).T
+    sin, cos = np.sin(reference.pitch), np.cos(reference.pitch)
+    along_x = -w * q - STANDARD_GRAVITY * (np.sin(reference.pitch + pitch) - sin - cos * pitch)
+    along_z = u * q + STANDARD_GRAVITY * (np.cos(reference.pitch + pitch) - cos + sin * pitch)
+    return np.column_stack((along_x, along_z, np.zeros(len(q))))
 
 
 def _anchored(states: Array, manoeuvre: Manoeuvre, reference: Reference) -> Array:
@@ -43,12 +37,3 @@ def _anchored(states: Array, manoeuvre: Manoeuvre, reference: Reference) -> Arra
     means = np.array([share * reference.u, share * reference.w, 0.0, pitch])
     moved: Array = states + np.array([1, 1, 0, 1]) * (means - states.mean(axis=0))
     return moved
-
-
-def _forces(states: Array, reference: Reference) -> tuple[Array, Array]:
-    """Accelerations (N,) along x and z in m/s^2 beyond the linear ones, of ``states`` (N, 4) about the reference."""
-    u, w, q, pitch = states.T
-    sin, cos = np.sin(reference.pitch), np.cos(reference.pitch)
-    along_x = -w * q - STANDARD_GRAVITY * (np.sin(reference.pitch + pitch) - sin - cos * pitch)
-    along_z = u * q + STANDARD_GRAVITY * (np.cos(reference.pitch + pitch) - cos + sin * pitch)
-    return along_x, along_z

@@ -22,8 +22,6 @@ from logs.identification.results import Array
 
 LEAST_MANOEUVRES = 3
 """-; from which on inputs came at phases enough for the factors to be told"""
-PASSES = 3
-"""-; of putting the swung motion into the products that swing it"""
 DEPENDENT = 1e-8
 """-; squared length of a combination of factors that adds nothing to the others"""
 
@@ -61,34 +59,10 @@ def factors_of(residuals: list[Array], columns: list[Array], sizes: Array, toget
     return factors
 
 
-def swung(model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array) -> Array:
-    """``states`` (N, 4) as they are where ``factors`` (3 * 4,), along x, along z and in pitch, swing the model."""
-    step, moved = float(manoeuvre.time[1] - manoeuvre.time[0]), states
-    exact = [discretise(model._replace(b=np.eye(4)[axis]), step, False) for axis in range(3)]
-    for _ in range(PASSES):
-        forces = products(manoeuvre, moved) @ factors.reshape(3, -1).T
-        pairs = zip(exact, forces.T, strict=True)
-        moved = states + np.sum([propagate(e, np.zeros(4), force) for e, force in pairs], axis=0)
-    return moved
-
-
-def second_order(
-    model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array, imu: tuple[float, float]
-) -> Array:
-    """Stroke-averaged outputs (M, 4) that the swung part of the motion adds when it is swung itself.
-
-    ``states`` (N, 4) are the linear ones, ``factors`` and ``imu`` those of `swung` and `responses`.
-    """
-    more = products(manoeuvre, swung(model, manoeuvre, states, factors) - states)
-    outputs: Array = responses(model, manoeuvre, more, imu) @ factors
-    return outputs
-
-
-def swing_of(model: Matrices, manoeuvre: Manoeuvre, states: Array, factors: Array, imu: tuple[float, float]) -> Array:
-    """Stroke-averaged outputs (M, 4) that the swing adds to those of the linear ``states`` (N, 4), to all orders."""
-    forcing = products(manoeuvre, swung(model, manoeuvre, states, factors))
-    outputs: Array = responses(model, manoeuvre, forcing, imu) @ factors
-    return outputs
+def swing(manoeuvre: Manoeuvre, states: Array, factors: Array) -> Array:
+    """Accelerations (N, 3) along x, along z and in pitch that ``factors`` (3 * 4,) make of ``states`` (N, 4)."""
+    pushed: Array = products(manoeuvre, states) @ factors.reshape(3, -1).T
+    return pushed
 
 
 def responses(model: Matrices, manoeuvre: Manoeuvre, forcing: Array, imu: tuple[float, float]) -> Array:

@@ -37,9 +37,8 @@ from logs.identification.modes.modulation import (
     factors_of,
     products,
     responses,
-    swung,
 )
-from logs.identification.modes.small_motions import without_second_order
+from logs.identification.modes.small_motions import states_flown, without_second_order
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP, lagged
 from logs.identification.results import Array
 
@@ -105,14 +104,9 @@ def _fitted(problem: Problem, start: Array) -> DerivativeFit:
 def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
     """Stroke averages (M, 8) in each manoeuvre, as the fitted model flies them: of u, w, q, the tail angle and
     `modulation.products`."""
-    flown = flown_at(problem, fit.values)
-    regressors = []
-    for manoeuvre in problem.manoeuvres:
-        start = project(problem, flown, manoeuvre, fit.scatter).start
-        tail = flown.tail(manoeuvre)
-        states = propagate(flown.exact, start, tail)
-        states = swung(flown.model, manoeuvre, states, fit.swing) if len(fit.swing) else states
-        columns = (states[:, :3], tail, products(manoeuvre, states))
+    flown, regressors = flown_at(problem, fit.values), []
+    for manoeuvre, states in zip(problem.manoeuvres, states_flown(problem, fit), strict=True):
+        columns = (states[:, :3], flown.tail(manoeuvre), products(manoeuvre, states))
         regressors.append(manoeuvre.averaging @ np.column_stack(columns))
     return regressors
 

@@ -111,6 +111,7 @@ def fly(flight: Flight) -> FlightData:
     outputs = through_air @ model.c.T + np.outer(tail * faster**2, model.d)
     grown = np.column_stack([_felt(flight, tuple(column)) for column in _grown(flight)[:3].T])
     outputs += (faster - 1.0)[:, None] * (through_air @ grown.T)
+    outputs += _swung(flight, strokes, through_air, faster)
     outputs -= np.outer(turning, _felt(flight, _by_pitch_rate(flight)))
     outputs -= np.outer(_change(gust), _felt(flight, flight.change))
     outputs += np.outer(harder, _felt(flight, flight.flapping))
@@ -188,6 +189,15 @@ def _grown(flight: Flight) -> Array:
     grown: Array = (model_of(flight).a - motion) * flight.growing
     grown[:2, :2] = 0.0
     return grown
+
+
+def _swung(flight: Flight, strokes: Array, through_air: Array, faster: Array) -> Array:
+    """What (N, 4) the IMU feels of forces and moments that swing with the stroke, as they move the aircraft."""
+    w, q = through_air[:, 1], through_air[:, 2]
+    force, moment = flight.truth["Z_w"] * w, (flight.truth["M_w"] * w + flight.truth["M_q"] * q) * faster
+    by_force, by_moment = _felt(flight, (0.0, 1.0, 0.0)), _felt(flight, (0.0, 0.0, 1.0))
+    swing = flight.modulation * np.sin(2 * np.pi * strokes)
+    return np.asarray(swing[:, None] * (np.outer(force, by_force) + np.outer(moment, by_moment)))
 
 
 def _turning(flight: Flight, gust: Array) -> Array:

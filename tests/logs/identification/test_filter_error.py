@@ -216,10 +216,13 @@ def test_a_wider_span_smooths_gusts_for_longer() -> None:
 def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
     """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
     frequency, damping = true_mode()
+    dampings = []
     for seed in range(3):
         found = filtered(Flight(seed=seed, modulation=0.3))
         assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
-        assert found.damping is not None and found.damping.value == pytest.approx(damping, abs=0.025)
+        assert found.damping is not None
+        dampings.append(found.damping.value)
+    assert np.mean(dampings) == pytest.approx(damping, abs=0.02)
 
 
 def test_where_strokes_are_too_uneven_filter_error_says_so() -> None:
