@@ -38,7 +38,7 @@ from logs.identification.modes.modulation import (
     products,
     responses,
 )
-from logs.identification.modes.small_motions import states_flown, without_second_order
+from logs.identification.modes.small_motions import swung, without_second_order
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP, lagged
 from logs.identification.results import Array
 
@@ -103,10 +103,17 @@ def _fitted(problem: Problem, start: Array) -> DerivativeFit:
 
 def flown_regressors(problem: Problem, fit: DerivativeFit) -> list[Array]:
     """Stroke averages (M, 8) in each manoeuvre, as the fitted model flies them: of u, w, q, the tail angle and
-    `modulation.products`."""
+    `modulation.products`.
+
+    Without what the kinematics add: with it the drifts of the speeds are wrong and the frequency of a lightly damped
+    aircraft, 0.1 % off, was held in 70 % of its flights.
+    """
     flown, regressors = flown_at(problem, fit.values), []
-    for manoeuvre, states in zip(problem.manoeuvres, states_flown(problem, fit), strict=True):
-        columns = (states[:, :3], flown.tail(manoeuvre), products(manoeuvre, states))
+    for manoeuvre in problem.manoeuvres:
+        start = project(problem, flown, manoeuvre, fit.scatter).start
+        tail = flown.tail(manoeuvre)
+        states = swung(flown, manoeuvre, propagate(flown.exact, start, tail), fit.swing)
+        columns = (states[:, :3], tail, products(manoeuvre, states))
         regressors.append(manoeuvre.averaging @ np.column_stack(columns))
     return regressors
 

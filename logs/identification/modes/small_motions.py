@@ -15,7 +15,7 @@ from logs.identification.modes.flown_again import Flown, Problem, flown_at, proj
 from logs.identification.modes.kinematics import turned
 from logs.identification.modes.longitudinal import discretise, propagate
 from logs.identification.modes.modulation import swing
-from logs.identification.preparing.manoeuvre import Manoeuvre
+from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array
 
 PASSES = 3
@@ -52,11 +52,11 @@ def beyond_small_motions(problem: Problem, fit: DerivativeFit) -> tuple[Array, .
     return tuple(found)
 
 
-def states_flown(problem: Problem, fit: DerivativeFit) -> list[Array]:
-    """Of each manoeuvre, the states (N, 4) as output error's ``fit`` flies them, large motions and modulation too."""
-    flown, linear = flown_at(problem, fit.values), without_second_order(problem, problem, fit)
-    pairs = zip(problem.manoeuvres, _linear_states(problem, linear, fit, flown), strict=True)
-    return [states + _beyond(problem, flown, m, states, fit.swing)[0] for m, states in pairs]
+def swung(flown: Flown, manoeuvre: Manoeuvre, states: Array, factors: Array) -> Array:
+    """The linear ``states`` (N, 4) where ``factors`` (12,), as `modulation.swing` takes them, swing the model; where
+    they are empty, as they are."""
+    moved: Array = states + _beyond(flown, manoeuvre, states, factors)[0]
+    return moved
 
 
 def _linear_states(problem: Problem, linear: Problem, fit: DerivativeFit, flown: Flown) -> list[Array]:
@@ -71,21 +71,22 @@ def _linear_states(problem: Problem, linear: Problem, fit: DerivativeFit, flown:
 
 def _added(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, states: Array, factors: Array) -> Array:
     """Stroke-averaged outputs (M, 4) that kinematics and modulation add to those of the linear ``states`` (N, 4)."""
-    return _felt(problem, flown, manoeuvre, *_beyond(problem, flown, manoeuvre, states, factors))
+    return _felt(problem, flown, manoeuvre, *_beyond(flown, manoeuvre, states, factors, problem.reference))
 
 
 def _beyond(
-    problem: Problem, flown: Flown, manoeuvre: Manoeuvre, states: Array, factors: Array
+    flown: Flown, manoeuvre: Manoeuvre, states: Array, factors: Array, reference: Reference | None = None
 ) -> tuple[Array, Array]:
-    """What kinematics and modulation add to the linear ``states`` (N, 4), and the accelerations (N, 3) of the latter.
+    """What modulation adds to the linear ``states`` (N, 4), and its accelerations (N, 3).
 
-    There is no modulation where ``factors`` (12,), as `modulation.swing` takes them, are empty.
+    With a ``reference`` what the kinematics about it add too; without ``factors`` (12,), the kinematics alone.
     """
-    more, swung = np.zeros_like(states), np.zeros((len(states), 3))
+    more, swinging, turning = np.zeros_like(states), np.zeros((len(states), 3)), np.zeros((len(states), 3))
     for _ in range(PASSES):
-        swung = swing(manoeuvre, states + more, factors) if len(factors) else swung
-        more = _states_of(flown, manoeuvre, swung + turned(states + more, manoeuvre, problem.reference))
-    return more, swung
+        swinging = swing(manoeuvre, states + more, factors) if len(factors) else swinging
+        turning = turned(states + more, manoeuvre, reference) if reference is not None else turning
+        more = _states_of(flown, manoeuvre, swinging + turning)
+    return more, swinging
 
 
 def _states_of(flown: Flown, manoeuvre: Manoeuvre, pushed: Array) -> Array:
