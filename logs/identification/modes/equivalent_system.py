@@ -109,7 +109,7 @@ def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)
     driven = tuple(r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0)
     if not driven:
         seen = any(r.input is not None for r in records.pieces)
-        why = "the input does not move where all was measured" if seen else "no input was measured"
+        why = "the input does not move where all was measured" if seen else "it takes an input"
         return nothing(METHOD, why, kinds)
     transforms = [transform(record, records.blur) for record in driven]
     transforms = [t for t in transforms if len(t.s) > LEAST_FREQUENCIES]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from logs.identification.modes.errors import coloured_spread, determined, information, scores_of, with_scatter
-from logs.identification.modes.mode import HEAVY, KINDS, SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.modes.mode import HEAVY, SHORT_PERIOD, Mode, nothing, paired_mode, without_heavy
 from logs.identification.modes.records import LEAST_SAMPLES, Record, Records
 from logs.identification.modes.separable import Build, Piece, SeparableFit, solve, squares
 from logs.identification.results import Array
@@ -168,8 +168,5 @@ def _mode(fit: SeparableFit, rings: tuple[Record, ...], records: Records, kinds:
             return nothing(METHOD, f"with a finer drift {finer.failure}", kinds)
         shift = finer.values - fit.values
         spread = spread.plus(np.outer(shift, shift))
-    mode = paired_mode(METHOD, kinds, fit.values, spread)
     # By its interval as well: of a mode of 0.5 just those fits came below the limit that had found too little.
-    if any(one is not None and one.damping.high > LARGEST_DAMPING for one in map(mode.of_kind, KINDS)):
-        return nothing(METHOD, HEAVY, kinds)
-    return mode
+    return without_heavy(paired_mode(METHOD, kinds, fit.values, spread), LARGEST_DAMPING)

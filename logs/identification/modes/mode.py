@@ -123,6 +123,21 @@ def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> 
     return Mode(method, None, None, (), (), tuple(Unidentified(kind, why) for kind in kinds))
 
 
+def without_heavy(mode: Mode, most: float) -> Mode:
+    """The mode, less what may be damped by more than ``most`` (-): of such a one decay and drift are not told apart.
+
+    A short period that may be is taken for a part of a phugoid's decay: then neither is told.
+    """
+    heavy = [kind for kind in KINDS if (one := mode.of_kind(kind)) is not None and one.damping.high > most]
+    if not heavy:
+        return mode
+    gone = [kind for kind in (KINDS if SHORT_PERIOD in heavy else heavy) if mode.of_kind(kind) is not None]
+    missing = (*mode.unidentified, *(Unidentified(kind, HEAVY) for kind in gone))
+    if SHORT_PERIOD in heavy or mode.short_period is None:
+        return nothing(mode.method, HEAVY)._replace(unidentified=missing)
+    return mode._replace(phugoid=None, unidentified=missing)
+
+
 def pair_of(first: complex, second: complex) -> tuple[float, float]:
     """Undamped natural frequency (rad/s) and damping ratio of two eigenvalues, a complex pair or both real.
 

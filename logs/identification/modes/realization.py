@@ -19,13 +19,13 @@ import numpy as np
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.mode import (
     HEAVY,
-    KINDS,
     SHORT_PERIOD,
     TOO_FAST,
     Mode,
     eigenvalues_of,
     nothing,
     paired_mode,
+    without_heavy,
 )
 from logs.identification.modes.records import Record, Records
 from logs.identification.results import Array
@@ -101,9 +101,7 @@ def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> M
         return nothing(METHOD, str(error), kinds)
     mode = paired_mode(METHOD, kinds, pairs, Spread(covariance, degrees))
     # By its interval as well: of an Arizona damped by 0.68 one flight of twenty came out at 0.36.
-    if driven and any(one is not None and one.damping.high > LARGEST_DAMPING for one in map(mode.of_kind, KINDS)):
-        return nothing(METHOD, HEAVY, kinds)
-    return mode
+    return without_heavy(mode, LARGEST_DAMPING) if driven else mode
 
 
 def _spacing(records: Sequence[Record], blur: float) -> int:

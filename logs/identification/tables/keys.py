@@ -91,10 +91,16 @@ def _value(hint: Any, entry: Any, key: str) -> Any:
 def _choice(hint: Any, entry: Any, key: str) -> Any:
     base, *allowed = get_args(hint)
     value = _value(base, entry, key)
+    known = {_folded(one): one for one in allowed}
     for one in value if isinstance(value, tuple) else (value,):
-        if one not in allowed:
+        if _folded(one) not in known:
             raise BadInput(f"{key} = {reprlib.repr(one)} is not known; known: {', '.join(map(str, allowed))}")
-    return value
+    return tuple(known[_folded(one)] for one in value) if isinstance(value, tuple) else known[_folded(value)]
+
+
+def _folded(choice: Any) -> Any:
+    """One of several words, however its parts are joined: short_period is short period, nelder-mead nelder_mead."""
+    return " ".join(choice.replace("_", " ").replace("-", " ").split()) if isinstance(choice, str) else choice
 
 
 def _several(kinds: tuple[Any, ...], entry: Any, key: str) -> tuple[Any, ...]:

@@ -43,6 +43,8 @@ def modes_fit(
             raise BadInput(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
     if not asked.outputs:
         raise BadInput("modes.outputs names no signal")
+    if asked.kinds is not None and not asked.kinds:
+        raise BadInput("modes.kinds names no mode: leave it out to have those that the outputs show")
     if not asked.inputs:
         _must_be_free(found.fitted, asked.outputs)
     _must_move(found.fitted, asked.inputs)
@@ -59,9 +61,7 @@ def modes_fit(
         known = (*known, by_equations(asked, found.fitted, constants, fits))
     first = asked.inputs[0] if asked.inputs else None
     try:
-        result = modes_of_experiments(
-            found.fitted, first, asked.outputs, asked.kinds or None, known, asked.inputs[1:]
-        )
+        result = modes_of_experiments(found.fitted, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
         return fits, _seen(result, found.fitted, [name for name in asked.inputs if name not in asked.hold])
     except BadInput as error:
         if not known:

@@ -138,9 +138,11 @@ def _whole_runs(
         if count:
             notes.append(Information(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated"))
     pieces = measured_pieces(whole, inputs, LEAST_RUN)
-    left = len(experiment.time) - sum(len(piece.time) for piece in pieces)
-    if left:
-        told = f"{experiment.name}: {counted(left, 'sample')} without {', '.join(inputs)} left out"
+    untold = int(np.count_nonzero(~np.all([np.isfinite(whole.signals[name]) for name in inputs], axis=0)))
+    short = len(experiment.time) - sum(len(piece.time) for piece in pieces) - untold
+    if untold or short:
+        between = f", and {counted(short, 'sample')} of pieces between them that are too short" if short else ""
+        told = f"{experiment.name}: {counted(untold, 'sample')} without {', '.join(inputs)}{between} left out"
         notes.append(Information(told))
     return pieces
 

@@ -26,6 +26,8 @@ LEAST_EXPLAINED = 0.9
 """-; of an angle, by what the rates add up to: below it nothing is concluded"""
 LEAST_MEAN = 0.5
 """m/s^2; mean specific force along an axis, from which on an accelerometer's bias does not turn its sign"""
+FURTHEST_SPEED = 1.5
+"""-; times that of the constants or less, the mean airspeed: knots taken for m/s are 1.94, km/h 3.6"""
 NEAR = 1.3
 """-; factor within which a known mistake explains another one"""
 WIDEST_TRAVEL = math.pi
@@ -60,10 +62,12 @@ def check_plausible(
             a_z is positive on the mean as one that counts
             upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
             a_z is against alpha and q, or in g; a_x or a_y is against what the speed along its axis and gravity
-            say, or in g; or the airspeed is in another unit than it is called by.
+            say, or in g; or the airspeed is in another unit than it is called by, or is another one than
+            ``constants`` have.
     """
     _check_inputs(experiments, inputs)
     _check_gravity(experiments)
+    _check_speed(experiments, constants)
     for angle, rate in ANGLE_RATES:
         shares = _shares(experiments, angle, (rate,), constants)
         wrong = None if shares is None else _turning(shares, angle, rate)
@@ -78,6 +82,21 @@ def check_plausible(
         share = _force_share(experiments, force, names, speed_and_rest)
         if share is not None:
             _check_along(share, force)
+
+
+def _check_speed(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
+    """Refuse an airspeed of the steady flight that is not the measured one: lift and moments go by its square."""
+    told = constants.get("V")
+    measured = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
+    flown = np.concatenate(measured) if measured else np.zeros(0)
+    flown = flown[np.isfinite(flown)]
+    if told is None or not len(flown) or not flown.mean() > 0.0:
+        return
+    if not told / FURTHEST_SPEED < flown.mean() < told * FURTHEST_SPEED:
+        raise BadInput(
+            f"constants.V is {told:.4g} m/s and signals.V {flown.mean():.4g} m/s on the mean: one of both has another"
+            " unit, or is not of this flight"
+        )
 
 
 def _forward(of: Mapping[str, Array]) -> tuple[Array, Array]:

@@ -8,7 +8,17 @@ import pytest
 from logs.identification.experiment import Experiment
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.mode import FORCED, KINDS, PHUGOID, SHORT_PERIOD, Mode, mode_of_system, paired_mode
+from logs.identification.modes.mode import (
+    FORCED,
+    HEAVY,
+    KINDS,
+    PHUGOID,
+    SHORT_PERIOD,
+    Mode,
+    mode_of_system,
+    paired_mode,
+    without_heavy,
+)
 
 
 def found(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:
@@ -39,6 +49,18 @@ def test_pairs_that_turn_alike_are_parts_of_one_motion() -> None:
     assert mode.short_period is None and mode.phugoid is None
     assert {one.name for one in mode.unidentified} == {SHORT_PERIOD, PHUGOID}
     assert all("not told apart" in one.reason for one in mode.unidentified)
+
+
+def test_a_phugoid_that_may_be_heavily_damped_takes_no_short_period_with_it() -> None:
+    mode = without_heavy(found([3.8, 0.2, 0.2, 0.3], [0.1, 0.01, 0.01, 0.1]), 0.4)
+    assert mode.short_period is not None and mode.phugoid is None
+    assert [(one.name, one.reason) for one in mode.unidentified] == [(PHUGOID, HEAVY)]
+
+
+def test_a_short_period_that_may_be_leaves_no_mode() -> None:
+    mode = without_heavy(found([3.8, 0.3, 0.2, 0.1], [0.1, 0.1, 0.01, 0.01]), 0.4)
+    assert mode.short_period is None and mode.phugoid is None
+    assert [one.reason for one in mode.unidentified] == [HEAVY, HEAVY]
 
 
 def unstable(parameters: np.ndarray) -> np.ndarray:

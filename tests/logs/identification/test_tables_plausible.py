@@ -64,6 +64,19 @@ def test_a_known_mistake_is_named(scales: dict[str, float], said: str) -> None:
         check_plausible((flown(**scales),), {"V": SPEED})
 
 
+@pytest.mark.parametrize(("told", "right"), [(10.3, False), (16.0, True), (SPEED, True), (28.0, True), (38.9, False)])
+def test_an_airspeed_of_the_constants_that_is_not_the_measured_one_is_refused(told: float, right: bool) -> None:
+    """GIVEN 20 m/s measured, in knots or of knots taken for m/s in the constants THEN it is said."""
+    one = without(flown(), "a_z")
+    signals, units = one.signals | {"V": np.full(len(one.time), SPEED)}, one.units | {"V": "m/s"}
+    moved = one._replace(signals=signals, units=units)
+    if right:
+        check_plausible((moved,), {"V": told})
+        return
+    with pytest.raises(BadInput, match=rf"constants.V is {told:.4g} m/s and signals.V 20 m/s on the mean"):
+        check_plausible((moved,), {"V": told})
+
+
 def test_the_sign_of_an_a_z_without_its_mean_is_told_by_alpha_and_q() -> None:
     one = flown(a_z=-1.0)
     level = one.signals["a_z"] - one.signals["a_z"].mean()

@@ -12,7 +12,7 @@ import pytest
 from avionics.quantities import BadInput
 from logs.identification.tables.experiments import Cut, cut
 from logs.identification.tables.keys import read_section
-from logs.identification.tables.map import Map
+from logs.identification.tables.map import Map, load_map
 from logs.identification.tables.table import Columns, Layout, read_columns
 
 WAVE = '[signals]\na = { column = "a", unit = "-" }\n'
@@ -200,3 +200,44 @@ def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str
     with pytest.raises(BadInput, match=told) as refused:
         cut_of(tmp_path, wave(np.arange(100) * 0.1), mapping)
     assert str(refused.value).isprintable()
+
+
+MODES_MAP = """
+[time]
+column = "t"
+[signals]
+alpha = { column = "a", unit = "deg" }
+q = { column = "q", unit = "deg/s" }
+delta_e = { column = "%s", unit = "deg" }
+[modes]
+inputs = ["delta_e"]
+outputs = ["alpha", "q"]
+"""
+
+
+def mapped(folder: Path, text: str) -> Map:
+    path = folder / "map.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_map(path)
+
+
+@pytest.mark.parametrize("spelt", ["short_period", "short-period", "short period"])
+def test_a_model_may_be_spelt_as_its_parts_are_joined_elsewhere(tmp_path: Path, spelt: str) -> None:
+    found = mapped(tmp_path, MODES_MAP % "e" + f'model = "{spelt}"\nkinds = ["short period"]\n')
+    assert found.modes is not None and found.modes.model == "short period" and found.modes.kinds == ("short_period",)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (MODES_MAP % "q", "modes: input delta_e and output q are read from one column, 'q'"),
+        ((MODES_MAP % "e").replace('["alpha", "q"]', '["alpha", "delta_e"]'), "delta_e is in inputs and in outputs"),
+        (
+            (MODES_MAP % "a").replace("[modes]", '[[aero.output_error]]\nmodel = "short period"'),
+            "aero.output_error: input delta_e and output alpha are read from one column, 'a'",
+        ),
+    ],
+)
+def test_what_is_input_and_output_at_once_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(BadInput, match=said):
+        mapped(tmp_path, text)
