@@ -9,6 +9,7 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.agreement import agreement
+from logs.identification.modes.equivalent_system import METHOD as EQUIVALENT
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.free_response import METHOD as RINGING
@@ -18,7 +19,7 @@ from logs.identification.output_error.problem import Fit
 from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
-from logs.identification.tables.map import ModesSection, OutputError
+from logs.identification.tables.map import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.tables.models import Chosen
 from logs.identification.tables.output_errors import output_error_fit
 from logs.identification.tables.results import TableFit
@@ -27,6 +28,8 @@ from logs.identification.tables.systems import fitted_system
 LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 
+LATE_SAMPLES = 2.0
+"""-; by fewer an input may come late that was read before or after the outputs of its row"""
 MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
 
 
@@ -59,14 +62,40 @@ def modes_fit(
         fits, known = [table], (_mode(table, fit, chosen),)
     if model != LONGITUDINAL and has_equations(asked):
         known = (*known, by_equations(asked, found.fitted, constants, fits))
+    result = _compared(asked, found.fitted, known)
+    late = _late(result, found.fitted) if fits and not fits[0].fitted.estimates else 0.0
+    if late and asked.delay == Parameter():
+        return modes_fit(asked._replace(delay=Parameter(start=late)), found, constants, fill)
+    if late and asked.delay.fixed == 0.0:
+        when = "before it was" if late < 0.0 else "later than"
+        told = f"equivalent system finds that {asked.inputs[0]} acts {abs(late):.2g} s {when} recorded"
+        result = result._replace(notes=(*result.notes, f'{told}: delay = "free" lets output error find it'))
+    return fits, result
+
+
+def _compared(asked: ModesSection, experiments: tuple[Experiment, ...], known: tuple[Mode, ...]) -> ModesResult:
+    """The ``known`` modes beside those of every method that needs no model.
+
+    Raises:
+        BadInput: no method can be asked, and no mode is known.
+    """
     first = asked.inputs[0] if asked.inputs else None
     try:
-        result = modes_of_experiments(found.fitted, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
-        return fits, _seen(result, found.fitted, [name for name in asked.inputs if name not in asked.hold])
+        result = modes_of_experiments(experiments, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
     except BadInput as error:
         if not known:
             raise
-        return fits, ModesResult(known, None, f"no comparison: {error}", None, len(found.fitted), None)
+        return ModesResult(known, None, f"no comparison: {error}", None, len(experiments), None)
+    return _seen(result, experiments, [name for name in asked.inputs if name not in asked.hold])
+
+
+def _late(result: ModesResult, experiments: tuple[Experiment, ...]) -> float:
+    """By how much (s) the input acts late as the equivalent system finds it, surely and by samples; 0 where not."""
+    parameters = next((mode.derivatives for mode in result.modes if mode.method == EQUIVALENT and _tells(mode)), ())
+    delay = next((one for one in parameters if one.name == DELAY), None)
+    if delay is None or delay.low <= 0.0 <= delay.high:
+        return 0.0
+    return delay.value if abs(delay.value) > LATE_SAMPLES * max(one.step for one in experiments) else 0.0
 
 
 def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[str]) -> ModesResult:

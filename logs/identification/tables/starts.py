@@ -227,10 +227,22 @@ def begin(
     wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None]
     places = [names.index(name) for name in wanted if name != DELAY]
     how = How(steady, span)
+    delay = float(values[names.index(DELAY)]) if DELAY in names else 0.0
+    experiments = tuple(_acting(one, model.inputs, delay) for one in experiments) if delay else experiments
     found = equation_error_start(model, experiments, values, places, constants, how) if places else values
     if found is None:
         found = _guessed(model, experiments, values, names, wanted)
     return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
+
+
+def _acting(experiment: Experiment, inputs: Mapping[str, str], delay: float) -> Experiment:
+    """The experiment with its inputs when they act, ``delay`` s after they were recorded."""
+    moved = {
+        name: np.interp(experiment.time - delay, experiment.time, experiment.signals[name])
+        for name in inputs
+        if name in experiment.signals
+    }
+    return experiment._replace(signals={**experiment.signals, **moved})
 
 
 TYPICAL = {"Z_alpha": -0.5, "M_q": -0.5, "M_alpha": -1.0}

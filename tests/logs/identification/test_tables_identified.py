@@ -226,6 +226,22 @@ def test_a_long_gap_in_the_input_cuts_the_manoeuvre(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("late", [-0.32, 0.32])
+def test_an_input_of_another_clock_is_named_and_its_delay_found(tmp_path: Path, late: float) -> None:
+    """GIVEN an input that was recorded a third of a second off THEN output error begins at the delay found without
+    it; without ``delay`` what it cannot follow is explained."""
+    columns = flight(noise=0.2)
+    columns["delta_e"] = np.interp(columns["t"] + late, columns["t"], columns["delta_e"])
+    free = identified(tmp_path, columns, BASE + 'delay = "free"\n').fits[0]
+    found = {one.name: one.value for one in free.fitted.estimates}
+    assert found["delay"] == pytest.approx(late, abs=0.02)
+    assert found["M_alpha"] == pytest.approx(TRUTH["M_alpha"], rel=0.05)
+    held = identified(tmp_path, columns, BASE)
+    assert held.modes is not None
+    said = " ".join((*held.modes.notes, *notes_of(held.fits[0])))
+    assert 'delay = "free"' in said
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("outputs", [["q", "a_z"], ["alpha", "q"], ["q", "a_z", "theta"], ["q_dot", "alpha"]])
 def test_any_outputs(tmp_path: Path, outputs: list[str]) -> None:
