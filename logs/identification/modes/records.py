@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.preparing.noise_level import noise_beside_steps
@@ -131,7 +131,11 @@ def _without_gaps(columns: Array) -> tuple[Array, str]:
         bridged[run] = (1 - share) * columns[run.start - 1] + share * columns[run.stop]
         whole[run], count = True, count + run.stop - run.start
     kept = bridged[longest_run(whole)]
-    return kept, f"{count} missing samples bridged, {len(columns) - len(kept)} at the ends or in long gaps left out"
+    lost = int(np.count_nonzero(~whole))
+    told = f"{counted(count, 'missing sample')} bridged"
+    if lost:
+        told += f", the longest stretch without the other {lost} taken: {len(kept)} of {len(columns)} samples"
+    return kept, told
 
 
 def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:

@@ -156,9 +156,10 @@ def _rates(source: Source) -> tuple[Array, Array, Array]:
 
 def _rolling(source: Source) -> Array:
     p, q, r = _rates(source)
-    i_x, i_y, i_z = (source.constant(name) for name in ("I_x", "I_y", "I_z"))
     i_xz = source.constants.get("I_xz", 0.0)
-    moment = i_x * source.get("p_dot") - i_xz * (source.get("r_dot") + p * q) + (i_z - i_y) * q * r
+    moment = source.constant("I_x") * source.get("p_dot") - i_xz * (source.get("r_dot") + p * q)
+    if np.any(q * r):
+        moment = moment + (source.constant("I_z") - source.constant("I_y")) * q * r
     return np.asarray(moment / (source.get("qbar") * source.constant("S") * source.constant("b")))
 
 
@@ -180,9 +181,10 @@ def _pitching(source: Source) -> Array:
 
 def _yawing(source: Source) -> Array:
     p, q, r = _rates(source)
-    i_x, i_y, i_z = (source.constant(name) for name in ("I_x", "I_y", "I_z"))
     i_xz = source.constants.get("I_xz", 0.0)
-    moment = i_z * source.get("r_dot") - i_xz * (source.get("p_dot") - q * r) + (i_y - i_x) * p * q
+    moment = source.constant("I_z") * source.get("r_dot") - i_xz * (source.get("p_dot") - q * r)
+    if np.any(p * q):
+        moment = moment + (source.constant("I_y") - source.constant("I_x")) * p * q
     return np.asarray(moment / (source.get("qbar") * source.constant("S") * source.constant("b")))
 
 

@@ -95,7 +95,9 @@ def _choice(hint: Any, entry: Any, key: str) -> Any:
     for one in value if isinstance(value, tuple) else (value,):
         if _folded(one) not in known:
             raise BadInput(f"{key} = {reprlib.repr(one)} is not known; known: {', '.join(map(str, allowed))}")
-    return tuple(known[_folded(one)] for one in value) if isinstance(value, tuple) else known[_folded(value)]
+    if isinstance(value, tuple):
+        return tuple(dict.fromkeys(known[_folded(one)] for one in value))
+    return known[_folded(value)]
 
 
 def _folded(choice: Any) -> Any:

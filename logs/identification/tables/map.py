@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -182,24 +181,6 @@ def load_map(path: Path) -> Map:
     try:
         found: Map = read_section(Map, document, "")
         found.time.check()
-        _check_apart(found)
     except BadInput as error:
         raise BadInput(f"map {path}: {error}") from None
     return found
-
-
-def _check_apart(found: Map) -> None:
-    """Refuse what is input and output of one model: a signal, or the column that two signals are read from.
-
-    Raises:
-        BadInput: of an equation whose two sides are one column any fit is perfect, and tells nothing.
-    """
-    columns = {name: one.entry.column.column for name, one in found.signals.items() if one.entry.column is not None}
-    asked: list[tuple[str, ModesSection | OutputError]] = [("modes", found.modes)] if found.modes else []
-    asked += [("aero.output_error", one) for one in (found.aero.output_error if found.aero else ())]
-    for key, section in asked:
-        for given, seen in product(section.inputs, section.outputs):
-            if given == seen:
-                raise BadInput(f"{key}: {given} is in inputs and in outputs")
-            if given in columns and columns[given] == columns.get(seen):
-                raise BadInput(f"{key}: input {given} and output {seen} are read from one column, {columns[given]!r}")

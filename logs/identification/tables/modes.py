@@ -9,7 +9,6 @@ import numpy as np
 from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.agreement import agreement
-from logs.identification.modes.equivalent_system import METHOD as EQUIVALENT
 from logs.identification.modes.errors import Spread
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.free_response import METHOD as RINGING
@@ -19,17 +18,25 @@ from logs.identification.output_error.problem import Fit
 from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.experiments import Cut
-from logs.identification.tables.map import DELAY, ModesSection, OutputError, Parameter
+from logs.identification.tables.late_inputs import (
+    counted_from_record,
+    delay_beside,
+    known_delay,
+    lateness,
+    suspected_delay,
+    tells,
+)
+from logs.identification.tables.map import ModesSection, OutputError, Parameter
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.named import check_apart
+from logs.identification.tables.output_errors import output_error_fit, shortened
 from logs.identification.tables.results import TableFit
+from logs.identification.tables.starts import acting_at
 from logs.identification.tables.systems import fitted_system
 
 LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 
-LATE_SAMPLES = 2.0
-"""-; by fewer an input may come late that was read before or after the outputs of its row"""
 MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
 
 
@@ -41,6 +48,24 @@ def modes_fit(
     Raises:
         BadInput: a signal that is not there, or no record is long enough.
     """
+    _check(asked, found)
+    fits, known, suspected = _by_model(asked, found, constants, fill)
+    result = _compared(asked, found.fitted, known, known_delay(asked, fits))
+    told = delay_beside(result, found.fitted) if fits else 0.0
+    late = told or suspected
+    if late and asked.delay == Parameter():
+        return _begun_at(late, asked, found, constants, fill) or (fits, result)
+    if late and asked.delay.fixed == 0.0:
+        result = result._replace(notes=(*result.notes, lateness(late, bool(told), ", ".join(asked.inputs))))
+    return fits, result
+
+
+def _check(asked: ModesSection, found: Cut) -> None:
+    """Refuse what no method could answer.
+
+    Raises:
+        BadInput: a signal that is not there or is input and output, no output, no kind, or inputs that do not move.
+    """
     for name in (*asked.inputs, *asked.outputs):
         if name not in found.fitted[0].signals:
             raise BadInput(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
@@ -48,11 +73,19 @@ def modes_fit(
         raise BadInput("modes.outputs names no signal")
     if asked.kinds is not None and not asked.kinds:
         raise BadInput("modes.kinds names no mode: leave it out to have those that the outputs show")
+    check_apart(found.fitted, asked.inputs, asked.outputs, "modes")
     if not asked.inputs:
         _must_be_free(found.fitted, asked.outputs)
     _must_move(found.fitted, asked.inputs)
+
+
+def _by_model(
+    asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
+) -> tuple[list[TableFit], tuple[Mode, ...], float]:
+    """The fit of the model, the modes by it and by its equations, and by how much (s) its inputs seem late."""
     fits: list[TableFit] = []
     known: tuple[Mode, ...] = ()
+    suspected = 0.0
     model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
     if model != "none":
         wanted = OutputError(
@@ -60,42 +93,38 @@ def modes_fit(
         )
         table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
         fits, known = [table], (_mode(table, fit, chosen),)
+        suspected = suspected_delay(table, wanted, found, constants, fill)
     if model != LONGITUDINAL and has_equations(asked):
         known = (*known, by_equations(asked, found.fitted, constants, fits))
-    result = _compared(asked, found.fitted, known)
-    late = _late(result, found.fitted) if fits and not fits[0].fitted.estimates else 0.0
-    if late and asked.delay == Parameter():
-        return modes_fit(asked._replace(delay=Parameter(start=late)), found, constants, fill)
-    if late and asked.delay.fixed == 0.0:
-        when = "before it was" if late < 0.0 else "later than"
-        told = f"equivalent system finds that {asked.inputs[0]} acts {abs(late):.2g} s {when} recorded"
-        result = result._replace(notes=(*result.notes, f'{told}: delay = "free" lets output error find it'))
-    return fits, result
+    return fits, known, suspected
 
 
-def _compared(asked: ModesSection, experiments: tuple[Experiment, ...], known: tuple[Mode, ...]) -> ModesResult:
-    """The ``known`` modes beside those of every method that needs no model.
+def _begun_at(
+    delay: float, asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
+) -> tuple[list[TableFit], ModesResult] | None:
+    """The fit and the modes from a start of the ``delay`` (s) of the inputs; None where it has no numbers either."""
+    fits, result = modes_fit(asked._replace(delay=Parameter(start=delay)), found, constants, fill)
+    return (fits, result) if fits and fits[0].fitted.estimates else None
+
+
+def _compared(
+    asked: ModesSection, experiments: tuple[Experiment, ...], known: tuple[Mode, ...], delay: float
+) -> ModesResult:
+    """The ``known`` modes beside those of every method that needs no model, of inputs that act by ``delay`` s late.
 
     Raises:
         BadInput: no method can be asked, and no mode is known.
     """
     first = asked.inputs[0] if asked.inputs else None
+    acting = tuple(acting_at(one, asked.inputs, delay) for one in experiments)
     try:
-        result = modes_of_experiments(experiments, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
+        result = modes_of_experiments(acting, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
     except BadInput as error:
         if not known:
             raise
         return ModesResult(known, None, f"no comparison: {error}", None, len(experiments), None)
+    result = result._replace(modes=tuple(counted_from_record(mode, delay) for mode in result.modes))
     return _seen(result, experiments, [name for name in asked.inputs if name not in asked.hold])
-
-
-def _late(result: ModesResult, experiments: tuple[Experiment, ...]) -> float:
-    """By how much (s) the input acts late as the equivalent system finds it, surely and by samples; 0 where not."""
-    parameters = next((mode.derivatives for mode in result.modes if mode.method == EQUIVALENT and _tells(mode)), ())
-    delay = next((one for one in parameters if one.name == DELAY), None)
-    if delay is None or delay.low <= 0.0 <= delay.high:
-        return 0.0
-    return delay.value if abs(delay.value) > LATE_SAMPLES * max(one.step for one in experiments) else 0.0
 
 
 def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[str]) -> ModesResult:
@@ -110,13 +139,9 @@ def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[
         return result
     samples = f"{2.0 * np.pi / turned:.1f} samples"
     why = f"the motion has a period of {samples}, and inputs move far between two: record it faster"
-    modes = tuple(nothing(mode.method, why) if mode in driven and _tells(mode) else mode for mode in result.modes)
+    modes = tuple(nothing(mode.method, why) if mode in driven and tells(mode) else mode for mode in result.modes)
     agree, statement = agreement(modes)
     return result._replace(modes=modes, agree=agree, statement=statement)
-
-
-def _tells(mode: Mode) -> bool:
-    return any(mode.of_kind(kind) is not None for kind in KINDS)
 
 
 def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> None:
@@ -160,4 +185,6 @@ def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
     system = fitted_system(table, fit, chosen)
     if system.failure:
         return nothing(method, system.failure)
-    return mode_of_system(method, system.of, fit.values, Spread(fit.covariance, fit.degrees), fit.estimates)
+    return mode_of_system(
+        method, system.of, fit.values, Spread(fit.covariance, fit.degrees), tuple(map(shortened, fit.estimates))
+    )

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 
 from avionics.quantities import BadInput, meant
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
+
+LEAST_ALIKE = 10
+"""-; samples, of which fewer may be alike by chance"""
+ALIKE = 1e-9
+"""-; what a correlation of one column with itself lacks by rounding, its square's half"""
 
 
 def signal(one: Experiment, name: str, unit: str | None, key: str) -> Array:
@@ -39,3 +47,26 @@ def band_frequencies(band: tuple[float, float], experiments: tuple[Experiment, .
     if not 0 < low < high or not len(found):
         raise BadInput(f"{key}: band = [{low:g}, {high:g}] Hz holds no frequency")
     return found
+
+
+def check_apart(experiments: Sequence[Experiment], inputs: Sequence[str], outputs: Sequence[str], key: str) -> None:
+    """Refuse an output that is an input, but for scale and offset: any fit to it is perfect, and tells nothing.
+
+    Raises:
+        BadInput: it names both; ``key`` is whose they are.
+    """
+    for given, seen in product(inputs, outputs):
+        if given == seen:
+            raise BadInput(f"{key}: {given} is in inputs and in outputs")
+        pairs = [
+            (np.asarray(one.signals[given]), np.asarray(one.signals[seen]))
+            for one in experiments
+            if given in one.signals and seen in one.signals
+        ]
+        both = np.concatenate([np.column_stack(pair) for pair in pairs]) if pairs else np.zeros((0, 2))
+        both = both[np.all(np.isfinite(both), axis=1)]
+        if len(both) < LEAST_ALIKE or not np.all(np.ptp(both, axis=0) > 0.0):
+            continue
+        left = 1.0 - abs(float(np.corrcoef(both.T)[0, 1]))
+        if left < ALIKE:
+            raise BadInput(f"{key}: input {given} and output {seen} are one signal: is it the same column?")

@@ -24,6 +24,7 @@ from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.lacking import lacking
 from logs.identification.tables.map import DELAY, OutputError
 from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
+from logs.identification.tables.named import check_apart
 from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import LITTLE, TableFit
 from logs.identification.tables.signals import LONGEST_FILL
@@ -52,6 +53,7 @@ def output_error_fit(
     Raises:
         BadInput: a signal, constant or parameter that the model does not have or needs and is not there.
     """
+    check_apart(found.fitted, asked.inputs, asked.outputs, subject)
     chosen = chosen_model(asked, constants, found.fitted)
     fitted = driven(found.fitted, chosen, fill)
     held = driven(found.held_out, chosen, fill) if found.held_out else Driven((), ())
@@ -63,7 +65,7 @@ def output_error_fit(
     notes = doubts(asked, found.fitted, Flown(chosen, problem, fit, series), constants)
     spiky = spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs))
     told = Fitted(
-        f"output error, {asked.model}", chosen.equations, tuple(map(_shortened, fit.estimates)),
+        f"output error, {asked.model}", chosen.equations, tuple(map(shortened, fit.estimates)),
         fit.unidentified, correlation, series,
         (*fitted.notes, *held.notes, *spiky, *notes),
     )  # fmt: skip
@@ -141,9 +143,9 @@ def _whole_runs(
     untold = int(np.count_nonzero(~np.all([np.isfinite(whole.signals[name]) for name in inputs], axis=0)))
     short = len(experiment.time) - sum(len(piece.time) for piece in pieces) - untold
     if untold or short:
-        between = f", and {counted(short, 'sample')} of pieces between them that are too short" if short else ""
-        told = f"{experiment.name}: {counted(untold, 'sample')} without {', '.join(inputs)}{between} left out"
-        notes.append(Information(told))
+        lost = [f"{counted(untold, 'sample')} without {', '.join(inputs)}"] if untold else []
+        lost += [f"{counted(short, 'sample')} of pieces that are too short"] if short else []
+        notes.append(Information(f"{experiment.name}: {' and '.join(lost)} left out"))
     return pieces
 
 
@@ -217,7 +219,7 @@ def _starts(
     yield own, BESIDE
 
 
-def _shortened(one: Estimate) -> Estimate:
+def shortened(one: Estimate) -> Estimate:
     """With its unit shortened: ``(rad/s)/(rad)`` is 1/s."""
     parts = re.fullmatch(r"\((.*)\)/\((.*)\)", one.unit)
     return one._replace(unit=quotient(parts[1], parts[2])) if parts else one

@@ -26,8 +26,11 @@ LEAST_EXPLAINED = 0.9
 """-; of an angle, by what the rates add up to: below it nothing is concluded"""
 LEAST_MEAN = 0.5
 """m/s^2; mean specific force along an axis, from which on an accelerometer's bias does not turn its sign"""
-FURTHEST_SPEED = 1.5
-"""-; times that of the constants or less, the mean airspeed: knots taken for m/s are 1.94, km/h 3.6"""
+SPEEDS = ("V", "airspeed")
+SPEED_UNITS, UNIT_WITHIN = (1.944, 2.237, 3.281, 3.6), 1.1
+"""-; knots, miles per hour, feet per second and km/h in a m/s, and how near to one a mistake of units comes"""
+STANDING = 0.1
+"""-; of the steady airspeed, below which none was measured"""
 NEAR = 1.3
 """-; factor within which a known mistake explains another one"""
 WIDEST_TRAVEL = math.pi
@@ -62,8 +65,8 @@ def check_plausible(
             a_z is positive on the mean as one that counts
             upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
             a_z is against alpha and q, or in g; a_x or a_y is against what the speed along its axis and gravity
-            say, or in g; or the airspeed is in another unit than it is called by, or is another one than
-            ``constants`` have.
+            say, or in g; or the airspeed is in another unit than it is called by, or ``constants`` have
+            it in another one.
     """
     _check_inputs(experiments, inputs)
     _check_gravity(experiments)
@@ -85,17 +88,21 @@ def check_plausible(
 
 
 def _check_speed(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
-    """Refuse an airspeed of the steady flight that is not the measured one: lift and moments go by its square."""
-    told = constants.get("V")
-    measured = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
+    """Refuse an airspeed of the steady flight that is the measured one in another unit: lift goes by its square.
+
+    A pitot that was blocked for a while, spikes and a speed that counts from the steady one say nothing of units.
+    """
+    told = constants.get("V", 0.0)
+    measured = [np.asarray(one.signals[name]) for one in experiments for name in SPEEDS if name in one.signals]
     flown = np.concatenate(measured) if measured else np.zeros(0)
-    flown = flown[np.isfinite(flown)]
-    if told is None or not len(flown) or not flown.mean() > 0.0:
+    moving = flown[np.isfinite(flown) & (flown > STANDING * told)]
+    if not told > 0.0 or not len(moving) > np.count_nonzero(np.isfinite(flown)) / 2:
         return
-    if not told / FURTHEST_SPEED < flown.mean() < told * FURTHEST_SPEED:
+    usual = float(np.median(moving))
+    ratio = max(told / usual, usual / told)
+    if any(unit / UNIT_WITHIN < ratio < unit * UNIT_WITHIN for unit in SPEED_UNITS):
         raise BadInput(
-            f"constants.V is {told:.4g} m/s and signals.V {flown.mean():.4g} m/s on the mean: one of both has another"
-            " unit, or is not of this flight"
+            f"constants.V is {told:.4g} m/s and signals.V {usual:.4g} m/s: one of both is in another unit than told"
         )
 
 
@@ -300,6 +307,6 @@ def _run(
 
 def _speed(one: Experiment, constants: Mapping[str, float]) -> float | None:
     """Mean airspeed in m/s; None where neither a signal nor the constants tell it."""
-    told = next((one.signals[name] for name in ("V", "airspeed") if name in one.signals), np.zeros(0))
+    told = next((one.signals[name] for name in SPEEDS if name in one.signals), np.zeros(0))
     speed = float(np.nanmean(told)) if np.any(np.isfinite(told)) else constants.get("V", 0.0)
     return speed if speed > 0 else None

@@ -7,7 +7,8 @@ ch. 5 and 6; Jategaonkar, Flight Vehicle System Identification, 2006, ch. 4).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ MOST_ROWS = 1500
 """-; of one manoeuvre: a start needs no more"""
 ROUNDS = 6
 LEAST_SWING = 8
+DELAYS = [step / 40 for step in range(-40, 41)]
+"""s; at which inputs are tried to act"""
 DIFFERENCE = 1e-4
 SMALLEST = 1e-6
 """-; singular value, of the largest, under which a combination of parameters stays where it was"""
@@ -218,25 +221,66 @@ def begin(
     With a ``span`` (s) these are averaged over it. Where a state cannot be had of what is measured, the start is that
     of an aircraft that turns as quickly as the outputs swing.
     """
+    delay = parameters.get(DELAY, Parameter(fixed=0.0))
+    if delay == Parameter():
+        delay = Parameter(start=best_delay(model, parameters, experiments, constants, steady)[0])
+        parameters = {**parameters, DELAY: delay}
+    names, values, wanted = _told(model, parameters)
+    places = [names.index(name) for name in wanted]
+    acting = tuple(acting_at(one, model.inputs, delay.fixed or delay.start or 0.0) for one in experiments)
+    found = equation_error_start(model, acting, values, places, constants, How(steady, span)) if places else values
+    if found is None:
+        found = _guessed(model, experiments, values, names, wanted)
+    return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
+
+
+def _told(model: Model, parameters: Mapping[str, Parameter]) -> tuple[list[str], Array, list[str]]:
+    """Names and values (P,) of the model's parameters, as the map tells them, and those that it does not tell."""
     names = list(model.parameters)
     values = np.array([model.parameters[name].value for name in names], dtype=np.float64)
     for name, one in parameters.items():
         told = one.fixed if one.fixed is not None else one.start
         if told is not None:
             values[names.index(name)] = told
-    wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None]
-    places = [names.index(name) for name in wanted if name != DELAY]
-    how = How(steady, span)
-    delay = float(values[names.index(DELAY)]) if DELAY in names else 0.0
-    experiments = tuple(_acting(one, model.inputs, delay) for one in experiments) if delay else experiments
-    found = equation_error_start(model, experiments, values, places, constants, how) if places else values
-    if found is None:
-        found = _guessed(model, experiments, values, names, wanted)
-    return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
+    wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None and name != DELAY]
+    return names, values, wanted
 
 
-def _acting(experiment: Experiment, inputs: Mapping[str, str], delay: float) -> Experiment:
+def best_delay(
+    model: Model,
+    parameters: Mapping[str, Parameter],
+    experiments: tuple[Experiment, ...],
+    constants: Mapping[str, float],
+    steady: bool,
+) -> tuple[float, float]:
+    """By how much (s) the inputs are best taken as late, of `DELAYS`, and what share of squares that leaves.
+
+    By the model's equations as `begin` fits them; 0 and 1 where these cannot be had of what is measured.
+    """
+    free = {name: one._replace(start=None) if one.fixed is None else one for name, one in parameters.items()}
+    names, values, wanted = _told(model, {name: one for name, one in free.items() if name != DELAY})
+    places, how = [names.index(name) for name in wanted], How(steady)
+
+    def left(delay: float) -> float:
+        acting = tuple(acting_at(one, model.inputs, delay) for one in experiments)
+        found = equation_error_start(model, acting, values, places, constants, how)
+        rows = [_rows(model, one, constants, None) for one in acting]
+        if found is None:
+            return math.inf
+        return float(np.sum(_errors(model, [one for one in rows if one is not None], found, steady) ** 2))
+
+    at_once = left(0.0)
+    if not places or not 0.0 < at_once < math.inf:
+        return 0.0, 1.0
+    squares = [left(delay) for delay in DELAYS]
+    best = int(np.argmin(squares))
+    return (DELAYS[best], squares[best] / at_once) if squares[best] < at_once else (0.0, 1.0)
+
+
+def acting_at(experiment: Experiment, inputs: Iterable[str], delay: float) -> Experiment:
     """The experiment with its inputs when they act, ``delay`` s after they were recorded."""
+    if not delay:
+        return experiment
     moved = {
         name: np.interp(experiment.time - delay, experiment.time, experiment.signals[name])
         for name in inputs

@@ -199,6 +199,7 @@ def test_large_motions_that_a_stroke_modulates_do_not_move_what_the_speed_does()
     """
     found = derivatives_of(Flight(width=0.4, modulation=0.3, noise=1e-3, shaking=0.0))
     assert [found[name] for name in ("Z_u", "M_u")] == pytest.approx([TRUTH["Z_u"], TRUTH["M_u"]], abs=0.015)
+    assert [found[name] for name in ("M_w", "M_q")] == pytest.approx([TRUTH["M_w"], TRUTH["M_q"]], abs=0.025)
 
 
 def derivatives_of(flight: Flight) -> dict[str, float]:

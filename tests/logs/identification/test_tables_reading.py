@@ -225,19 +225,3 @@ def mapped(folder: Path, text: str) -> Map:
 def test_a_model_may_be_spelt_as_its_parts_are_joined_elsewhere(tmp_path: Path, spelt: str) -> None:
     found = mapped(tmp_path, MODES_MAP % "e" + f'model = "{spelt}"\nkinds = ["short period"]\n')
     assert found.modes is not None and found.modes.model == "short period" and found.modes.kinds == ("short_period",)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (MODES_MAP % "q", "modes: input delta_e and output q are read from one column, 'q'"),
-        ((MODES_MAP % "e").replace('["alpha", "q"]', '["alpha", "delta_e"]'), "delta_e is in inputs and in outputs"),
-        (
-            (MODES_MAP % "a").replace("[modes]", '[[aero.output_error]]\nmodel = "short period"'),
-            "aero.output_error: input delta_e and output alpha are read from one column, 'a'",
-        ),
-    ],
-)
-def test_what_is_input_and_output_at_once_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(BadInput, match=said):
-        mapped(tmp_path, text)
