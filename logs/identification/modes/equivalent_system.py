@@ -329,7 +329,7 @@ def _doubt(fit: SeparableFit, transforms: list[Transform], count: int, kinds: tu
         return "no mode of second order fits the records"
     asked = float(np.max(frequencies) if SHORT_PERIOD in kinds else np.min(frequencies))
     if abs(fit.values[-1]) * asked > LARGEST_DELAY:
-        return "the delay took the mode's place: the input does not excite it"
+        return "the delay took the mode's place: the input does not excite it, or was recorded far off its time"
     periods = asked * sum(t.length for t in transforms) / (2 * math.pi)
     if periods < LEAST_PERIODS:
         return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"

@@ -132,10 +132,11 @@ def _without_gaps(columns: Array) -> tuple[Array, str]:
         whole[run], count = True, count + run.stop - run.start
     kept = bridged[longest_run(whole)]
     lost = int(np.count_nonzero(~whole))
-    told = f"{counted(count, 'missing sample')} bridged"
+    told = [f"{counted(count, 'missing sample')} bridged"] if count else []
     if lost:
-        told += f", the longest stretch without the other {lost} taken: {len(kept)} of {len(columns)} samples"
-    return kept, told
+        others = f"the other {lost}" if count else f"{lost} missing samples"
+        told.append(f"the longest stretch without {others} taken: {len(kept)} of {len(columns)} samples")
+    return kept, ", ".join(told)
 
 
 def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
