@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.modes.longitudinal import Matrices, discretise, propagate
+from logs.identification.modes.longitudinal import Discrete, Matrices, discretise, propagate
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.results import Array
 
@@ -70,15 +70,23 @@ def responses(model: Matrices, manoeuvre: Manoeuvre, forcing: Array, imu: tuple[
 
     ``imu`` is its place (x, z) in m, which the pitch acceleration moves.
     """
-    step = float(manoeuvre.time[1] - manoeuvre.time[0])
-    directs = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, imu[1], -imu[0], 0]], dtype=float)
     columns = []
-    for axis, direct in enumerate(directs):
-        exact = discretise(model._replace(b=np.eye(4)[axis]), step, False)
+    for exact, direct in zip(pushes(model, manoeuvre), felt_at(imu), strict=True):
         for force in forcing.T:
             states = propagate(exact, np.zeros(4), force)
             columns.append(manoeuvre.averaging @ (states @ model.c.T + np.outer(force, direct)))
     return np.stack(columns, axis=2)
+
+
+def pushes(model: Matrices, manoeuvre: Manoeuvre) -> list[Discrete]:
+    """The model driven by accelerations along x, along z and in pitch, lines between the manoeuvre's samples."""
+    step = float(manoeuvre.time[1] - manoeuvre.time[0])
+    return [discretise(model._replace(b=axis), step, False) for axis in np.eye(4)[:3]]
+
+
+def felt_at(imu: tuple[float, float]) -> Array:
+    """What (3, 4) these accelerations add to the outputs as such, of an IMU at ``imu`` (x, z) in m."""
+    return np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, imu[1], -imu[0], 0]], dtype=np.float64)
 
 
 def cleared(residuals: list[Array], sensitivities: list[Array], columns: list[Array]) -> Cleared:

@@ -13,8 +13,8 @@ import numpy as np
 from logs.identification.modes.equation_error import DerivativeFit
 from logs.identification.modes.flown_again import Flown, Problem, flown_at, project
 from logs.identification.modes.kinematics import turned
-from logs.identification.modes.longitudinal import discretise, propagate
-from logs.identification.modes.modulation import swing
+from logs.identification.modes.longitudinal import propagate
+from logs.identification.modes.modulation import felt_at, pushes, swing
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array
 
@@ -91,16 +91,14 @@ def _beyond(
 
 def _states_of(flown: Flown, manoeuvre: Manoeuvre, pushed: Array) -> Array:
     """States (N, 4) that accelerations ``pushed`` (N, 3) along x, along z and in pitch make."""
-    step = float(manoeuvre.time[1] - manoeuvre.time[0])
-    exact = (discretise(flown.model._replace(b=axis), step, False) for axis in np.eye(4)[:3])
-    states: Array = np.sum([propagate(e, np.zeros(4), push) for e, push in zip(exact, pushed.T, strict=True)], axis=0)
+    pairs = zip(pushes(flown.model, manoeuvre), pushed.T, strict=True)
+    states: Array = np.sum([propagate(exact, np.zeros(4), push) for exact, push in pairs], axis=0)
     return states
 
 
 def _felt(problem: Problem, flown: Flown, manoeuvre: Manoeuvre, states: Array, pushed: Array) -> Array:
     """Stroke-averaged outputs (M, 4) of ``states`` (N, 4) and of the accelerations ``pushed`` (N, 3) as such, which
     the IMU feels where it is."""
-    imu_x, imu_z = problem.aircraft.imu_x, problem.aircraft.imu_z
-    direct = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, imu_z, -imu_x, 0]], dtype=float)
-    outputs: Array = manoeuvre.averaging @ (states @ flown.model.c.T + pushed @ direct)
+    imu = problem.aircraft.imu_x, problem.aircraft.imu_z
+    outputs: Array = manoeuvre.averaging @ (states @ flown.model.c.T + pushed @ felt_at(imu))
     return outputs
