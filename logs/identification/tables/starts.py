@@ -33,7 +33,7 @@ MOST_ROWS = 1500
 """-; of one manoeuvre: a start needs no more"""
 ROUNDS = 6
 LEAST_SWING = 8
-DELAYS = [step / 40 for step in range(-40, 41)]
+DELAYS = [step / 20 for step in range(-20, 21)]
 """s; at which inputs are tried to act"""
 DIFFERENCE = 1e-4
 SMALLEST = 1e-6
