@@ -33,8 +33,8 @@ from logs.identification.results import Array
 METHOD = "eigensystem realization"
 SAMPLES_A_STROKE = 3
 """-; to which stroke averages are thinned: their neighbours hold the same wing strokes. With 4 the frequency of a
-lightly damped aircraft was held in 89 % of 272 flights, with 3 in 92 of 257; of weak inputs 197 and 231 of 300 gave a
-number"""
+lightly damped aircraft was held in 89 % of 272 flights, with 3 in 92 of 257 (`DEPENDENT` being 1e-9); of weak inputs
+197 and 231 of 300 gave a number"""
 LONGEST_RECORD = 160
 """-; samples to which a free motion is thinned"""
 SAMPLES_A_CYCLE = 8

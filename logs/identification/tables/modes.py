@@ -26,7 +26,7 @@ from logs.identification.tables.late_inputs import (
     suspected_delay,
     tells,
 )
-from logs.identification.tables.map import ModesSection, OutputError, Parameter
+from logs.identification.tables.map import ModesSection, OutputError
 from logs.identification.tables.models import Chosen
 from logs.identification.tables.named import check_apart
 from logs.identification.tables.output_errors import output_error_fit, shortened
@@ -53,8 +53,6 @@ def modes_fit(
     result = _compared(asked, found.fitted, known, known_delay(asked, fits))
     told = delay_beside(result, found.fitted) if fits else 0.0
     late = told or suspected
-    if late and asked.delay == Parameter():
-        return _begun_at(late, asked, found, constants, fill) or (fits, result)
     if late and asked.delay.fixed == 0.0:
         result = result._replace(notes=(*result.notes, lateness(late, bool(told), ", ".join(asked.inputs))))
     return fits, result
@@ -97,14 +95,6 @@ def _by_model(
     if model != LONGITUDINAL and has_equations(asked):
         known = (*known, by_equations(asked, found.fitted, constants, fits))
     return fits, known, suspected
-
-
-def _begun_at(
-    delay: float, asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> tuple[list[TableFit], ModesResult] | None:
-    """The fit and the modes from a start of the ``delay`` (s) of the inputs; None where it has no numbers either."""
-    fits, result = modes_fit(asked._replace(delay=Parameter(start=delay)), found, constants, fill)
-    return (fits, result) if fits and fits[0].fitted.estimates else None
 
 
 def _compared(
