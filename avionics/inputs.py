@@ -33,7 +33,7 @@ from avionics.messages import (
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
 from avionics.missions.limits import check_fence, check_item, check_rally
-from avionics.quantities import counted
+from avionics.quantities import counted, parse_json
 from avionics.sensing.pilot import Act
 from avionics.situation import conditions, surroundings, unready
 from avionics.state import AutopilotState
@@ -69,7 +69,7 @@ def encode_command(command: Command) -> str:
 
 def decode_command(text: str) -> Command:
     """The command that `encode_command` wrote."""
-    document = json.loads(text)
+    document = parse_json(text)
     kind = CommandKind[document["kind"]]
     payload = document["payload"]
     if payload is not None and kind in PAYLOADS:

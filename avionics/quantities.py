@@ -10,7 +10,7 @@ import difflib
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -67,6 +67,60 @@ class Schema(NamedTuple):
     optional: Mapping[str, type[Any]] = MappingProxyType({})
     repeated: Mapping[str, type[Any]] = MappingProxyType({})
     """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty where there is none"""
+
+
+class DocumentError(ValueError):
+    """Text is not a document of its format; the message is one line without the name of the file."""
+
+
+INTEGER_LIMIT = 1 << 64
+"""-; integers of this magnitude and beyond are rejected: TOML and MCAP have at most 64 bits"""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse a TOML document.
+
+    Raises:
+        DocumentError: syntax error, nested too deeply for the parser, or an integer of more than 64 bits.
+    """
+    document: dict[str, Any] = _parse(tomllib.loads, text, "TOML")
+    return document
+
+
+def parse_json(text: str) -> Any:
+    """Parse a JSON document.
+
+    Raises:
+        DocumentError: syntax error, nested too deeply for the parser, or an integer of more than 64 bits.
+    """
+    return _parse(json.loads, text, "JSON")
+
+
+def _parse(load: Callable[[str], Any], text: str, language: str) -> Any:
+    try:
+        document = load(text)
+        _check_integers(document)
+    except RecursionError:
+        raise DocumentError(f"not valid {language}: nested too deeply") from None
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        raise DocumentError(f"not valid {language}: {' '.join(str(error).split())}") from None
+    except ValueError:  # from int(): over 4300 digits
+        raise DocumentError(f"not valid {language}: {_TOO_LONG}") from None
+    return document
+
+
+_TOO_LONG = "an integer has more than 64 bits"
+
+
+def _check_integers(value: Any) -> None:
+    if isinstance(value, int) and abs(value) >= INTEGER_LIMIT:
+        raise ValueError(_TOO_LONG)
+    if isinstance(value, list):
+        for item in value:
+            _check_integers(item)
+    elif isinstance(value, dict):
+        for item in value.values():
+            _check_integers(item)
 
 
 def counted(number: float, noun: str) -> str:
@@ -137,8 +191,8 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
         raise BadInput(f"cannot read vehicle file {path}: {why_unread(error)}") from None
     try:
         document = dict(_parsed(text))
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     if "base" not in document:
         return document, text
     below, chain = _base(path, document.pop("base"), folder), (*above, path)
@@ -154,7 +208,7 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
 @lru_cache(maxsize=16)
 def _parsed(text: str) -> dict[str, Any]:
     """A document, the same for the same text: its tables are read and not written to."""
-    return tomllib.loads(text)
+    return parse_toml(text)
 
 
 def _base(path: Path, base: Any, folder: Path | None) -> Path:

@@ -10,7 +10,7 @@ from enum import Enum
 from functools import cache
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, parse_json
 
 T = TypeVar("T")
 Builder = Callable[[Any], Any]
@@ -28,9 +28,9 @@ def decode(kind: Callable[..., T], text: str) -> T:
         BadInput: not JSON, or not a snapshot of ``kind``.
     """
     try:
-        document = json.loads(text)
+        document = parse_json(text)
         return kind(**{name: build(document[name]) for name, build in _record_builders(kind).items()})
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise BadInput(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
 
 

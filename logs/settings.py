@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from avionics import parameters, snapshot, topics
 from avionics.guidance.mission import Mission
 from avionics.messages import Command, CommandKind, Event, Severity
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, parse_json
 from avionics.vehicles.gains import FlightGains
 from logs.names import MISSION, PARAMETERS
 
@@ -116,7 +116,7 @@ def _events(log: Log) -> list[Event]:
 def _decoded(texts: Iterable[str]) -> Iterator[Command]:
     for text in texts:
         try:
-            document = json.loads(text)
+            document = parse_json(text)
             yield Command(**document | {"kind": CommandKind[document["kind"]]})
         except (ValueError, KeyError, TypeError):
             continue  # a command that this version does not know changes no parameter and no mission of it
@@ -181,9 +181,9 @@ def _asked(known: Parameters, until_us: int) -> Values:
 def _values(text: str) -> Values:
     """All parameters in a snapshot, none where this version cannot read it."""
     try:
-        gains = snapshot.builder(FlightGains)(json.loads(text)["gains"])
+        gains = snapshot.builder(FlightGains)(parse_json(text)["gains"])
         return {name: parameters.get(gains, each) for name, each in parameters.parameter_table(gains).items()}
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError):
         return {}
 
 
@@ -199,8 +199,8 @@ def _number(name: str, text: str) -> float:
 
 def _items(log: Log, data: bytes) -> list[Item]:
     try:
-        items = json.loads(data)
-    except (ValueError, RecursionError):
+        items = parse_json(data.decode())
+    except ValueError:
         items = None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise BadInput(f"{log.path}: its {MISSION} is no list of mission items")

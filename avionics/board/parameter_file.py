@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput, counted, why_unread
+from avionics.quantities import BadInput, counted, parse_json, why_unread
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from avionics.whole_file import write_whole
@@ -202,7 +202,7 @@ class _Content(NamedTuple):
 def _checked(text: str) -> _Content | str:
     """What is in a sound file, or what is wrong with it."""
     try:
-        document = json.loads(text)
+        document = parse_json(text)
         checksum = document.pop("sha256")
         values = {str(name): float(value) for name, value in document["values"].items()}
     except (ValueError, KeyError, TypeError, AttributeError):

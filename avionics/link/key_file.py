@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from avionics.link.signing import KEY_BYTES, Signing, Stamps
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, parse_json
 from avionics.whole_file import settle_names, write_whole
 
 _PASSPHRASE = "passphrase "
@@ -62,12 +62,12 @@ class KeyFile:
             BadInput: the file is damaged: without it old frames could be repeated.
         """
         try:
-            document = json.loads(self._stamps.read_text(encoding="utf-8"))
+            document = parse_json(self._stamps.read_text(encoding="utf-8"))
             streams = {(int(a), int(b), int(c)): int(stamp) for a, b, c, stamp in document["streams"]}
             return Stamps(int(document["ours"]), streams)
         except FileNotFoundError:
             return Stamps()
-        except (OSError, ValueError, TypeError, KeyError):
+        except (OSError, ValueError, TypeError, KeyError, OverflowError):
             raise BadInput(f"time stamps of the signing key, {self._stamps}, are damaged: remove the file") from None
 
     def save_key(self, key: bytes | None) -> None:

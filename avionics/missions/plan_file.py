@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
-from avionics.quantities import BadInput, why_unread
+from avionics.quantities import BadInput, DocumentError, parse_json, why_unread
 
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 CAMERA = frozenset(
@@ -61,11 +61,11 @@ def read(path: Path) -> PlanFile:
         BadInput: unreadable, no plan, or a part of it that is malformed; the text says which.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise BadInput(f"{path}: not valid JSON: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     if not isinstance(document, dict) or document.get("fileType") != "Plan":
         raise BadInput(f'{path}: a plan has "fileType": "Plan"')
     try:

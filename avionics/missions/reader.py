@@ -5,7 +5,6 @@ Angles are in degrees with the suffix ``_deg``. A ``survey`` becomes one waypoin
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -37,7 +36,7 @@ from avionics.missions.limits import (
     check_jumps,
     check_rally,
 )
-from avionics.quantities import BadInput, why_unread
+from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
 
 FOLDER = Path(__file__).parent
 SURVEYED = "survey"
@@ -67,11 +66,11 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
     """
     path = find(name_or_path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     unknown = set(document) - {"name", "title", "item", "fence", "rally", "fault"}
     if unknown:
         raise BadInput(

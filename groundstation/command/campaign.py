@@ -143,7 +143,7 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
         before = len(journal.rows)
         logs = _logs(chosen, places)
         if before:
-            console.print(words.going_on(before, campaign.size), markup=False)
+            console.print(words.going_on(before, campaign.size))
         load_physics(_first_vehicle(campaign), chosen.json)
         try:
             _fly_rest(chosen, campaign, journal, logs)
@@ -227,7 +227,7 @@ def _tell(
     if not chosen.json:
         console = open_console()
         console.print(words.summary(campaign.name, places.table, outcomes, done))
-        console.print(words.failures(failed), markup=False, end="")
+        console.print(words.failures(failed), end="")
         return
     print_document(
         {

@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 from numba.core.event import Listener, install_listener
-from rich.console import Console
 
+from groundstation.views.terminal import open_console
 from sim_bridge.aerodynamics.models import compiled_apart
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
@@ -71,7 +71,7 @@ class _Teller(Listener):
 
 def _telling(words: str, quiet: bool) -> AbstractContextManager[Any]:
     """While the block lasts ``words`` stand on a terminal; elsewhere they are a line."""
-    console = Console(stderr=True, quiet=quiet)
+    console = open_console(quiet, stderr=True)
     if console.is_terminal:
         return console.status(words)
     if not quiet:

@@ -345,11 +345,11 @@ def _watch_lines(children: Children, connection: Connection, console: Console) -
         connection.listen(REFRESH)
         state = connection.state
         for heard in new_events(state, said):
-            console.print(event_line(heard), markup=False, highlight=False, soft_wrap=True)
+            console.print(event_line(heard), soft_wrap=True)
         said = state.said
         if state.time is not None and state.time >= due:
             line = progress_line(state, modes.mode_name(state))
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+            console.print(line, soft_wrap=True)
             due = (state.time // LINE_EVERY + 1.0) * LINE_EVERY
 
 
@@ -463,7 +463,7 @@ def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, found: Identif
 
 def _tell_identified(plan: Plan, found: Identification | str, console: Console) -> None:
     if isinstance(found, str):
-        console.print(f"nothing was identified: {found}", style="dim", markup=False, highlight=False)
+        console.print(f"nothing was identified: {found}", style="dim")
     else:
         from groundstation.views.identification import identification_summary
 

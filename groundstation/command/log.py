@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.text import Text
+
 from avionics.quantities import BadInput, counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
@@ -136,16 +138,19 @@ def _info(chosen: argparse.Namespace) -> None:
 def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | None) -> None:
     console = open_console()
     console.print(
-        f"[bold]{document['vehicle'] or 'unknown vehicle'}[/]   {wording.duration(document['duration'])}   "
-        f"{counted(document['messages'], 'message')}   {wording.size(file.stat().st_size)}"
+        Text.assemble(
+            (document["vehicle"] or "unknown vehicle", "bold"),
+            f"   {wording.duration(document['duration'])}   {counted(document['messages'], 'message')}   "
+            f"{wording.size(file.stat().st_size)}",
+        )
     )
     if document["dropped"]:
         lost = f"{counted(document['dropped'], 'message')} left out while recording: the disk was too slow"
-        console.print(lost, style="yellow", markup=False)
+        console.print(lost, style="yellow")
     for name, damage in document["incomplete"].items():
-        console.print(f"{name} ended early: {damage}", style="yellow", markup=False)
+        console.print(f"{name} ended early: {damage}", style="yellow")
     for line in document["damage"]:
-        console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow", markup=False)
+        console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow")
     if flown is not None:
         console.print(flown_table(flown))
     table = tables.plain_table(
@@ -158,7 +163,7 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
     if document["topics"]:
         console.print(table)
     for event in document["events"][-EVENTS_SHOWN:]:
-        console.print(f"  {wording.clock(event['time'])}  {event['text']}", markup=False, highlight=False)
+        console.print(f"  {wording.clock(event['time'])}  {event['text']}")
 
 
 def _view(chosen: argparse.Namespace) -> None:

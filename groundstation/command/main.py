@@ -15,6 +15,7 @@ from typing import NamedTuple
 from avionics.quantities import BadInput, meant
 from groundstation.command import ending
 from groundstation.link.answers import LinkSilent, NoAnswer
+from groundstation.views.printable import printable_streams
 
 REFUSED = 1
 BAD_INPUT = 2
@@ -88,7 +89,7 @@ def dispatch(arguments: Sequence[str]) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of the console script; never lets a traceback of a foreseen failure through."""
-    with ending.heeded() as ended:
+    with ending.heeded() as ended, printable_streams():
         ending.follow_starter()
         try:
             code = _main(arguments)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import Identity
 from groundstation.views import wording
+from groundstation.views.printable import unfiltered
 from logs.replay.player import Player
 
 POLL = 0.004
@@ -89,7 +90,7 @@ def _show(player: Player) -> None:
     print(
         f"\r{wording.clock(player.time)} of {wording.clock(player.end)}  {state}   ",
         end="",
-        file=sys.stderr,
+        file=unfiltered(sys.stderr),  # a carriage return of our own
         flush=True,
     )
 

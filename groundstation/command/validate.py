@@ -100,11 +100,11 @@ def _validated(names: Sequence[str], chosen: argparse.Namespace) -> int:
     console.print(summary_line(found))
     if missing:
         named = "; ".join(f"{one['paper']}, {one['study']}" for one in missing)
-        console.print(f"not computed, minutes: {named} (--studies)", style="dim", highlight=False)
+        console.print(f"not computed, minutes: {named} (--studies)", style="dim")
     for path in plots:
-        console.print(f"drawn: {path}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"drawn: {path}", soft_wrap=True)
     if chosen.scene is not None:
-        console.print(f"recorded: {chosen.scene}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"recorded: {chosen.scene}", soft_wrap=True)
     return 0
 
 

@@ -11,6 +11,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Label, OptionList
 
+from groundstation.views.printable import printable
+
 
 class Confirmation(ModalScreen[bool]):
     """Asks one question; only ``y`` is a yes."""
@@ -24,9 +26,9 @@ class Confirmation(ModalScreen[bool]):
     def compose(self) -> ComposeResult:
         """The question, what it means, and the keys."""
         with Vertical(classes="dialog"):
-            yield Label(self._question, classes="question")
+            yield Label(printable(self._question), classes="question", markup=False)
             if self._warning:
-                yield Label(self._warning, classes="warning")
+                yield Label(printable(self._warning), classes="warning", markup=False)
             yield Label("[b]y[/b] yes    [b]n[/b] no", classes="keys")
 
     def action_answer(self, answer: bool) -> None:
@@ -47,7 +49,7 @@ class ModeChoice(ModalScreen[str | None]):
         """A list of names, the present one chosen."""
         with Vertical(classes="dialog"):
             yield Label("flight mode", classes="question")
-            yield OptionList(*self._names)
+            yield OptionList(*map(printable, self._names), markup=False)
 
     def on_mount(self) -> None:
         """Begin at the present mode."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.message import Message
@@ -11,6 +12,7 @@ from textual.widgets import DataTable
 
 from groundstation.link.traffic import MessageRow
 from groundstation.views import inspector
+from groundstation.views.terminal import plain_text
 
 
 class MessagesTab(Horizontal):
@@ -30,8 +32,8 @@ class MessagesTab(Horizontal):
 
     def compose(self) -> ComposeResult:
         """Messages to the left, fields to the right."""
-        yield DataTable[str](id="kinds", cursor_type="row", zebra_stripes=True)
-        yield DataTable[str](id="fields", cursor_type="row", zebra_stripes=True)
+        yield DataTable[Text](id="kinds", cursor_type="row", zebra_stripes=True)
+        yield DataTable[Text](id="fields", cursor_type="row", zebra_stripes=True)
 
     def on_mount(self) -> None:
         """Name the columns."""
@@ -42,11 +44,11 @@ class MessagesTab(Horizontal):
         self._fields.border_title = "fields: enter plots one"
 
     @property
-    def _kinds(self) -> DataTable[str]:
+    def _kinds(self) -> DataTable[Text]:
         return self.query_one("#kinds", DataTable)
 
     @property
-    def _fields(self) -> DataTable[str]:
+    def _fields(self) -> DataTable[Text]:
         return self.query_one("#fields", DataTable)
 
     def show(self, rows: Sequence[MessageRow]) -> None:
@@ -59,7 +61,7 @@ class MessagesTab(Horizontal):
         else:
             for key, row in self._rows.items():
                 for name, cell in zip(inspector.COLUMNS, inspector.message_cells(row), strict=True):
-                    table.update_cell(key, name, cell)
+                    table.update_cell(key, name, plain_text(cell))
         self._show_fields()
 
     def _fill(self) -> None:
@@ -67,7 +69,7 @@ class MessagesTab(Horizontal):
         present = self._key()
         table.clear()
         for key, row in self._rows.items():
-            table.add_row(*inspector.message_cells(row), key=key)
+            table.add_row(*map(plain_text, inspector.message_cells(row)), key=key)
         if present in self._rows:
             table.move_cursor(row=list(self._rows).index(present))
 
@@ -87,10 +89,10 @@ class MessagesTab(Horizontal):
             self._shown = key
             table.clear()
             for field in fields:
-                table.add_row(*field, key=field.path)
+                table.add_row(*map(plain_text, field), key=field.path)
             return
         for field in fields:
-            table.update_cell(field.path, "value", field.value)
+            table.update_cell(field.path, "value", plain_text(field.value))
 
     def on_data_table_row_highlighted(self, event: DataTable.RowHighlighted) -> None:
         """Show the fields of another message at once."""

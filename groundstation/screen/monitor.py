@@ -21,6 +21,7 @@ from groundstation.screen.messages_tab import MessagesTab
 from groundstation.screen.panel import Panel
 from groundstation.screen.plots_tab import PlotsTab
 from groundstation.views import panels
+from groundstation.views.printable import printable
 
 POLL = 0.01
 """s; between two looks at the link"""
@@ -111,7 +112,7 @@ class Monitor(App[None]):
     def _announce(self, picture: Picture) -> None:
         """Tell what became of a command, whatever tab is looked at."""
         for note in new_notes(picture, self._noted):
-            self.notify(note.text, severity="error" if note.failed else "information")
+            self.notify(printable(note.text), severity="error" if note.failed else "information", markup=False)
         self._noted = picture.noted
 
     def _known_fields(self) -> list[str]:

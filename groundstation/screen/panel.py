@@ -8,6 +8,7 @@ from rich.console import RenderableType
 from textual.widget import Widget
 
 from groundstation.link.station import Picture
+from groundstation.views.terminal import Printable
 
 View = Callable[[Picture, int, int], RenderableType]
 """(what is known, columns, rows) to what is drawn"""
@@ -30,4 +31,4 @@ class Panel(Widget):
     def render(self) -> RenderableType:
         """The view, as large as the widget."""
         columns, rows = self.content_size
-        return self._view(self._picture, columns, rows) if columns > 0 and rows > 0 else ""
+        return Printable(self._view(self._picture, columns, rows)) if columns > 0 and rows > 0 else ""

@@ -15,6 +15,7 @@ from avionics.quantities import BadInput
 from groundstation.link.fields import Field, parse_field
 from groundstation.link.traffic import Traffic
 from groundstation.views.field_plot import COLORS, Trace, field_plot
+from groundstation.views.printable import printable
 
 MOST = 4
 """plots at once; one more takes the place of the oldest"""
@@ -99,7 +100,7 @@ class PlotsTab(Vertical):
         try:
             await self.add(event.value)
         except BadInput as reason:
-            self.notify(str(reason), severity="error")
+            self.notify(printable(str(reason)), severity="error", markup=False)
             return
         event.input.clear()
         self.screen.set_focus(None)

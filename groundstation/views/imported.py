@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.text import Text
+
 from avionics.quantities import counted
 from groundstation.views import tables
 from groundstation.views.terminal import open_console
@@ -16,16 +18,19 @@ def print_imported(report: ImportReport) -> None:
     """The topics with what they were made of, then damage and dropped rows, then the new file."""
     console = open_console()
     console.print(
-        f"[bold]{report.vehicle or report.format}[/]   {counted(report.messages, 'message')}   "
-        f"{counted(report.events, 'event')}   {counted(report.parameters, 'parameter')}"
+        Text.assemble(
+            (report.vehicle or report.format, "bold"),
+            f"   {counted(report.messages, 'message')}   {counted(report.events, 'event')}   "
+            f"{counted(report.parameters, 'parameter')}",
+        )
     )
     table = tables.plain_table(("topic", ""), ("messages", "right"), ("made of", tables.SENTENCES))
     for row in report.topics:
         table.add_row(row.topic, str(row.messages), row.source)
     console.print(table)
     for line in report.damage:
-        console.print(f"damaged: {line}", style="yellow", markup=False, highlight=False)
+        console.print(f"damaged: {line}", style="yellow")
     for lost in report.dropped:
         told = f"dropped: {counted(lost.rows, 'row')} of {lost.topic}: {lost.reason}"
-        console.print(told, style="yellow", markup=False, highlight=False)
-    console.print(report.file, markup=False, highlight=False)
+        console.print(told, style="yellow")
+    console.print(report.file)

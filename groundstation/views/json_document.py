@@ -8,16 +8,23 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
+from groundstation.views.printable import CONTROLS
+
 
 def print_document(document: Any) -> None:
     """One indented JSON document on stdout."""
-    json.dump(plain(document), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
-    sys.stdout.write("\n")
+    sys.stdout.write(_encode(document, indent=2) + "\n")
 
 
 def print_line(document: Any) -> None:
     """One JSON document on a line of its own, at once."""
-    print(json.dumps(plain(document), ensure_ascii=False, allow_nan=False), flush=True)
+    print(_encode(document), flush=True)
+
+
+def _encode(document: Any, indent: int | None = None) -> str:
+    text = json.dumps(plain(document), indent=indent, ensure_ascii=False, allow_nan=False)
+    # JSON escapes C0 controls by itself. The others occur in strings only, where an escape keeps their value.
+    return CONTROLS.sub(lambda match: match[0] if match[0] == "\t" else f"\\u{ord(match[0]):04x}", text)
 
 
 def plain(value: Any) -> Any:

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
+
+from groundstation.views.terminal import open_console
 
 APPEARS_AFTER = 1.0
 """s; shorter work stays silent"""
@@ -59,8 +60,12 @@ class ProgressBar:
             self._tell(note)
             return
         if self._bar is None:
-            columns = (TextColumn("{task.description}"), BarColumn(40), TextColumn("{task.percentage:3.0f} %"))
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            columns = (
+                TextColumn("{task.description}", markup=False),
+                BarColumn(40),
+                TextColumn("{task.percentage:3.0f} %"),
+            )
+            self._bar = Progress(*columns, console=open_console(stderr=True), transient=True)
             self._task = self._bar.add_task(self._label, total=total or None)
             self._bar.start()
         self._bar.update(self._task, completed=done, total=total or None, description=note or self._label)

@@ -4,43 +4,80 @@ from __future__ import annotations
 
 import re
 import sys
-from typing import IO, NoReturn, cast
+from collections.abc import Iterable, Iterator
+from typing import NoReturn, TextIO, cast
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.segment import Segment
+from rich.text import Text
+
+from groundstation.views.printable import CONTROLS, printable, unfiltered
 
 UNBOUNDED = 160
 """characters; of a line where there is no terminal to fit it to"""
 
 
-class QuietConsole(Console):
-    """A console that leaves a reader who went away to the command, which ends quietly."""
+def plain_text(text: str) -> Text:
+    """Return `printable` text in which no markup is interpreted, for widgets that would."""
+    return Text(printable(text), end="")
+
+
+class Printable:
+    """A rich renderable whose text is filtered by `printable`, for consoles other than ours (Textual's)."""
+
+    def __init__(self, renderable: RenderableType) -> None:
+        self._renderable = renderable
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield from _printable_segments(console.render(self._renderable, options))
+
+
+def _printable_segments(segments: Iterable[Segment]) -> Iterator[Segment]:
+    for segment in segments:
+        if segment.control or not CONTROLS.search(segment.text):
+            yield segment
+        else:
+            yield Segment(printable(segment.text), segment.style)
+
+
+class PrintableConsole(Console):
+    """A console that prints no control characters of its texts and interprets no markup in them."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render to segments of printable text."""
+        return _printable_segments(super().render(renderable, options))
 
     def on_broken_pipe(self) -> NoReturn:
-        """Nobody reads any more."""
+        """Leave a closed output to the command, which ends without a message."""
         raise BrokenPipeError
 
 
 class Stripped:
     """Standard output, on whose lines no blanks trail."""
 
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
     def write(self, text: str) -> int:
         """Whole lines, as the console writes them; the number of characters that were asked for."""
-        sys.stdout.write(re.sub(r" +$", "", text, flags=re.MULTILINE))
+        self._stream.write(re.sub(r" +$", "", text, flags=re.MULTILINE))
         return len(text)
 
     def flush(self) -> None:
         """On to the reader."""
-        sys.stdout.flush()
+        self._stream.flush()
 
     @property
     def encoding(self) -> str:
         """Of standard output."""
-        return sys.stdout.encoding
+        return self._stream.encoding
 
 
-def open_console(quiet: bool = False) -> Console:
-    """A console on stdout: as wide as the terminal, wide enough for every table where there is none."""
-    console = QuietConsole(quiet=quiet, highlight=False)
-    if console.is_terminal:
+def open_console(quiet: bool = False, stderr: bool = False) -> Console:
+    """A console on stdout or stderr: as wide as the terminal, wide enough for every table where there is none."""
+    stream = unfiltered(sys.stderr if stderr else sys.stdout)
+    console = PrintableConsole(file=stream, quiet=quiet, highlight=False, markup=False, emoji=False)
+    if console.is_terminal or stderr:
         return console
-    return QuietConsole(file=cast("IO[str]", Stripped()), quiet=quiet, highlight=False, width=UNBOUNDED)
+    stripped = cast("TextIO", Stripped(stream))
+    return PrintableConsole(file=stripped, quiet=quiet, highlight=False, markup=False, emoji=False, width=UNBOUNDED)

@@ -6,14 +6,13 @@ import contextlib
 import hashlib
 import json
 import math
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, why_unread
+from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
 from logs.campaigns.distributions import Distribution, drawn, read_distribution
 from logs.campaigns.keys import Values, check_key, check_value
 from logs.campaigns.outcome import Landing
@@ -89,11 +88,11 @@ def load_campaign(path: Path) -> Campaign:
         BadInput: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read the campaign {path}: {why_unread(error)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     try:
         campaign = _campaign(path, document)
         _try_values(campaign)

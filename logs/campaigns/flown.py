@@ -31,7 +31,28 @@ UNFINISHED = ".part"
 """how the name of a log ends while it is recorded"""
 
 Row = dict[str, Any]
-"""one flight of the table: ``flight``, ``failed``, ``outcome``, ``reason``, ``log`` and the metrics"""
+"""one flight of the table: the columns of `OWN` and the metrics"""
+OWN = {
+    "flight": "number of the flight",
+    "failed": "whether it neither landed nor was still in the air at its end",
+    "outcome": "how it ended",
+    "reason": "why it failed",
+    "log": "name of its recording, empty for none",
+}
+_TYPES = {"flight": int, "failed": bool} | dict.fromkeys(("outcome", "reason", "log"), str)
+
+
+def is_row(value: Any) -> bool:
+    """Whether a JSON value is a `Row`: every column is there, with a value of its type."""
+    return (
+        isinstance(value, dict)
+        and all(type(value.get(name)) is kind for name, kind in _TYPES.items())
+        and all(name in value and _is_metric(value[name]) for name in METRICS)
+    )
+
+
+def _is_metric(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
 class Recording(NamedTuple):

@@ -5,12 +5,13 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
-from avionics.quantities import BadInput
-from logs.campaigns.flown import Row
+from avionics.quantities import BadInput, DocumentError, parse_json
+from logs.campaigns.flown import Row, is_row
 
 ENDING = ".flights"
 """how the journal of a table is called: its name and this"""
@@ -66,12 +67,12 @@ class Journal:
         try:
             whole = self._file.read()
         except UnicodeDecodeError:
-            raise _damaged(self.path) from None
+            raise _damaged(self.path, "not UTF-8 text") from None
         if not whole.endswith("\n"):
             whole = _ended(whole)
             self._file.truncate(len(whole.encode()))
         head, *lines = whole.splitlines() or [""]
-        begun = _parsed(self.path, head, "campaign")["campaign"] if head else None
+        begun = _head(self.path, head)["campaign"] if head else None
         if begun != digest:
             if lines:
                 raise BadInput(
@@ -79,8 +80,7 @@ class Journal:
                 )
             self._file.truncate(0)
             self._write({"campaign": digest} | ({} if file is None else {"file": str(file)}))
-        rows = [_parsed(self.path, line, "flight") for line in lines]
-        self.rows = {row["flight"]: row for row in rows}
+        self.rows = _rows(self.path, lines)
 
     def __enter__(self) -> Self:
         return self
@@ -110,12 +110,11 @@ def read_journal(path: Path) -> Begun:
     try:
         lines = _ended(path.read_text(encoding="utf-8")).splitlines()
     except UnicodeDecodeError:
-        raise _damaged(path) from None
+        raise _damaged(path, "not UTF-8 text") from None
     except OSError as error:
         raise BadInput(f"cannot read {path}: {error.strerror}") from None
-    head = _parsed(path, lines[0], "campaign") if lines else {"campaign": ""}
-    rows = (_parsed(path, line, "flight") for line in lines[1:])
-    return Begun(head["campaign"], head.get("file", ""), {row["flight"]: row for row in rows})
+    head = _head(path, lines[0]) if lines else {"campaign": ""}
+    return Begun(head["campaign"], head.get("file", ""), _rows(path, lines[1:]))
 
 
 def _ended(text: str) -> str:
@@ -123,16 +122,31 @@ def _ended(text: str) -> str:
     return text[: text.rfind("\n") + 1]
 
 
-def _parsed(path: Path, line: str, key: str) -> Row:
-    """A line of the journal, which has a ``key``."""
+def _head(path: Path, line: str) -> dict[str, str]:
+    """The first line of a journal: ``campaign``, the digest, and ``file``."""
+    head = _parsed(path, 1, line)
+    if not isinstance(head, dict) or "campaign" not in head or not all(isinstance(v, str) for v in head.values()):
+        raise _damaged(path, "line 1 is not a journal's first line")
+    return head
+
+
+def _rows(path: Path, lines: Sequence[str]) -> dict[int, Row]:
+    """The finished flights by their number."""
+    rows: dict[int, Row] = {}
+    for number, line in enumerate(lines, 2):
+        row = _parsed(path, number, line)
+        if not is_row(row):
+            raise _damaged(path, f"line {number} is not a flight's row")
+        rows[row["flight"]] = row
+    return rows
+
+
+def _parsed(path: Path, number: int, line: str) -> Any:
     try:
-        row: Row = json.loads(line)
-    except ValueError:
-        raise _damaged(path) from None
-    if not isinstance(row, dict) or key not in row:
-        raise _damaged(path)
-    return row
+        return parse_json(line)
+    except DocumentError as error:
+        raise _damaged(path, f"line {number} is {error}") from None
 
 
-def _damaged(path: Path) -> BadInput:
-    return BadInput(f"{path} is damaged, or no journal of a campaign: name another --out")
+def _damaged(path: Path, reason: str) -> BadInput:
+    return BadInput(f"{path} is damaged, or not a campaign's journal ({reason}): name another --out")

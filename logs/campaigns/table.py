@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, counted
+from avionics.quantities import BadInput, counted, parse_json
 from logs.campaigns.campaign import Campaign, load_campaign
-from logs.campaigns.flown import Row
+from logs.campaigns.flown import OWN, Row
 from logs.campaigns.journal import Begun, read_journal
 from logs.campaigns.keys import unit_of
 from logs.campaigns.metrics import METRICS
@@ -19,13 +19,6 @@ from logs.placing import claim, draft, settle
 INSTALL = ("dask[distributed]", "pyarrow")
 ABOUT = b"wingbeat.campaign"
 """key of the table's metadata"""
-OWN = {
-    "flight": "number of the flight",
-    "failed": "whether it neither landed nor was still in the air at its end",
-    "outcome": "how it ended",
-    "reason": "why it failed",
-    "log": "name of its recording, empty for none",
-}
 
 
 class About(NamedTuple):
@@ -106,15 +99,20 @@ def read_table(path: Path) -> Table:
         raise BadInput(f"cannot read {path}: there is no such file")
     try:
         table = parquet.read_table(path)
-        known = json.loads((table.schema.metadata or {})[ABOUT])
+        found = _about(parse_json((table.schema.metadata or {})[ABOUT].decode()))
     except (OSError, pyarrow.ArrowException) as error:
         raise BadInput(f"cannot read {path}: {' '.join(str(error).split())}") from None
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, TypeError, AttributeError):
         raise BadInput(f"{path} is no table of a campaign") from None
     units = {field.name: (field.metadata or {}).get(b"unit", b"-").decode() for field in table.schema}
-    found = About(**{name: known.get(name, "") for name in About._fields if name != "drawn"})
-    drawn = tuple(known["drawn"]) if "drawn" in known else None
-    return Table(found._replace(swept=tuple(found.swept), drawn=drawn), table.to_pydict(), units)
+    return Table(found, table.to_pydict(), units)
+
+
+def _about(document: Mapping[str, Any]) -> About:
+    """Build `About` from its JSON; the keys of later versions may be absent."""
+    name, title, file, digest = (str(document.get(key, "")) for key in ("name", "title", "file", "digest"))
+    drawn = tuple(map(str, document["drawn"])) if "drawn" in document else None
+    return About(name, title, file, digest, tuple(map(str, document["swept"])), drawn)
 
 
 def unfinished_table(path: Path) -> Table:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, DocumentError, parse_toml
 from avionics.topics import IMU
 
 EXAMPLE = """\
@@ -45,13 +44,13 @@ def load_mapping(path: Path) -> dict[str, Any]:
         BadInput: it cannot be read, or has a section or key that is not known.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BadInput(f"cannot read mapping {path}: {error.strerror or error}") from None
-    except RecursionError:
-        raise BadInput(f"mapping {path}: not valid TOML: nested too deep") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise BadInput(f"mapping {path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"mapping {path}: {error}") from None
     for section, keys in _SECTIONS.items():
         _check_keys(path, section, document.get(section, {}), keys)
     unknown = [name for name in document if name not in (*_SECTIONS, "topics")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ from avionics import snapshot, topics
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
 from avionics.inputs import decode_command
 from avionics.messages import Input, PilotInput, PilotSource, SensorFrame, Text
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, parse_json
 from avionics.tasks.intake import RECORDED
 from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
@@ -91,9 +90,9 @@ def recorded_mission(log: Log) -> Mission:
     if all(attachment.name != MISSION for attachment in log.attachments):
         return ()
     try:
-        items = json.loads(log.attachment(MISSION))
+        items = parse_json(log.attachment(MISSION).decode())
         return tuple(_item(item) for item in items)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise BadInput(f"{log.path}: the mission it began with cannot be read") from None
 
 

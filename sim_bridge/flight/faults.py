@@ -7,7 +7,6 @@ the plant, and enter it in ``FAULTS``; the tests and the table of promises then 
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
-from avionics.quantities import BadInput, why_unread
+from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
@@ -275,11 +274,11 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
     if path.suffix != ".toml":
         return ()
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("fault", [])
+        tables = parse_toml(path.read_text(encoding="utf-8")).get("fault", [])
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     return tuple(_of_table(f"{path}: fault {number}", table) for number, table in enumerate(tables, 1))
 
 

@@ -48,14 +48,13 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, why_unread
+from avionics.quantities import BadInput, DocumentError, parse_json, parse_toml, why_unread
 from sim_bridge.flight_mechanics.averaged_axes import AxesModel
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
@@ -290,11 +289,11 @@ def _matrix(values: Floats) -> str:
 def _document(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
-        found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        found = parse_json(text) if path.suffix == ".json" else parse_toml(text)
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
-        raise BadInput(f"{path}: not valid {'JSON' if path.suffix == '.json' else 'TOML'}: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"{path}: {error}") from None
     if not isinstance(found, dict):
         raise BadInput(f"{path}: not a model: no [longitudinal]")
     return found

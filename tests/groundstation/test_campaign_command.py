@@ -23,6 +23,8 @@ from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
 from logs import extras
 from logs.campaigns.cluster import existing_cluster, flight_code
+from logs.campaigns.flown import row_of
+from logs.campaigns.outcome import Outcome, Verdict
 from logs.campaigns.run import fly_campaign
 from logs.campaigns.table import read_table
 from logs.reader import open_log
@@ -121,12 +123,13 @@ def test_an_unfinished_campaign_that_cannot_be_told_says_why(
     assert "no flight of this campaign has ended yet; wingbeat campaign short.toml goes on" in refused(
         capsys, "campaign", "report", "short.parquet"
     )
-    journal.write_text('{"campaign": "a", "file": "short.toml"}\n{"flight": 1}\n{"fli')
+    row = json.dumps(row_of(1, Verdict(Outcome.LANDED)))
+    journal.write_text('{"campaign": "a", "file": "short.toml"}\n' + row + '\n{"fli')
     assert "holds 1 flight" in refused(capsys, "campaign", "report", "short.parquet")
     assert "short.toml, or a file that it names, has changed" in refused(
         capsys, "campaign", "report", "short.parquet"
     )
-    journal.write_text('{"campaign": "a"}\n{"flight": 1}\n')
+    journal.write_text('{"campaign": "a"}\n' + row + "\n")
     assert "goes on by the same command" in refused(capsys, "campaign", "report", "short.parquet")
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import reprlib
-import tomllib
 import types
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from avionics.quantities import BadInput, meant
+from avionics.quantities import BadInput, DocumentError, meant, parse_toml
 
 LARGEST = 1e30
 """a number beyond it is a slip of the pen, and overflows what is made of it"""
@@ -46,13 +45,13 @@ def read_document(path: Path) -> dict[str, Any]:
         BadInput: it cannot be read, or is no TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return parse_toml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
-    except RecursionError:
-        raise BadInput(f"map {path}: not valid TOML: nested too deep") from None
-    except (tomllib.TOMLDecodeError, ValueError) as error:
-        raise BadInput(f"map {path}: not valid TOML: {' '.join(str(error).split())}") from None
+    except UnicodeDecodeError as error:
+        raise BadInput(f"map {path}: not valid TOML: {error}") from None
+    except DocumentError as error:
+        raise BadInput(f"map {path}: {error}") from None
 
 
 def check_known(name: str, known: Any, key: str) -> None:

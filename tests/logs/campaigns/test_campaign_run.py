@@ -10,7 +10,9 @@ import pytest
 from short_campaigns import HEAD, SHORT, campaign_of, cluster_in_process
 
 from avionics.quantities import BadInput
+from logs.campaigns.flown import row_of
 from logs.campaigns.journal import Journal
+from logs.campaigns.outcome import Outcome, Verdict
 from logs.campaigns.run import Logs, fly_campaign, order_of
 from logs.campaigns.table import read_table, write_table
 
@@ -100,17 +102,18 @@ def test_a_killed_worker_is_a_row_and_what_it_had_recorded_is_kept(
 
 def test_a_journal_keeps_rows_and_forgets_a_torn_last_line(tmp_path: Path) -> None:
     path = tmp_path / "table.parquet.flights"
+    rows = {number: row_of(number, Verdict(Outcome.LANDED)) | {"highest": 0.1 + 0.2} for number in (1, 2, 3)}
     with Journal(path, "abc") as journal:
-        journal.add({"flight": 2, "bank": 0.1 + 0.2})
-        journal.add({"flight": 1, "bank": None})
+        journal.add(rows[2])
+        journal.add(rows[1])
         with pytest.raises(BadInput, match="another command is flying this campaign"):
             Journal(path, "abc")
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"flight": 3, "ba')
     with Journal(path, "abc") as journal:
-        assert journal.rows == {2: {"flight": 2, "bank": 0.1 + 0.2}, 1: {"flight": 1, "bank": None}}
-        journal.add({"flight": 3})
-    assert path.read_bytes() == whole + b'{"flight": 3}\n'
+        assert journal.rows == {2: rows[2], 1: rows[1]}
+        journal.add(rows[3])
+    assert path.read_bytes() == whole + json.dumps(rows[3]).encode() + b"\n"
 
 
 OTHERS = (
@@ -120,6 +123,12 @@ OTHERS = (
     b'{"flight": 1}\n',
     b"\xff\xfe\n",
     b'{"campaign": "abc"}\n{"height": 1}\n',
+    b'{"campaign": "abc"}\n{"flight": []}\n',
+    b'{"campaign": "abc"}\n{"flight": 1}\n',
+    b'{"campaign": ["abc"]}\n' + json.dumps(row_of(1, Verdict(Outcome.LANDED))).encode() + b"\n",
+    b'{"campaign": "abc"}\n' + json.dumps(row_of(1, Verdict(Outcome.LANDED)) | {"highest": "far"}).encode() + b"\n",
+    b'{"campaign": "abc"}\n' + b"[" * 5000 + b"]" * 5000 + b"\n",
+    b'{"campaign": "abc"}\n{"flight": ' + b"9" * 5000 + b"}\n",
 )
 
 
