@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import struct
 import threading
+from array import array
+from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
 from logs.records import HEAD, Buffer, Damage, Span, expected, record_at
 
-LARGEST_CHUNK = 1 << 30
-"""Bytes; a chunk that claims more is taken for damaged rather than allocated."""
+MAX_CHUNK_SIZE = 256 << 20
+"""Bytes, uncompressed; by default a larger chunk is not decompressed."""
 BEYOND_NS = 2**64 - 1
 """ns; the greatest number that a log time of MCAP can be"""
 ENTRY_TYPE = np.dtype([("time", "<u8"), ("offset", "<u8")])
@@ -41,6 +40,8 @@ _MESSAGE = struct.Struct("<BQHIQ")
 _INDEX_HEAD = struct.Struct("<HI")
 
 Entries = NDArray[np.void]
+_LZ4_PIECE = 4 << 20
+"""bytes"""
 _threads = threading.local()
 
 
@@ -78,6 +79,10 @@ class ChunkSpan(NamedTuple):
         return set(self.indexes) | set(self.entries)
 
 
+class OversizedChunk(Damage):
+    """A chunk declares more uncompressed bytes than are allowed; its length in the file can be trusted."""
+
+
 class Told(NamedTuple):
     """What a summary tells of a chunk; see `ChunkSpan`."""
 
@@ -95,11 +100,11 @@ class Contents(NamedTuple):
     entries: dict[int, Entries]
 
 
-def chunk_at(data: Buffer, span: Span, told: Told | None = None) -> ChunkSpan:
+def chunk_at(data: Buffer, span: Span, told: Told | None = None, max_chunk_size: int = MAX_CHUNK_SIZE) -> ChunkSpan:
     """The chunk at ``span``, still packed; what a summary ``told`` of it counts more than its own header.
 
     Raises:
-        Damage: its header contradicts its length.
+        Damage: its header contradicts its length, or declares more than ``max_chunk_size`` uncompressed bytes.
     """
     body = span.offset + HEAD.size
     try:
@@ -109,8 +114,13 @@ def chunk_at(data: Buffer, span: Span, told: Told | None = None) -> ChunkSpan:
         (data_size,) = _SIZE.unpack_from(data, place)
     except (struct.error, UnicodeDecodeError, OverflowError):
         raise Damage(f"chunk at byte {span.offset} cannot be read") from None
-    if place + 8 + data_size != span.offset + span.length or size > LARGEST_CHUNK:
+    if place + 8 + data_size != span.offset + span.length:
         raise Damage(f"chunk at byte {span.offset} has lengths that contradict each other")
+    if size > max_chunk_size:
+        raise OversizedChunk(
+            f"chunk at byte {span.offset} declares {size / 1e6:.0f} MB uncompressed, over the limit of"
+            f" {max_chunk_size / 1e6:.0f} MB (--max-chunk-size)"
+        )
     start, end, places, index_size = told or Told(start, end, b"", 0)
     return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, places, {}, index_size)
 
@@ -129,7 +139,7 @@ def unpack(data: Buffer, chunk: ChunkSpan) -> bytes:
     packed = bytes(data[chunk.data_offset : chunk.data_offset + chunk.data_size])
     try:
         content = _decompress(packed, chunk)
-    except (zstandard.ZstdError, McapError, RuntimeError, ValueError, MemoryError) as error:
+    except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError) as error:
         raise Damage(f"chunk at byte {chunk.span.offset} cannot be unpacked ({error})") from None
     if len(content) != chunk.size or (chunk.crc and crc32(content) != chunk.crc):
         raise Damage(f"chunk at byte {chunk.span.offset} does not match its checksum")
@@ -144,9 +154,25 @@ def _decompress(packed: bytes, chunk: ChunkSpan) -> bytes:
         if declared not in (chunk.size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError("its length differs from the header's")
         return _decompressor().decompress(packed, max_output_size=chunk.size)
-    record = Chunk(chunk.compression, packed, chunk.end_ns, chunk.start_ns, 0, chunk.size)
-    stream, length = get_chunk_data_stream(record)
-    return stream.read(length)
+    if chunk.compression == "lz4":
+        return _decompress_lz4(packed, chunk.size)
+    raise ValueError(f"compression {chunk.compression!r} is not supported")
+
+
+def _decompress_lz4(packed: bytes, size: int) -> bytes:
+    """Decompress an lz4 frame to little more than ``size`` at most, by which an excess is noticed."""
+    import lz4.frame  # other programs' files only
+
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    content = BytesIO()  # grows in place: one copy of a large chunk, where the package's own buffer would be a second
+    rest = packed
+    while not decompressor.eof and content.tell() <= size:
+        piece = decompressor.decompress(rest, max_length=_LZ4_PIECE)
+        if not piece and decompressor.needs_input:
+            break
+        content.write(piece)
+        rest = b""
+    return content.getvalue()
 
 
 def _decompressor() -> zstandard.ZstdDecompressor:
@@ -157,26 +183,33 @@ def _decompressor() -> zstandard.ZstdDecompressor:
     return decompressor
 
 
-def walk(content: bytes) -> Contents:
-    """Find the records in an unpacked chunk one by one.
+def walk(content: bytes, max_records: int | None = None) -> Contents:
+    """Find the records in an unpacked chunk one by one; of repeated definitions of one number the first counts.
 
     Raises:
-        Damage: they do not fill it.
+        Damage: they do not fill it, or are more than ``max_records``.
     """
-    found: dict[int, list[tuple[int, int]]] = {}
-    definitions = []
-    position, stop = 0, len(content)
+    found: dict[int, array[int]] = {}
+    definitions: dict[tuple[int, bytes], Span] = {}
+    position, stop, count = 0, len(content), 0
     while position < stop:
         span = record_at(content, position, stop)
         if span is None:
             raise Damage(f"a chunk's records end at byte {position} of {stop}")
         if span.opcode == Opcode.MESSAGE and span.length >= MESSAGE_HEAD.itemsize:
             _, _, channel, _, time = _MESSAGE.unpack_from(content, position)
-            found.setdefault(channel, []).append((time, position))
+            entries = found.setdefault(channel, array("Q"))
+            entries.append(time)
+            entries.append(position)
         elif span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            definitions.append(span)
+            definitions.setdefault((span.opcode, content[span.body : span.body + 2]), span)
         position = span.end
-    return Contents(definitions, {channel: np.array(pairs, ENTRY_TYPE) for channel, pairs in found.items()})
+        count += 1
+        if max_records is not None and count > max_records:
+            raise Damage(f"a chunk holds more than {max_records} records")
+    return Contents(
+        list(definitions.values()), {channel: np.frombuffer(each, ENTRY_TYPE) for channel, each in found.items()}
+    )
 
 
 def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | None:
@@ -194,17 +227,19 @@ def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | No
     return entries if np.all(offsets[1:] > offsets[:-1]) else None
 
 
-def entries_of(data: Buffer, chunk: ChunkSpan, content: bytes, channel: int) -> Entries:
+def entries_of(
+    data: Buffer, chunk: ChunkSpan, content: bytes, channel: int, max_records: int | None = None
+) -> Entries:
     """The message index of one channel, each entry checked against opcode, channel, time and length in the chunk.
 
     An index that fails the check is not used: the chunk, which its CRC vouches for, is walked through instead.
 
     Raises:
-        Damage: the chunk's records do not fill it.
+        Damage: the chunk's records do not fill it, or are more than ``max_records``.
     """
     entries = listed_entries(data, chunk, channel)
     if entries is None or not _agree(content, entries, channel):
-        return walk(content).entries.get(channel, np.empty(0, ENTRY_TYPE))
+        return walk(content, max_records).entries.get(channel, np.empty(0, ENTRY_TYPE))
     return entries
 
 

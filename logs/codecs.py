@@ -193,6 +193,9 @@ def decode_text(data: bytes) -> Text:
         raise Damage("a text message cannot be read") from None
 
 
+MAX_EVENT_BYTES = 1 << 20
+
+
 def encode_event(message: Event) -> bytes:
     """``foxglove.Log``; its time stamp counts from boot, ``name`` is the source and ``file`` MAVLink's severity."""
     seconds, rest = divmod(message.time_us, 1_000_000)
@@ -208,8 +211,10 @@ def decode_event(data: bytes) -> Event:
     """Inverse of `encode_event`; a log line of another writer gets the severity of its level.
 
     Raises:
-        Damage: the bytes are no ``foxglove.Log``.
+        Damage: the bytes are no ``foxglove.Log``, or longer than any text for people.
     """
+    if len(data) > MAX_EVENT_BYTES:
+        raise Damage(f"an event has {len(data)} bytes")
     try:
         log = FoxgloveLog.FromString(data)
     except DecodeError:

@@ -11,7 +11,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, counted
 from logs.columns import Columns
 from logs.flat import distinct, split, split_units, texts, with_time
 from logs.matlab import write_mat
@@ -46,7 +46,7 @@ class Exported(NamedTuple):
 
     files: list[Path]
     left_out: list[str]
-    """topics that cannot be decoded, each with the reason"""
+    """topics and messages that cannot be decoded, a line each"""
 
 
 def export(
@@ -79,14 +79,21 @@ def export(
     if form == FLIGHT:
         return Exported([_write_flight(log, target, part, show)], [])
     part, left_out = _decodable(log, part)
-    tables = _tables(log, part)
+    tables = _tables(log, part, left_out)
     if form in TOGETHER:
         files = _write_together(tables, target, TOGETHER[form])
     elif target.suffix == f".{form}":
         files = _write_one(tables, target, EACH[form])
     else:
         files = _write_each(tables, target, form, show)
-    return Exported(files, left_out)
+    return Exported(files, (left_out or []) + undecodable_lines(log))
+
+
+def undecodable_lines(log: Log) -> list[str]:
+    """One line for each topic of which messages were left out because they cannot be decoded."""
+    return [
+        f"{topic}: {counted(number, 'message')} that cannot be decoded" for topic, number in log.undecodable.items()
+    ]
 
 
 def export_csv(log: Log, folder: Path, topics: Sequence[str] | None = None) -> list[Path]:
@@ -102,10 +109,10 @@ def export_npz(log: Log, path: Path, topics: Sequence[str] | None = None) -> Pat
 # --- what ------------------------------------------------------------------------------------------------
 
 
-def _decodable(log: Log, part: Part) -> tuple[Part, list[str]]:
+def _decodable(log: Log, part: Part) -> tuple[Part, list[str] | None]:
     """The part with all that can be decoded where no topics were named, and why the others are left out."""
     if part.topics is not None:
-        return part, []
+        return part, None
     names, left_out = [], []
     fixed = [name for name in _with_messages(log) if log.topics[name].layout is not None]
     for name in fixed if fixed and part.rate is not None else _with_messages(log):
@@ -118,14 +125,29 @@ def _decodable(log: Log, part: Part) -> tuple[Part, list[str]]:
     return part._replace(topics=names), left_out
 
 
-def _tables(log: Log, part: Part) -> dict[str, Columns]:
+def _tables(log: Log, part: Part, left_out: list[str] | None = None) -> dict[str, Columns]:
+    """The tables; topics of free layout none of whose messages can be decoded go to ``left_out`` if it is given."""
     topics = _with_messages(log) if part.topics is None else part.topics
     if part.rate is None:
         _check_whole(log, topics)
-        found = log.tables(topics, part.start, part.end)
+        if left_out is None:
+            found = log.tables(topics, part.start, part.end)
+        else:
+            found = _readable_tables(log, topics, part, left_out)
     else:
         found = {"aligned": log.aligned(topics, part.rate, part.start, part.end)}
     return {name: with_time(columns) for name, columns in found.items()}
+
+
+def _readable_tables(log: Log, topics: Sequence[str], part: Part, left_out: list[str]) -> dict[str, Columns]:
+    free = [name for name in topics if log.topics[name].layout is None]
+    found = log.tables([name for name in topics if name not in free], part.start, part.end)
+    for name in free:
+        try:
+            found[name] = log.columns(name, part.start, part.end)
+        except BadInput as reason:
+            left_out.append(f"{name}: {reason}")
+    return {name: found[name] for name in topics if name in found}
 
 
 def _check_whole(log: Log, topics: Iterable[str]) -> None:

@@ -26,7 +26,18 @@ from zlib_ng.zlib_ng import crc32
 
 from logs.checksums import OPCODE as CHECKSUMS
 from logs.checksums import Checksums, decode_checksums
-from logs.chunks import PLACE_TYPE, ChunkSpan, Told, chunk_at, loose_messages, stored_entries, unpack, walk
+from logs.chunks import (
+    MAX_CHUNK_SIZE,
+    PLACE_TYPE,
+    ChunkSpan,
+    OversizedChunk,
+    Told,
+    chunk_at,
+    loose_messages,
+    stored_entries,
+    unpack,
+    walk,
+)
 from logs.container import encode
 from logs.listing import Places
 from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, parse, record_at, records
@@ -44,6 +55,10 @@ _NAME_OFFSET = HEAD.size + 28
 ALTERED = "something beside the messages and attachments does not match the file's checksum"
 _BLOCK = 1 << 20
 """Bytes read at a time."""
+MAX_DEFINITION_BYTES = 16 << 20
+"""Bytes; of all schemas and channels of a file. Of schemas in use a file has some hundred kilobytes."""
+EXTRA_RECORDS = 1_000_000
+"""Records that a file may hold beyond a quarter of its bytes; a message index takes 16 bytes a message."""
 _SELF_CONTAINED = (Opcode.ATTACHMENT,)
 """Damage in it does not concern its length, or the next record will not be one."""
 _FIRST_PRIVATE = 0x80
@@ -80,21 +95,30 @@ class Index:
     """what is wrong with the file, one line each"""
     dropped: list[tuple[int, int]] = field(default_factory=list)
     """byte ranges (start, end) that hold nothing which can be read"""
+    max_chunk_size: int = MAX_CHUNK_SIZE
+    """bytes; chunks that declare more are not decompressed"""
+    definition_bytes: int = 0
+    """of the schemas and channels that were read"""
 
 
-def read_index(data: Buffer) -> Index:
+def max_records(data: Buffer) -> int:
+    """Records that the chunks of a file of this size may hold in sum: small files with more are made to do harm."""
+    return len(data) // 4 + EXTRA_RECORDS
+
+
+def read_index(data: Buffer, max_chunk_size: int = MAX_CHUNK_SIZE) -> Index:
     """Index of a file that begins with MCAP's magic, by its summary if that is whole, else record by record."""
     try:
-        index = _by_summary(data)
+        index = _by_summary(data, max_chunk_size)
     except Damage:
         index = None
-    return index if index is not None else scan(data)
+    return index if index is not None else scan(data, max_chunk_size)
 
 
 # --- by the summary -------------------------------------------------------------------------------------
 
 
-def _by_summary(data: Buffer) -> Index | None:
+def _by_summary(data: Buffer, max_chunk_size: int) -> Index | None:
     """Index by the summary; None where there is none or it leaves something out."""
     end = len(data) - len(MCAP0_MAGIC)
     offset = end - _FOOTER_SIZE
@@ -106,11 +130,11 @@ def _by_summary(data: Buffer) -> Index | None:
         return None
     if footer.summary_crc and footer.summary_crc != crc32(data[footer.summary_start : end - 4]):
         return None
-    return _from_summary(data, footer.summary_start, offset)
+    return _from_summary(data, footer.summary_start, offset, max_chunk_size)
 
 
-def _from_summary(data: Buffer, start: int, stop: int) -> Index | None:
-    index = Index()
+def _from_summary(data: Buffer, start: int, stop: int, max_chunk_size: int) -> Index | None:
+    index = Index(max_chunk_size=max_chunk_size)
     statistics: Statistics | None = None
     position = start
     for span in records(data, start, stop):
@@ -130,7 +154,7 @@ def _from_summary(data: Buffer, start: int, stop: int) -> Index | None:
 
 def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> None:
     if span.opcode == Opcode.CHUNK_INDEX:
-        index.chunks.append(_indexed_chunk(data, span, stop))
+        index.chunks.append(_indexed_chunk(data, span, stop, index.max_chunk_size))
     elif span.opcode == Opcode.ATTACHMENT_INDEX:
         place = parse(AttachmentIndex, data, span)
         index.attachments.append(expected(data, Opcode.ATTACHMENT, place.offset, stop))
@@ -192,7 +216,7 @@ def _covers(index: Index, statistics: Statistics) -> bool:
     )
 
 
-def _indexed_chunk(data: Buffer, span: Span, stop: int) -> ChunkSpan:
+def _indexed_chunk(data: Buffer, span: Span, stop: int, max_chunk_size: int) -> ChunkSpan:
     """The chunk that a chunk index tells of; read here, in a tenth of the package's time: an hour has 14,000."""
     start_ns, end_ns, place, _, size = _CHUNK_INDEX.unpack_from(data, span.body)
     end = span.body + _CHUNK_INDEX.size + size
@@ -202,11 +226,14 @@ def _indexed_chunk(data: Buffer, span: Span, stop: int) -> ChunkSpan:
     # The header of a chunk is under no CRC of its own, the summary is.
     (index_size,) = _INDEX_SIZE.unpack_from(data, end)
     told = Told(start_ns, end_ns, places, index_size)
-    return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told)
+    return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told, max_chunk_size)
 
 
 def _define(index: Index, data: Buffer, span: Span) -> None:
     """Enter a schema or channel; where declarations differ the first one counts."""
+    index.definition_bytes += span.length
+    if index.definition_bytes > MAX_DEFINITION_BYTES:
+        raise Damage(f"the schemas and channels of the file exceed {MAX_DEFINITION_BYTES >> 20} MiB")
     if span.opcode == Opcode.SCHEMA:
         schema = parse(Schema, data, span)
         index.schemas.setdefault(schema.id, schema)
@@ -218,12 +245,12 @@ def _define(index: Index, data: Buffer, span: Span) -> None:
 # --- record by record -----------------------------------------------------------------------------------
 
 
-def scan(data: Buffer) -> Index:
+def scan(data: Buffer, max_chunk_size: int = MAX_CHUNK_SIZE) -> Index:
     """Index of a file by walking over all it holds; torn and damaged bytes are listed, never raised.
 
     Every chunk is unpacked and checked; message indexes, which no CRC guards, are made anew.
     """
-    index = Index(complete=False)
+    index = Index(complete=False, max_chunk_size=max_chunk_size)
     position, stop = len(MCAP0_MAGIC), len(data)
     while position < stop and not index.complete:
         position = _take_records(index, data, position, stop)
@@ -250,7 +277,8 @@ def _take_records(index: Index, data: Buffer, position: int, stop: int) -> int:
         try:
             _take(index, data, span)
         except Damage as damage:
-            if span.opcode not in _SELF_CONTAINED and span.opcode < _FIRST_PRIVATE:
+            contained = span.opcode in _SELF_CONTAINED or isinstance(damage, OversizedChunk)
+            if not contained and span.opcode < _FIRST_PRIVATE:
                 return span.offset
             _drop(index, span.offset, span.end, str(damage))
         position = span.end
@@ -259,7 +287,7 @@ def _take_records(index: Index, data: Buffer, position: int, stop: int) -> int:
 
 def _skip(index: Index, data: Buffer, position: int, stop: int) -> int:
     """Step over bytes that are no record, to the next whole chunk or the end."""
-    following = _next_chunk(data, position + 1, stop)
+    following = _next_chunk(data, position + 1, stop, index.max_chunk_size)
     _drop(index, position, following, f"bytes {position} to {following} cannot be read")
     return following
 
@@ -269,20 +297,20 @@ def _drop(index: Index, start: int, end: int, reason: str) -> None:
     index.dropped.append((start, end))
 
 
-def _next_chunk(data: Buffer, start: int, stop: int) -> int:
+def _next_chunk(data: Buffer, start: int, stop: int, max_chunk_size: int) -> int:
     """Offset of the next compressed chunk whose content matches its checksum, ``stop`` when there is none."""
     name = data.find(_ZSTD_NAME, start + _NAME_OFFSET)
     while name >= 0:
         span = record_at(data, name - _NAME_OFFSET, stop)
-        if span is not None and span.opcode == Opcode.CHUNK and _is_whole(data, span):
+        if span is not None and span.opcode == Opcode.CHUNK and _is_whole(data, span, max_chunk_size):
             return span.offset
         name = data.find(_ZSTD_NAME, name + 1)
     return stop
 
 
-def _is_whole(data: Buffer, span: Span) -> bool:
+def _is_whole(data: Buffer, span: Span, max_chunk_size: int) -> bool:
     try:
-        unpack(data, chunk_at(data, span))
+        unpack(data, chunk_at(data, span, max_chunk_size=max_chunk_size))
     except Damage:
         return False
     return True
@@ -294,7 +322,7 @@ def _take(index: Index, data: Buffer, span: Span) -> None:
     An opcode has no checksum: what it makes of its record must fit to the last byte, and come where it may.
     """
     if span.opcode == Opcode.CHUNK:
-        index.chunks.append(chunk_at(data, span))
+        index.chunks.append(chunk_at(data, span, max_chunk_size=index.max_chunk_size))
     elif span.opcode == Opcode.MESSAGE:
         _take_loose_message(index, span)
     elif span.opcode == Opcode.ATTACHMENT:
@@ -354,10 +382,12 @@ def _walk_chunks(index: Index, data: Buffer) -> None:
     The chunks' own definitions are under their CRCs, so they count more than those beside them.
     """
     whole = []
-    inside = Index()
+    inside = Index(definition_bytes=index.definition_bytes)
+    remaining = max_records(data)
     for chunk in index.chunks:
         try:
-            whole.append(_walked(inside, data, chunk))
+            whole.append(_walked(inside, data, chunk, remaining))
+            remaining -= sum(map(len, whole[-1].entries.values()))
         except Damage as damage:
             _drop(index, chunk.span.offset, chunk.span.end, str(damage))
     index.schemas |= inside.schemas
@@ -373,9 +403,9 @@ def _walk_chunks(index: Index, data: Buffer) -> None:
         )
 
 
-def _walked(index: Index, data: Buffer, chunk: ChunkSpan) -> ChunkSpan:
+def _walked(index: Index, data: Buffer, chunk: ChunkSpan, max_records: int) -> ChunkSpan:
     content = unpack(data, chunk)
-    contents = walk(content)
+    contents = walk(content, max_records)
     for span in contents.definitions:
         _define(index, content, span)
     times = [entries["time"] for entries in contents.entries.values()]

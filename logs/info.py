@@ -20,6 +20,8 @@ GAP_PERIODS = 1.5
 
 SUMMED_UP = 2_000_000
 """messages; the flight in a log of more is summed up when it is asked for: it takes a second for each of so many"""
+SUMMED_UP_BYTES = 256 << 20
+"""bytes, uncompressed; likewise"""
 _TOLD_BY = (truth_topics.STATE.name, topics.NAVIGATION.name)
 """topics that say whether it is in the air"""
 
@@ -31,12 +33,14 @@ def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
     joined of, by their names), ``flight`` (see `FlightSummary`), ``vehicle`` (None when not noted),
     ``start_epoch_ns``, ``duration`` (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`),
     ``events`` (``time`` in s, ``severity``, ``source``, ``text``), ``attachments`` (``name``, ``media_type``,
-    ``bytes``), ``metadata``.
+    ``bytes``), ``metadata``, ``undecodable`` (messages that cannot be decoded, of the topics that were
+    read for this, by topic).
 
     Raises:
         BadInput: a part of the file is damaged.
     """
     rows = [topic_row(info, log.times(name)) for name, info in log.topics.items()]
+    events = log.events()
     return {
         "file": str(log.path),
         "complete": log.complete,
@@ -51,12 +55,13 @@ def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
         "topics": rows,
         "events": [
             {"time": time_us * 1e-6, "severity": severity.name, "source": source, "text": text}
-            for time_us, severity, source, text in log.events()
+            for time_us, severity, source, text in events
         ],
         "attachments": [
             {"name": item.name, "media_type": item.media_type, "bytes": len(item.data)} for item in log.attachments
         ],
         "metadata": log.metadata,
+        "undecodable": log.undecodable,
     }
 
 
@@ -78,7 +83,8 @@ def _plain(value: Any) -> Any:
 
 def is_long(log: Log) -> bool:
     """Whether its flight is summed up only when it is asked for."""
-    return sum(info.messages for info in log.topics.values()) > SUMMED_UP
+    messages = sum(info.messages for info in log.topics.values())
+    return messages > SUMMED_UP or log.uncompressed_bytes > SUMMED_UP_BYTES
 
 
 def vehicle(log: Log) -> str | None:

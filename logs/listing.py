@@ -91,7 +91,7 @@ class Places:
         """
         mine = self._channel == channel
         found = None if self._walked else _stored(data, self._offset[mine], channel)
-        if found is None:
+        if found is None or int(found.sum()) * ENTRY_TYPE.itemsize > len(data):  # an index that is named repeatedly
             return None
         counts = np.zeros(len(self.chunks), np.int64)
         counts[self._chunk[mine]] = found
@@ -101,12 +101,14 @@ class Places:
 
     def _one_by_one(self, data: Buffer, channel: int) -> Listing | None:
         nothing = np.empty(0, ENTRY_TYPE)
-        parts = [
-            listed_entries(data, chunk, channel) if channel in chunk.channels else nothing for chunk in self.chunks
-        ]
-        known = [part for part in parts if part is not None]
-        if len(known) < len(parts):
-            return None
+        known: list[Entries] = []
+        size = 0
+        for chunk in self.chunks:
+            part = listed_entries(data, chunk, channel) if channel in chunk.channels else nothing
+            size += 0 if part is None or self._walked else part.nbytes
+            if part is None or size > len(data):
+                return None
+            known.append(part)
         entries = np.concatenate([nothing, *known])
         return Listing(entries["time"], entries["offset"], np.array([len(part) for part in known], np.int64))
 

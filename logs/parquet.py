@@ -35,13 +35,12 @@ def _array(arrow: Any, values: Array) -> Any:
         return arrow.array(texts(values), arrow.string())
     if values.ndim == 1:
         return arrow.array(values)
-    kind = arrow.list_(arrow.from_numpy_dtype(values.dtype), values.shape[1])
-    # One by one only where a list is empty: its length does not tell how many there are.
-    return (
-        arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), type=kind)
-        if values.size
-        else (arrow.array(values.tolist(), kind))
-    )
+    element = arrow.from_numpy_dtype(values.dtype)
+    # Parquet readers reject lists of fixed size 0 that are not all empty at the level of the file: a plain list then.
+    if not values.size:
+        return arrow.array(values.tolist(), arrow.list_(element))
+    kind = arrow.list_(element, values.shape[1])
+    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), type=kind)
 
 
 def _about(columns: Columns, name: str) -> dict[str, str]:

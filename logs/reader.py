@@ -19,7 +19,7 @@ from avionics.messages import Event, Text
 from avionics.quantities import BadInput, meant
 from avionics.topics import Topic
 from logs.alignment import aligned
-from logs.chunks import BEYOND_NS, ChunkSpan, Entries, bodies, entries_of, unpack
+from logs.chunks import BEYOND_NS, MAX_CHUNK_SIZE, ChunkSpan, Entries, bodies, entries_of, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
 from logs.columns import (
     LATEST_NS,
@@ -33,7 +33,7 @@ from logs.columns import (
 )
 from logs.frames import frame
 from logs.gathering import Table, fill
-from logs.index import ALTERED, Index, data_intact, indexes_intact, read_index
+from logs.index import ALTERED, Index, data_intact, indexes_intact, max_records, read_index
 from logs.layout import Layout
 from logs.listing import Places
 from logs.recorder import RECORDING
@@ -78,6 +78,8 @@ class Log:
         self._index = index
         self.damage: tuple[str, ...] = tuple(index.damage)
         """what is wrong with the file, one line each; empty for a whole one"""
+        self.undecodable: dict[str, int] = {}
+        """messages that were left out of what was read so far because they cannot be decoded, by topic"""
         self.topics: dict[str, TopicInfo] = {}
         for channel in sorted(index.channels.values(), key=lambda channel: channel.id):
             self.topics.setdefault(channel.topic, self._info(channel))
@@ -111,6 +113,11 @@ class Log:
     def duration(self) -> float:
         """s; from the first to the last message."""
         return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def uncompressed_bytes(self) -> int:
+        """Bytes of all chunks when decompressed, as they declare it."""
+        return sum(chunk.size for chunk in self._index.chunks)
 
     @property
     def boot_ns(self) -> int:
@@ -187,6 +194,8 @@ class Log:
     ) -> dict[str, Columns]:
         """Topics (all by default) as columns in one pass over the file.
 
+        Messages that cannot be decoded are left out and counted in `undecodable`.
+
         Args:
             topics: names or `Topic` values.
             start: s since boot; messages logged earlier are left out.
@@ -235,13 +244,20 @@ class Log:
     @cached_property
     def _looked_up(self) -> list[dict[int, Entries]]:
         """The messages of every chunk by channel, each of them looked at."""
-        return [self._checked(partial(self._entries, chunk, chunk.channels)) for chunk in self._chunks()]
+        looked_up: list[dict[int, Entries]] = []
+        remaining = max_records(self._data)
+        for chunk in self._chunks():
+            looked_up.append(self._checked(partial(self._entries, chunk, chunk.channels, remaining)))
+            remaining -= sum(map(len, looked_up[-1].values()))
+        return looked_up
 
-    def _entries(self, chunk: ChunkSpan, channels: Iterable[int]) -> dict[int, Entries]:
+    def _entries(
+        self, chunk: ChunkSpan, channels: Iterable[int], max_records: int | None = None
+    ) -> dict[int, Entries]:
         if chunk.entries:
             return chunk.entries
         content = unpack(self._data, chunk)
-        return {channel: entries_of(self._data, chunk, content, channel) for channel in channels}
+        return {channel: entries_of(self._data, chunk, content, channel, max_records) for channel in channels}
 
     def order(self, topics: Iterable[str | Topic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Messages of several topics in the order in which they were written, whatever their times.
@@ -329,7 +345,7 @@ class Log:
         self._channels(name)
         if self.topics[name].schema != TEXT_SCHEMA:
             raise BadInput(f"{self.path}: {name} carries {self.topics[name].schema}, no texts")
-        return self._checked(lambda: [decode_text(data) for _, data in self._messages(name)])
+        return self._checked(lambda: [text for _, text in self._decodable(name, decode_text, self._messages(name))])
 
     def verify(self) -> list[str]:
         """Read everything against its checksums; return what is wrong, one line each."""
@@ -376,8 +392,29 @@ class Log:
         return found
 
     def _read_events(self, topics: list[str]) -> list[Event]:
-        found = sorted((pair for name in topics for pair in self._messages(name)), key=lambda pair: pair[0])
-        return [decode_event(data) for _, data in found]
+        found = [pair for name in topics for pair in self._decodable(name, decode_event, self._messages(name))]
+        return [event for _, event in sorted(found, key=lambda pair: pair[0])]
+
+    def _decodable(
+        self, topic: str, decode: Callable[[bytes], Result], messages: Iterable[tuple[int, bytes]]
+    ) -> list[tuple[int, Result]]:
+        """Decode messages with their log times (ns); those that cannot be decoded are counted.
+
+        Raises:
+            Damage: none of them can be decoded.
+        """
+        out: list[tuple[int, Result]] = []
+        failed, reason = 0, None
+        for time, data in messages:
+            try:
+                out.append((time, decode(data)))
+            except Damage as damage:
+                failed, reason = failed + 1, damage
+        if reason is not None and not out:
+            raise reason
+        if failed:
+            self.undecodable[topic] = max(failed, self.undecodable.get(topic, 0))
+        return out
 
     def _window(self, start: float | None, end: float | None) -> tuple[int, int]:
         """Log times in ns, from the first to before the second."""
@@ -417,7 +454,7 @@ class Log:
         out: list[Stamped] = []
         for channel in channels:
             decode = value_decoder(channel, self._schema(channel))
-            out += [(time, decode(data)) for time, data in self._encoded(channel, window)]
+            out += self._decodable(channel.topic, decode, self._encoded(channel, window))
         return out
 
     def _encoded(self, channel: Channel, window: tuple[int, int]) -> Iterator[tuple[int, bytes]]:
@@ -449,15 +486,18 @@ class Log:
             raise BadInput(f"{self.path}: {damage} (wingbeat log recover keeps what is whole)") from None
 
 
-def open_log(path: Path | str) -> Log:
+def open_log(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Log:
     """Open an MCAP file; one that was cut off or is damaged gives what is whole, and says so in ``damage``.
+
+    Chunks that declare more than ``max_chunk_size`` uncompressed bytes count as damaged; no chunk is decompressed
+    beyond the size that it declares.
 
     Raises:
         BadInput: the file cannot be read, is empty or is not MCAP.
     """
     path = Path(path)
     data = map_file(path)
-    return Log(path, data, read_index(data))
+    return Log(path, data, read_index(data, max_chunk_size))
 
 
 def map_file(path: Path) -> mmap.mmap:

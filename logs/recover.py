@@ -14,6 +14,7 @@ from typing import IO, NamedTuple
 from mcap.writer import MCAP0_MAGIC
 
 from avionics.quantities import BadInput
+from logs.chunks import MAX_CHUNK_SIZE
 from logs.container import Container
 from logs.copying import Part, copy
 from logs.index import Index, scan
@@ -36,7 +37,7 @@ class Recovery(NamedTuple):
     torn_bytes: int
 
 
-def recover(path: Path | str) -> Recovery:
+def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
     """Repair a log in its place: what is whole goes to a new file that replaces the old one in one step.
 
     The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched. Of a
@@ -48,11 +49,11 @@ def recover(path: Path | str) -> Recovery:
     """
     path = Path(os.path.realpath(path))
     with _locked(path):
-        with open_log(path) as log:
+        with open_log(path, max_chunk_size) as log:
             if log.complete and not log.verify():
                 return Recovery(sum(info.messages for info in log.topics.values()), (), None, 0)
         data = map_file(path)
-        index = scan(data)
+        index = scan(data, max_chunk_size)
         torn = _keep_torn(path, data, index)
         _replace(path, Part(data, index))
     lost = sum(end - start for start, end in index.dropped)

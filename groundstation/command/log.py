@@ -19,7 +19,8 @@ from groundstation.views.flight_report import flown_table
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from logs.export import EACH, FORMS, Part, export
+from logs.chunks import MAX_CHUNK_SIZE
+from logs.export import EACH, FORMS, Part, export, undecodable_lines
 from logs.info import flown_in, is_long, summary
 from logs.placing import numbered
 from logs.reader import Log, open_log
@@ -44,10 +45,11 @@ EXAMPLES = (
 )
 JSON_KEYS = {
     "info": "file, complete, damage, incomplete: {recording: its damage}, vehicle, start_epoch_ns, duration,"
-    " messages, dropped, flight: as of wingbeat fly or null, topics, events, attachments, metadata",
+    " messages, dropped, flight: as of wingbeat fly or null, topics, events, attachments, metadata,"
+    " undecodable: {topic: messages}",
     "view": "path: of the page, bytes, panels: titles, events: how many, missing: what the log does not have",
     "live": "file: the recording, when it is over",
-    "export": "files: what was written; left_out: topics that cannot be decoded, and why",
+    "export": "files: what was written; left_out: topics and messages that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
     " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
     "recover": "messages, damage, torn, torn_bytes",
@@ -76,6 +78,14 @@ def build_parser() -> options.Parser:
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument("file", type=Path, metavar="FILE")
         options.add_json(one)
+        if verb in ("info", "view", "export", "recover"):
+            one.add_argument(
+                "--max-chunk-size",
+                type=options.positive,
+                default=MAX_CHUNK_SIZE / 1e6,
+                metavar="MB",
+                help=f"decompress chunks of up to this size (default: {MAX_CHUNK_SIZE / 1e6:.0f})",
+            )
         if verb == "view":
             one.add_argument(
                 "--to", "--out", type=Path, metavar="PAGE.html", help="a new file (FILE.html, or FILE-2.html ...)"
@@ -123,14 +133,26 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _open(chosen: argparse.Namespace) -> Log:
+    return open_log(chosen.file, _chunk_limit(chosen))
+
+
+def _chunk_limit(chosen: argparse.Namespace) -> int:
+    limit: float = chosen.max_chunk_size
+    return round(limit * 1e6)
+
+
 def _info(chosen: argparse.Namespace) -> None:
-    with open_log(chosen.file) as log:
+    with _open(chosen) as log:
         flown, long = flown_in(log, chosen.flight), is_long(log)
         document = summary(log, flown)
+        undecodable = undecodable_lines(log)
     if chosen.json:
         print_document(document)
     else:
         _print_info(document, chosen.file, flown)
+        for line in undecodable:
+            print(f"left out: {line}", file=sys.stderr)
         if long and not chosen.flight:
             print("a long log: its flight is summed up with --flight")
 
@@ -171,7 +193,7 @@ def _view(chosen: argparse.Namespace) -> None:
 
     # One that was chosen must be new; without a choice every page finds a name.
     path = chosen.to or next(path for path in numbered(chosen.file.with_suffix(".html")) if not path.exists())
-    with open_log(chosen.file) as log, ProgressBar("viewing", quiet=chosen.json) as bar:
+    with _open(chosen) as log, ProgressBar("viewing", quiet=chosen.json) as bar:
         page = write_page(log, path, lambda done, note: bar.show(done, 1.0, note))
     if chosen.json:
         print_document(page)
@@ -196,7 +218,7 @@ def _live(chosen: argparse.Namespace) -> None:
 def _export(chosen: argparse.Namespace) -> None:
     target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
     part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
-    with open_log(chosen.file) as log, ProgressBar("exporting", quiet=chosen.json) as bar:
+    with _open(chosen) as log, ProgressBar("exporting", quiet=chosen.json) as bar:
         _check_window(log, chosen.start, chosen.end)
         done = export(log, target, part, chosen.format, bar.show)
     if chosen.json:
@@ -218,7 +240,7 @@ def _check_window(log: Log, start: float | None, end: float | None) -> None:
 
 
 def _recover(chosen: argparse.Namespace) -> None:
-    done = recover(chosen.file)
+    done = recover(chosen.file, _chunk_limit(chosen))
     if chosen.json:
         print_document(done)
         return

@@ -62,7 +62,7 @@ def test_console_shows_markup_and_controls_as_text() -> None:
     written = file.getvalue()
     assert "\x07" not in written and "\x9b" not in written and "\r" not in written
     assert "\x1b]" not in written and "\x1b[2J" not in written
-    assert written.count("[red]e[/red][/x]") == 2
+    assert written.count("[red]") == 2
     assert "\x1b[1m" in written  # styles of our own remain
 
 
