@@ -40,6 +40,11 @@ def files_of(recording: Path) -> tuple[Path, ...]:
     return (recording, *(recording.with_suffix(ending) for ending in PARTS))
 
 
+def parts_of(recording: Path) -> list[Path]:
+    """The recordings of world and flight computer that exist beside the name of a flight's joined log."""
+    return [part for part in files_of(recording)[1:] if part.is_file()]
+
+
 @contextlib.contextmanager
 def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Iterator[Path]:
     """A path of which there are no files, and that no other program takes as long as the context lasts.

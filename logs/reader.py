@@ -36,6 +36,7 @@ from logs.gathering import Table, fill
 from logs.index import ALTERED, Index, data_intact, indexes_intact, max_records, read_index
 from logs.layout import Layout
 from logs.listing import Places
+from logs.names import parts_of
 from logs.recorder import RECORDING
 from logs.records import Damage, attachment_at, parse
 
@@ -510,7 +511,7 @@ def map_file(path: Path) -> mmap.mmap:
         with path.open("rb") as file:
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+        raise BadInput(f"cannot read {path}: {error.strerror or error}{_parts_hint(path)}") from None
     except ValueError:
         raise BadInput(f"{path} is empty") from None
     if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
@@ -518,6 +519,13 @@ def map_file(path: Path) -> mmap.mmap:
         data.close()
         raise BadInput(f"{path} is not an MCAP log: {_import_hint(path, head)}")
     return data
+
+
+def _parts_hint(path: Path) -> str:
+    """The recordings of the flight that were not joined to a missing file, and the command that does it."""
+    parts = [] if path.exists() else parts_of(path)
+    names = " and ".join(part.name for part in parts)
+    return f"; {names} exist: wingbeat log recover {shlex.quote(str(path))} joins them" if parts else ""
 
 
 def _import_hint(path: Path, head: bytes) -> str:

@@ -6,7 +6,7 @@ import fcntl
 import mmap
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -18,7 +18,9 @@ from logs.chunks import MAX_CHUNK_SIZE
 from logs.container import Container
 from logs.copying import Part, copy
 from logs.index import Index, scan
-from logs.placing import claim, draft, numbered, settle
+from logs.join import join
+from logs.names import parts_of
+from logs.placing import claim, draft, held, numbered, settle
 from logs.reader import map_file, open_log
 
 LEFT = 8
@@ -35,10 +37,15 @@ class Recovery(NamedTuple):
     torn: Path | None
     """where the bytes are kept that could not be read"""
     torn_bytes: int
+    joined: tuple[Path, ...] = ()
+    """recordings of the world and the flight computer that were joined to the file"""
 
 
 def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
     """Repair a log in its place: what is whole goes to a new file that replaces the old one in one step.
+
+    If the file does not exist but the recordings of its flight do (``NAME.world.mcap``, ``NAME.avionics.mcap``, as a
+    flight leaves them that was killed), these are repaired and joined to it.
 
     The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched. Of a
     symbolic link it is the file behind it that is repaired, where it is.
@@ -48,6 +55,27 @@ def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
             file is then as it was.
     """
     path = Path(os.path.realpath(path))
+    parts = [] if path.exists() else parts_of(path)
+    return _join_parts(path, parts, max_chunk_size) if parts else _recover(path, max_chunk_size)
+
+
+def _join_parts(path: Path, parts: Sequence[Path], max_chunk_size: int) -> Recovery:
+    """Repair the parts of a flight that were not joined, and join them to ``path``."""
+    with held(path) as ours:
+        if not ours:
+            raise BadInput(f"{path} is being recorded: it cannot be repaired now")
+        done = [_recover(part, max_chunk_size) for part in parts]
+        join(parts, path)
+    return Recovery(
+        sum(one.messages for one in done),
+        tuple(f"{part.name}: {line}" for part, one in zip(parts, done, strict=True) for line in one.damage),
+        next((one.torn for one in done if one.torn is not None), None),
+        sum(one.torn_bytes for one in done),
+        tuple(parts),
+    )
+
+
+def _recover(path: Path, max_chunk_size: int) -> Recovery:
     with _locked(path):
         with open_log(path, max_chunk_size) as log:
             if log.complete and not log.verify():

@@ -45,14 +45,24 @@ class Ending:
 
 @contextlib.contextmanager
 def heeded() -> Iterator[Ending]:
-    """Make signals KeyboardInterrupts; one that is ignored, as SIGHUP under ``nohup``, stays so."""
+    """Make signals KeyboardInterrupts; one that is ignored, as SIGHUP under ``nohup``, stays so.
+
+    Not in a process that another command started as its part: it is ended by that command alone, whose own ignored
+    signals (a shell script starts jobs with SIGINT ignored) it inherits.
+    """
     ending = Ending()
     kept = {}
+    part = STARTED in os.environ
     if _in_main_thread():
-        kept = {number: signal.getsignal(number) for number in SIGNALS}
+        kept = {number: signal.getsignal(number) for number in (signal.SIGINT, *SIGNALS)}
     for number, handler in kept.items():
-        if handler == signal.SIG_DFL:
+        if number == signal.SIGINT:
+            if part:
+                signal.signal(number, signal.default_int_handler)
+        elif part or handler == signal.SIG_DFL:
             signal.signal(number, ending.come)
+    if part and kept and hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, kept)
     try:
         yield ending
     finally:

@@ -52,14 +52,14 @@ JSON_KEYS = {
     "export": "files: what was written; left_out: topics and messages that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
     " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
-    "recover": "messages, damage, torn, torn_bytes",
+    "recover": "messages, damage, torn, torn_bytes, joined: recordings that were joined to the file",
 }
 TEXTS = {
     "info": "what it holds",
     "view": "show the flight as one page of HTML: track, bird, plots, events",
     "live": "show it to Foxglove and Lichtblick while it is recorded",
     "export": f"write it as {', '.join(FORMS)}",
-    "recover": "repair it",
+    "recover": "repair it, or join the recordings that its killed flight left (NAME.world.mcap, NAME.avionics.mcap)",
 }
 EVENTS_SHOWN = 20
 
@@ -244,7 +244,9 @@ def _recover(chosen: argparse.Namespace) -> None:
     if chosen.json:
         print_document(done)
         return
-    if not done.damage:
+    if done.joined:
+        print(f"joined {' and '.join(part.name for part in done.joined)} to {chosen.file}")
+    elif not done.damage:
         print(f"{chosen.file} is whole: {counted(done.messages, 'message')}; nothing was changed")
         return
     for line in done.damage:

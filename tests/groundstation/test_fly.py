@@ -46,9 +46,9 @@ WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
 RECORDED = ("--duration", "10.5", "--json", "--seed", "5")
 
 
-def fly(folder: Path, *words: str) -> subprocess.Popen[str]:
+def fly(folder: Path, *words: str, starter: tuple[str, ...] = ()) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [*WINGBEAT, "fly", "--log", str(folder / "flight.mcap"), *words],
+        [*starter, *WINGBEAT, "fly", "--log", str(folder / "flight.mcap"), *words],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -252,6 +252,44 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
     assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
+
+
+def test_sigterm_keeps_the_flight_of_a_background_job(tmp_path: Path) -> None:
+    """GIVEN a job of a script, which ignores SIGINT WHEN SIGTERM comes THEN one complete recording."""
+    flight = fly(tmp_path, "--speed", "1", starter=("sh", "-c", 'trap "" INT HUP; exec "$@"', "sh"))
+    wait_for(tmp_path / "flight.avionics.mcap", 100_000)
+    flight.send_signal(signal.SIGTERM)
+    _, err = flight.communicate(timeout=60)
+    assert flight.returncode == 143
+    assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
+    assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["flight.mcap"]
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert log.complete and not log.damage
+        assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
+def test_recover_joins_what_a_killed_flight_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """GIVEN SIGKILL to all three processes THEN log recover repairs and joins, and a missing file names its parts."""
+    flight = fly(tmp_path, "--speed", "1")
+    file, parts = tmp_path / "flight.mcap", [tmp_path / f"flight{ending}" for ending in (WORLD, COMPUTER)]
+    for part in parts:
+        wait_for(part, 100_000)
+    for process in (flight.pid, *children_of(flight.pid)):
+        os.kill(process, signal.SIGKILL)
+    flight.communicate(timeout=60)
+    assert main(["log", "info", str(file)]) == 2
+    err = capsys.readouterr().err
+    assert "flight.world.mcap and flight.avionics.mcap exist: wingbeat log recover" in err and err.count("\n") == 1
+    assert main(["log", "recover", str(file), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["joined"] == [str(part) for part in parts]
+    assert len(document["damage"]) >= 2 and not any(part.exists() for part in parts)
+    with open_log(file) as log:
+        assert log.complete and not log.damage
+        assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
+    assert main(["log", "recover", str(tmp_path / "nothing.mcap")]) == 2
+    assert "No such file" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
