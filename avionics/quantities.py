@@ -57,6 +57,8 @@ class VehicleFile(NamedTuple):
     fitted: dict[str, str]
 
 
+VEHICLE_FOLDER_FILES = ("world.toml", "avionics.toml")
+"""files of a vehicle that is a folder: what is, and what the flight computer assumes"""
 SOURCE_KINDS = ("published", "identified", "chosen")
 
 
@@ -141,6 +143,11 @@ def meant(name: str, known: Iterable[str]) -> str:
     return f" (meant {near[0]!r}?)" if near else ""
 
 
+def own_name(path: Path) -> str:
+    """Name of a vehicle by the place of its file: its folder's for one of `VEHICLE_FOLDER_FILES`, else the file's."""
+    return path.resolve().parent.name if path.name in VEHICLE_FOLDER_FILES else path.stem
+
+
 def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) -> VehicleFile:
     """Read a TOML vehicle file against ``schema``.
 
@@ -172,9 +179,10 @@ def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) ->
         sections[family] = {}
         for name, table in _table(path, family, document.get(family, {})).items():
             sections[family][name] = _section(path, f"{family}.{name}", table, record, sources, fitted)
+    name = own_name(path)
     return VehicleFile(
-        str(document.get("name", path.stem)),
-        str(document.get("title", path.stem)),
+        str(document.get("name", name)),
+        str(document.get("title", name)),
         path,
         text,
         sections,

@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput, counted, parse_json, why_unread
-from avionics.vehicles import FlightVehicle
+from avionics.quantities import BadInput, counted, own_name, parse_json, why_unread
+from avionics.vehicles import FlightVehicle, vehicle_names
 from avionics.vehicles.gains import FlightGains
+from avionics.vehicles.loader import FOLDER
 from avionics.whole_file import write_whole
 
 FORMAT = "wingbeat parameters 1"
@@ -42,14 +43,35 @@ class Loaded(NamedTuple):
     """whether the file was refused, and the vehicle's own values hold"""
 
 
-def default_path(vehicle: str) -> Path:
-    """The file of this vehicle in the user's folder of states: ``WINGBEAT_STATE``, or the platform's."""
-    return _state_folder() / "parameters" / f"{_file_name(vehicle)}.json"
+def default_path(vehicle: FlightVehicle) -> Path:
+    """The parameter file of this vehicle in the user's state folder: ``WINGBEAT_STATE``, or the platform's."""
+    return _state_path("parameters", vehicle, "json")
 
 
-def key_path(vehicle: str) -> Path:
-    """Where this vehicle's signing key is kept, in the same folder of states."""
-    return _state_folder() / "signing" / f"{_file_name(vehicle)}.key"
+def key_path(vehicle: FlightVehicle) -> Path:
+    """The signing key of this vehicle in the same state folder."""
+    return _state_path("signing", vehicle, "key")
+
+
+def storage_name(vehicle: FlightVehicle) -> str:
+    """Name under which parameters and key are stored; unique to a user's vehicle, whose file may be a copy.
+
+    It is the name of the vehicle's folder (of a single file, the file's). A user's vehicle never shares the name of
+    one that comes with the flight computer.
+    """
+    path = vehicle.file.path.resolve()
+    if path.parent == FOLDER:
+        return vehicle.name
+    name = own_name(path)
+    return f"{name}-custom" if name in vehicle_names() else name
+
+
+def _state_path(kind: str, vehicle: FlightVehicle, suffix: str) -> Path:
+    folder = _state_folder() / kind
+    path = folder / f"{_file_name(storage_name(vehicle))}.{suffix}"
+    earlier = folder / f"{_file_name(vehicle.name)}.{suffix}"
+    # Versions before 0.2 stored by the name in the file.
+    return earlier if vehicle.name not in vehicle_names() and earlier.exists() and not path.exists() else path
 
 
 def _file_name(vehicle: str) -> str:
@@ -77,6 +99,11 @@ class ParameterFile:
         self._table = parameters.parameter_table(vehicle.gains)
         self._kept: FlightGains | None = None
 
+    @property
+    def owner(self) -> str:
+        """The vehicle that the file belongs to, see `storage_name`."""
+        return storage_name(self._vehicle)
+
     def defaults(self) -> dict[str, float]:
         """Every value of the vehicle file."""
         return {name: parameters.get(self._vehicle.gains, entry) for name, entry in self._table.items()}
@@ -97,10 +124,11 @@ class ParameterFile:
         checked = _checked(text)
         if isinstance(checked, str):
             raise BadInput(f"parameter file {self.path} {checked}")
-        if checked.vehicle != self._vehicle.name:
+        names = {self.owner, self._vehicle.name} - (set(vehicle_names()) - {self.owner})
+        if checked.vehicle not in names:
             raise AnotherVehicles(
                 f"parameter file {self.path} is of another vehicle, {checked.vehicle}, and is left as it is;"
-                f" choose another file for {self._vehicle.name} with --parameters"
+                f" choose another file for {self.owner} with --parameters"
             )
         return checked.values
 
@@ -183,7 +211,7 @@ class ParameterFile:
         """
         defaults = self.defaults()
         changed = {name: value for name, value in sorted(values.items()) if value != defaults[name]}
-        document = {"format": FORMAT, "vehicle": self._vehicle.name, "values": changed}
+        document = {"format": FORMAT, "vehicle": self.owner, "values": changed}
         text = json.dumps({**document, "sha256": _checksum(document)}, indent=1) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(self.path, text)

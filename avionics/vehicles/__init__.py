@@ -1,5 +1,5 @@
 """What the flight computer believes of each vehicle, as TOML files, and their reader."""
 
-from avionics.vehicles.loader import FlightVehicle, load_vehicle, vehicle_names
+from avionics.vehicles.loader import FOLDER, FlightVehicle, load_vehicle, vehicle_names
 
-__all__ = ["FlightVehicle", "load_vehicle", "vehicle_names"]
+__all__ = ["FOLDER", "FlightVehicle", "load_vehicle", "vehicle_names"]

@@ -16,7 +16,7 @@ from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.cores import pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.line_watch import Losses
-from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path
+from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path, storage_name
 from avionics.board.razor import RazorBoard
 from avionics.board.razor_protocol import Angles
 from avionics.link.ground import Files, GroundLink
@@ -124,14 +124,16 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     identity = load_identity(chosen.identity)
     boards.check_address(chosen.board)
-    vehicle = load_vehicle(chosen.vehicle)
+    vehicle = load_vehicle(options.vehicle_files(chosen.vehicle)[1])
     plan = load_flight_plan(chosen.mission)
     kept = _parameters(chosen, vehicle)
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
-    signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle.name)))
+    signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle)))
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
+    for line in options.name_warnings(vehicle.file):
+        account.say(line)
     if chosen.log is None:
         put_right(RECORDINGS)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
@@ -140,7 +142,7 @@ def run(arguments: Sequence[str]) -> int:
         # would keep the flight waiting for them.
         run_before_others()
     with contextlib.ExitStack() as stack:
-        recorder = begin_recording(chosen.log, vehicle.name, writing, chosen.epoch_ns)
+        recorder = begin_recording(chosen.log, storage_name(vehicle), writing, chosen.epoch_ns)
         path = recorder.path
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
@@ -166,7 +168,7 @@ def _parameters(chosen: argparse.Namespace, vehicle: FlightVehicle) -> Parameter
     """Where what the ground sets is kept; None for nowhere."""
     if chosen.parameters == options.NO_PARAMETERS:
         return None
-    return ParameterFile(Path(chosen.parameters or default_path(vehicle.name)), vehicle)
+    return ParameterFile(Path(chosen.parameters or default_path(vehicle)), vehicle)
 
 
 def _over(outcome: Outcome, account: Account, paths: str) -> int:

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.live import Live
 
 from avionics.board.cores import idle_pair
-from avionics.board.parameter_file import ParameterFile
+from avionics.board.parameter_file import ParameterFile, storage_name
 from avionics.link.key_file import load_signing
 from avionics.link.transport import open_transport
 from avionics.link.vehicle import load_identity
@@ -199,10 +199,10 @@ def check(chosen: argparse.Namespace) -> Plan:
     world, computer = options.vehicle_files(chosen.vehicle)
     _check_flown(computer)
     vehicle = load_vehicle(computer)
-    model = simulated(world, chosen.aerodynamics).aerodynamics.model
+    body = simulated(world, chosen.aerodynamics)
     steady_wind(chosen.wind, chosen.wind_from)
     dryden.turbulence(chosen.turbulence, 1.0, chosen.seed)
-    notes = load_flight_plan(chosen.mission).notes
+    notes = (*options.name_warnings(body, vehicle.file), *load_flight_plan(chosen.mission).notes)
     if chosen.parameters not in (None, options.NO_PARAMETERS):
         ParameterFile(Path(chosen.parameters), vehicle).check_owner()
     if chosen.sticks is not None:
@@ -215,7 +215,8 @@ def check(chosen: argparse.Namespace) -> Plan:
         _check_log(chosen.log)
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
-    return Plan(chosen.vehicle, vehicle.name, vehicle.title, model, notes, faults)
+    name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
+    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults)
 
 
 def _check_log(log: Path) -> None:

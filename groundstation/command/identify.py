@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
 from groundstation.command.damage import damage_told
 from groundstation.command.identify_markers import MARKERS, identified_by_markers
-from groundstation.command.identify_out import add_outputs, check_outputs, names_of, write_outputs
+from groundstation.command.identify_out import add_outputs, check_outputs, names_of, show_written, write_outputs
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
@@ -181,19 +181,18 @@ def run(arguments: Sequence[str]) -> int:
     check_outputs(chosen)
     with open_log(files[0]) as log, announced(chosen.json), damage_told([log], "identified"):
         found = identified(log, what, chosen.vehicle, chosen.elevator)
-        written = write_outputs(chosen, [log], found)
-    _show(chosen, found, written)
+        _show(chosen, found, lambda: write_outputs(chosen, [log], found))
     return 0
 
 
-def _show(chosen: argparse.Namespace, found: Identification, written: Sequence[str]) -> None:
-    """The document, or the table and below it what was written."""
+def _show(chosen: argparse.Namespace, found: Identification, write: Callable[[], Sequence[str]]) -> None:
+    """Print the document or the table, then ``write`` the files: their failure does not lose what was identified."""
     if chosen.json:
         print_document(document(found))
     else:
         open_console().print(identification_table(found))
-        for line in written:
-            open_console().print(line, highlight=False, soft_wrap=True)
+    sys.stdout.flush()
+    show_written(write(), chosen.json)
 
 
 def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
@@ -214,8 +213,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
         logs = [stack.enter_context(open_log(file)) for file in every]
         stack.enter_context(damage_told(logs, "identified"))
         found = identified_together(logs, chosen.vehicle, chosen.elevator, held)
-        written = write_outputs(chosen, logs, found)
-    _show(chosen, found, written)
+        _show(chosen, found, lambda: write_outputs(chosen, logs, found))
     return 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from avionics.quantities import BadInput
@@ -34,8 +34,8 @@ MARKERS = "markers"
 
 def identified_by_markers(
     files: Sequence[Path], tables: bool, chosen: argparse.Namespace
-) -> tuple[Identification, list[str]]:
-    """What the markers tell, and lines that say what was written.
+) -> tuple[Identification, Callable[[], list[str]]]:
+    """What the markers tell, and a function that writes the report and returns lines that name what was written.
 
     Raises:
         BadInput: no map, an option of something else, a capture or map that cannot be used.
@@ -49,11 +49,15 @@ def identified_by_markers(
     with announced(chosen.json):
         vehicle, clouds, notes = _captured(files, tables, mapped, chosen.vehicle or mapped.markers.vehicle)
         found = _identified(vehicle, mapped.markers, clouds, notes)
-    if chosen.report is None:
-        return found, []
-    with ProgressBar("writing the report"):
-        write_report(chosen.report, _subject(files, found, clouds), found)
-    return found, [f"written {chosen.report}"]
+
+    def write() -> list[str]:
+        if chosen.report is None:
+            return []
+        with ProgressBar("writing the report"):
+            write_report(chosen.report, _subject(files, found, clouds), found)
+        return [f"written {chosen.report}"]
+
+    return found, write
 
 
 def _captured(

@@ -15,6 +15,7 @@ from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
 from groundstation.views.progress import ProgressBar
+from groundstation.views.terminal import open_console
 from logs.attached import flight_vehicle, simulated_vehicle
 from logs.identification import model_file
 from logs.identification.data import DriveData
@@ -73,6 +74,13 @@ def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], found: Identi
     if chosen.model is not None:
         lines += _model(chosen, logs, found, digests)
     return lines
+
+
+def show_written(lines: Sequence[str], as_json: bool) -> None:
+    """Name the files that were written, below the table; a JSON document stands alone."""
+    if not as_json:
+        for line in lines:
+            open_console().print(line, soft_wrap=True)
 
 
 def sha256(path: Path) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from avionics.quantities import BadInput
 from groundstation.command.compiling import announced
-from groundstation.command.identify_out import base_of, check_outputs, sha256
+from groundstation.command.identify_out import base_of, check_outputs, sha256, show_written
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.table_identification import table_identification
@@ -31,13 +32,12 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
     _check(what, chosen)
     with announced(chosen.json):
         found = identify_tables(files, chosen.map, what)
-    written = _written(files, what, chosen, found)
     if chosen.json:
         print_document(table_document(found))
     else:
         open_console().print(table_identification(found))
-        for line in written:
-            open_console().print(line, highlight=False, soft_wrap=True)
+    sys.stdout.flush()
+    show_written(_written(files, what, chosen, found), chosen.json)
     return 0
 
 

@@ -9,12 +9,12 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
-from avionics.quantities import BadInput, meant
+from avionics.quantities import BadInput, meant, own_name
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
 
@@ -105,6 +105,32 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
         metavar="V|PATH",
         help=f"name, file or folder of a vehicle ({DEFAULT_VEHICLE})",
     )
+
+
+class NamedFile(Protocol):
+    """What a vehicle and its file have in common."""
+
+    @property
+    def name(self) -> str:
+        """Name in the file."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+
+def name_warnings(*files: NamedFile) -> list[str]:
+    """A line for each user's vehicle file that still has the name of the vehicle it was copied from."""
+    from avionics import vehicles as flight
+    from sim_bridge import vehicles as world
+
+    supplied = {*flight.vehicle_names(), *world.vehicle_names()}
+    folders = {flight.FOLDER, world.FOLDER}
+    return [
+        f'{file.path}: name = "{file.name}" is that of another vehicle; change it to "{own_name(file.path)}"'
+        for file in files
+        if file.name in supplied and file.path.resolve().parent not in folders
+    ]
 
 
 def add_aerodynamics(parser: argparse.ArgumentParser) -> None:

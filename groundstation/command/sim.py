@@ -83,6 +83,9 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     alone = chosen.epoch_ns is None
+    if alone:
+        for line in options.name_warnings(vehicle):
+            print(line, file=sys.stderr)
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = _scenario(chosen)._replace(
         waits_for_arming=alone or chosen.waits_for_arming, pilot=None if sticks is None else sticks.pilot()

@@ -15,10 +15,18 @@ from groundstation.command.steady import Asked, trimmed
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
-from groundstation.views.tuning import design_heading, design_table, proof_table, unwritten_line, written_line
+from groundstation.views.tuning import (
+    comparison_line,
+    design_heading,
+    design_table,
+    proof_table,
+    unwritten_line,
+    withheld_line,
+    written_line,
+)
 from logs.placing import check_new
 from sim_bridge.flight.tuning.cascade import Design, Loop, design
-from sim_bridge.flight.tuning.proof import SCENARIO, Flown, Proof, flown
+from sim_bridge.flight.tuning.proof import SCENARIO, Comparison, Flown, Proof, flown
 from sim_bridge.flight.tuning.vehicle_file import Places, places, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
@@ -44,8 +52,14 @@ JSON_KEYS = {
     "loops": "list of {name, before, after}; each {gains by section.key and the airspeed m/s they are for,"
     " gain_margin dB, phase_margin rad, crossover, bandwidth rad/s, sensitivity, stable, keeps}",
     "flights": "null, or {before, after}; each {" + FLOWN_KEYS + "}",
+    "comparison": "null, or how the flight after compares: better, same, worse; files that fly worse need --force",
+    "error_ratio": "null, or geometric mean of altitude, heading, pitch and roll errors after, over those before",
     "written": "names of the files",
 }
+
+
+NOT_WRITTEN = 1
+"""exit code: the design flies worse than what it replaces, and no file was written"""
 
 
 class _Chosen(NamedTuple):
@@ -73,6 +87,7 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="new folder for world.toml and avionics.toml, or a new FILE.toml"
     )
+    parser.add_argument("--force", action="store_true", help="write the files even if the flight after is worse")
     parser.add_argument("--no-fly", action="store_true", help="leave out the flights before and after")
     parser.add_argument("--seed", type=options.seed, default=SCENARIO.seed, metavar="N", help="of the flights (1)")
     options.add_json(parser)
@@ -98,8 +113,12 @@ def run(arguments: Sequence[str]) -> int:
     if not chosen.no_fly and subject.world is not None:
         proof = _proof(subject, subject.world, found, chosen.seed)
         console.print(proof_table(proof))
+        console.print(comparison_line(proof))
     written: list[Path] = []
-    if where is not None:
+    withheld = proof is not None and proof.comparison is Comparison.WORSE and not chosen.force
+    if where is not None and withheld:
+        console.print(withheld_line(arguments), soft_wrap=True)
+    elif where is not None:
         write(where, subject.vehicle, found, None if subject.world is None else subject.world.text)
         written = [path for path in where if path is not None and path.exists()]
         console.print(written_line(written))
@@ -107,7 +126,7 @@ def run(arguments: Sequence[str]) -> int:
         console.print(unwritten_line(arguments), soft_wrap=True)
     if chosen.json:
         print_document(_document(subject, found, proof, written))
-    return 0
+    return NOT_WRITTEN if where is not None and withheld else 0
 
 
 def _places(out: Path) -> Places:
@@ -209,6 +228,8 @@ def _document(subject: _Chosen, found: Design, proof: Proof | None, written: lis
             for before, after in zip(found.before, found.after, strict=True)
         ],
         "flights": None if proof is None else {"before": _flown(proof.before), "after": _flown(proof.after)},
+        "comparison": None if proof is None else proof.comparison.value,
+        "error_ratio": None if proof is None else proof.error_ratio,
         "written": written,
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -52,7 +53,11 @@ def run(arguments: Sequence[str]) -> int:
         _list(chosen.json)
     else:
         world, avionics = options.vehicle_files(chosen.name)
-        _show(load_vehicle(world), avionics, chosen.json)
+        vehicle = load_vehicle(world)
+        _show(vehicle, avionics, chosen.json)
+        files = [vehicle, load_flight_vehicle(avionics).file] if _flies(vehicle, avionics) else [vehicle]
+        for line in options.name_warnings(*files):
+            print(f"wingbeat: {line}", file=sys.stderr)
     return 0
 
 
@@ -61,14 +66,27 @@ def _list(as_json: bool) -> None:
     if as_json:
         print_document({"vehicles": records})
         return
-    table = tables.plain_table(("vehicle", ""), ("mass", "right"), ("span", "right"), ("values", ""), ("", "text"))
+    table = tables.plain_table(
+        ("vehicle", ""), ("mass", "right"), ("span", "right"), ("can fly", ""), ("values", ""), ("", "text")
+    )
     for record in records:
         counts = ", ".join(f"{count} {kind}" for kind, count in record["sources"].items() if count)
         mass, span = f"{record['mass'] * 1e3:.0f} g", f"{record['wingspan']:.2f} m"
-        table.add_row(Text(record["name"], style="bold"), mass, span, counts, record["title"])
+        table.add_row(
+            Text(record["name"], style="bold"),
+            mass,
+            span,
+            "yes" if record["flies"] else "no",
+            counts,
+            record["title"],
+        )
     console = _narrow_console()
     console.print(table)
-    console.print("\nwingbeat vehicles NAME shows every value with its source", style="dim")
+    console.print(
+        "\ncan fly: has a flight-computer file; the others can be trimmed, linearized and measured"
+        "\nwingbeat vehicles NAME shows every value with its source",
+        style="dim",
+    )
 
 
 def _narrow_console() -> Console:
@@ -95,9 +113,14 @@ def count_kinds(sources: Iterable[Source]) -> dict[str, int]:
     return {kind: counts[kind] for kind in SOURCE_KINDS}
 
 
+def _flies(vehicle: SimulatedVehicle, avionics: str) -> bool:
+    """Whether there is a flight computer's file for the vehicle."""
+    return avionics in flight_names() or (Path(avionics) != vehicle.path and Path(avionics).is_file())
+
+
 def _show(vehicle: SimulatedVehicle, avionics: str, as_json: bool) -> None:
     """Print one vehicle; ``avionics`` names what the flight computer knows of it, which need not be there."""
-    flies = avionics in flight_names() or (Path(avionics) != vehicle.path and Path(avionics).is_file())
+    flies = _flies(vehicle, avionics)
     units = file_units(vehicle.text)
     values = [
         {

@@ -13,7 +13,7 @@ from rich.text import Text
 from avionics.vehicles import FlightVehicle
 from groundstation.views import tables, wording
 from sim_bridge.flight.tuning.cascade import PARTS, Design, Loop
-from sim_bridge.flight.tuning.proof import Flown, Proof
+from sim_bridge.flight.tuning.proof import Comparison, Flown, Proof
 from sim_bridge.tuning.margins import LIMITS
 
 SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
@@ -96,6 +96,30 @@ def _flown_cells(flight: Flown) -> list[tuple[str, str, str]]:
     rows += [("throttle", f"{flight.throttle_rms:.3f}", "about its mean: effort")]
     rows += [("power", f"{flight.power:.1f} W", "mean")]
     return [*rows, ("ground", "touched" if flight.touched else "clear", "")]
+
+
+def comparison_line(proof: Proof) -> Text:
+    """Whether the gains after fly better, in one line."""
+    before, after = proof
+    if before.touched != after.touched:
+        reason = f"it touched the ground with the gains {'after' if after.touched else 'before'}"
+    elif before.holds != after.holds:
+        reason = f"{after.holds} of the holds completed, {before.holds} before"
+    else:
+        reason = (
+            f"errors {proof.error_ratio:.2f} times those before (geometric mean of altitude, heading, pitch, roll)"
+        )
+    words, style = {
+        Comparison.BETTER: ("flies better", "green"),
+        Comparison.SAME: ("flies the same", ""),
+        Comparison.WORSE: ("flies WORSE", "red"),
+    }[proof.comparison]
+    return Text.assemble("\n", (words, style), f": {reason}")
+
+
+def withheld_line(words: Sequence[str]) -> Text:
+    """That no file was written because the flight got worse; ``words`` are those of the command line."""
+    return Text(f"\nnothing was written: wingbeat tune {shlex.join(words)} --force writes gains that fly worse")
 
 
 def written_line(written: Sequence[Path]) -> Text:

@@ -1,12 +1,13 @@
 """Parameters over restarts: what is kept, what is believed, what is moved aside."""
 
+import hashlib
 import json
 from pathlib import Path
 
 import pytest
 
 from avionics import parameters
-from avionics.board.parameter_file import AnotherVehicles, ParameterFile, default_path
+from avionics.board.parameter_file import FORMAT, AnotherVehicles, ParameterFile, default_path, key_path
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle, load_vehicle
 from avionics.vehicles.gains import FlightGains
@@ -136,9 +137,49 @@ def test_a_folder_in_the_files_place_is_bad_input(tmp_path: Path) -> None:
 
 def test_the_file_of_a_vehicle_is_in_the_users_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("WINGBEAT_STATE", str(tmp_path))
-    assert default_path("robo_raven_ii_d") == tmp_path / "parameters" / "robo_raven_ii_d.json"
-    assert default_path("../my bird").parent == tmp_path / "parameters"
+    raven = load_vehicle("robo_raven_ii_d")
+    assert default_path(raven) == tmp_path / "parameters" / "robo_raven_ii_d.json"
     monkeypatch.delenv("WINGBEAT_STATE")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "xdg"))
     monkeypatch.setattr("sys.platform", "linux")
-    assert default_path("a") == tmp_path / "xdg" / "wingbeat" / "parameters" / "a.json"
+    assert default_path(raven) == tmp_path / "xdg" / "wingbeat" / "parameters" / "robo_raven_ii_d.json"
+
+
+def copied(folder: Path, name: str = "robo_raven_ii_d") -> FlightVehicle:
+    """A user's copy of the Robo Raven in a folder, with that name in its file."""
+    folder.mkdir(parents=True)
+    text = load_vehicle("robo_raven_ii_d").file.text
+    (folder / "avionics.toml").write_text(text.replace('name = "robo_raven_ii_d"', f'name = "{name}"', 1))
+    return load_vehicle(folder / "avionics.toml")
+
+
+def test_copied_vehicles_store_by_their_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """GIVEN copies whose name was left unchanged THEN neither parameters nor keys mix."""
+    monkeypatch.setenv("WINGBEAT_STATE", str(tmp_path / "state"))
+    vehicles = [
+        load_vehicle("robo_raven_ii_d"),
+        copied(tmp_path / "my bird"),
+        copied(tmp_path / "other"),
+        copied(tmp_path / "birds" / "robo_raven_ii_d"),
+    ]
+    names = ["robo_raven_ii_d", "my_bird", "other", "robo_raven_ii_d-custom"]
+    assert [default_path(vehicle).stem for vehicle in vehicles] == names
+    assert [key_path(vehicle).stem for vehicle in vehicles] == names
+    ParameterFile(default_path(vehicles[1]), vehicles[1]).save({"PITCH_P": 0.9})
+    with pytest.raises(AnotherVehicles):
+        ParameterFile(default_path(vehicles[1]), vehicles[0]).stored()
+    with pytest.raises(AnotherVehicles):
+        ParameterFile(default_path(vehicles[1]), vehicles[2]).stored()
+    assert ParameterFile(default_path(vehicles[1]), vehicles[1]).stored() == {"PITCH_P": 0.9}
+
+
+def test_parameters_stored_by_the_name_in_the_file_are_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("WINGBEAT_STATE", str(tmp_path / "state"))
+    vehicle = copied(tmp_path / "folder", "thunderbird")
+    earlier = tmp_path / "state" / "parameters" / "thunderbird.json"
+    document = {"format": FORMAT, "vehicle": "thunderbird", "values": {"PITCH_P": 0.9}}
+    earlier.parent.mkdir(parents=True)
+    canonical = json.dumps(document, sort_keys=True, separators=(",", ":"))
+    earlier.write_text(json.dumps({**document, "sha256": hashlib.sha256(canonical.encode()).hexdigest()}))
+    assert default_path(vehicle) == earlier
+    assert ParameterFile(default_path(vehicle), vehicle).stored() == {"PITCH_P": 0.9}

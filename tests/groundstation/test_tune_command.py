@@ -61,7 +61,7 @@ def test_a_design_is_told_to_people_on_a_hundred_columns(capsys: Capture, tmp_pa
     assert max(len(line) for line in table) <= 100
     assert str(out / "avionics.toml") in said.out.replace("\n", "")
     assert load_vehicle(out / "avionics.toml").gains != load_vehicle("robo_raven_ii_d").gains
-    assert load_world(str(out / "world.toml")).name == "robo_raven_ii_d"
+    assert load_world(str(out / "world.toml")).name == load_vehicle(out / "avionics.toml").name == "my_bird"
 
 
 @pytest.mark.validate

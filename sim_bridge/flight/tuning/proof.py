@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,11 +75,39 @@ class Flown(NamedTuple):
     """W; electrical, mean"""
 
 
+WORSE, BETTER = 1.05, 0.95
+"""-; ratios of errors between which two flights count as the same"""
+ERRORS = ("altitude_rms", "heading_rms", "pitch_rms", "roll_rms")
+
+
+class Comparison(StrEnum):
+    """Which of two flights was the better one."""
+
+    BETTER = "better"
+    SAME = "same"
+    WORSE = "worse"
+
+
 class Proof(NamedTuple):
     """The same flight twice."""
 
     before: Flown
     after: Flown
+
+    @property
+    def error_ratio(self) -> float:
+        """-; geometric mean of the four tracking errors (`ERRORS`) after, over those before."""
+        ratios = [getattr(self.after, name) / getattr(self.before, name) for name in ERRORS]
+        return math.exp(sum(map(math.log, ratios)) / len(ratios))
+
+    @property
+    def comparison(self) -> Comparison:
+        """Whether the gains after fly better: first that it stays in the air and completes its holds, then errors."""
+        completed = [(not flight.touched, flight.holds) for flight in self]
+        if completed[0] != completed[1]:
+            return Comparison.BETTER if completed[1] > completed[0] else Comparison.WORSE
+        ratio = self.error_ratio
+        return Comparison.WORSE if ratio > WORSE else Comparison.BETTER if ratio < BETTER else Comparison.SAME
 
 
 class _Memory:

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, own_name
 from avionics.vehicles import FlightVehicle, load_vehicle
 from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
@@ -52,11 +52,18 @@ def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | No
     Raises:
         BadInput: a file exists, or the vehicle's own file is laid out in a way that a value cannot be replaced in.
     """
-    text = tuned_text(vehicle, design)
+    text = _renamed(tuned_text(vehicle, design), own_name(where.avionics))
     where.avionics.parent.mkdir(parents=True, exist_ok=True)
     if where.world is not None and world is not None:
-        _create(where.world, world)
+        _create(where.world, _renamed(world, own_name(where.world)))
     _create(where.avionics, text)
+
+
+def _renamed(text: str, name: str) -> str:
+    """The text of a vehicle file with another name, which stands before the first section."""
+    head, section, rest = text.partition("\n[")
+    head = re.sub(r"(?m)^name\s*=.*$", lambda _: f"name = {json.dumps(name)}", head, count=1)
+    return head + section + rest
 
 
 def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
