@@ -30,7 +30,7 @@ class Autopilot:
         vehicle: FlightVehicle,
         mission: Mission,
         publish: Publish,
-        schedule: tuple[Due, ...] = SCHEDULE,
+        schedule: tuple[Due, ...] | None = None,
     ) -> None:
         """Start disarmed, in MANUAL, before the first frame.
 
@@ -38,7 +38,8 @@ class Autopilot:
             vehicle: its gains, from `avionics.vehicles.load_vehicle`.
             mission: what AUTO flies; may be empty.
             publish: called with a topic and its message.
-            schedule: what is due in each tick; `processors.Stopwatch.schedule` measures run times.
+            schedule: what is due in each tick (default: `processors.SCHEDULE`); that of `processors.Stopwatch`
+                measures run times.
 
         Raises:
             BadInput: the mission cannot be flown.
@@ -48,7 +49,7 @@ class Autopilot:
             raise BadInput(refusal)
         self.vehicle = vehicle
         self._publish = publish
-        self._schedule = schedule
+        self._schedule = SCHEDULE if schedule is None else schedule
         self._state = initial_state(vehicle.gains, mission)
 
     def step(self, frame: SensorFrame, commands: Sequence[Input] = ()) -> ActuatorCommand:

@@ -11,7 +11,7 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.vehicle import NO_FRAMES, PATIENT, Home, Parameter
 from avionics.messages import ChannelOverride, Command, Event, Mode, Severity
-from avionics.processors import SCHEDULE, Due
+from avionics.processors import Due
 from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
 
@@ -27,7 +27,7 @@ class FlightView:
         vehicle: FlightVehicle,
         mission: Mission,
         publish: Publish,
-        schedule: tuple[Due, ...] = SCHEDULE,
+        schedule: tuple[Due, ...] | None = None,
     ) -> None:
         """As `Autopilot`; every message is passed on to ``publish``.
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from avionics.quantities import BadInput, counted
 from avionics.topics import Topic
 from logs.live.follower import is_recorded
-from logs.live.server import ALONE, HOST, KNOWN, PORT, LiveServer, parse_address
+from logs.live.server import ALONE, HOST, PORT, LiveServer, parse_address
 from logs.placing import numbered
 
 LOOK = 0.1
@@ -43,11 +43,11 @@ def add_address(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def shown_live(
-    address: str | None, paths: Sequence[Path], topics: Iterable[Topic] = KNOWN
+    address: str | None, paths: Sequence[Path], topics: Iterable[Topic] | None = None
 ) -> Iterator[LiveServer | None]:
     """Show the files at an address, told on stderr, as long as the context lasts; nothing without an address.
 
-    ``topics`` are offered from the start.
+    ``topics`` (default: all of ours) are offered from the start.
 
     Raises:
         BadInput: no such address, foxglove-sdk is not installed, or the port is in use.

@@ -66,11 +66,12 @@ def parse_address(text: str) -> Address:
 class LiveServer:
     """Shows recordings while they grow; as a context manager it gives the rest out and closes at the end."""
 
-    def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic] = KNOWN) -> None:
+    def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic] | None = None) -> None:
         """Listen at once, and follow ``paths`` as soon as they are there.
 
-        The ``topics`` are offered from the start, others when they come: foxglove-sdk tells a viewer of a new channel
-        a moment before it takes a subscription to it, and one that comes in that moment is lost (seen in 0.30).
+        The ``topics`` (default: `KNOWN`) are offered from the start, others when they come: foxglove-sdk tells a
+        viewer of a new channel a moment before it takes a subscription to it, and one that comes in that moment is
+        lost (seen in 0.30).
 
         Raises:
             BadInput: foxglove-sdk is not installed, or nobody can listen at that address.
@@ -83,7 +84,7 @@ class LiveServer:
         self._declared: dict[int, Channel] = {}
         # What the package says of its viewers does not belong between the lines of a flight.
         logging.getLogger("foxglove").addHandler(logging.NullHandler())
-        for topic in topics:
+        for topic in KNOWN if topics is None else topics:
             codec = codec_for(topic)
             self._offer(codec.channel, codec.schema)
         self._ending = threading.Event()
