@@ -143,7 +143,7 @@ def meant(name: str, known: Iterable[str]) -> str:
     return f" (meant {near[0]!r}?)" if near else ""
 
 
-def own_name(path: Path) -> str:
+def name_by_path(path: Path) -> str:
     """Name of a vehicle by the place of its file: its folder's for one of `VEHICLE_FOLDER_FILES`, else the file's."""
     return path.resolve().parent.name if path.name in VEHICLE_FOLDER_FILES else path.stem
 
@@ -179,7 +179,7 @@ def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) ->
         sections[family] = {}
         for name, table in _table(path, family, document.get(family, {})).items():
             sections[family][name] = _section(path, f"{family}.{name}", table, record, sources, fitted)
-    name = own_name(path)
+    name = name_by_path(path)
     return VehicleFile(
         str(document.get("name", name)),
         str(document.get("title", name)),
@@ -194,7 +194,7 @@ def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) ->
 def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
     """A file's document, laid over its base's, and its text; ``above`` are the files that it is the base of."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read vehicle file {path}: {why_unread(error)}") from None
     try:

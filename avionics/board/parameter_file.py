@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput, counted, own_name, parse_json, why_unread
+from avionics.quantities import BadInput, counted, name_by_path, parse_json, why_unread
 from avionics.vehicles import FlightVehicle, vehicle_names
 from avionics.vehicles.gains import FlightGains
 from avionics.vehicles.loader import FOLDER
@@ -62,7 +62,7 @@ def storage_name(vehicle: FlightVehicle) -> str:
     path = vehicle.file.path.resolve()
     if path.parent == FOLDER:
         return vehicle.name
-    name = own_name(path)
+    name = name_by_path(path)
     return f"{name}-custom" if name in vehicle_names() else name
 
 

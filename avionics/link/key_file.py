@@ -37,7 +37,7 @@ class KeyFile:
             BadInput: the file cannot be read, is not a key, or others may read it.
         """
         try:
-            text = self.path.read_text(encoding="utf-8").strip()
+            text = self.path.read_text(encoding="utf-8-sig").strip()
             others = os.name == "posix" and self.path.stat().st_mode & _OTHERS
         except FileNotFoundError:
             return None
@@ -62,7 +62,7 @@ class KeyFile:
             BadInput: the file is damaged: without it old frames could be repeated.
         """
         try:
-            document = parse_json(self._stamps.read_text(encoding="utf-8"))
+            document = parse_json(self._stamps.read_text(encoding="utf-8-sig"))
             streams = {(int(a), int(b), int(c)): int(stamp) for a, b, c, stamp in document["streams"]}
             return Stamps(int(document["ours"]), streams)
         except FileNotFoundError:

@@ -39,6 +39,8 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
 def _from_plan(path: Path) -> FlightPlan:
     file = plan_file.read(path)
     kept, note = plan_file.without_cameras(file.mission)
+    if not kept:
+        raise BadInput(f"{path}: no mission item to fly, only {_rest(file)}")
     try:
         items = plan_file.numbered(kept)
     except BadInput as error:
@@ -50,6 +52,13 @@ def _from_plan(path: Path) -> FlightPlan:
     except ItemRefused as refused:
         raise BadInput(f"{path}: fence or rally points: {refused}") from None
     return FlightPlan(mission, fence, rally, (note,) if note else ())
+
+
+def _rest(file: plan_file.PlanFile) -> str:
+    """What a plan without a mission holds, and the command that sends it."""
+    parts = [name for name, items in (("a fence", file.fence), ("rally points", file.rally)) if items]
+    hint = "; wingbeat gcs URL mission upload FILE sends them" if parts else ""
+    return " and ".join(parts + ["camera commands"] * bool(file.mission)) + hint
 
 
 def _from_list(path: Path) -> Mission:

@@ -61,7 +61,7 @@ def read(path: Path) -> PlanFile:
         BadInput: unreadable, no plan, or a part of it that is malformed; the text says which.
     """
     try:
-        document = parse_json(path.read_text(encoding="utf-8"))
+        document = parse_json(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
     except DocumentError as error:
@@ -87,13 +87,14 @@ def _plan(document: Mapping[str, Any]) -> PlanFile:
         for number, table in enumerate(_list(mission, "items", "the mission"), 1)
         for made in _items(table, f"item {number}")
     ]
-    if not items:
-        raise _Malformed("the mission has no items")
     fence = document.get("geoFence", {})
     rally = document.get("rallyPoints", {})
     if not isinstance(fence, dict) or not isinstance(rally, dict):
         raise _Malformed("geoFence and rallyPoints must be objects")
-    return PlanFile(home, tuple(items), _fence(fence), _rally(rally))
+    plan = PlanFile(home, tuple(items), _fence(fence), _rally(rally))
+    if not (plan.mission or plan.fence or plan.rally):
+        raise _Malformed("the plan is empty: no mission item, fence or rally point")
+    return plan
 
 
 # --- mission -----------------------------------------------------------------------------------------------
@@ -118,8 +119,12 @@ def _items(table: Any, where: str) -> list[PlannedItem]:
 
 def _simple(table: Mapping[str, Any], where: str) -> PlannedItem:
     frame, command = (_whole(table, key, where, 65535) for key in ("frame", "command"))
-    values = _numbers(table, "params", 7, where, empty=math.nan)
-    x, y, z = values[4:7]
+    if "coordinate" in table:  # QGroundControl up to 3.1 wrote the position beside four parameters
+        values = _numbers(table, "params", 4, where, empty=math.nan)
+        x, y, z = _numbers(table, "coordinate", 3, where, empty=math.nan)
+    else:
+        values = _numbers(table, "params", 7, where, empty=math.nan)
+        x, y, z = values[4:7]
     if frame == mavlink.MAV_FRAME_MISSION:
         x, y, z = (0.0 if math.isnan(value) else value for value in (x, y, z))
     item = WireItem(frame, command, (values[0], values[1], values[2], values[3]), x, y, z)

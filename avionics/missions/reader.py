@@ -66,7 +66,7 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
     """
     path = find(name_or_path)
     try:
-        document = parse_toml(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
     except DocumentError as error:

@@ -32,12 +32,13 @@ def read(path: Path) -> tuple[Line, ...]:
         BadInput: unreadable, not such a list, or a line that is malformed; the text gives its number.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
-    if not lines or lines[0].strip() != HEADER:
+    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"]
+    if not numbered or numbered[0][1].split() != HEADER.split():
         raise BadInput(f"{path}: the first line of a mission file must be {HEADER!r}")
-    numbered = [(number, line) for number, line in enumerate(lines[1:], 2) if line.strip()]
+    del numbered[0]
     items = tuple(_line(f"{path}, line {number}", line.split()) for number, line in numbered)
     if not items:
         raise BadInput(f"{path}: the mission has no items")

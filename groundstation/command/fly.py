@@ -23,7 +23,7 @@ from avionics.link.vehicle import load_identity
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
-from avionics.vehicles import vehicle_names as flown_names
+from avionics.vehicles import vehicle_names as flname_by_paths
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.compiling import announced, load_physics
@@ -235,10 +235,10 @@ def _check_flown(name: str) -> None:
     Raises:
         BadInput: it is one.
     """
-    if name in vehicle_names() and name not in flown_names():
+    if name in vehicle_names() and name not in flname_by_paths():
         raise BadInput(
             f"{name} has no flight-computer file: it can be trimmed and linearized, not flown; "
-            f"{' and '.join(flown_names())} can"
+            f"{' and '.join(flname_by_paths())} can"
         )
 
 

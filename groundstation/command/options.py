@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import PROFILES
-from avionics.quantities import BadInput, meant, own_name
+from avionics.quantities import BadInput, meant, name_by_path
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
 
@@ -127,7 +127,7 @@ def name_warnings(*files: NamedFile) -> list[str]:
     supplied = {*flight.vehicle_names(), *world.vehicle_names()}
     folders = {flight.FOLDER, world.FOLDER}
     return [
-        f'{file.path}: name = "{file.name}" is that of another vehicle; change it to "{own_name(file.path)}"'
+        f'{file.path}: name = "{file.name}" is that of another vehicle; change it to "{name_by_path(file.path)}"'
         for file in files
         if file.name in supplied and file.path.resolve().parent not in folders
     ]

@@ -31,7 +31,7 @@ def read(path: Path) -> dict[str, float]:
         BadInput: unreadable, or a line that is malformed; the text gives its number.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read parameter file {path}: {why_unread(error)}") from None
     values: dict[str, float] = {}

@@ -128,7 +128,10 @@ def _planned(path: Path, convention: Convention) -> Upload:
     items = tuple(item_of(planned.item) for planned in plan_file.numbered(mission))
     fence, rally = (tuple(map(item_of, part)) for part in (file.fence, file.rally))
     return Upload(
-        _behind(file.home, items) if convention.home_first else items, fence, rally, (note,) if note else ()
+        _behind(file.home, items) if convention.home_first and items else items,
+        fence,
+        rally,
+        (note,) if note else (),
     )
 
 

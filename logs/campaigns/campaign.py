@@ -88,7 +88,7 @@ def load_campaign(path: Path) -> Campaign:
         BadInput: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
     """
     try:
-        document = parse_toml(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read the campaign {path}: {why_unread(error)}") from None
     except DocumentError as error:

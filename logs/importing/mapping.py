@@ -44,7 +44,7 @@ def load_mapping(path: Path) -> dict[str, Any]:
         BadInput: it cannot be read, or has a section or key that is not known.
     """
     try:
-        document = parse_toml(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise BadInput(f"cannot read mapping {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:

@@ -274,7 +274,7 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
     if path.suffix != ".toml":
         return ()
     try:
-        tables = parse_toml(path.read_text(encoding="utf-8")).get("fault", [])
+        tables = parse_toml(path.read_text(encoding="utf-8-sig")).get("fault", [])
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
     except DocumentError as error:

@@ -56,7 +56,7 @@ def load_script(path: str | Path) -> Script:
         BadInput: it cannot be read, or a line says what no transmitter does; one line that names both.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()[:1] not in ("", "#")]

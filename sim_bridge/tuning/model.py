@@ -288,7 +288,7 @@ def _matrix(values: Floats) -> str:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         found = parse_json(text) if path.suffix == ".json" else parse_toml(text)
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read {path}: {why_unread(error)}") from None

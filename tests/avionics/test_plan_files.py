@@ -148,7 +148,9 @@ ITEMS = ["mission", "items"]
         (changed(["fileType"], "Mission"), '"fileType": "Plan"'),
         (changed(["mission"], None), "the plan: mission must be an object"),
         (changed(["mission", "plannedHomePosition"], [1, 2]), "plannedHomePosition must be a list of 3 numbers"),
-        (changed(ITEMS, []), "the mission has no items"),
+        (changed(ITEMS, []), "no mission item to fly, only a fence and rally points; wingbeat gcs URL mission"),
+        (changed(ITEMS, [simple(206, 4, 25, 0, 1, 0, 0, 0, 0, frame=2)]), "no mission item to fly, only a fence and"),
+        ({**changed(ITEMS, []), "geoFence": {}, "rallyPoints": {}}, "the plan is empty"),
         (changed([*ITEMS, 0, "type"], "Thing"), "item 1: type must be SimpleItem or ComplexItem"),
         (changed([*ITEMS, 0, "command"], "up"), "item 1: command must be a whole number"),
         (changed([*ITEMS, 0, "params"], [1, 2]), "item 1: params must be a list of 7 numbers"),
@@ -175,6 +177,35 @@ def test_a_plan_that_cannot_be_flown_is_refused_in_one_line(plan: Any, words: st
         load_flight_plan(path)
     assert words in str(refusal.value)
     assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_old_plan_with_coordinates_beside_four_parameters(tmp_path: Path) -> None:
+    """QGroundControl up to 3.1 wrote ``coordinate`` beside four ``params``."""
+    plan = changed(ITEMS, PLAN["mission"]["items"][:2])
+    old = copy.deepcopy(plan)
+    for item in old["mission"]["items"]:
+        item["params"], item["coordinate"] = item["params"][:4], item["params"][4:]
+    assert load_flight_plan(written(tmp_path, old)) == load_flight_plan(written(tmp_path, plan, "new.plan"))
+
+
+def test_fence_alone_is_uploaded_without_touching_the_mission(tmp_path: Path) -> None:
+    path = written(tmp_path, changed(ITEMS, []))
+    for autopilot in (0, 3, 12):
+        upload = waypoints.read_upload(path, waypoints.convention_of(autopilot))
+        assert upload.mission == () and len(upload.fence) == 7 and len(upload.rally) == 1
+
+
+@pytest.mark.parametrize("decorate", [
+    lambda text: "\ufeff" + text,
+    lambda text: text.replace("\n", "\r\n"),
+    lambda text: text.replace("\n", "   \n\n"),
+    lambda text: "# drawn in an editor\n\n" + text.replace("\n", "\n  # a comment\n"),
+])  # fmt: skip
+def test_decorated_list_is_the_same_mission(tmp_path: Path, decorate: Any) -> None:
+    plain = load_flight_plan(written(tmp_path, LIST, "plain.waypoints"))
+    path = tmp_path / "decorated.waypoints"
+    path.write_bytes(decorate(LIST).encode())
+    assert load_flight_plan(path) == plain
 
 
 # --- the ground's side ---------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from avionics.quantities import BadInput, own_name
+from avionics.quantities import BadInput, name_by_path
 from avionics.vehicles import FlightVehicle, load_vehicle
 from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
@@ -52,10 +52,10 @@ def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | No
     Raises:
         BadInput: a file exists, or the vehicle's own file is laid out in a way that a value cannot be replaced in.
     """
-    text = _renamed(tuned_text(vehicle, design), own_name(where.avionics))
+    text = _renamed(tuned_text(vehicle, design), name_by_path(where.avionics))
     where.avionics.parent.mkdir(parents=True, exist_ok=True)
     if where.world is not None and world is not None:
-        _create(where.world, _renamed(world, own_name(where.world)))
+        _create(where.world, _renamed(world, name_by_path(where.world)))
     _create(where.avionics, text)
 
 

@@ -286,7 +286,7 @@ def test_words_with_an_apostrophe_stay_words_in_what_begins_as_an_equation(text:
     assert ("'s " in text) == ("&#x27;s " in rich(text))
 
 
-def test_a_derivative_by_a_control_goes_by_the_controls_own_name() -> None:
+def test_a_derivative_by_a_control_goes_by_the_controls_name_by_path() -> None:
     assert meaning("M_delta") == "nose-up pitch acceleration by tail angle"
     assert meaning("M_delta", ("elevator",)) == "nose-up pitch acceleration by elevator"
     assert meaning("L_delta_a", ("delta_a", "delta_r")) == "roll acceleration by delta_a"
