@@ -51,6 +51,8 @@ class LinkCounts(NamedTuple):
     """frames of other links that were passed on to this one"""
     withheld: int
     """frames of other links that were not, because this one was full"""
+    ahead: int = 0
+    """frames refused because their time stamp was ahead of the vehicle's clock"""
 
 
 class Complaint(NamedTuple):
@@ -256,4 +258,5 @@ class Channel:
             self._findings[Finding.REPLAYED],
             self._forwarded,
             self._withheld,
+            self._findings[Finding.AHEAD],
         )

@@ -64,7 +64,7 @@ class KeyFile:
         try:
             document = parse_json(self._stamps.read_text(encoding="utf-8-sig"))
             streams = {(int(a), int(b), int(c)): int(stamp) for a, b, c, stamp in document["streams"]}
-            return Stamps(int(document["ours"]), streams)
+            return Stamps(int(document["ours"]), streams, int(document.get("clock", 0)))
         except FileNotFoundError:
             return Stamps()
         except (OSError, ValueError, TypeError, KeyError, OverflowError):
@@ -81,7 +81,8 @@ class KeyFile:
     def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
         """Write the time stamps; ``settle`` waits for the disk, which takes several ticks and is not for a flight."""
         streams = [[*stream, stamp] for stream, stamp in stamps.streams.items()]
-        _write(self._stamps, json.dumps({"ours": stamps.ours, "streams": streams}) + "\n", settle)
+        document = {"ours": stamps.ours, "streams": streams, "clock": stamps.clock}
+        _write(self._stamps, json.dumps(document) + "\n", settle)
 
 
 def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.time) -> Signing:

@@ -4,6 +4,10 @@ A signature is the first 48 bits of the SHA-256 of key, frame, link number and t
 microseconds since 2015 and rise with every frame of a sender on a link; they outlive a restart through a `KeyStore`,
 which is told a little more than was used (`RESERVE`), so that it need not be told every time. pymavlink's own code
 remembers the time stamp of a frame before it has checked its signature, whereby a stranger can silence a station.
+
+Which time stamps are accepted follows https://mavlink.io/en/guide/message_signing.html, but each stream is compared
+with its own last time stamp or, if it is new, with the vehicle's clock, never with the time stamps of another stream:
+a station whose clock is ahead cannot lock out the others.
 """
 
 from __future__ import annotations
@@ -26,7 +30,9 @@ EPOCH = 1_420_070_400.0
 LATEST = 1 << 47
 """no time stamp lies behind the year 2059: one that does would leave none to follow it"""
 FRESH = 60 * TICKS_PER_SECOND
-"""ticks; a sender that was never heard may be so far behind us"""
+"""ticks; maximum difference between the first time stamp of a stream and the vehicle's clock, either way"""
+MAX_STREAMS = 64
+"""-; streams whose last time stamp is kept; the one with the oldest time stamp is forgotten first"""
 AHEAD = 86_400 * TICKS_PER_SECOND
 """ticks; a key may come with a first time stamp so far ahead of our clock, where we have one"""
 RESERVE = 2 * TICKS_PER_SECOND
@@ -41,6 +47,8 @@ class Stamps(NamedTuple):
 
     ours: int = 0
     streams: Mapping[Stream, int] = {}
+    clock: int = 0
+    """ticks; latest reading of the vehicle's own clock. One that is behind it after a restart is not set"""
 
 
 class KeyStore(Protocol):
@@ -60,6 +68,7 @@ class Finding(Enum):
     UNSIGNED = "unsigned"
     FORGED = "wrong signature"
     REPLAYED = "replayed"
+    AHEAD = "time stamp ahead of the clock"
 
 
 def signature_of(frame: Frame) -> bytes:
@@ -87,8 +96,12 @@ class Signing:
         self._key = key
         self._last = stamps.ours
         self._streams = dict(stamps.streams)
+        self._clock_kept = stamps.clock
+        self._lead = 0 if self._is_set() else max(stamps.ours - self._clock(), 0)
+        """ticks; set up by a key holder: his clock minus the vehicle's, if the vehicle's is behind"""
+        self._awaits_first = True
         self._store = store
-        self._reserved = Stamps(self._last, dict(self._streams))
+        self._reserved = stamps._replace(streams=dict(self._streams))
         self.refused: Counter[Finding] = Counter()
         """frames that were not let in, on all links"""
         self.failure = ""
@@ -117,11 +130,13 @@ class Signing:
             self._store.save_key(key)
         self._key = key
         self._last = max(self._last, initial_stamp)
+        self._lead = max(self._lead, initial_stamp - self._clock())
+        self._awaits_first = True
         self._reserve()
 
     def too_far_ahead(self, stamp: int) -> bool:
         """Whether a first time stamp would shut out every station whose clock is right."""
-        now = self._now()
+        now = self._clock()
         return stamp >= LATEST or (now > 0 and stamp > now + AHEAD)
 
     def sign(self, frame: bytes, link: int) -> bytes:
@@ -142,7 +157,16 @@ class Signing:
         return self._last
 
     def _now(self) -> int:
-        return min(max(int((self._unix_time() - EPOCH) * TICKS_PER_SECOND), 0), LATEST)
+        """The clock of outgoing frames: the vehicle's, as a key holder set it up."""
+        return min(max(self._clock() + self._lead, 0), LATEST)
+
+    def _clock(self) -> int:
+        """The vehicle's own clock, negative before 2015."""
+        return int((self._unix_time() - EPOCH) * TICKS_PER_SECOND)
+
+    def _is_set(self) -> bool:
+        """Whether the vehicle's own clock is plausible: after 2015, and not behind what it was before the start."""
+        return self._clock() > max(self._clock_kept - FRESH, 0)
 
     def examine(self, frame: Frame) -> Finding:
         """Whether the frame is the key holder's and new; only such a one moves the time stamps."""
@@ -153,26 +177,48 @@ class Signing:
             return Finding.FORGED
         stamp = int.from_bytes(signature[1:7], "little")
         stream = (frame.system, frame.component, signature[0])
-        if stamp > LATEST or stamp <= self._oldest(stream):
+        finding = self._judge(stream, stamp)
+        if finding is Finding.SIGNED:
+            self._accept(stream, stamp)
+        return finding
+
+    def _judge(self, stream: Stream, stamp: int) -> Finding:
+        """Compare a time stamp with the last of its stream, or with the vehicle's clock if there is none.
+
+        A known stream may also continue within a minute of its own last time stamp, however the vehicle's clock is
+        set meanwhile. The first frame after the start or after a new key may be ahead by any time: it sets up a
+        vehicle whose clock is behind.
+        """
+        now = self._now()
+        oldest = (self._clock() if self._is_set() else now) - FRESH - 1
+        last = self._streams.get(stream, oldest)
+        if stamp > LATEST or stamp <= last:
             return Finding.REPLAYED
+        # Stations raise their time stamps to those that the vehicle sends: these must stay acceptable.
+        latest = FRESH + (self._last if self._last > now + FRESH else now)
+        if stamp > max(latest, last + FRESH) and not self._awaits_first:
+            return Finding.AHEAD
+        return Finding.SIGNED
+
+    def _accept(self, stream: Stream, stamp: int) -> None:
+        if stamp > self._now() + FRESH and self._awaits_first:
+            self._lead = stamp - self._clock()
+        self._awaits_first = False
         self._streams[stream] = stamp
         self._last = max(self._last, stamp)
         if stamp > self._reserved.streams.get(stream, -1) or self._last > self._reserved.ours:
             self._reserve()
-        return Finding.SIGNED
-
-    def _oldest(self, stream: Stream) -> int:
-        """The time stamp that a frame of this sender must exceed."""
-        known = self._streams.get(stream)
-        return max(self._last, self._now()) - FRESH - 1 if known is None else known
 
     def _reserve(self) -> None:
-        """Keep more than was used; who is so far behind that he counts as stale anyway is forgotten."""
-        stale = max(self._last, self._now()) - FRESH
-        self._streams = {stream: stamp for stream, stamp in self._streams.items() if stamp >= stale}
+        """Keep more than was used."""
+        for stream in sorted(self._streams, key=self._streams.__getitem__)[:-MAX_STREAMS]:
+            del self._streams[stream]
         ahead = {stream: stamp + RESERVE for stream, stamp in self._streams.items()}
-        self._reserved = Stamps(max(self._last, self._now()) + RESERVE, ahead)
+        self._reserved = self._stamps()._replace(ours=max(self._last, self._now()) + RESERVE, streams=ahead)
         self._keep(self._reserved)
+
+    def _stamps(self) -> Stamps:
+        return Stamps(self._last, self._streams, self._clock() if self._is_set() else self._clock_kept)
 
     def _keep(self, stamps: Stamps, settle: bool = False) -> None:
         if self._store is None or not self.active:
@@ -184,4 +230,4 @@ class Signing:
 
     def close(self) -> None:
         """Keep exactly what was used."""
-        self._keep(Stamps(self._last, self._streams), settle=True)
+        self._keep(self._stamps(), settle=True)

@@ -7,6 +7,7 @@ import socket
 import stat
 import time
 import tty
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,9 +19,10 @@ from link_vehicle import FakeVehicle
 from ports import free_port
 
 from avionics.link.dialect import mavlink
+from avionics.link.framing import Frame, FrameReader
 from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import KeyFile, load_signing
-from avionics.link.signing import EPOCH, FRESH, RESERVE, TICKS_PER_SECOND, Signing
+from avionics.link.signing import EPOCH, FRESH, MAX_STREAMS, RESERVE, TICKS_PER_SECOND, Finding, Signing, Stamps
 from avionics.messages import CommandKind
 from avionics.quantities import BadInput
 
@@ -211,6 +213,93 @@ def test_a_forged_time_stamp_does_not_silence_the_owner() -> None:
         assert kinds(ground.take(owner)) == [CommandKind.ARM]
 
 
+# --- clocks that differ ------------------------------------------------------------------------------------
+
+A, B, C = 255, 254, 253
+
+
+def heartbeat(seconds: float, system: int) -> Frame:
+    """A signed HEARTBEAT of a station whose clock is ``seconds`` after `NOW`."""
+    sender: Any = mavlink.MAVLink(None, srcSystem=system, srcComponent=190)
+    sender.signing.secret_key, sender.signing.sign_outgoing = KEY, True
+    sender.signing.timestamp = TICKS + round(seconds * TICKS_PER_SECOND)
+    return FrameReader(foreign=True).feed(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(sender))[0]
+
+
+class Clocks:
+    """A vehicle and stations, each with a clock of its own; ``time`` is the true time since `NOW`."""
+
+    def __init__(self, vehicle_error: float = 0.0, stamps: Stamps = Stamps()) -> None:  # noqa: B008 (immutable)
+        self.time, self.vehicle_error = 0.0, vehicle_error
+        self.vehicle = Signing(lambda: NOW + self.time + self.vehicle_error, KEY, stamps)
+
+    def examine(self, system: int, error: float) -> Finding:
+        return self.vehicle.examine(heartbeat(self.time + error, system))
+
+
+@pytest.mark.parametrize("ahead", [30.0, 59.0, 61.0, 70.0, 120.0, 3600.0, 3.0e7])
+@pytest.mark.parametrize("first", [A, B])
+def test_a_station_with_a_clock_ahead_locks_nobody_out(ahead: float, first: int) -> None:
+    """GIVEN two stations with one key THEN the one with the right clock is accepted, known before or new, always."""
+    clocks = Clocks()
+    clocks.examine(first, 0.0 if first == A else ahead)
+    found = Counter[tuple[int, Finding]]()
+    for _ in range(200):
+        clocks.time += 1.0
+        found[A, clocks.examine(A, 0.0)] += 1
+        found[B, clocks.examine(B, ahead)] += 1
+    assert found[A, Finding.SIGNED] == 200
+    assert clocks.examine(C, -59.0) is Finding.SIGNED, "a new station a minute behind"
+    accepted = ahead < 60.0 or first == B
+    assert found[B, Finding.SIGNED if accepted else Finding.AHEAD] == 200
+
+
+def test_a_known_stream_is_compared_with_its_own_time_stamps_alone() -> None:
+    """GIVEN a stream that began a minute behind WHEN the vehicle's clock is set THEN it goes on, and old is old."""
+    clocks = Clocks()
+    assert clocks.examine(A, -59.0) is Finding.SIGNED
+    for clocks.vehicle_error in (500.0, -500.0):
+        for _ in range(100):
+            clocks.time += 1.0
+            assert clocks.examine(A, -59.0) is Finding.SIGNED
+        assert clocks.examine(A, -59.0) is Finding.REPLAYED
+        assert clocks.examine(A, -59.001) is Finding.REPLAYED
+    assert clocks.examine(A, 600.0) is Finding.AHEAD, "one wrong time stamp does not end the stream"
+    clocks.time += 1.0
+    assert clocks.examine(A, -59.0) is Finding.SIGNED
+
+
+@pytest.mark.parametrize("error", [-4.0e8, -86_400.0, -300.0])
+def test_the_first_frame_sets_up_a_vehicle_whose_clock_is_behind(error: float) -> None:
+    """GIVEN a clock that was never set, or is behind THEN the first station is accepted, others, and later ones."""
+    clocks = Clocks(error)
+    assert clocks.examine(A, 0.0) is Finding.SIGNED
+    clocks.time += 200.0
+    assert clocks.examine(B, 30.0) is Finding.SIGNED
+    assert clocks.examine(C, 61.0) is Finding.AHEAD
+    stamp = int.from_bytes(clocks.vehicle.sign(b"frame", 0)[1:7], "little")
+    assert abs(stamp - TICKS - 200 * TICKS_PER_SECOND) < FRESH, "a station with a right clock accepts it"
+    if error == -4.0e8:  # without a clock of its own the vehicle follows the specification
+        assert clocks.examine(C, -61.0) is Finding.REPLAYED
+
+
+def test_after_a_restart_without_a_clock_old_frames_of_new_streams_are_refused() -> None:
+    kept = Stamps(TICKS + FRESH, {(A, 190, 0): TICKS}, TICKS)
+    assert Clocks(0.0, kept).examine(C, -59.0) is Finding.SIGNED
+    clocks = Clocks(-1.0e8, kept)
+    assert clocks.examine(C, -1.0) is Finding.REPLAYED
+    assert clocks.examine(A, 0.0) is Finding.REPLAYED
+    assert clocks.examine(A, 1.0) is Finding.SIGNED
+
+
+def test_the_streams_that_are_remembered_are_bounded() -> None:
+    clocks = Clocks()
+    for system in range(1, MAX_STREAMS + 20):
+        clocks.time += 0.5
+        assert clocks.examine(system, 0.0) is Finding.SIGNED
+    assert len(clocks.vehicle._streams) <= MAX_STREAMS + 4
+
+
 @pytest.mark.parametrize(("kind", "refused"), [("serial", 0), ("udp", 1)])
 def test_a_radio_needs_no_signature_on_its_own_wire(kind: str, refused: int) -> None:
     """GIVEN a key THEN a radio's word about its buffer counts on a serial line, a stranger's on a network not."""
@@ -327,7 +416,7 @@ def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp
             ground.link._signing = Signing(lambda: NOW)  # a crash: nothing is written any more
     if clean:
         kept = file.load_stamps()
-    assert kept.ours >= used
+    assert kept.ours >= used and kept.clock == TICKS
     # Afterwards the vehicle's clock is years behind: it has no battery.
     again = load_signing(file, lambda: EPOCH)
     with grounded(again) as (ground, port):

@@ -20,7 +20,12 @@ from avionics.link.vehicle import VehicleView
 Confidential = Callable[[Sender], bool]
 TELL_EVERY = 5.0
 """s; between two accounts of what was refused"""
-COUNTERS = {Finding.UNSIGNED: b"sig_unsign", Finding.FORGED: b"sig_forged", Finding.REPLAYED: b"sig_replay"}
+COUNTERS = {
+    Finding.UNSIGNED: b"sig_unsign",
+    Finding.FORGED: b"sig_forged",
+    Finding.REPLAYED: b"sig_replay",
+    Finding.AHEAD: b"sig_ahead",
+}
 
 
 class SigningService:
