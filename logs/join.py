@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from avionics.quantities import BadInput
 from logs.container import Container, encode
 from logs.copying import Part, copy
 from logs.index import read_index
-from logs.names import JOINED
+from logs.names import FAULTS, JOINED
 from logs.placing import claim, draft, settle
 from logs.reader import map_file
 from logs.recorder import RECORDING
@@ -28,11 +28,12 @@ class Kept(NamedTuple):
     """what is wrong with it, one line"""
 
 
-def join(parts: Sequence[Path], out: Path) -> list[Kept]:
+def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = None) -> list[Kept]:
     """Write everything in ``parts`` to the new file ``out``, then remove the parts; return those that were kept.
 
     Chunks are copied as they are. ``out`` appears when it is whole. A part that was cut off or is damaged gives
-    what is whole in it and is itself kept; ``out`` says so in its metadata `names.JOINED`.
+    what is whole in it and is itself kept; ``out`` says so in its metadata `names.JOINED`. ``faults`` of the ground
+    station, with their tracebacks, are kept as metadata `names.FAULTS`.
 
     Raises:
         BadInput: ``out`` exists, a part is not an MCAP file, the parts are of different flights or declare a channel
@@ -56,6 +57,8 @@ def join(parts: Sequence[Path], out: Path) -> list[Kept]:
             if kept:
                 note = Metadata(name=JOINED, metadata={each.path.name: each.damage for each in kept})
                 container.metadata(encode(note), JOINED)
+            if faults:
+                container.metadata(encode(Metadata(name=FAULTS, metadata=dict(faults))), FAULTS)
         except Damage as damage:
             raise BadInput(f"cannot join {', '.join(map(str, parts))}: {damage}") from None
         container.finish()

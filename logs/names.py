@@ -30,6 +30,9 @@ MISSION = "mission.json"
 JOINED = "wingbeat.joined"
 """Name of the metadata record in which a joined log notes what was wrong with its parts, by their names."""
 
+FAULTS = "wingbeat.faults"
+"""Name of the metadata record in which a joined log notes what the view of ``wingbeat fly`` raised."""
+
 
 PARTS = (".world.mcap", ".avionics.mcap")
 """How the names of the recordings of world and flight computer end that are joined to one of the same name."""

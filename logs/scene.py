@@ -22,6 +22,7 @@ from google.protobuf.message import Message as Protobuf
 
 from avionics import messages as m
 from avionics import topics
+from avionics.isolation import Guard
 from avionics.topics import Topic
 from logs.codecs import Stamped
 from logs.poses import Frames, Pose, Posed, Vector, enu_from_ned
@@ -194,10 +195,19 @@ class SceneRecorder:
     """
 
     def __init__(
-        self, inner: McapRecorder, shape: Shape | None, start_epoch_ns: int, estimated: bool = False
+        self,
+        inner: McapRecorder,
+        shape: Shape | None,
+        start_epoch_ns: int,
+        estimated: bool = False,
+        guard: Guard | None = None,
     ) -> None:
-        """Prepare; without a ``shape`` the map alone is added, for a recording beside one that shows the bird."""
+        """Prepare; without a ``shape`` the map alone is added, for a recording beside one that shows the bird.
+
+        ``guard`` catches what the view raises: the recording goes on without it. Without one it is raised.
+        """
         self.inner = inner
+        self._guard = guard
         self.scene = Scene(shape or PLAIN_BIRD, start_epoch_ns, *(("estimated", 0.4) if estimated else ("", 1.0)))
         self._topics = (ESTIMATED_TRANSFORMS, ESTIMATED_SCENE) if estimated else (TRANSFORMS, SCENE)
         self._pose_channel = (topics.ATTITUDE if estimated else truth_topics.STATE).channel
@@ -219,7 +229,7 @@ class SceneRecorder:
         """Store one message, and what there is to see at its time."""
         self.inner.record(topic, message)
         if topic.channel in self._watched:
-            for seen in self._seen(topic.channel, message):
+            for seen in self._shown_of(topic.channel, message):
                 self.inner.record(*seen)
 
     def record_all(self, messages: Iterable[Said]) -> None:
@@ -228,7 +238,7 @@ class SceneRecorder:
         for pair in messages:
             whole.append(pair)
             if pair[0].channel in watched:
-                whole += self._seen(pair[0].channel, pair[1])
+                whole += self._shown_of(pair[0].channel, pair[1])
         self.inner.record_all(whole)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -250,6 +260,11 @@ class SceneRecorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _shown_of(self, channel: int, message: Any) -> Sequence[Said]:
+        if self._guard is None:
+            return self._seen(channel, message)
+        return self._guard.run(self._seen, channel, message) or ()
 
     def _seen(self, channel: int, message: Any) -> Sequence[Said]:
         """What one message of a watched channel lets see."""

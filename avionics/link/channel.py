@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import ipaddress
 from collections import Counter, deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from avionics.isolation import Isolation
 from avionics.link.budget import BULK, Budget
-from avionics.link.codec import FrameWriter
+from avionics.link.codec import FrameWriter, signed
 from avionics.link.dialect import mavlink
-from avionics.link.framing import Frame, FrameReader
+from avionics.link.framing import CRC_BYTES, HEADER_V2, Frame, FrameReader
 from avionics.link.signing import Finding, Signing
 from avionics.link.transport import MOST_PEERS, Packet, Peer, Transport
 from avionics.link.vehicle import Identity
@@ -67,12 +69,20 @@ class Channel:
     """A link of the vehicle."""
 
     def __init__(
-        self, number: int, transport: Transport, identity: Identity, signing: Signing, portion: int = PORTION
+        self,
+        number: int,
+        transport: Transport,
+        identity: Identity,
+        signing: Signing,
+        isolation: Isolation,
+        portion: int = PORTION,
     ) -> None:
         """``number`` is the link's among the vehicle's, and in its signatures; ``portion`` its share of `PORTION`."""
         transport.portion = portion
         self.transport = transport
         self.name = str(transport.url)
+        self.guard = isolation.guard(f"link {self.name}", self.reset, vital=True)
+        """of its transport and its reader; what cannot be packed is the fault of whoever sends it"""
         self.budget = Budget(transport.url.baud)
         self.refused = 0
         self.unknown = 0
@@ -96,11 +106,18 @@ class Channel:
     def receive(self, now: float) -> None:
         """Queue the frames that have arrived and count; while any waits to be taken, the rest waits in the kernel."""
         if not self._waiting:
-            self._waiting.extend(self._heard(now))
+            self._waiting.extend(self.guard.run(self._heard, now) or ())
 
     def take(self) -> tuple[Frame, Peer] | None:
         """The oldest frame that waits, with its sender's address."""
         return self._waiting.popleft() if self._waiting else None
+
+    def reset(self) -> None:
+        """Forget what was received in part."""
+        self._waiting.clear()
+        for peer in tuple(self._readers):
+            self._shared.bad_bytes += self._forget(peer)
+        self._shared.reset()
 
     def _heard(self, now: float) -> list[tuple[Frame, Peer]]:
         heard: list[tuple[Frame, Peer]] = []
@@ -169,21 +186,23 @@ class Channel:
 
     # --- out
 
-    def send(self, message: Any, peer: Peer | None = None) -> None:
-        """Send a message of ours to one peer, or to all; dropped only where far too much is owed.
+    def send(self, message: Any, peer: Peer | None = None) -> int:
+        """Send a message of ours to one peer, or to all; dropped only where far too much is owed, or after a fault.
 
-        Each peer's frames are counted for themselves: what is said to another one is no loss.
+        Each peer's frames are counted for themselves: what is said to another one is no loss. Returns how many are
+        sent.
         """
-        if self.budget.broke() and message.get_type() not in VITAL:
+        if not self.guard.enabled or (self.budget.broke() and message.get_type() not in VITAL):
             self._dropped += 1
-            return
+            return 0
         peers = self.transport.peers
         hearers = (peer,) if peer is not None or peers is None else peers
-        frames = [(self._pack(message, self._writer(None if peers is None else each)), each) for each in hearers]
-        self.budget.spend(max((len(frame) for frame, _ in frames), default=0))
+        frames = self._pack(message, [self._writer(None if peers is None else each) for each in hearers])
+        self.budget.spend(max(map(len, frames), default=0))
         self.sent += len(frames)
-        for frame, each in frames:
-            self.transport.send(frame, each)
+        for frame, each in zip(frames, hearers, strict=True):
+            self.guard.run(self.transport.send, frame, each)
+        return len(frames)
 
     def _writer(self, peer: Peer | None) -> FrameWriter:
         if peer not in self._writers:
@@ -193,10 +212,16 @@ class Channel:
             self._writers[peer] = FrameWriter(*self._ours)
         return self._writers[peer]
 
-    def _pack(self, message: Any, writer: FrameWriter) -> bytes:
+    def _pack(self, message: Any, writers: Sequence[FrameWriter]) -> list[bytes]:
+        """A frame from each writer; the payload is packed once."""
+        if not writers:
+            return []
+        number = message.get_msgId()
+        frames = [writers[0].pack(message)]
+        frames += [writer.frame(number, frames[0][HEADER_V2:-CRC_BYTES]) for writer in writers[1:]]
         if not self._signing.active:
-            return writer.pack(message)
-        return writer.pack_signed(message, lambda frame: self._signing.sign(frame, self._number))
+            return frames
+        return [signed(frame, number, lambda each: self._signing.sign(each, self._number)) for frame in frames]
 
     def forward(self, raw: bytes, peer: Peer | None) -> None:
         """Pass a frame of another link on as it is, while there is room."""
@@ -206,7 +231,7 @@ class Channel:
         self._forwarded += 1
         self.sent += 1 if peer is not None else len(self.transport.peers or (None,))
         self.budget.spend(len(raw))
-        self.transport.send(raw, peer)
+        self.guard.run(self.transport.send, raw, peer)
 
     # --- what is to be said of it
 

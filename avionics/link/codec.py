@@ -242,11 +242,7 @@ class FrameWriter:
 
     def pack_signed(self, message: Any, sign: Callable[[bytes], bytes]) -> bytes:
         """As `pack`, with the flag that says so and behind it what ``sign`` gives for the frame."""
-        frame = bytearray(self.pack(message))
-        frame[2] |= SIGNED
-        crc = checksum(bytes(frame[1:-2]) + CRC_EXTRA[message.get_msgId()])
-        frame[-2:] = crc.to_bytes(2, "little")
-        return bytes(frame) + sign(bytes(frame))
+        return signed(self.pack(message), message.get_msgId(), sign)
 
     def sensors(self, frame: m.SensorFrame) -> bytes:
         """All messages of one tick, HIL_SENSOR last."""
@@ -261,6 +257,15 @@ class FrameWriter:
     def actuators(self, command: m.ActuatorCommand) -> bytes:
         """The reply to one tick."""
         return self.frame(HIL_ACTUATOR_CONTROLS, encode_actuators(command))
+
+
+def signed(unsigned: bytes, message_id: int, sign: Callable[[bytes], bytes]) -> bytes:
+    """A frame with the flag that says so and behind it what ``sign`` gives for it."""
+    frame = bytearray(unsigned)
+    frame[2] |= SIGNED
+    crc = checksum(bytes(frame[1:-2]) + CRC_EXTRA[message_id])
+    frame[-2:] = crc.to_bytes(2, "little")
+    return bytes(frame) + sign(bytes(frame))
 
 
 class FrameAssembler:

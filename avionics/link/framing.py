@@ -16,8 +16,8 @@ from avionics.link.dialect import mavlink
 MARKER_V1 = 0xFE
 MARKER_V2 = 0xFD
 _HEADER_V1 = 6
-_HEADER_V2 = 10
-_CHECKSUM = 2
+HEADER_V2 = 10
+CRC_BYTES = 2
 _SIGNATURE = 13
 SIGNED = 0x01
 """flag of a frame with a signature"""
@@ -122,6 +122,11 @@ class FrameReader:
             found += self.feed(rest)
         return found
 
+    def reset(self) -> None:
+        """Forget what was received in part."""
+        self.bad_bytes += len(self._pending)
+        self._pending = b""
+
     def _scan(self, buffer: bytes, found: list[Frame]) -> int:
         position = 0
         end = len(buffer)
@@ -141,12 +146,12 @@ class FrameReader:
 
     def _version_2(self, buffer: bytes, position: int, found: list[Frame]) -> int:
         """Size taken at ``position``: of a frame, 1 for a false marker, 0 to wait for more."""
-        if len(buffer) - position < _HEADER_V2:
+        if len(buffer) - position < HEADER_V2:
             return 0
         flags = buffer[position + 2]
         message_id = int.from_bytes(buffer[position + 7 : position + 10], "little")
-        body = position + _HEADER_V2 + buffer[position + 1]
-        stop = body + _CHECKSUM + (_SIGNATURE if flags & SIGNED else 0)
+        body = position + HEADER_V2 + buffer[position + 1]
+        stop = body + CRC_BYTES + (_SIGNATURE if flags & SIGNED else 0)
         extra = self._crc_extra.get(message_id)
         if extra is None:
             return self._unknown(buffer, position, stop)
@@ -154,7 +159,7 @@ class FrameReader:
             return 0
         if checksum(buffer[position + 1 : body] + extra) != int.from_bytes(buffer[body : body + 2], "little"):
             return self._bad_byte()
-        payload = buffer[position + _HEADER_V2 : body]
+        payload = buffer[position + HEADER_V2 : body]
         raw = buffer[position:stop]
         found.append(Frame(message_id, buffer[position + 5], buffer[position + 6], payload, raw))
         return stop - position
@@ -164,7 +169,7 @@ class FrameReader:
             return 0
         message_id = buffer[position + 5]
         body = position + _HEADER_V1 + buffer[position + 1]
-        stop = body + _CHECKSUM
+        stop = body + CRC_BYTES
         extra = self._crc_extra.get(message_id)
         if extra is None:
             return self._unknown(buffer, position, stop)

@@ -9,9 +9,12 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from avionics.isolation import Guard, Isolation, fault_events
+from avionics.link.budget import TELEMETRY_FRAMES
 from avionics.link.channel import PORTION, SMALLEST_PORTION, Channel, LinkCounts
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, decode
@@ -55,6 +58,26 @@ class Files(NamedTuple):
     """a folder of them, which can be read over FTP"""
 
 
+class ServiceRow(NamedTuple):
+    """One row of the table of services."""
+
+    name: str
+    build: Callable[[], Service]
+    """makes it, and makes it anew after a fault"""
+    keeps_memory: bool = False
+    """goes on as it is after a fault: what it remembers is not lost"""
+    vital: bool = False
+    """is restarted without end"""
+
+
+@dataclass
+class Hosted:
+    """A service that runs behind its guard."""
+
+    service: Service
+    guard: Guard
+
+
 class GroundLink:
     """Owns the transports and the services of a vehicle."""
 
@@ -75,24 +98,27 @@ class GroundLink:
         self._identity = identity or Identity()
         self._vehicle = vehicle
         self._signing = files.signing or Signing(unix_time)
+        self._isolation = Isolation()
         transports = _open_all(urls)
         portion = max(PORTION // max(len(transports), 1), SMALLEST_PORTION)
         self._links = [
-            Channel(number, transport, self._identity, self._signing, portion)
+            Channel(number, transport, self._identity, self._signing, self._isolation, portion)
             for number, transport in enumerate(transports)
         ]
         self._turns = deque(range(len(self._links)))
         self._taken = 0
         ours = (self._identity.system, self._identity.component)
         self._router = Router([link.transport.url.forward for link in self._links], ours)
-        self._streams = Streams(vehicle, self._rooms(), unix_time, self._identity.first_item)
+        self._routing = self._isolation.guard("routing")
+        self._telemetry = self._isolation.guard("telemetry")
+        self._streams = Streams(vehicle, self._rooms(), unix_time, self._isolation, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._texts = StatustextService(vehicle, unix_time)
-        self._services = self._build_services(gains or LinkGains(), files)
-        self._by_message: dict[str, list[Service]] = {}
-        for service in self._services:
-            for name in service.takes:
-                self._by_message.setdefault(name, []).append(service)
+        self._services = {row.name: self._host(row) for row in self._table(gains or LinkGains(), files)}
+        self._by_message: dict[str, list[Hosted]] = {}
+        for hosted in self._services.values():
+            for name in hosted.service.takes:
+                self._by_message.setdefault(name, []).append(hosted)
         self._journal: list[Event] = []
         self.announced: list[Event] = []
         """what the links have said to the ground of their own troubles, each once; on UDP perhaps to nobody"""
@@ -100,26 +126,45 @@ class GroundLink:
     def _rooms(self) -> list[Room]:
         return [link.budget.room for link in self._links]
 
-    def _build_services(self, gains: LinkGains, files: Files) -> list[Service]:
-        vehicle, identity = self._vehicle, self._identity
-        shown = ShownMode(vehicle, identity)
-        requests = Requests(vehicle, identity, self._streams, shown)
-        missions = MissionService(vehicle, gains, identity.first_item)
-        return [
-            HeartbeatService(vehicle, identity, gains, shown),
-            self._silence,
-            CommandService(vehicle, identity, requests, missions, shown, files.storage),
-            ParameterService(vehicle, gains, self._rooms()),
-            missions,
-            ModeService(vehicle, identity, shown),
-            requests,
-            self._texts,
-            TimesyncService(vehicle),
-            FtpService(Shelf(vehicle, files.storage, files.logs), self._rooms()),
-            ManualService(vehicle, identity.system),
-            SigningService(vehicle, self._signing, self._confidential),
-            RadioService(lambda link, free, now: self._links[link].budget.note_radio(free, now)),
-        ]
+    def _table(self, gains: LinkGains, files: Files) -> tuple[ServiceRow, ...]:
+        """The services, in the order in which they are served."""
+        vehicle, identity, shown = self._vehicle, self._identity, ShownMode(self._vehicle, self._identity)
+
+        def requests() -> Requests:
+            return Requests(vehicle, identity, self._streams, shown)
+
+        def missions() -> MissionService:
+            return MissionService(vehicle, gains, identity.first_item)
+
+        def commands() -> CommandService:
+            return CommandService(vehicle, identity, requests(), missions(), shown, files.storage)
+
+        def note_radio(link: int, free: int, now: float) -> None:
+            self._links[link].budget.note_radio(free, now)
+
+        shelf = Shelf(vehicle, files.storage, files.logs)
+        return (
+            ServiceRow("heartbeat", lambda: HeartbeatService(vehicle, identity, gains, shown), vital=True),
+            ServiceRow("link loss", lambda: self._silence, keeps_memory=True, vital=True),
+            ServiceRow("commands", commands, vital=True),
+            ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._rooms())),
+            ServiceRow("missions", missions),
+            ServiceRow("modes", lambda: ModeService(vehicle, identity, shown), vital=True),
+            ServiceRow("stream requests", requests),
+            ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
+            ServiceRow("time synchronization", lambda: TimesyncService(vehicle)),
+            ServiceRow("FTP", lambda: FtpService(shelf, self._rooms())),
+            ServiceRow("manual control", lambda: ManualService(vehicle, identity.system), vital=True),
+            ServiceRow("signing setup", lambda: SigningService(vehicle, self._signing, self._confidential)),
+            ServiceRow("radio status", lambda: RadioService(note_radio)),
+        )
+
+    def _host(self, row: ServiceRow) -> Hosted:
+        def restart() -> None:
+            self._services[row.name].service = row.build()
+
+        guard = self._isolation.guard(row.name, None if row.keeps_memory else restart, vital=row.vital)
+        return Hosted(row.build(), guard)
 
     @property
     def counts(self) -> list[LinkCounts]:
@@ -141,17 +186,22 @@ class GroundLink:
             now: wall-clock time in s, from any zero, never going back.
         """
         inputs: list[Input] = []
+        self._isolation.advance(now)
         for link in self._links:
             link.budget.advance(now)
             link.receive(now)
         self._take_turns(now, inputs)
         for link in self._links:
-            self._complain(link, now)
-        for service in self._services:
-            outputs = service.step(now)
-            if outputs:
-                self._deliver(outputs, inputs)
+            link.guard.run(self._complain, link, now)
+        for hosted in self._services.values():
+            hosted.guard.run(self._step, hosted.service, now, inputs)
+        self._report_faults()
         return inputs
+
+    def _step(self, service: Service, now: float, inputs: list[Input]) -> None:
+        outputs = service.step(now)
+        if outputs:
+            self._deliver(outputs, inputs)
 
     def _take_turns(self, now: float, inputs: list[Input]) -> None:
         enough, empty = self._work(inputs) + MOST_WORK, 0
@@ -171,9 +221,18 @@ class GroundLink:
 
     def _hear(self, frame: Frame, peer: Peer, number: int, now: float, inputs: list[Input]) -> None:
         self._taken += 1
-        self._pass_on(frame, number, peer, now)
+        self._routing.run(self._pass_on, frame, number, peer, now)
         sender = Sender(frame.system, frame.component, number, peer, self._links[number].name)
-        self._deliver(self._answer(frame, sender, now), inputs)
+        message = self._links[number].guard.run(self._decoded, frame, number)
+        if message is None:
+            return
+        self._services["link loss"].guard.run(self._silence.heard, sender, now)
+        if self._is_for_us(message):
+            for hosted in self._by_message.get(message.get_type(), ()):
+                hosted.guard.run(self._answer, hosted.service, message, sender, now, inputs)
+
+    def _answer(self, service: Service, message: Any, sender: Sender, now: float, inputs: list[Input]) -> None:
+        self._deliver(service.receive(message, sender, now), inputs)
 
     def _pass_on(self, frame: Frame, number: int, peer: Peer, now: float) -> None:
         for hop in self._router.hops(frame, number, peer, now):
@@ -191,10 +250,19 @@ class GroundLink:
     def _announce(self, severity: Severity, text: str) -> None:
         """Say something to the ground and to the log, but never twice."""
         if all(event.text != text for event in self.announced):
-            event = self._event(severity, text)
-            self.announced.append(event)
-            self._texts.tell(event)
-            self._journal.append(event)
+            self._publish(self._event(severity, text))
+
+    def _publish(self, event: Event) -> None:
+        self.announced.append(event)
+        self._texts.tell(event)
+        self._journal.append(event)
+
+    def _report_faults(self) -> None:
+        """Report what the guards caught: in one line to the ground, with the traceback to the log."""
+        for fault in self._isolation.take_faults():
+            event, *details = fault_events(fault, self._vehicle.time_us)
+            self._publish(event)
+            self._journal += details
 
     def _event(self, severity: Severity, text: str) -> Event:
         return Event(self._vehicle.time_us, severity, "link", text)
@@ -204,11 +272,20 @@ class GroundLink:
 
     def stream(self, now: float) -> None:
         """Send the telemetry that is due at wall-clock time ``now`` in s."""
-        for number, message in self._streams.due(now):
-            self._links[number].send(message)
+        self._telemetry.run(self._stream, now)
+        self._report_faults()
+
+    def _stream(self, now: float) -> None:
+        self._streams.send_due(now, self._send)
         for number in self._streams.take_thinned():
             text = f"{self._links[number].name} is too slow for all that is asked: its streams are thinned"
             self._announce(Severity.NOTICE, text)
+        if self._streams.take_limited():
+            text = f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams are thinned"
+            self._announce(Severity.NOTICE, text)
+
+    def _send(self, link: int, message: Any) -> int:
+        return self._links[link].send(message)
 
     def take_events(self) -> list[Event]:
         """What the links did since the last call, for the log (`topics.LINK_EVENTS`)."""
@@ -217,26 +294,23 @@ class GroundLink:
 
     def close(self) -> None:
         """Release all ports and devices, and keep the time stamps."""
-        self._signing.close()
+        self._services["signing setup"].guard.run(self._signing.close)
         for link in self._links:
-            link.transport.close()
+            link.guard.run(link.transport.close)
             if link.heard_anything:
                 self._journal.append(self._event(Severity.INFO, link.summary()))
+        self._report_faults()
 
-    def _answer(self, frame: Frame, sender: Sender, now: float) -> list[Output]:
+    def _decoded(self, frame: Frame, number: int) -> Any:
+        """The message of a frame; None if it is not known here, or does not fit."""
         if frame.message_id not in mavlink.mavlink_map:
-            self._links[sender.link].unknown += 1
-            return []
+            self._links[number].unknown += 1
+            return None
         try:
-            message = decode(frame)
+            return decode(frame)
         except mavlink.MAVError:
-            self._links[sender.link].refused += 1
-            return []
-        self._silence.heard(sender, now)
-        if not self._is_for_us(message):
-            return []
-        services = self._by_message.get(message.get_type(), ())
-        return [output for service in services for output in service.receive(message, sender, now)]
+            self._links[number].refused += 1
+            return None
 
     def _is_for_us(self, message: Any) -> bool:
         system = getattr(message, "target_system", 0)

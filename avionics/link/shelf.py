@@ -18,6 +18,8 @@ PARAMETERS = "@PARAM/param.pck"
 LOGS = ("logs", "@MAV_LOG")
 """The folder of logs, and MAVLink's own name for it."""
 SUFFIX = ".mcap"
+MAX_NAME = 220
+"""bytes; a listing's line with a longer name does not fit a message"""
 LARGEST = 2**32 - 1
 """bytes; FTP's offsets have 32 bits"""
 _MAGIC, _MAGIC_DEFAULTS = 0x671B, 0x671C
@@ -100,9 +102,10 @@ class Shelf:
         try:
             with os.scandir(self._logs) as found:
                 return {
-                    entry.name: LogFile(Path(entry.path), min(entry.stat().st_size, LARGEST))
+                    name: LogFile(Path(entry.path), min(entry.stat().st_size, LARGEST))
                     for entry in found
                     if entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
+                    if len((name := listed_name(entry.name)).encode()) <= MAX_NAME
                 }
         except OSError:
             return {}
@@ -115,6 +118,11 @@ class Shelf:
             except BadInput:
                 defaults = None
         return pack_parameters(self._vehicle.parameters, defaults)
+
+
+def listed_name(name: str) -> str:
+    """A file's name as it is listed and opened: what is not printable, or not UTF-8 on the disk, is escaped."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in name)
 
 
 def pack_parameters(parameters: Sequence[Parameter], defaults: Mapping[str, float] | None = None) -> bytes:

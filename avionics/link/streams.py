@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from avionics.link.budget import Rank
+from avionics.isolation import Guard, Isolation
+from avionics.link.budget import TELEMETRY_FRAMES, Rank
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Room
 from avionics.link.telemetry import STREAMS, StreamEntry, boot_ms, mission_current
@@ -20,9 +21,14 @@ _LOOK_AGAIN = 0.005
 """s; until a stream that found no room is looked at again"""
 
 
+Send = Callable[[int, Any], int]
+"""Sends a message on a link; returns the frames sent, one for each peer."""
+
+
 @dataclass
 class _Schedule:
     entry: StreamEntry
+    guard: Guard
     interval: float
     due: float
     sent: float = -float("inf")
@@ -32,7 +38,12 @@ class Streams:
     """The telemetry schedule of every link, on the wall clock."""
 
     def __init__(
-        self, vehicle: VehicleView, rooms: Sequence[Room], unix_time: Callable[[], float], first_item: int = 0
+        self,
+        vehicle: VehicleView,
+        rooms: Sequence[Room],
+        unix_time: Callable[[], float],
+        isolation: Isolation,
+        first_item: int = 0,
     ) -> None:
         """``rooms`` says how much each link takes now, ``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
@@ -53,22 +64,30 @@ class Streams:
         )
         entries = sorted((*STREAMS, system_time, current), key=lambda entry: entry.rank.value)
         self._rooms = rooms
-        self._links = [{entry.message_id: _fresh(entry) for entry in entries} for _ in rooms]
+        self.guards = {entry.message_id: isolation.guard(f"telemetry {_name(entry)}") for entry in entries}
+        """of the builders"""
+        self._links = [
+            {entry.message_id: _fresh(entry, self.guards[entry.message_id]) for entry in entries} for _ in rooms
+        ]
         self._prompt = {entry.message_id: entry.changes for entry in entries if entry.changes is not None}
         self._known = self._told_at_once()
         self._thinned: set[int] = set()
+        self._limited = False
         self._next = -float("inf")
 
     def _system_time(self, vehicle: VehicleView) -> Any:
         return mavlink.MAVLink_system_time_message(int(self._unix_time() * 1e6), boot_ms(vehicle.time_us))
 
-    def _told_at_once(self) -> dict[int, int]:
-        return {message_id: changes(self._vehicle) for message_id, changes in self._prompt.items()}
+    def _told_at_once(self) -> dict[int, int | None]:
+        return {
+            message_id: self.guards[message_id].run(changes, self._vehicle)
+            for message_id, changes in self._prompt.items()
+        }
 
     def build(self, message_id: int) -> list[Any] | None:
         """The messages of this id as of now, perhaps none; None for one that is not telemetry."""
         schedule = self._links[0].get(message_id) if self._links else None
-        return None if schedule is None else _as_list(schedule.entry.build(self._vehicle))
+        return None if schedule is None else _as_list(schedule.guard.run(schedule.entry.build, self._vehicle))
 
     def set_interval(self, link: int, message_id: int, interval_us: float) -> bool:
         """Microseconds between two messages: 0 for the default, -1 for never; False for an unknown message."""
@@ -103,20 +122,41 @@ class Streams:
             self.set_interval(link, message_id, 1e6 / rate if rate > 0.0 else -1)
         return bool(chosen)
 
-    def due(self, now: float) -> Iterable[tuple[int, Any]]:
-        """Link and message of all that is due at wall-clock time ``now`` in s; costs little while nothing is."""
+    def send_due(self, now: float, send: Send) -> None:
+        """Send all that is due at wall-clock time ``now`` in s; costs little while nothing is.
+
+        No more than `TELEMETRY_FRAMES` over all links and peers, but for the message that passes it: what comes
+        first on a slow link comes first here, and what was due first among equals.
+        """
         self._hurry(now)
         if now < self._next:
             return
-        self._next = float("inf")
-        for link, schedules in enumerate(self._links):
-            for schedule in schedules.values():
-                if now >= schedule.due and self._has_room(link, schedule, now):
-                    schedule.sent = now
-                    schedule.due = max(schedule.due + schedule.interval, now + 0.5 * schedule.interval)
-                    for message in _as_list(schedule.entry.build(self._vehicle)):
-                        yield link, message
-                self._next = min(self._next, schedule.due if schedule.due > now else now + _LOOK_AGAIN)
+        waiting = [
+            (link, schedule)
+            for link, schedules in enumerate(self._links)
+            for schedule in schedules.values()
+            if now >= schedule.due
+        ]
+        waiting.sort(key=lambda each: (self._kept(each[1], now), each[1].due))
+        left = TELEMETRY_FRAMES
+        for link, schedule in waiting:
+            if left <= 0:
+                self._limited = self._limited or _is_late(schedule, now)
+            elif self._has_room(link, schedule, now):
+                schedule.sent = now
+                schedule.due = max(schedule.due + schedule.interval, now + 0.5 * schedule.interval)
+                left -= schedule.guard.run(self._emit, schedule.entry, link, send) or 0
+        self._next = min(
+            (
+                schedule.due if schedule.due > now else now + _LOOK_AGAIN
+                for schedules in self._links
+                for schedule in schedules.values()
+            ),
+            default=float("inf"),
+        )
+
+    def _emit(self, entry: StreamEntry, link: int, send: Send) -> int:
+        return sum(send(link, message) for message in _as_list(entry.build(self._vehicle)))
 
     def _hurry(self, now: float) -> None:
         """What says something new is due now, on every link that has it at all."""
@@ -128,12 +168,16 @@ class Streams:
                     schedule = schedules[message_id]
                     schedule.due = min(schedule.due, now) if schedule.interval < float("inf") else schedule.due
 
-    def _has_room(self, link: int, schedule: _Schedule, now: float) -> bool:
-        """Whether the link takes a stream of this rank; one that waited long enough goes first."""
+    def _kept(self, schedule: _Schedule, now: float) -> float:
+        """Share of a link's depth that is kept for others; a stream that waited long enough goes first."""
         overdue = now - schedule.sent > max(LONGEST_WAIT, 2.0 * schedule.interval)
-        if self._rooms[link](0.0 if overdue else schedule.entry.rank.value) > 0.0:
+        return 0.0 if overdue else schedule.entry.rank.value
+
+    def _has_room(self, link: int, schedule: _Schedule, now: float) -> bool:
+        """Whether the link takes a stream of this rank."""
+        if self._rooms[link](self._kept(schedule, now)) > 0.0:
             return True
-        if now - schedule.due > schedule.interval:
+        if _is_late(schedule, now):
             self._thinned.add(link)
         return False
 
@@ -142,13 +186,27 @@ class Streams:
         thinned, self._thinned = self._thinned, set()
         return thinned
 
+    def take_limited(self) -> bool:
+        """Whether a stream had to be left out since the last call because of all links together."""
+        limited, self._limited = self._limited, False
+        return limited
+
+
+def _is_late(schedule: _Schedule, now: float) -> bool:
+    """Whether a message is left out, and not only late."""
+    return now - schedule.due > schedule.interval
+
+
+def _name(entry: StreamEntry) -> str:
+    return str(mavlink.mavlink_map[entry.message_id].msgname)
+
 
 def _default(entry: StreamEntry) -> float:
     return 1.0 / entry.rate if entry.rate > 0.0 else float("inf")
 
 
-def _fresh(entry: StreamEntry) -> _Schedule:
-    return _Schedule(entry, _default(entry), -float("inf") if entry.rate > 0.0 else float("inf"))
+def _fresh(entry: StreamEntry, guard: Guard) -> _Schedule:
+    return _Schedule(entry, guard, _default(entry), -float("inf") if entry.rate > 0.0 else float("inf"))
 
 
 def _as_list(built: Any) -> list[Any]:

@@ -19,6 +19,7 @@ from avionics.board.line_watch import Losses
 from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path, storage_name
 from avionics.board.razor import RazorBoard
 from avionics.board.razor_protocol import Angles
+from avionics.isolation import Isolation
 from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import load_signing
 from avionics.link.vehicle import load_identity
@@ -149,8 +150,10 @@ def run(arguments: Sequence[str]) -> int:
         commands = (*plan_commands(plan), *script(chosen))
         # A world that records beside shows the bird where it truly is.
         shape = None if chosen.epoch_ns is not None else FLOWN.get(vehicle.name, PLAIN_BIRD)
-        seen = SceneRecorder(recorder, shape, recorder.start_epoch_ns, estimated=True)
-        onboard = Onboard(vehicle, plan.mission, seen, commands)
+        isolation = Isolation()
+        scene = isolation.guard("scene")
+        seen = SceneRecorder(recorder, shape, recorder.start_epoch_ns, estimated=True, guard=scene)
+        onboard = Onboard(vehicle, plan.mission, seen, commands, isolation=isolation)
         if kept is not None:
             onboard.keep_parameters(kept)
         _tell(onboard, loaded)
@@ -158,7 +161,7 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(_close, link, recorder)
         for line in opening(chosen, vehicle, len(plan.mission), path):
             account.say(line)
-        outcome = _fly(chosen, onboard, link, account)
+        outcome = _fly(chosen, onboard, link, account, isolation)
     if chosen.json and (outcome.flown.frames or not outcome.silent):
         print_document(_document(chosen, onboard, path, outcome))
     return _over(outcome, account, told_paths(recorder))
@@ -236,7 +239,9 @@ def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
     return (scripted_start() if chosen.start else ()) + fault_commands(chosen.fault)
 
 
-def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account: Account) -> Outcome:
+def _fly(
+    chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account: Account, isolation: Isolation
+) -> Outcome:
     """Fly; returns how far, and why it ended."""
     if not chosen.board.startswith(WITHOUT_LOCKSTEP):
         pin_to_core(chosen.core)
@@ -256,22 +261,28 @@ def _fly(chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account
         board.hurry()
     # A Razor on the bench has a picture of its own.
     shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
-    told = ToldBoard(board, onboard.view, account, link.announced, LINE_EVERY if shown else math.inf)
-    ended, silent = _flown(chosen, board, told, onboard, link)
+    every, guard = LINE_EVERY if shown else math.inf, isolation.guard("terminal")
+    told = ToldBoard(board, onboard.view, account, link.announced, every, guard)
+    ended, silent = _flown(chosen, board, told, onboard, link, isolation)
     board.close()
     own = board.angles if isinstance(board, RazorBoard) else None
     return Outcome(told.flown, ended, silent, own, board.losses)
 
 
 def _flown(
-    chosen: argparse.Namespace, board: HilBoard | RazorBoard, told: ToldBoard, onboard: Onboard, link: GroundLink
+    chosen: argparse.Namespace,
+    board: HilBoard | RazorBoard,
+    told: ToldBoard,
+    onboard: Onboard,
+    link: GroundLink,
+    isolation: Isolation,
 ) -> tuple[str, bool]:
     """Fly on an open board; returns why it ended, and whether because the board fell silent."""
     with contextlib.ExitStack() as stack:
         stack.callback(told.tell_events)
         show = None
         if isinstance(board, RazorBoard) and not chosen.json:
-            show = showing(stack, chosen.board, board, told, onboard.view)
+            show = showing(stack, chosen.board, board, told, onboard.view, isolation.guard("bench view"))
         bounded = BoundedBoard(told, chosen.duration, show)
         try:
             onboard.fly(bounded, link)

@@ -7,6 +7,7 @@ import math
 from typing import Protocol
 
 from avionics.board.razor import RazorBoard
+from avionics.isolation import Guard
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.view import FlightView
 from groundstation.command.told import ToldBoard
@@ -60,8 +61,10 @@ class BoundedBoard:
         self._told.close()
 
 
-def showing(stack: contextlib.ExitStack, address: str, board: RazorBoard, told: ToldBoard, view: FlightView) -> Show:
-    """Take the terminal, until ``stack`` is closed, to show the attitude."""
+def showing(
+    stack: contextlib.ExitStack, address: str, board: RazorBoard, told: ToldBoard, view: FlightView, guard: Guard
+) -> Show:
+    """Take the terminal, until ``stack`` is closed, to show the attitude; ``guard`` catches what it raises."""
     screen = stack.enter_context(BenchView(open_console()))
 
     def show() -> None:
@@ -71,4 +74,7 @@ def showing(stack: contextlib.ExitStack, address: str, board: RazorBoard, told: 
                 Bench(address, told.flown.frames, board.step, attitude, board.angles, board.losses, board.restarts)
             )
 
-    return show
+    def guarded() -> None:
+        guard.run(show)
+
+    return guarded

@@ -7,7 +7,7 @@ import math
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,6 +17,7 @@ from rich.live import Live
 
 from avionics.board.cores import idle_pair
 from avionics.board.parameter_file import ParameterFile, storage_name
+from avionics.isolation import Isolation
 from avionics.link.key_file import load_signing
 from avionics.link.transport import open_transport
 from avionics.link.vehicle import load_identity
@@ -178,15 +179,16 @@ def _run(chosen: argparse.Namespace, plan: Plan) -> int:
         print(note, file=sys.stderr)
     if chosen.log is None:
         put_right(plan.log.parent)
+    faults: dict[str, str] = {}
     try:
         with shown_live(chosen.live, plan.parts):
             _prepare(plan, chosen.json)
             began = time.monotonic()
-            _fly(plan, chosen, console)
+            _fly(plan, chosen, console, faults)
     except KeyboardInterrupt:
-        _keep(plan)
+        _keep(plan, faults)
         raise
-    _report(plan, chosen, console, time.monotonic() - began)
+    _report(plan, chosen, console, time.monotonic() - began, faults)
     return 0
 
 
@@ -249,15 +251,28 @@ def _prepare(plan: Plan, quiet: bool) -> None:
         load_physics(vehicle, quiet)
 
 
-def _fly(plan: Plan, chosen: argparse.Namespace, console: Console) -> None:
+def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str]) -> None:
+    """Fly; what the view raised is added to ``faults``, with its traceback.
+
+    Raises:
+        BadInput: bad input of one of the two processes.
+        NoAnswer: one of them failed.
+    """
     connection = listen_locally()
     try:
         with Children() as children:
             _start(children, plan, chosen, connection.url)
+            isolation = Isolation()
             if console.is_terminal and not chosen.json:
-                _watch_picture(children, connection, plan, console)
+                isolation.guard("view").run(_watch_picture, children, connection, plan, console)
             else:
-                _watch_lines(children, connection, console)
+                isolation.guard("view").run(_watch_lines, children, connection, console)
+            for fault in isolation.take_faults():
+                faults[fault.service] = fault.record()
+                text = f"wingbeat: no {fault.service} for the rest of the flight: {fault.error}"
+                isolation.guard("terminal").run(print, text, file=sys.stderr)
+            while children.running():
+                time.sleep(REFRESH)
             failure, said = children.failure(), children.last_words()
         if failure is not None:
             raise _failed(failure, plan)
@@ -357,22 +372,22 @@ def _watch_lines(children: Children, connection: Connection, console: Console) -
 # --- afterwards ---------------------------------------------------------------------------------------------
 
 
-def _keep(plan: Plan) -> None:
+def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
     """Join what a flight recorded that was stopped on the way, and say where it is."""
     parts = [part for part in plan.parts if part.exists()]
     if parts:
-        _tell_kept(join(parts, plan.log))
+        _tell_kept(join(parts, plan.log, faults))
         print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
 
 
-def _joined(plan: Plan) -> list[Kept]:
+def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
     """The parts that were not whole.
 
     Raises:
         BadInput: they cannot be joined; where they are is said.
     """
     try:
-        return join(plan.parts, plan.log)
+        return join(plan.parts, plan.log, faults)
     except BadInput as reason:
         raise BadInput(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
 
@@ -416,9 +431,11 @@ def _end(log: Log) -> float:
     return float(log.columns(STATE).time[-1]) if state is not None and state.messages else 0.0
 
 
-def _report(plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float) -> None:
+def _report(
+    plan: Plan, chosen: argparse.Namespace, console: Console, wall_time: float, faults: Mapping[str, str]
+) -> None:
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
-        kept = _joined(plan)
+        kept = _joined(plan, faults)
         with announced(chosen.json):
             summary, found, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)

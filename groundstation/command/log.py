@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
+from avionics.messages import Severity
 from avionics.quantities import BadInput, counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
@@ -184,7 +185,8 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
         table.add_row(row["topic"], str(row["messages"]), rate, gaps, row["message"].rpartition(".")[2])
     if document["topics"]:
         console.print(table)
-    for event in document["events"][-EVENTS_SHOWN:]:
+    events = [event for event in document["events"] if event["severity"] != Severity.DEBUG.name]
+    for event in events[-EVENTS_SHOWN:]:
         console.print(f"  {wording.clock(event['time'])}  {event['text']}")
 
 

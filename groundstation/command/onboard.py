@@ -7,6 +7,7 @@ logged inputs.
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from avionics import topics
 from avionics.board.board import Board
 from avionics.board.parameter_file import ParameterFile
 from avionics.guidance.mission import Mission
+from avionics.isolation import Isolation, fault_events
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import NO_FRAMES
 from avionics.messages import ChannelOverride, Command, Input, Severity
@@ -42,16 +44,23 @@ class Onboard:
         script: Sequence[Command] = (),
         clock: Callable[[], float] = time.monotonic,
         clock_ns: Callable[[], int] = time.perf_counter_ns,
+        isolation: Isolation | None = None,
     ) -> None:
         """Build the autopilot; each command of ``script`` is applied at the first tick that has reached its time.
 
         That is the time since this flight computer's first tick: a board may have been on for long. ``clock`` tells
-        the links the time in s, ``clock_ns`` measures run times.
+        the links the time in s, ``clock_ns`` measures run times. What the guards of ``isolation`` catch is reported
+        with what the recorder, the parameter file and the links raise.
 
         Raises:
             BadInput: the mission cannot be flown.
         """
         self._recorder = recorder
+        self._isolation = isolation or Isolation()
+        # One message is lost with each fault: a back-off would cost the recording all messages meanwhile.
+        self._recording = self._isolation.guard("recorder", backoff=0.0)
+        self._keeping = self._isolation.guard("parameter file")
+        self._linking = self._isolation.guard("ground links", vital=True)
         self._clock = clock
         self._stopwatch = Stopwatch(clock_ns)
         self._script = sorted(script, key=lambda command: command.time_us)
@@ -87,38 +96,51 @@ class Onboard:
                 board.write(step(frame, entering))
                 self._write_down()
                 self.idle()
-                self._stopwatch.tick(frame.time_us, self._recorder.record)
+                self._stopwatch.tick(frame.time_us, self._record)
                 if self._file is not None:
-                    self._keep(self._file, self.view.armed)
+                    self._keeping.run(self._keep, self._file, self.view.armed)
         finally:
             self._write_down()
             if kept:
                 gc.unfreeze()
             if self._file is not None:
-                self._keep(self._file, armed=False)
+                self._keeping.run(self._keep, self._file, armed=False)
+            self._report_faults()
 
     def _publish(self, topic: Topic, message: Any) -> None:
         """Record what was said: of a tick once it is answered, so that the servos do not wait for the log."""
         if self._thinking:
             self._said.append((topic, message))
         else:
-            self._recorder.record(topic, message)
+            self._record(topic, message)
+
+    def _record(self, topic: Topic, message: Any) -> None:
+        self._recording.run(self._recorder.record, topic, message)
 
     def _write_down(self) -> None:
-        self._thinking, said, record = False, self._said, self._recorder.record
+        self._thinking = False
+        self._recording.run(self._record_tick)
+        if not self._recording.enabled and math.isinf(self._recording.due):
+            self._said.clear()
+
+    def _record_tick(self) -> None:
+        said, record = self._said, self._recorder.record
         # Ctrl-C may come between any two lines: what is left then is recorded at the end.
         while said:
             record(*said.popleft())
 
     def idle(self) -> None:
         """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""
-        self._watch_recorder()
+        self._recording.run(self._watch_recorder)
         now = self._clock()
+        self._isolation.advance(now)
+        self._report_faults()
         if self._link is None or now - self._polled_at < POLL:
             return
         self._polled_at = now
         self._listen_for_frames(now)
-        self._waiting.add(now, self._poll(self._link, now))
+        self._waiting.add(now, self._linking.run(self._link.poll, now) or ())
+        self._linking.run(self._stream, self._link, now)
 
     def _watch_recorder(self) -> None:
         """A recording that has ended is told once, to the ground too; the flight goes on."""
@@ -159,12 +181,18 @@ class Onboard:
             due.append(self._script.pop(0))
         return due
 
-    def _poll(self, link: GroundLink, now: float) -> list[Input]:
-        inputs = link.poll(now)
+    def _stream(self, link: GroundLink, now: float) -> None:
         link.stream(now)
         for event in link.take_events():
-            self._recorder.record(topics.LINK_EVENTS, event)
-        return inputs
+            self._record(topics.LINK_EVENTS, event)
+
+    def _report_faults(self) -> None:
+        """Report what the guards caught: in one line to the ground, with the traceback to the log."""
+        for fault in self._isolation.take_faults():
+            event, *details = fault_events(fault, self.view.time_us)
+            self.view.tell(event.severity, event.source, event.text)
+            for detail in details:
+                self._record(topics.LINK_EVENTS, detail)
 
 
 def _keep_memory() -> bool:

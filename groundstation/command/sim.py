@@ -6,11 +6,13 @@ import argparse
 import contextlib
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from avionics.board.cores import pin_to_core, run_before_others
+from avionics.isolation import Isolation, fault_events
+from avionics.messages import Severity
 from avionics.quantities import BadInput
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
@@ -107,7 +109,8 @@ def run(arguments: Sequence[str]) -> int:
         if sticks is not None:
             recorder.attach(STICKS, "text/csv", sticks.text.encode())
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        world = SimulatedWorld(vehicle, scenario, telling(seen.record) if alone else seen.record)
+        outputs = {"recorder": seen.record, **({"terminal": tell_events} if alone else {})}
+        world = SimulatedWorld(vehicle, scenario, IsolatedOutputs(outputs))
         if alone:
             hurried = HURRIED if math.isinf(chosen.speed) and isinstance(server, BridgeServer) else ""
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
@@ -168,7 +171,8 @@ class Flights:
         if self._sticks is not None:
             self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())
         seen = SceneRecorder(self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns)
-        world = SimulatedWorld(self._vehicle, self._scenario, telling(seen.record), self._rate)
+        outputs = IsolatedOutputs({"recorder": seen.record, "terminal": tell_events})
+        world = SimulatedWorld(self._vehicle, self._scenario, outputs, self._rate)
         return Stage(world, seen.record)
 
     def compile(self) -> None:
@@ -197,15 +201,31 @@ def serve_foreign(theirs: foreign.Foreign, flights: Flights) -> None:
         service.serve(flights)
 
 
-def telling(publish: Publish) -> Publish:
-    """``publish``, with what happens in the world said on stderr too."""
+class IsolatedOutputs:
+    """Where the world's messages go; what an output raises is recorded as events, and the world goes on."""
 
-    def tell(topic: Topic, message: Any) -> None:
-        if topic is topics.EVENTS:
-            print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)
-        publish(topic, message)
+    def __init__(self, outputs: Mapping[str, Publish]) -> None:
+        """``outputs`` by their names, for people."""
+        self._isolation = Isolation()
+        self._outputs = [(self._isolation.guard(name, backoff=0.0), publish) for name, publish in outputs.items()]
 
-    return tell
+    def __call__(self, topic: Topic, message: Any) -> None:
+        """Hand a message to each output, after the faults of the one before."""
+        self._isolation.advance(message.time_us * 1e-6)
+        for fault in self._isolation.take_faults():
+            for event in fault_events(fault, message.time_us):
+                self._publish(topics.EVENTS, event)
+        self._publish(topic, message)
+
+    def _publish(self, topic: Topic, message: Any) -> None:
+        for guard, publish in self._outputs:
+            guard.run(publish, topic, message)
+
+
+def tell_events(topic: Topic, message: Any) -> None:
+    """Print what happens in the world to stderr, without tracebacks."""
+    if topic is topics.EVENTS and message.severity < Severity.DEBUG:
+        print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)
 
 
 def _say_end(world: SimulatedWorld, ended: str, recorded: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from avionics import topics
 from avionics.board.board import Board
+from avionics.isolation import Guard, Isolation
 from avionics.messages import ActuatorCommand, Event, PowerState, SensorFrame, Stage
 from avionics.view import FlightView
 from groundstation.link.vehicle_state import Heard, VehicleState
@@ -46,6 +47,7 @@ class ToldBoard:
         account: Account,
         announced: Sequence[Event] = (),
         every: float = math.inf,
+        guard: Guard | None = None,
     ) -> None:
         """Tell of ``board``.
 
@@ -55,8 +57,10 @@ class ToldBoard:
             account: where it is said.
             announced: grows by what the ground links say of themselves, which is no event of the vehicle.
             every: s; of flight time between two lines of where the vehicle is and how fast; infinite for none.
+            guard: catches what the terminal raises.
         """
         self._board = board
+        self._guard = guard or Isolation().guard("terminal")
         self._every, self._due = every, every
         self._view = view
         self._account = account
@@ -70,7 +74,7 @@ class ToldBoard:
         frame = self._board.read()
         if frame is not None:
             if not self.flown.frames:
-                self._account.say(f"first sensor frame at {frame.time_us * 1e-6:.3f} s")
+                self._guard.run(self._account.say, f"first sensor frame at {frame.time_us * 1e-6:.3f} s")
             self.flown = Flown(self.flown.frames + 1, frame.time_us * 1e-6)
         return frame
 
@@ -80,12 +84,18 @@ class ToldBoard:
         self.tell_events()
         if math.isfinite(self._every) and self.flown.time >= self._due:
             self._due = (self.flown.time // self._every + 1.0) * self._every
-            state = known_state(self._view, self._supplied)
-            self._supplied = self._view.latest(topics.POWER)
-            self._account.say(progress_line(state, self._view.mode.name.replace("_", " ")))
+            self._guard.run(self._say_progress)
+
+    def _say_progress(self) -> None:
+        state = known_state(self._view, self._supplied)
+        self._supplied = self._view.latest(topics.POWER)
+        self._account.say(progress_line(state, self._view.mode.name.replace("_", " ")))
 
     def tell_events(self) -> None:
         """Say what was said aboard since it was last told."""
+        self._guard.run(self._say_events)
+
+    def _say_events(self) -> None:
         events, announced = self._view.events(self._told), self._announced[self._told_links :]
         self._told += len(events)
         self._told_links += len(announced)

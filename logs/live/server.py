@@ -23,7 +23,6 @@ from logs.codecs import codec_for
 from logs.extras import load_extra
 from logs.live.follower import Follower
 from logs.live.playout import Playout
-from logs.records import Damage
 from logs.scene import ESTIMATED_SCENE, ESTIMATED_TRANSFORMS, LOCATION, SCENE, TRANSFORMS
 from sim_bridge.topics import TOPICS as TRUE
 
@@ -145,8 +144,9 @@ class LiveServer:
                 self._show(now - before)
                 before = now
             self._show(PERIOD, last=True)
-        except (Damage, OSError) as reason:
-            self.failure = str(reason)
+        # Whatever it was, the recording and the flight do not need this thread.
+        except Exception as reason:
+            self.failure = str(reason) or type(reason).__name__
         finally:
             for follower in self._followers:
                 follower.close()

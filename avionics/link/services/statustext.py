@@ -43,7 +43,7 @@ def refusal_text(reason: str, sender: Sender) -> list[Reply]:
     """Why something was refused, to the one who asked."""
     if not reason:
         return []
-    identifier = 1 + sum(reason.encode()) % 0xFFFE
+    identifier = 1 + sum(reason.encode("utf-8", errors="replace")) % 0xFFFE
     return [Reply(message, sender) for message in chunks(int(Severity.WARNING), reason, identifier)]
 
 
