@@ -34,7 +34,7 @@ STALE = 5.0
 """s; a radio that was not heard for so long throttles no more"""
 SLOWEST = 0.1
 """share of the rate that no radio can take from us"""
-TELEMETRY_FRAMES = 48
+TELEMETRY_FRAMES = 32
 """-; telemetry frames between two ticks over all links and peers, however many there are and whatever they ask for"""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,8 @@ Send = Callable[[int, Any], int]
 class _Schedule:
     entry: StreamEntry
     guard: Guard
+    kept: float
+    """share of a link's depth that is kept for streams of a higher rank"""
     interval: float
     due: float
     sent: float = -float("inf")
@@ -40,12 +43,12 @@ class Streams:
     def __init__(
         self,
         vehicle: VehicleView,
-        rooms: Sequence[Room],
+        capacities: Sequence[Room],
         unix_time: Callable[[], float],
         isolation: Isolation,
         first_item: int = 0,
     ) -> None:
-        """``rooms`` says how much each link takes now, ``first_item`` is `Identity.first_item`."""
+        """``capacities`` says how much each link takes now, ``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
         self._unix_time = unix_time
         system_time = StreamEntry(
@@ -63,22 +66,22 @@ class Streams:
             frozenset({mavlink.MAV_DATA_STREAM_EXTENDED_STATUS}),
         )
         entries = sorted((*STREAMS, system_time, current), key=lambda entry: entry.rank.value)
-        self._rooms = rooms
+        self._capacities = capacities
         self.guards = {entry.message_id: isolation.guard(f"telemetry {_name(entry)}") for entry in entries}
         """of the builders"""
         self._links = [
-            {entry.message_id: _fresh(entry, self.guards[entry.message_id]) for entry in entries} for _ in rooms
+            {entry.message_id: _fresh(entry, self.guards[entry.message_id]) for entry in entries} for _ in capacities
         ]
         self._prompt = {entry.message_id: entry.changes for entry in entries if entry.changes is not None}
-        self._known = self._told_at_once()
+        self._known = self._prompt_values()
         self._thinned: set[int] = set()
-        self._limited = False
+        self._limited, self._turn = False, 0
         self._next = -float("inf")
 
     def _system_time(self, vehicle: VehicleView) -> Any:
         return mavlink.MAVLink_system_time_message(int(self._unix_time() * 1e6), boot_ms(vehicle.time_us))
 
-    def _told_at_once(self) -> dict[int, int | None]:
+    def _prompt_values(self) -> dict[int, int | None]:
         return {
             message_id: self.guards[message_id].run(changes, self._vehicle)
             for message_id, changes in self._prompt.items()
@@ -123,29 +126,35 @@ class Streams:
         return bool(chosen)
 
     def send_due(self, now: float, send: Send) -> None:
-        """Send all that is due at wall-clock time ``now`` in s; costs little while nothing is.
+        """Send what is due at wall-clock time ``now`` in s; costs little while nothing is.
 
-        No more than `TELEMETRY_FRAMES` over all links and peers, but for the message that passes it: what comes
-        first on a slow link comes first here, and what was due first among equals.
+        No more than `TELEMETRY_FRAMES` over all links and peers, but for the message that passes it. The links take
+        turns, message by message, so that none uses up what another needs; on each the lowest rank comes first.
         """
         self._hurry(now)
         if now < self._next:
             return
         waiting = [
-            (link, schedule)
-            for link, schedules in enumerate(self._links)
-            for schedule in schedules.values()
-            if now >= schedule.due
+            sorted(
+                (schedule for schedule in schedules.values() if now >= schedule.due),
+                key=lambda schedule: (-self._kept(schedule, now), -schedule.due),
+            )
+            for schedules in self._links
         ]
-        waiting.sort(key=lambda each: (self._kept(each[1], now), each[1].due))
+        turns = deque(link for link, queue in enumerate(waiting) if queue)
+        turns.rotate(self._turn)
+        self._turn += 1
         left = TELEMETRY_FRAMES
-        for link, schedule in waiting:
-            if left <= 0:
-                self._limited = self._limited or _is_late(schedule, now)
-            elif self._has_room(link, schedule, now):
+        while turns and left > 0:
+            link = turns.popleft()
+            schedule = waiting[link].pop()
+            if waiting[link]:
+                turns.append(link)
+            if self._has_capacity(link, schedule, now):
                 schedule.sent = now
                 schedule.due = max(schedule.due + schedule.interval, now + 0.5 * schedule.interval)
                 left -= schedule.guard.run(self._emit, schedule.entry, link, send) or 0
+        self._limited = self._limited or any(_is_late(schedule, now) for queue in waiting for schedule in queue)
         self._next = min(
             (
                 schedule.due if schedule.due > now else now + _LOOK_AGAIN
@@ -160,7 +169,7 @@ class Streams:
 
     def _hurry(self, now: float) -> None:
         """What says something new is due now, on every link that has it at all."""
-        before, self._known = self._known, self._told_at_once()
+        before, self._known = self._known, self._prompt_values()
         for message_id, value in self._known.items():
             if value != before[message_id]:
                 self._next = now
@@ -171,11 +180,11 @@ class Streams:
     def _kept(self, schedule: _Schedule, now: float) -> float:
         """Share of a link's depth that is kept for others; a stream that waited long enough goes first."""
         overdue = now - schedule.sent > max(LONGEST_WAIT, 2.0 * schedule.interval)
-        return 0.0 if overdue else schedule.entry.rank.value
+        return 0.0 if overdue else schedule.kept
 
-    def _has_room(self, link: int, schedule: _Schedule, now: float) -> bool:
+    def _has_capacity(self, link: int, schedule: _Schedule, now: float) -> bool:
         """Whether the link takes a stream of this rank."""
-        if self._rooms[link](self._kept(schedule, now)) > 0.0:
+        if self._capacities[link](self._kept(schedule, now)) > 0.0:
             return True
         if _is_late(schedule, now):
             self._thinned.add(link)
@@ -193,8 +202,8 @@ class Streams:
 
 
 def _is_late(schedule: _Schedule, now: float) -> bool:
-    """Whether a message is left out, and not only late."""
-    return now - schedule.due > schedule.interval
+    """Whether a message is left out, and not only late; the first one of all is not."""
+    return schedule.interval < now - schedule.due < float("inf")
 
 
 def _name(entry: StreamEntry) -> str:
@@ -206,7 +215,9 @@ def _default(entry: StreamEntry) -> float:
 
 
 def _fresh(entry: StreamEntry, guard: Guard) -> _Schedule:
-    return _Schedule(entry, guard, _default(entry), -float("inf") if entry.rate > 0.0 else float("inf"))
+    return _Schedule(
+        entry, guard, entry.rank.value, _default(entry), -float("inf") if entry.rate > 0.0 else float("inf")
+    )
 
 
 def _as_list(built: Any) -> list[Any]:

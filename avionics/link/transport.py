@@ -22,8 +22,8 @@ from avionics.quantities import BadInput
 Peer = Hashable
 MOST_PEERS = 16
 """A link serves no more than this many; the one that was silent longest makes room."""
-HALF_OPEN = 60.0
-"""s; of silence after which a TCP connection makes room for a new one where there is none left"""
+HALF_OPEN = 5.0
+"""s; of silence, five heartbeats, after which a TCP connection makes room for a new one where there is none left"""
 GONE = 60.0
 """s; of silence after which a UDP station is sent nothing more: it may have come back on another port"""
 _CHUNK = 65536

@@ -272,18 +272,18 @@ def _fly(
 def _flown(
     chosen: argparse.Namespace,
     board: HilBoard | RazorBoard,
-    told: ToldBoard,
+    console: ToldBoard,
     onboard: Onboard,
     link: GroundLink,
     isolation: Isolation,
 ) -> tuple[str, bool]:
     """Fly on an open board; returns why it ended, and whether because the board fell silent."""
     with contextlib.ExitStack() as stack:
-        stack.callback(told.tell_events)
+        stack.callback(console.tell_events)
         show = None
         if isinstance(board, RazorBoard) and not chosen.json:
-            show = showing(stack, chosen.board, board, told, onboard.view, isolation.guard("bench view"))
-        bounded = BoundedBoard(told, chosen.duration, show)
+            show = showing(stack, chosen.board, board, console, onboard.view, isolation.guard("bench view"))
+        bounded = BoundedBoard(console, chosen.duration, show)
         try:
             onboard.fly(bounded, link)
         except BoardSilent as silence:

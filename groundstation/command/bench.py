@@ -62,7 +62,7 @@ class BoundedBoard:
 
 
 def showing(
-    stack: contextlib.ExitStack, address: str, board: RazorBoard, told: ToldBoard, view: FlightView, guard: Guard
+    stack: contextlib.ExitStack, address: str, board: RazorBoard, console: ToldBoard, view: FlightView, guard: Guard
 ) -> Show:
     """Take the terminal, until ``stack`` is closed, to show the attitude; ``guard`` catches what it raises."""
     screen = stack.enter_context(BenchView(open_console()))
@@ -71,7 +71,7 @@ def showing(
         if screen.due:
             attitude = view.autopilot.memory.attitude
             screen.show(
-                Bench(address, told.flown.frames, board.step, attitude, board.angles, board.losses, board.restarts)
+                Bench(address, console.flown.frames, board.step, attitude, board.angles, board.losses, board.restarts)
             )
 
     def guarded() -> None:

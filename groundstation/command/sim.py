@@ -109,7 +109,7 @@ def run(arguments: Sequence[str]) -> int:
         if sticks is not None:
             recorder.attach(STICKS, "text/csv", sticks.text.encode())
         seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        outputs = {"recorder": seen.record, **({"terminal": tell_events} if alone else {})}
+        outputs = {"recorder": seen.record, **({"terminal": print_events} if alone else {})}
         world = SimulatedWorld(vehicle, scenario, IsolatedOutputs(outputs))
         if alone:
             hurried = HURRIED if math.isinf(chosen.speed) and isinstance(server, BridgeServer) else ""
@@ -171,7 +171,7 @@ class Flights:
         if self._sticks is not None:
             self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())
         seen = SceneRecorder(self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns)
-        outputs = IsolatedOutputs({"recorder": seen.record, "terminal": tell_events})
+        outputs = IsolatedOutputs({"recorder": seen.record, "terminal": print_events})
         world = SimulatedWorld(self._vehicle, self._scenario, outputs, self._rate)
         return Stage(world, seen.record)
 
@@ -222,7 +222,7 @@ class IsolatedOutputs:
             guard.run(publish, topic, message)
 
 
-def tell_events(topic: Topic, message: Any) -> None:
+def print_events(topic: Topic, message: Any) -> None:
     """Print what happens in the world to stderr, without tracebacks."""
     if topic is topics.EVENTS and message.severity < Severity.DEBUG:
         print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)

@@ -84,18 +84,18 @@ class ToldBoard:
         self.tell_events()
         if math.isfinite(self._every) and self.flown.time >= self._due:
             self._due = (self.flown.time // self._every + 1.0) * self._every
-            self._guard.run(self._say_progress)
+            self._guard.run(self._print_progress)
 
-    def _say_progress(self) -> None:
+    def _print_progress(self) -> None:
         state = known_state(self._view, self._supplied)
         self._supplied = self._view.latest(topics.POWER)
         self._account.say(progress_line(state, self._view.mode.name.replace("_", " ")))
 
     def tell_events(self) -> None:
         """Say what was said aboard since it was last told."""
-        self._guard.run(self._say_events)
+        self._guard.run(self._print_events)
 
-    def _say_events(self) -> None:
+    def _print_events(self) -> None:
         events, announced = self._view.events(self._told), self._announced[self._told_links :]
         self._told += len(events)
         self._told_links += len(announced)

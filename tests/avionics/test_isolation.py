@@ -153,9 +153,9 @@ class Links:
         self.link = GroundLink(self.wires, self.vehicle)
         self.voices = [Voice(255), Voice(254)]
         self.events: list[Event] = []
-        self.heard: list[list[Any]] = [[], []]
+        self.received: list[list[Any]] = [[], []]
 
-    def say(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         for wire, voice in zip(self.wires, self.voices, strict=True):
             wire.say(voice.frame(message))
 
@@ -166,16 +166,16 @@ class Links:
             self.vehicle.apply(self.link.poll(self.now))
             self.link.stream(self.now)
             self.events += self.link.take_events()
-        for heard, wire in zip(self.heard, self.wires, strict=True):
-            heard += wire.heard()
+        for received, wire in zip(self.received, self.wires, strict=True):
+            received += wire.heard()
 
     def texts(self, wire: int = 1) -> str:
         """What the station on a wire was sent as STATUSTEXT; ends with the chunks of the last."""
-        return "".join(each.text for each in self.heard[wire] if each.get_type() == "STATUSTEXT")
+        return "".join(each.text for each in self.received[wire] if each.get_type() == "STATUSTEXT")
 
     def kinds(self, wire: int = 1) -> set[str]:
-        kinds = {each.get_type() for each in self.heard[wire]}
-        self.heard[wire] = []
+        kinds = {each.get_type() for each in self.received[wire]}
+        self.received[wire] = []
         return kinds
 
 
@@ -222,10 +222,10 @@ def test_a_service_that_raises_is_reported_and_restarted(
     normal = getattr(hosted.service, method)
     monkeypatch.setattr(hosted.service, method, fail)
     for message in taken:
-        links.say(message)
+        links.send(message)
     links.fly(0.5)
     assert not hosted.guard.enabled
-    links.heard = [[], []]
+    links.received = [[], []]
     others = {name: each for name, each in links.link._services.items() if name != service}
     assert all(each.guard.enabled for each in others.values())
     setattr(hosted.service, method, normal)
@@ -257,7 +257,7 @@ def test_the_fault_of_a_service_reaches_the_ground_and_the_log_once(
 def test_a_telemetry_builder_that_raises_costs_its_own_message(name: str) -> None:
     links, entry = Links(), NAMES[name]
     for each in STREAMS:
-        links.say(mavlink.MAVLink_command_long_message(1, 1, 511, 0, each.message_id, 2e5, 0, 0, 0, 0, 0))
+        links.send(mavlink.MAVLink_command_long_message(1, 1, 511, 0, each.message_id, 2e5, 0, 0, 0, 0, 0))
     links.fly(1.0)
     assert set(NAMES) <= links.kinds()
     for schedules in links.link._streams._links:
@@ -282,13 +282,13 @@ def test_a_link_that_raises_leaves_the_other_links(method: str, monkeypatch: pyt
     links.fly(0.5 * BACKOFF)
     assert_reported_once(links, "link udpin:127.0.0.1:1")
     links.kinds()
-    links.say(MESSAGES["TIMESYNC"])
+    links.send(MESSAGES["TIMESYNC"])
     links.fly(0.2 * BACKOFF)
     assert "TIMESYNC" in links.kinds()
     monkeypatch.undo()
     links.fly(BACKOFF)
-    links.heard = [[], []]
-    links.say(MESSAGES["TIMESYNC"])
+    links.received = [[], []]
+    links.send(MESSAGES["TIMESYNC"])
     links.fly(0.1)
     assert "TIMESYNC" in links.kinds(0)
 
@@ -303,9 +303,9 @@ def test_what_is_no_service_is_isolated_too(
     links = Links()
     links.fly(1.0)
     monkeypatch.setattr(getattr(links.link, part), method, fail)
-    links.say(MESSAGES["TIMESYNC"])
+    links.send(MESSAGES["TIMESYNC"])
     links.fly(0.5 * BACKOFF)
-    assert "TIMESYNC" in {each.get_type() for each in links.heard[1]}
+    assert "TIMESYNC" in {each.get_type() for each in links.received[1]}
     links.link.close()
     links.events += links.link.take_events()
     assert [event.source for event in links.events if event.severity is Severity.ERROR] == [service]
@@ -319,6 +319,6 @@ def test_a_message_that_cannot_be_packed_is_its_senders_fault(monkeypatch: pytes
     from avionics.link.services.service import Reply
 
     monkeypatch.setattr(hosted.service, "receive", lambda message, sender, now: [Reply(wrong, sender)])
-    links.say(MESSAGES["TIMESYNC"])
+    links.send(MESSAGES["TIMESYNC"])
     links.fly(0.1)
     assert not hosted.guard.enabled and all(link.guard.enabled for link in links.link._links)

@@ -9,10 +9,11 @@ import pytest
 from link_vehicle import FakeVehicle
 from link_wires import Sent, Voice, Wire
 
-from avionics.link.budget import DEPTH, SHALLOWEST, USED, Budget, Rank
+from avionics.link.budget import DEPTH, SHALLOWEST, TELEMETRY_FRAMES, USED, Budget, Rank
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader, decode
 from avionics.link.ground import GroundLink
+from avionics.link.streams import LONGEST_WAIT
 from avionics.link.telemetry import MIRRORS, STREAMS
 
 POLL = 0.004
@@ -190,3 +191,104 @@ def test_without_a_rate_there_is_always_room() -> None:
         budget.advance(0.0)
         budget.spend(10_000_000)
     assert free.room(Rank.LAST.value) > 0.0 > slow.room(0.0) and slow.broke() and not free.broke()
+
+
+# --- all links together --------------------------------------------------------------------------------------
+
+PEERS = 16
+NAMES = {str(mavlink.mavlink_map[entry.message_id].msgname): entry for entry in STREAMS}
+PER_STREAM = {name: len(MIRRORS) if name == "NAMED_VALUE_FLOAT" else 1 for name in NAMES}
+
+
+class Crowd:
+    """A vehicle on links with some peers each; ``fly`` counts the telemetry of each tick."""
+
+    def __init__(self, *peers: int, tick: float = 0.02) -> None:
+        self.tick = tick
+        self.wires = [Wire(f"udpin:127.0.0.1:{number}") for number in range(1, len(peers) + 1)]
+        for wire, count in zip(self.wires, peers, strict=True):
+            wire.peers = tuple(range(count))
+        self.link, self.now = GroundLink(self.wires, FakeVehicle()), 10.0
+        self.received: list[Counter[tuple[str, Any]]] = [Counter() for _ in peers]
+        self.most = 0
+        self.texts: list[str] = []
+
+    def request(self, wire: int, rate: float) -> None:
+        """Every peer of a link requests every stream at ``rate`` Hz."""
+        station = Voice(255)
+        for peer in self.wires[wire].peers or ():
+            for entry in STREAMS:
+                message = mavlink.MAVLink_command_long_message(
+                    1, 1, 511, 0, entry.message_id, 1e6 / rate, 0, 0, 0, 0, 0
+                )
+                self.wires[wire].say(station.frame(message), peer)
+        while self.link.poll(self.now) or any(wire.take() for wire in self.wires):
+            self.now += self.tick
+
+    def fly(self, duration: float) -> None:
+        end = self.now + duration - 1e-9
+        while self.now < end:
+            self.now += self.tick
+            self.link.poll(self.now)
+            self._count()
+            self.link.stream(self.now)
+            self.most = max(self.most, self._count())
+        self.texts += [event.text for event in self.link.take_events()]
+
+    def _count(self) -> int:
+        total = 0
+        for wire, received in zip(self.wires, self.received, strict=True):
+            sent = wire.take()
+            total += len(sent)
+            received.update(
+                (mavlink.mavlink_map[each.data[7] + (each.data[8] << 8)].msgname, each.peer) for each in sent
+            )
+        return total
+
+    def rates(self, wire: int, peer: Any, duration: float) -> dict[str, float]:
+        """Hz of each stream at one peer."""
+        return {name: self.received[wire][name, peer] / PER_STREAM[name] / duration for name in NAMES}
+
+
+@pytest.mark.parametrize("peers", [(PEERS,), (1,) * PEERS, (8, 8)])
+def test_telemetry_has_a_budget_per_tick_over_all_peers_and_links(peers: tuple[int, ...]) -> None:
+    """GIVEN sixteen peers that request every stream at 1000 Hz THEN a tick sends so much, lowest ranks last."""
+    crowd = Crowd(*peers)
+    for wire in range(len(peers)):
+        crowd.request(wire, 1000.0)
+    crowd.fly(1.0)
+    crowd.received, duration = [Counter() for _ in peers], 12.0
+    crowd.fly(duration)
+    assert crowd.most < TELEMETRY_FRAMES + max(peers) * len(MIRRORS)
+    first = [crowd.rates(0, peer, duration) for peer in crowd.wires[0].peers or ()]
+    assert all(rates == first[0] for rates in first), "every peer receives the same"
+    for wire in range(len(peers)):
+        rates = crowd.rates(wire, 0, duration)
+        by_rank = [[rate for name, rate in rates.items() if NAMES[name].rank is rank] for rank in Rank]
+        assert min(by_rank[0]) > 10.0, by_rank
+        assert max(rate for ranked in by_rank[1:] for rate in ranked) < 1.0
+        least = int(duration / (LONGEST_WAIT + 1.0)) / duration
+        assert all(rate >= least for ranked in by_rank for rate in ranked), "a stream is never sent"
+    assert crowd.received[0]["HEARTBEAT", 0] >= duration - 1.0
+    limited = [text for text in crowd.texts if "frames per tick" in text]
+    assert limited == [f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams are thinned"]
+
+
+def test_a_link_with_usual_rates_is_not_thinned_by_another() -> None:
+    """GIVEN a link whose peers request everything THEN a station on another link has what it has alone."""
+    alone, crowd = Crowd(1, tick=0.005), Crowd(PEERS, 1, tick=0.005)
+    crowd.request(0, 1000.0)
+    for each in (alone, crowd):
+        each.fly(1.0)
+        each.received = [Counter() for _ in each.wires]
+        each.fly(5.0)
+    expected, rates = alone.rates(0, 0, 5.0), crowd.rates(1, 0, 5.0)
+    assert all(rates[name] == pytest.approx(expected[name], abs=0.41) for name in NAMES), rates
+    assert [text for text in alone.texts if "thinned" in text] == []
+
+
+def test_sixteen_peers_with_usual_rates_are_not_thinned() -> None:
+    crowd = Crowd(PEERS)
+    crowd.fly(10.0)
+    assert crowd.received[0]["ATTITUDE", 0] == pytest.approx(100, abs=2)
+    assert [text for text in crowd.texts if "thinned" in text] == []

@@ -278,6 +278,33 @@ def test_stations_that_are_heard_are_not_turned_out_and_those_long_gone_are() ->
         assert door.gone == [stations[0].getsockname()]
 
 
+def test_peers_that_send_one_heartbeat_do_not_keep_the_next_out() -> None:
+    """GIVEN as many TCP peers as fit, silent after one heartbeat THEN one more is answered within a few seconds."""
+    port, now = free_port(socket.SOCK_STREAM), 0.0
+    link = GroundLink([f"tcpin:127.0.0.1:{port}"], FakeVehicle())
+    heartbeat = FrameWriter(255, 190).pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    with ExitStack() as stack:
+        stack.callback(link.close)
+        for number in range(MOST_PEERS):
+            peer = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+            peer.sendall(heartbeat)
+            while link.counts[0].frames <= number:
+                now += 1e-4
+                link.poll(now)
+        late = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+        late.sendall(heartbeat)
+        late.setblocking(False)
+        received, end = b"", now + HALF_OPEN + 1.0
+        while not received and now < end:
+            now += 0.1
+            link.poll(now)
+            try:
+                received = late.recv(4096)
+            except BlockingIOError:
+                continue
+        assert HALF_OPEN <= 5.0 and received
+
+
 # --- the generated dialect ---------------------------------------------------------------------------------
 
 

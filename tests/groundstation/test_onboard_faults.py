@@ -56,7 +56,7 @@ class Flight:
         account = Account(quiet=True)
         account.say = self.lines.append  # type: ignore[method-assign]
         self.account = account
-        self.told = ToldBoard(
+        self.console = ToldBoard(
             self.board, self.onboard.view, account, self.link.announced, every=1.0,
             guard=self.isolation.guard("terminal"),
         )  # fmt: skip
@@ -73,7 +73,7 @@ class Flight:
             return frame and frame._replace(imu=ImuSample(frame.time_us, *map(float, frame.imu[1:])))
 
         self.board.read = reading  # type: ignore[method-assign]
-        self.onboard.fly(self.told, self.link)
+        self.onboard.fly(self.console, self.link)
         self.link.close()
 
     def link_events(self) -> list[Event]:
@@ -98,7 +98,7 @@ PARTS: dict[str, Callable[[Flight], None]] = {
     "recorder": lambda flight: once(flight.memory, "record"),
     "parameter file": lambda flight: once(flight.onboard, "_keep"),
     "ground links": lambda flight: once(flight.link, "poll"),
-    "terminal": lambda flight: once(flight.told, "_say_events"),
+    "terminal": lambda flight: once(flight.console, "_print_events"),
 }
 
 
