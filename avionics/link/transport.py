@@ -242,7 +242,7 @@ class _Connection:
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket = connected
         self.gone = False
-        self._queue = b""
+        self._queue = bytearray()
 
     def receive(self, portion: int) -> bytes:
         """At most so much of what has arrived; sets ``gone`` when the peer closed."""
@@ -269,12 +269,12 @@ class _Connection:
         """Send what the peer's window takes now."""
         try:
             while self._queue:
-                self._queue = self._queue[self.socket.send(self._queue) :]
+                del self._queue[: self.socket.send(self._queue)]
         except (BlockingIOError, InterruptedError):
             pass
         except OSError:
             self.gone = True
-            self._queue = b""
+            self._queue.clear()
 
 
 class TcpServer:

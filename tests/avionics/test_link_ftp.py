@@ -189,6 +189,26 @@ def test_folders_are_listed_to_their_end(logs: Path) -> None:
     assert Asked(None).ask(LIST, b"/logs") == nak(END_OF_FILE)
 
 
+@pytest.mark.skipif(os.name != "posix", reason="file names are bytes")
+@pytest.mark.parametrize(
+    ("name", "listed"),
+    [(b"M\xfcnchen.mcap", b"M\\udcfcnchen.mcap"), (b"a\tb\nc\x1b[2J.mcap", b"a\\tb\\nc\\x1b[2J.mcap"),
+     ("M\u00fcnchen.mcap".encode(), "M\u00fcnchen.mcap".encode()), (b"x" * 240 + b".mcap", b"")],
+)  # fmt: skip
+def test_a_file_of_any_name_is_listed_or_left_out(logs: Path, name: bytes, listed: bytes) -> None:
+    """GIVEN a name that is no UTF-8, has control characters or is too long THEN the others are listed."""
+    (logs / os.fsdecode(name)).write_bytes(LOG)
+    asked, found, offset = Asked(logs), list[bytes](), 0
+    while (answer := asked.ask(LIST, b"/logs", offset=offset))[0] == ACK:
+        entries = answer[1].removesuffix(b"\0").split(b"\0")
+        found, offset = found + entries, offset + len(entries)
+    expected = {b"Fempty.mcap\t0", b"Fflight-1.mcap\t40000"} | ({b"F" + listed + b"\t40000"} if listed else set())
+    assert set(found) == expected and answer == nak(END_OF_FILE)
+    if listed:
+        assert asked.ask(OPEN, b"/logs/" + listed) == (ACK, struct.pack("<I", len(LOG)))
+        assert asked.ask(READ, offset=100, size=50) == (ACK, LOG[100:150])
+
+
 @pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
 def test_nothing_can_be_written(logs: Path, opcode: int) -> None:
     before = sorted(logs.iterdir())

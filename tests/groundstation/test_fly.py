@@ -23,6 +23,7 @@ from avionics import topics
 from avionics.messages import Mode
 from avionics.quantities import BadInput
 from avionics.state import zero
+from groundstation.command import fly as fly_command
 from groundstation.command import options
 from groundstation.command.children import Children
 from groundstation.command.main import main
@@ -34,6 +35,7 @@ from logs.campaigns.flown import Recording, flown
 from logs.campaigns.run import order_of
 from logs.info import summary
 from logs.join import join
+from logs.names import FAULTS
 from logs.placing import held
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -475,3 +477,21 @@ def test_children_that_end_well_are_no_failure() -> None:
         while children.running():
             time.sleep(0.02)
         assert children.failure() is None
+
+
+def test_a_view_that_raises_costs_no_flight_and_is_in_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GIVEN a view that raises THEN the flight goes on without it, and the traceback is in the log alone."""
+
+    def broken(*args: Any) -> None:
+        raise RuntimeError("no colors left")
+
+    monkeypatch.setattr(fly_command, "_watch_lines", broken)
+    log = tmp_path / "flight.mcap"
+    assert main(["fly", "--duration", "3", "--log", str(log)]) == 0
+    err = capsys.readouterr().err
+    assert "no view for the rest of the flight: RuntimeError: no colors left" in err and "Traceback" not in err
+    with open_log(log) as flight:
+        assert flight.duration > 2.9
+        assert "Traceback" in flight.metadata[FAULTS]["view"]
