@@ -7,6 +7,7 @@ import random
 import struct
 import time
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +22,7 @@ from pymavlink import mavftp, mavutil
 
 from avionics.link.dialect import mavlink
 from avionics.link.ground import Files, GroundLink
-from avionics.link.services.ftp import BURST, MOST_SESSIONS
+from avionics.link.services.ftp import BURST, BURST_PER_STEP, MOST_SESSIONS
 from avionics.link.shelf import pack_parameters
 from avionics.link.vehicle import Parameter
 
@@ -260,6 +261,27 @@ def test_a_burst_comes_in_order_and_ends_with_its_mark(logs: Path) -> None:
         asked.sequence += len(answers)
     assert got == LOG
     assert asked.ask(BURST_READ, offset=len(LOG), size=239) == nak(END_OF_FILE)
+
+
+def test_many_bursts_at_once_send_no_more_in_a_tick_than_one(logs: Path) -> None:
+    """GIVEN as many senders as there are sessions, each with a burst THEN a tick sends so much, all are served."""
+    asked = Asked(logs)
+    stations = [Voice(system).frame for system in range(200, 200 + MOST_SESSIONS)]
+    for asked.say in stations:
+        asked.ask(OPEN, b"/logs/flight-1.mcap")
+    for asked.say in stations:
+        asked.send(BURST_READ, size=239)
+
+    def targets() -> list[int]:
+        return [each.target_system for each in asked.wire.heard() if each.get_type() == "FILE_TRANSFER_PROTOCOL"]
+
+    received = Counter(targets())
+    for _ in range(MOST_SESSIONS * BURST // BURST_PER_STEP):
+        asked.step()
+        sent = targets()
+        assert len(sent) <= BURST_PER_STEP
+        received.update(sent)
+    assert received == dict.fromkeys(range(200, 200 + MOST_SESSIONS), BURST)
 
 
 def test_a_request_that_comes_again_gets_the_same_answer(logs: Path) -> None:

@@ -46,6 +46,21 @@ def test_a_viewer_that_takes_nothing_holds_up_nobody(tmp_path: Path) -> None:
         assert log.complete and log.topics[topics.ADC.name].messages == 20_000
 
 
+def test_whatever_a_live_view_raises_ends_it_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install foxglove-sdk")
+
+    def broken(*args: object, **options: object) -> None:
+        raise KeyError("no such channel")
+
+    monkeypatch.setattr(LiveServer, "_show", broken)
+    with LiveServer(parse_address("127.0.0.1:0"), [tmp_path / "a.mcap"]) as server:
+        server._thread.join(10.0)
+        assert server.failure == "'no such channel'"
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_an_address_has_a_host_and_a_port() -> None:
     assert parse_address("0.0.0.0:8765") == ("0.0.0.0", 8765) and parse_address("[::1]:0") == ("::1", 0)
     for text in ("8765", "host", ":1", "host:", "host:-1", "host:65536", "host:x"):

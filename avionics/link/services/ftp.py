@@ -34,6 +34,7 @@ IDLE = 60.0
 BURST = 100
 """messages; then the station asks for the next burst, if it is still there"""
 BURST_PER_STEP = 10
+"""messages; of all bursts together, so that the senders take turns burst by burst"""
 CHECKED_PER_STEP = 65536
 """bytes"""
 
@@ -238,7 +239,7 @@ class FtpService:
         outputs: list[Output] = []
         for sender, burst in tuple(self._bursts.items()):
             room = self._rooms[sender.link](BULK) / FRAME_BYTES - len(outputs)
-            outputs += self._go_on(sender, burst, now, int(min(max(room, 0.0), BURST_PER_STEP)))
+            outputs += self._go_on(sender, burst, now, int(min(max(room, 0.0), BURST_PER_STEP - len(outputs))))
         for sender, checksum in tuple(self._checksums.items()):
             outputs += self._check(sender, checksum)
         return outputs
