@@ -135,9 +135,11 @@ class Streams:
         if now < self._next:
             return
         waiting = [
-            sorted(
-                (schedule for schedule in schedules.values() if now >= schedule.due),
-                key=lambda schedule: (-self._kept(schedule, now), -schedule.due),
+            deque(
+                sorted(
+                    (schedule for schedule in schedules.values() if now >= schedule.due),
+                    key=lambda schedule: (self._kept(schedule, now), schedule.due),
+                )
             )
             for schedules in self._links
         ]
@@ -147,7 +149,7 @@ class Streams:
         left = TELEMETRY_FRAMES
         while turns and left > 0:
             link = turns.popleft()
-            schedule = waiting[link].pop()
+            schedule = waiting[link].popleft()
             if waiting[link]:
                 turns.append(link)
             if self._has_capacity(link, schedule, now):

@@ -288,7 +288,7 @@ def test_a_link_with_usual_rates_is_not_thinned_by_another() -> None:
 
 
 def test_sixteen_peers_with_usual_rates_are_not_thinned() -> None:
-    crowd = Crowd(PEERS)
-    crowd.fly(10.0)
-    assert crowd.received[0]["ATTITUDE", 0] == pytest.approx(100, abs=2)
+    crowd = Crowd(PEERS, tick=0.005)
+    crowd.fly(5.0)
+    assert crowd.received[0]["ATTITUDE", 0] == pytest.approx(50, abs=2)
     assert [text for text in crowd.texts if "thinned" in text] == []
