@@ -44,6 +44,7 @@ PREFIXES = {
     "roll": "ROLL",
     "flapping": "FLAP",
     "tail": "TAIL",
+    "preflight": "PRE",
 }
 WORDS = {
     "proportional": "P",

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from avionics.constants import STANDARD_GRAVITY
+from avionics.estimation import ahrs
 from avionics.guidance import heading, modes, navigation
 from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
 from avionics.records import new
-from avionics.sensing import pilot, plausibility
+from avionics.sensing import pilot, plausibility, preflight
 from avionics.state import AutopilotState
 
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
@@ -122,7 +123,6 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
     left, right = s.wing.angle_left, s.wing.angle_right
     flap = s.gains.flapping
     force = math.hypot(*s.frame.imu[1:4])
-    bias = max(abs(s.attitude.bias_x), abs(s.attitude.bias_y), abs(s.attitude.bias_z))
     checks = (
         (s.wing.time_us == 0, "no encoder samples"),
         (s.air.time_us == 0, "no pressure samples"),
@@ -133,9 +133,37 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
             abs(force - STANDARD_GRAVITY) > FORCE_MARGIN,
             "accelerometer does not read 1 g: hold still, or calibrate it",
         ),
-        (bias >= s.gains.ahrs.bias_limit, "gyro bias at its limit"),
+        (ahrs_limited(s), "gyro bias at its limit"),
     )
-    return tuple(text for failed, text in checks if failed)
+    reference = preflight.Reference(s.gains.ahrs.field_strength, s.gains.ahrs.field_dip)
+    found = preflight.findings(s.gains.preflight, s.preflight, reference)
+    return tuple(text for failed, text in checks if failed) + tuple(finding_text(s, finding) for finding in found)
+
+
+def ahrs_limited(s: AutopilotState) -> bool:
+    """Whether the gyro bias has moved from the offset at standstill as far as its estimator can follow."""
+    bias = (s.attitude.bias_x, s.attitude.bias_y, s.attitude.bias_z)
+    return s.ahrs is not None and not ahrs.aligned(s.gains.ahrs, s.ahrs, bias)
+
+
+def finding_text(s: AutopilotState, finding: preflight.Finding) -> str:
+    """A sensor error before arming, with the measured and the expected value and the remedy."""
+    gains, rest = s.gains.preflight, s.preflight.rest
+    if finding == preflight.Finding.GYRO_OFFSET:
+        return f"gyro: rate at rest exceeds {math.degrees(gains.gyro_offset):.0f} deg/s; hold still, or replace it"
+    if finding == preflight.Finding.GYRO_UNCALIBRATED or rest is None:
+        return f"gyro: not calibrated; hold still for {gains.window * gains.windows:g} s"
+    means, reference = rest.means, s.gains.ahrs
+    if finding == preflight.Finding.ACCELEROMETER:
+        return f"accelerometer: {math.hypot(*means.force) / STANDARD_GRAVITY:.2f} g at rest; calibrate it"
+    if finding == preflight.Finding.FIELD_STRENGTH:
+        measured, expected = math.hypot(*means.field), reference.field_strength
+        return f"magnetometer: field of {measured:.2f} gauss, expected {expected:.2f}; keep off iron, or calibrate it"
+    if finding == preflight.Finding.FIELD_DIP:
+        measured, expected = math.degrees(preflight.dip(means)), math.degrees(reference.field_dip)
+        text = f"field dips {measured:.0f} deg, expected {expected:.0f}; keep off iron, or calibrate both"
+        return f"magnetometer or accelerometer: {text}"
+    return f"pitot: {means.pressure:.0f} Pa at rest; cover it and calibrate its zero"
 
 
 def surroundings(s: AutopilotState) -> navigation.Situation:

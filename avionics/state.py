@@ -30,6 +30,7 @@ from avionics.sensing import (
     pilot,
     plausibility,
     power,
+    preflight,
     tail_check,
     wing_angle,
     wing_check,
@@ -64,6 +65,7 @@ class AutopilotState:
     plausibility: plausibility.State = plausibility.State()
     ahrs: ahrs.AhrsState | None = None
     """None before the first IMU sample"""
+    preflight: preflight.State = preflight.State()
     encoders: encoders.State = encoders.State()
     wing_angle: wing_angle.State = wing_angle.State()
     power: power.State = power.State()

@@ -79,7 +79,7 @@ class AhrsGains(NamedTuple):
     bias_time: Annotated[float, Quantity("s", 5.0, 10000.0)] = 25.0
     """s; integral time of the gyro bias against tilt and heading corrections"""
     bias_limit: Annotated[float, Quantity("rad/s", 0.0, 0.2)] = 0.05
-    """rad/s; largest gyro bias that is believed, each axis"""
+    """rad/s; greatest difference of the gyro bias from the offset of the last alignment, each axis"""
     gyro_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
     """-; age of a gyro sample in sample intervals: 0.5 when it is the mean over the last interval"""
     accel_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
@@ -136,6 +136,10 @@ class AhrsGains(NamedTuple):
     """1/s; of method 1, rate per error of the heading"""
     razor_yaw_rate: Annotated[float, Quantity("1/s^2", 0.0, 100.0)] = 0.001
     """1/s^2; of method 1, growth of the rate per error of the heading"""
+    field_strength: Annotated[float, Quantity("gauss", 0.0, 2.0)] = 0.0
+    """gauss; of the geomagnetic field at the place, 0 if it is unknown"""
+    field_dip: Annotated[float, Quantity("rad", -0.5 * pi, 0.5 * pi)] = 0.0
+    """rad; inclination of that field, positive down"""
 
 
 class Block(NamedTuple):
@@ -194,6 +198,8 @@ class Correction(NamedTuple):
     """-; 1 while the magnetic field is refused for longer than `AhrsGains.disturbed_time`"""
     aided: int = 0
     """-; 1 while the GPS tells the tilt"""
+    offset: Vector = ZERO
+    """rad/s; gyro offset of the last alignment at standstill, body axes"""
 
 
 class AhrsState(NamedTuple):
@@ -279,6 +285,27 @@ def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
         tilt_sigma=velocity_aiding.START_TILT, heading_sigma=velocity_aiding.START_HEADING,
     )  # fmt: skip
     return AhrsState(imu.time_us, r, rates, rotate(r, force), Block(), correction, velocity_aiding.start(imu.time_us))
+
+
+def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
+    """State after a standstill: level, heading and gyro offset from the means of its samples.
+
+    This is the coarse alignment of a strapdown system at rest (Groves 2013, 5.6.2).
+
+    Args:
+        gains: tuning.
+        imu: mean rates, specific force and field of the standstill, with the time of its end.
+        span: s; its length.
+    """
+    state = start(gains, imu)
+    rate = state.rates
+    correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span)
+    return state._replace(correction=correction)
+
+
+def aligned(gains: AhrsGains, state: AhrsState, rate: Vector) -> bool:
+    """Whether the mean ``rate`` (rad/s) at standstill is within the range of the bias estimator."""
+    return max(abs(a - b) for a, b in zip(rate, state.correction.offset, strict=True)) < gains.bias_limit
 
 
 def triad(force: Vector, field: Vector, declination: float) -> Matrix:
@@ -429,7 +456,7 @@ def _fixed(
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
     aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
     r = orthonormalised(multiply(rotation(*errors.turn), r))
-    bias = _limited(_sum(last.bias, errors.bias), gains.bias_limit)
+    bias = _limited(_sum(last.bias, errors.bias), last.offset, gains.bias_limit)
     return r, new(Correction, (bias, *last[1:])), aid
 
 
@@ -453,7 +480,7 @@ def _corrected(
         turn, bias, aid = _by_compass(gains, last, view, aid, p)
     else:
         turn, bias, p = _by_view(gains, r, last, view, p)
-    if not flight.flapping and flight.airspeed < gains.rest_airspeed and _resting(gains, block):
+    if not flight.flapping and flight.airspeed < gains.rest_airspeed and _resting(gains, last.offset, block):
         gain = _gain(view.length, gains.rest_time, view.age)
         bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
         p = velocity_aiding.rested(p, gain, gains.rest_noise)
@@ -461,8 +488,9 @@ def _corrected(
     tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
-    corrected = _remembered(gains, last.doubt, view, turn, (_limited(bias, gains.bias_limit), impulse, sure))
-    return orthonormalised(multiply(turn, r)), corrected, aid
+    limited = _limited(bias, last.offset, gains.bias_limit)
+    corrected = _remembered(gains, last.doubt, view, turn, (limited, impulse, sure))
+    return orthonormalised(multiply(turn, r)), corrected._replace(offset=last.offset), aid
 
 
 def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
@@ -600,7 +628,7 @@ def _alike(gains: AhrsGains, strength: float, dip: float, reference: Vector) -> 
     )
 
 
-def _resting(gains: AhrsGains, block: Block) -> bool:
+def _resting(gains: AhrsGains, offset: Vector, block: Block) -> bool:
     """True when neither rates nor specific force moved during the block, and the rates may be a bias."""
     span = block.span
     turn = _scaled(block.turn, 1.0 / span)
@@ -609,7 +637,7 @@ def _resting(gains: AhrsGains, block: Block) -> bool:
     return (
         rate_variance < gains.rest_rate**2
         and force_variance < gains.rest_accel**2
-        and max(abs(turn[0]), abs(turn[1]), abs(turn[2])) < gains.bias_limit
+        and max(abs(turn[0] - offset[0]), abs(turn[1] - offset[1]), abs(turn[2] - offset[2])) < gains.bias_limit
     )
 
 
@@ -621,8 +649,9 @@ def _sum(a: Vector, b: Vector) -> Vector:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-def _limited(v: Vector, limit: float) -> Vector:
-    return (clip(v[0], -limit, limit), clip(v[1], -limit, limit), clip(v[2], -limit, limit))
+def _limited(v: Vector, center: Vector, limit: float) -> Vector:
+    (x, y, z), (a, b, c) = v, center
+    return (clip(x, a - limit, a + limit), clip(y, b - limit, b + limit), clip(z, c - limit, c + limit))
 
 
 def _wrapped(angle: float) -> float:

@@ -155,7 +155,7 @@ def step(
     dt = 0.0 if state.time_us < 0 else max(0.0, min(LONGEST_STEP, (sample.time_us - state.time_us) * 1e-6))
     first = state.time_us < 0
     reference, reference_span = _reference(gains, state, static, dt)
-    raw = (differential(gains, sample.differential_counts) - gains.differential_zero) * gains.differential_scale
+    raw = calibrated(gains, sample.differential_counts)
     zero, zero_span = _zero(gains, state, raw, dt) if on_ground else (state.zero, state.zero_span)
     pressure, innovation, filtered = _pressure(gains, state, raw - zero, dt, gate)
     density = static / (AIR_GAS_CONSTANT * temperature)
@@ -174,6 +174,11 @@ def step(
 def told(state: State, density: float) -> float:
     """Airspeed (m/s) that the pitot tells, whatever the gate refused, in air of a density (kg/m^3)."""
     return _speed(state.told, density)
+
+
+def calibrated(gains: Gains, counts: int) -> float:
+    """Differential pressure (Pa) of the counts by the calibration, before the zero of the ground is subtracted."""
+    return (differential(gains, counts) - gains.differential_zero) * gains.differential_scale
 
 
 def differential(gains: Gains, counts: int) -> float:

@@ -11,7 +11,7 @@ from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import say
 from avionics.messages import Calibration, Severity
 from avionics.quantities import BadInput
-from avionics.sensing import air_data, encoders, inertial
+from avionics.sensing import air_data, encoders, inertial, preflight
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -51,8 +51,7 @@ def reason_to_stop(s: AutopilotState) -> str:
         return "" if s.modes.stage in AIRBORNE else "no longer in flight"
     if s.modes.armed:
         return "armed"
-    imu = s.frame.imu
-    turning = math.sqrt(imu.gyro_x * imu.gyro_x + imu.gyro_y * imu.gyro_y + imu.gyro_z * imu.gyro_z)
+    turning = math.hypot(s.attitude.roll_rate, s.attitude.pitch_rate, s.attitude.yaw_rate)
     return "the vehicle moved" if kind in procedure.AT_REST and turning > procedure.MOVING else ""
 
 
@@ -126,7 +125,7 @@ def _solve(s: AutopilotState, publish: Publish) -> None:
 def _begin_anew(s: AutopilotState, kind: Calibration) -> None:
     """What was learned with the old values is forgotten."""
     if kind in procedure.RAW_IMU:
-        s.ahrs = None
+        s.ahrs, s.preflight = None, preflight.State()
         s.frame = s.frame._replace(imu=inertial.correct(s.gains.imu, s.frame.imu))
     elif kind == Calibration.AIRSPEED_ZERO:
         s.air_data = s.air_data._replace(zero=0.0, zero_span=0.0)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import filterpy.kalman  # noqa: F401  # the filters' first steps would import it, in flight
 
 from avionics import topics
+from avionics.calibration.procedure import RAW_IMU
 from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
+from avionics.guidance.modes import AIRBORNE
+from avionics.messages import ImuSample
+from avionics.sensing import air_data, preflight
 from avionics.sensing.plausibility import baro_lost
 from avionics.state import AutopilotState
 from avionics.tasks.sense import PRESSURE_TICKS, silent
@@ -15,14 +19,32 @@ from avionics.topics import Publish
 
 
 def attitude(s: AutopilotState, publish: Publish) -> None:
-    """Attitude from the IMU; a refused sample changes nothing."""
-    imu = s.frame.imu
+    """Attitude from the IMU, aligned at standstill; a refused sample changes nothing."""
+    imu, refused = s.frame.imu, s.plausibility.bad & 1
     if s.ahrs is None:
-        if s.plausibility.bad & 1:
+        if refused:
             return
         s.ahrs = ahrs.start(s.gains.ahrs, imu)
+    if not (s.modes.armed or refused or s.modes.stage in AIRBORNE or s.calibration.kind in RAW_IMU):
+        _align(s, imu)
     s.ahrs, s.attitude = ahrs.step(s.gains.ahrs, s.ahrs, imu, s.wing.frequency, s.air.airspeed, s.frame.gps)
     publish(topics.ATTITUDE, s.attitude)
+
+
+def _align(s: AutopilotState, imu: ImuSample) -> None:
+    """Gyro offset and attitude from a standstill, if the gyros are not calibrated yet or no longer."""
+    pressure = None
+    if s.frame.pressures is not None:
+        pressure = air_data.calibrated(s.gains.air_data, s.frame.pressures.differential_counts)
+    gains, first = s.gains.preflight, s.preflight.rest is None
+    s.preflight, completed = preflight.step(gains, s.preflight, imu, pressure)
+    if not completed:
+        return
+    assert s.preflight.rest is not None and s.ahrs is not None
+    means = s.preflight.rest.means
+    if first or not ahrs.aligned(s.gains.ahrs, s.ahrs, means.rate):
+        mean = ImuSample(imu.time_us, *means.force, *means.rate, *means.field)
+        s.ahrs = ahrs.align(s.gains.ahrs, mean, gains.window * gains.windows)
 
 
 def altitude(s: AutopilotState, publish: Publish) -> None:

@@ -17,6 +17,7 @@ from avionics.sensing import (
     inertial,
     plausibility,
     power,
+    preflight,
     receiver,
     tail_check,
     wing_angle,
@@ -51,3 +52,4 @@ class FlightGains(NamedTuple):
     roll: roll.Gains
     flapping: flapping.Gains
     tail: tail.Gains
+    preflight: preflight.Gains = preflight.Gains()

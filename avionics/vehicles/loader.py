@@ -11,7 +11,10 @@ from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
 
 FOLDER = Path(__file__).parent
-SCHEMA = Schema(get_type_hints(FlightGains) | {"airframe": Airframe})
+_SECTIONS = get_type_hints(FlightGains)
+_OPTIONAL = {name: _SECTIONS[name] for name in FlightGains._field_defaults}
+_REQUIRED = {name: record for name, record in _SECTIONS.items() if name not in _OPTIONAL}
+SCHEMA = Schema(_REQUIRED | {"airframe": Airframe}, _OPTIONAL)
 
 
 class FlightVehicle(NamedTuple):
@@ -42,7 +45,7 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     """
     file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
-    gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields})
+    gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields if name in file.sections})
     try:
         flapping.check(gains.flapping)
     except BadInput as error:

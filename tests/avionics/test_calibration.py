@@ -214,6 +214,7 @@ def test_a_movement_cancels_what_needs_rest(name: str) -> None:
 
 def test_armed_nothing_is_calibrated_and_while_calibrating_nothing_is_armed() -> None:
     bench = Bench()
+    bench.suite = SensorSuite(sensor_spec(WORLD.sections), 3, COLLEGE_PARK)
     bench.rest(4.0, LEVEL)
     bench.rest(0.1, LEVEL, ask("WINGS"))
     bench.rest(0.1, LEVEL, (Command(0, CommandKind.ARM),))

@@ -219,6 +219,6 @@ def test_paths_without_recordings(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_vehicle_flies_the_gains_that_are_scored_here(name: str) -> None:
-    """One parameter set: a vehicle knows its place's declination, nothing else of its own."""
+    """One parameter set: a vehicle has the magnetic field of its place, nothing else of its own."""
     flown = load_vehicle(name).gains.ahrs
-    assert flown._replace(declination=0.0) == AhrsGains()
+    assert flown._replace(declination=0.0, field_strength=0.0, field_dip=0.0) == AhrsGains()

@@ -1,0 +1,251 @@
+"""Calibration of the gyros at standstill, and the sensor checks before arming.
+
+Standstill is detected from the scatter of gyro and accelerometer within a window and from the agreement of successive
+window means, as in the boot calibrations of ArduPilot (AP_InertialSensor) and PX4 (gyro_calibration). No threshold
+applies to the mean rate below the data sheet's zero-rate offset, so the result does not depend on a learned bias. A
+slow steady rotation has a constant mean rate as well: the directions of gravity and of the magnetic field must stand
+still, too. The means at standstill are then compared with 1 g, with the reference field and with calm air.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from math import asin, sqrt
+from typing import Annotated, NamedTuple
+
+from avionics.constants import STANDARD_GRAVITY
+from avionics.limits import clip
+from avionics.messages import ImuSample
+from avionics.quantities import Quantity
+from avionics.records import new
+
+Vector = tuple[float, float, float]
+Sums = tuple[float, float, float, float, float, float, float, float, float]
+
+LONGEST_STEP = 0.1
+"""s; a window with a longer gap between two samples is discarded"""
+NO_SUMS: Sums = (0.0,) * 9
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Gains(NamedTuple):
+    """Standstill detection and limits of the checks before arming."""
+
+    window: Annotated[float, Quantity("s", 0.1, 10.0)] = 0.5
+    """s; length of a window"""
+    windows: Annotated[int, Quantity("-", 2, 20)] = 3
+    """-; successive windows at standstill that make a calibration"""
+    gyro_scatter: Annotated[float, Quantity("rad/s", 1e-4, 1.0)] = 0.05
+    """rad/s; greatest standard deviation of an axis within a window: six times the sensor's noise, a steady hand"""
+    accel_scatter: Annotated[float, Quantity("m/s^2", 1e-3, 10.0)] = 0.5
+    """m/s^2; greatest standard deviation of an axis within a window: eight times the sensor's noise"""
+    gyro_spread: Annotated[float, Quantity("rad/s", 1e-4, 0.1)] = 0.005
+    """rad/s; greatest difference between the mean rates of the windows, each axis"""
+    turn: Annotated[float, Quantity("rad", 1e-3, 0.5)] = 0.02
+    """rad; greatest change of the directions of specific force and field between the windows"""
+    gyro_offset: Annotated[float, Quantity("rad/s", 0.01, 2.0)] = 0.7
+    """rad/s; greatest zero-rate offset of an axis: 40 deg/s of the ITG-3200 data sheet"""
+    accel_error: Annotated[float, Quantity("m/s^2", 0.05, 10.0)] = 0.4
+    """m/s^2; greatest difference of the specific force from 1 g: over five sigma of a calibrated sensor"""
+    strength_error: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.1
+    """-; greatest relative difference of the field strength from the reference"""
+    dip_error: Annotated[float, Quantity("rad", 0.01, 1.6)] = 0.1
+    """rad; greatest difference of the inclination from the reference: over five sigma of calibrated sensors"""
+    suction: Annotated[float, Quantity("Pa", 1.0, 250.0)] = 10.0
+    """Pa; greatest negative pressure of the pitot"""
+    pressure: Annotated[float, Quantity("Pa", 1.0, 250.0)] = 25.0
+    """Pa; greatest steady pressure of the pitot: 6.4 m/s of wind"""
+    pressure_spread: Annotated[float, Quantity("Pa", 0.1, 50.0)] = 2.0
+    """Pa; greatest difference between the mean pressures of the windows of a steady pressure; wind fluctuates more"""
+
+
+class Obstacle(IntEnum):
+    """Why the last window made no calibration."""
+
+    NONE = 0
+    MOTION = 1
+    """the vehicle is moved, or the sensors scatter"""
+    OFFSET = 2
+    """the mean rate is beyond the data sheet's zero-rate offset"""
+
+
+class Finding(IntEnum):
+    """A sensor error that forbids arming."""
+
+    GYRO_UNCALIBRATED = 1
+    GYRO_OFFSET = 2
+    ACCELEROMETER = 3
+    FIELD_STRENGTH = 4
+    FIELD_DIP = 5
+    PITOT = 6
+
+
+class Means(NamedTuple):
+    """Means over one or more windows."""
+
+    rate: Vector
+    """rad/s; FRD"""
+    force: Vector
+    """m/s^2; specific force, FRD"""
+    field: Vector
+    """gauss; FRD"""
+    pressure: float
+    """Pa; differential, 0 without a pitot sample"""
+
+
+class Rest(NamedTuple):
+    """The last standstill."""
+
+    means: Means
+    """over all its windows"""
+    pressure_spread: float
+    """Pa; greatest difference between the mean pressures of the windows"""
+
+
+class State(NamedTuple):
+    """Memory of the detector."""
+
+    time_us: int = -1
+    """us; of the last sample, -1 before the first"""
+    samples: int = 0
+    """-; in the present window"""
+    span: float = 0.0
+    """s; since the present window began"""
+    sums: Sums = NO_SUMS
+    """SI; of rates, specific force and field"""
+    squares: Sums = NO_SUMS
+    """SI; of their squares, the field's are not used"""
+    pressure: tuple[float, int] = (0.0, 0)
+    """Pa, -; sum of the pitot samples and their number"""
+    windows: tuple[Means, ...] = ()
+    """the last windows at standstill, oldest first"""
+    obstacle: int = Obstacle.NONE
+    """-; see `Obstacle`"""
+    rest: Rest | None = None
+    """None before the first standstill"""
+
+
+class Reference(NamedTuple):
+    """The geomagnetic field at the place; a strength of 0 is unknown."""
+
+    strength: float
+    """gauss"""
+    dip: float
+    """rad; inclination, positive down"""
+
+
+def step(gains: Gains, state: State, imu: ImuSample, pressure: float | None = None) -> tuple[State, bool]:
+    """Add one sample; call it while disarmed on the ground.
+
+    Args:
+        gains: windows and limits.
+        state: from the last step, ``State()`` at boot.
+        imu: corrected sample.
+        pressure: Pa; calibrated differential pressure, None without a new one.
+
+    Returns:
+        the state, and whether a standstill was completed by this sample: ``State.rest`` is new.
+    """
+    dt = (imu.time_us - state.time_us) * 1e-6
+    if state.time_us < 0 or not 0.0 < dt <= LONGEST_STEP:
+        return State(imu.time_us, obstacle=state.obstacle, rest=state.rest), False
+    sums, squares, (total, readings) = state.sums, state.squares, state.pressure
+    pressures = state.pressure if pressure is None else (total + pressure, readings + 1)
+    values = imu[1:]
+    a, b, c, d, e, f, g, h, i = values
+    sums = (
+        sums[0] + a, sums[1] + b, sums[2] + c, sums[3] + d, sums[4] + e, sums[5] + f,
+        sums[6] + g, sums[7] + h, sums[8] + i,
+    )  # fmt: skip
+    squares = (
+        squares[0] + a * a, squares[1] + b * b, squares[2] + c * c, squares[3] + d * d, squares[4] + e * e,
+        squares[5] + f * f, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    count, span = state.samples + 1, state.span + dt
+    if span < gains.window - 0.5 * dt:
+        return new(State, (
+            imu.time_us, count, span, sums, squares, pressures, state.windows, state.obstacle, state.rest
+        )), False  # fmt: skip
+    return _closed(gains, state, imu.time_us, (count, sums, squares, pressures))
+
+
+def findings(gains: Gains, state: State, reference: Reference) -> tuple[Finding, ...]:
+    """Sensor errors that forbid arming, empty for none."""
+    if state.rest is None:
+        return (Finding.GYRO_OFFSET if state.obstacle == Obstacle.OFFSET else Finding.GYRO_UNCALIBRATED,)
+    means, spread = state.rest
+    found = []
+    if abs(_norm(means.force) - STANDARD_GRAVITY) > gains.accel_error:
+        found.append(Finding.ACCELEROMETER)
+    if reference.strength > 0.0 and _norm(means.field) > 0.0:
+        if abs(_norm(means.field) - reference.strength) > gains.strength_error * reference.strength:
+            found.append(Finding.FIELD_STRENGTH)
+        if abs(dip(means) - reference.dip) > gains.dip_error:
+            found.append(Finding.FIELD_DIP)
+    steady = spread <= gains.pressure_spread
+    if means.pressure < -gains.suction or (steady and means.pressure > gains.pressure):
+        found.append(Finding.PITOT)
+    return tuple(found)
+
+
+def dip(means: Means) -> float:
+    """Inclination (rad) of the mean field below the plane across the mean specific force."""
+    size = _norm(means.force) * _norm(means.field)
+    along = sum(f * m for f, m in zip(means.force, means.field, strict=True))
+    return asin(clip(-along / size, -1.0, 1.0)) if size > 0.0 else 0.0
+
+
+def _closed(
+    gains: Gains, state: State, time_us: int, filled: tuple[int, Sums, Sums, tuple[float, int]]
+) -> tuple[State, bool]:
+    """The state after the end of a window."""
+    count, sums, squares, (total, samples) = filled
+    m = tuple(value / count for value in sums)
+    deviation = [sqrt(max(0.0, square / count - mean * mean)) for square, mean in zip(squares, m, strict=True)]
+    means = Means((m[3], m[4], m[5]), (m[0], m[1], m[2]), (m[6], m[7], m[8]), total / samples if samples else 0.0)
+    if max(deviation[3:6]) > gains.gyro_scatter or max(deviation[0:3]) > gains.accel_scatter:
+        return State(time_us, obstacle=Obstacle.MOTION, rest=state.rest), False
+    if max(abs(rate) for rate in means.rate) > gains.gyro_offset:
+        return State(time_us, obstacle=Obstacle.OFFSET, rest=state.rest), False
+    windows = (*state.windows, means)[-gains.windows :]
+    if not _agreeing(gains, windows):
+        return State(time_us, windows=(means,), obstacle=Obstacle.MOTION, rest=state.rest), False
+    if len(windows) < gains.windows:
+        return State(time_us, windows=windows, obstacle=state.obstacle, rest=state.rest), False
+    pressures = [window.pressure for window in windows]
+    rest = Rest(_mean(windows), max(pressures) - min(pressures))
+    return State(time_us, windows=windows, rest=rest), True
+
+
+def _agreeing(gains: Gains, windows: tuple[Means, ...]) -> bool:
+    """Whether rates and directions of the windows are those of one standstill."""
+    last = windows[-1]
+    force, field = gains.turn * _norm(last.force), gains.turn * _norm(last.field)
+    return all(
+        max(abs(a - b) for a, b in zip(one.rate, last.rate, strict=True)) <= gains.gyro_spread
+        and _distance(one.force, last.force) <= force
+        and _distance(one.field, last.field) <= field
+        for one in windows[:-1]
+    )
+
+
+def _mean(windows: tuple[Means, ...]) -> Means:
+    return Means(
+        _mean_vector([window.rate for window in windows]),
+        _mean_vector([window.force for window in windows]),
+        _mean_vector([window.field for window in windows]),
+        sum(window.pressure for window in windows) / len(windows),
+    )
+
+
+def _mean_vector(vectors: list[Vector]) -> Vector:
+    x, y, z = (sum(values) / len(vectors) for values in zip(*vectors, strict=True))
+    return x, y, z
+
+
+def _norm(v: Vector) -> float:
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def _distance(a: Vector, b: Vector) -> float:
+    return _norm((a[0] - b[0], a[1] - b[1], a[2] - b[2]))
