@@ -200,6 +200,10 @@ class Correction(NamedTuple):
     """-; 1 while the GPS tells the tilt"""
     offset: Vector = ZERO
     """rad/s; gyro offset of the last alignment at standstill, body axes"""
+    accel_offset: Vector = ZERO
+    """m/s^2; estimated offset of the accelerometer, body axes"""
+    iron: Vector = ZERO
+    """gauss; estimated hard iron, body axes"""
 
 
 class AhrsState(NamedTuple):
@@ -284,7 +288,9 @@ def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
         field=(strength, dip, 0.0), refused=(strength, dip, 0.0),
         tilt_sigma=velocity_aiding.START_TILT, heading_sigma=velocity_aiding.START_HEADING,
     )  # fmt: skip
-    return AhrsState(imu.time_us, r, rates, rotate(r, force), Block(), correction, velocity_aiding.start(imu.time_us))
+    return AhrsState(
+        imu.time_us, r, rates, rotate(r, force), Block(), correction, velocity_aiding.start(imu.time_us, r)
+    )
 
 
 def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
@@ -346,7 +352,7 @@ def step(
     correction, aid = state.correction, state.aid
     angles = _angles(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt)
     r = multiply(state.r, rotation(*angles))
-    force, velocity, field = seen = _in_earth_axes(gains.accel_delay, r, angles, imu, airspeed)
+    force, velocity, field = seen = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     if state.block.span + dt < length:
         block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
@@ -355,7 +361,7 @@ def step(
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
     if fix is not None:
-        r, correction, aid = _fixed(gains, r, correction, block, aid, fix)
+        r, correction, block, aid = _fixed(gains, r, correction, block, aid, fix)
     elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
     state = new(AhrsState, (imu.time_us, r, rates, force, block, correction, aid))
@@ -363,12 +369,13 @@ def step(
 
 
 def _in_earth_axes(
-    delay: float, r: Matrix, angles: Vector, imu: ImuSample, airspeed: float
+    delay: float, r: Matrix, angles: Vector, imu: ImuSample, correction: Correction, airspeed: float
 ) -> tuple[Vector, Vector, Vector]:
     """Specific force (m/s^2), velocity through the air (m/s, level) and magnetic field of a sample."""
-    force = rotate(r, _earlier(delay, angles, (imu.accel_x, imu.accel_y, imu.accel_z)))
+    (ax, ay, az), (mx, my, mz) = correction.accel_offset, correction.iron
+    force = rotate(r, _earlier(delay, angles, (imu.accel_x - ax, imu.accel_y - ay, imu.accel_z - az)))
     speed = airspeed / max(STEEPEST, hypot(r[0], r[3]))
-    return force, (speed * r[0], speed * r[3], 0.0), rotate(r, (imu.mag_x, imu.mag_y, imu.mag_z))
+    return force, (speed * r[0], speed * r[3], 0.0), rotate(r, (imu.mag_x - mx, imu.mag_y - my, imu.mag_z - mz))
 
 
 def _divided(
@@ -445,19 +452,41 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
 
 def _fixed(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, fix: GpsFix
-) -> tuple[Matrix, Correction, velocity_aiding.State]:
+) -> tuple[Matrix, Correction, Block, velocity_aiding.State]:
     """Matrix and memory after a fix of the GPS."""
     impulse = _sum(last.impulse, block.force)
     aid = velocity_aiding.remember(aid, gains.gps_delay, fix.time_us, impulse)
     if last.age < gains.settling:
-        return r, last, aid
+        return r, last, block, aid
     noise = _noise(gains)
     p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, r)
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
-    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
     r = orthonormalised(multiply(rotation(*errors.turn), r))
+    iron = _sum(last.iron, errors.iron)
+    if errors.realigned:
+        iron = _sum(iron, _iron(gains, r, last, block, errors.turn[2]))
+        velocity_aiding.iron_known(p, r, _compass(gains, last.field))
+        last, block = last._replace(joined=0.0, impulse=impulse), Block()
+    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
     bias = _limited(_sum(last.bias, errors.bias), last.offset, gains.bias_limit)
-    return r, new(Correction, (bias, *last[1:])), aid
+    accel = _sum(last.accel_offset, errors.accel)
+    return r, last._replace(bias=bias, accel_offset=accel, iron=iron), block, aid
+
+
+def _iron(gains: AhrsGains, r: Matrix, last: Correction, block: Block, turn: float) -> Vector:
+    """Hard iron (gauss, body axes) that explains the field of ``block``, in earth axes before the ``turn`` (rad)."""
+    strength, dip, _ = last.field
+    if block.span == 0.0 or strength == 0.0:
+        return ZERO
+    x, y, z = rotate(rotation(0.0, 0.0, turn), _scaled(block.field, 1.0 / block.span))
+    level = strength * cos(dip)
+    north, east = level * cos(gains.declination), level * sin(gains.declination)
+    return rotate_back(r, (x - north, y - east, z - strength * sin(dip)))
+
+
+def _compass(gains: AhrsGains, reference: Vector) -> velocity_aiding.Compass:
+    strength, dip, _ = reference
+    return velocity_aiding.Compass(gains.declination, strength * cos(dip))
 
 
 def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
@@ -477,9 +506,11 @@ def _corrected(
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
     view = _view(gains, last, block, flight)
     if flight.aided:
-        turn, bias, aid = _by_compass(gains, last, view, aid, p)
+        turn, errors, aid = _by_compass(gains, r, view, aid, p)
+        bias = _sum(last.bias, errors.bias)
     else:
         turn, bias, p = _by_view(gains, r, last, view, p)
+        errors = velocity_aiding.NOTHING
     if not flight.flapping and flight.airspeed < gains.rest_airspeed and _resting(gains, last.offset, block):
         gain = _gain(view.length, gains.rest_time, view.age)
         bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
@@ -490,7 +521,15 @@ def _corrected(
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
     corrected = _remembered(gains, last.doubt, view, turn, (limited, impulse, sure))
-    return orthonormalised(multiply(turn, r)), corrected._replace(offset=last.offset), aid
+    return (
+        orthonormalised(multiply(turn, r)),
+        corrected._replace(
+            offset=last.offset,
+            accel_offset=_sum(last.accel_offset, errors.accel),
+            iron=_sum(last.iron, errors.iron),
+        ),
+        aid,
+    )
 
 
 def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
@@ -519,13 +558,14 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
 
 
 def _by_compass(
-    gains: AhrsGains, last: Correction, view: View, aid: velocity_aiding.State, p: velocity_aiding.Array
-) -> tuple[Matrix, Vector, velocity_aiding.State]:
-    """Turn and gyro bias while the GPS tells the tilt: the block's field is one more measurement, also in ``p``."""
+    gains: AhrsGains, r: Matrix, view: View, aid: velocity_aiding.State, p: velocity_aiding.Array
+) -> tuple[Matrix, velocity_aiding.Errors, velocity_aiding.State]:
+    """Turn and errors while the GPS tells the tilt: the block's field is one more measurement, also in ``p``."""
     if view.refused[2] != 0.0:
-        return IDENTITY, last.bias, aid
-    aid, errors = velocity_aiding.headed(aid, p, view.heading_error, gains.field_noise)
-    return rotation(*errors.turn), _sum(last.bias, errors.bias), aid
+        return IDENTITY, velocity_aiding.NOTHING, aid
+    compass = _compass(gains, view.reference)
+    aid, errors = velocity_aiding.headed(aid, p, r, compass, view.heading_error, gains.field_noise)
+    return rotation(*errors.turn), errors, aid
 
 
 def _by_view(
@@ -541,7 +581,13 @@ def _by_view(
     doubt = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
     rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
-    return turn, bias, velocity_aiding.relaxed(p, r, shares, rates, (doubt, doubt, gains.field_noise))
+    return (
+        turn,
+        bias,
+        velocity_aiding.relaxed(
+            p, r, _compass(gains, view.reference), shares, rates, (doubt, doubt, gains.field_noise)
+        ),
+    )
 
 
 def _remembered(

@@ -3,13 +3,19 @@
 The specific force, turned into earth axes and freed of gravity, carries the velocity on from fix to fix. A tilt or
 heading that is wrong turns the force the wrong way, so what the next fix disagrees about is the attitude's error:
 
-    du/dt = theta x f,    dtheta/dt = -R db
+    du/dt = theta x f - R da,    dtheta/dt = -R db
 
 with u the error of the carried velocity, theta the small rotation about earth axes that makes the attitude true, f
-the specific force in earth axes and db the error of the gyro bias in body axes: inertial navigation's error equations
-in local axes (Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., 14.2)
-without the rotation of the earth. Unlike the airspeed, the ground velocity is right in gusts, sideslip and at the
-launch, and no flapping has to be averaged away: the force between two fixes is known sample by sample.
+the specific force in earth axes, and da and db the errors of the accelerometer offset and the gyro bias in body axes:
+inertial navigation's error equations in local axes (Groves, Principles of GNSS, Inertial, and Multisensor Integrated
+Navigation Systems, 2nd ed., 14.2) without the rotation of the earth.
+
+At rest the accelerometer offset is a tilt, and the hard iron dm a heading: neither is observable there. Both turn
+with the vehicle, tilt and heading errors do not, so a change of heading separates them. A launch shows the heading
+alone.
+
+Unlike the airspeed, the ground velocity is right in gusts, sideslip and at the launch, and no flapping has to be
+averaged away: the force between two fixes is known sample by sample.
 
 The covariance serves without fixes as well: it tells how far the attitude may be off. It is updated one measurement
 at a time in plain NumPy: a general update would cost more than all the rest of a tick.
@@ -17,12 +23,13 @@ at a time in plain NumPy: a general update would cost more than all the rest of 
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import atan2, cos, hypot, isfinite, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation.direction_cosines import Matrix, Vector
 from avionics.messages import GpsFix
 from avionics.records import new
@@ -30,8 +37,11 @@ from avionics.records import new
 Array = NDArray[np.float64]
 
 VELOCITY, ROTATION, HEADING, BIAS = slice(0, 2), slice(2, 5), 4, slice(5, 8)
-STATES = 8
-"""u north and east in m/s, theta about north, east and down in rad, db about the body axes in rad/s"""
+ACCEL, IRON = slice(8, 10), slice(10, 12)
+CONSIDERED = slice(8, 12)
+STATES = 12
+"""u north and east in m/s, theta about north, east and down in rad, db about the body axes in rad/s, da and dm along
+body x and y in m/s^2 and gauss"""
 UNITY: Array = np.eye(STATES)
 POSITION_FIX = 2
 """`GpsFix.fix_type` from which its velocity is used"""
@@ -41,6 +51,20 @@ CONFIRMATIONS = 3
 """-; fixes that must agree with a newly set velocity before the filter is left to them alone"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
+START_ACCEL, START_IRON = 0.12, 0.015
+"""m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis"""
+ACCEL_WALK, IRON_WALK = 0.002, 0.0001
+"""m/s^2.5, gauss/s^0.5; random walk of both"""
+LAUNCH_SPEED = 3.0
+"""m/s; ground speed between rest and flight: a launch from rest shows the heading by its course"""
+SPEED_AGREEMENT = 0.25
+"""-; greatest relative difference between the carried speed and a fix's speed if the heading alone is wrong"""
+TURN_AGREEMENT = 0.2
+"""rad; greatest difference between the heading errors that two successive fixes show"""
+SET_IRON = 0.005
+"""gauss; standard deviation of a hard iron that was set by a mean field, each axis"""
+LEAST_HORIZONTAL = 0.05
+"""gauss; horizontal field below which the hard iron is not estimated"""
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -74,7 +98,7 @@ class State(NamedTuple):
     """What is remembered."""
 
     covariance: tuple[float, ...]
-    """SI; of the 8 errors, row by row"""
+    """SI; of the 12 errors, row by row"""
     time_us: int
     """us; to which the covariance has been carried"""
     impulse: Vector = ZERO
@@ -91,6 +115,10 @@ class State(NamedTuple):
     """rad; one sigma of the tilt about a horizontal axis"""
     heading_sigma: float = START_HEADING
     """rad; one sigma of the heading"""
+    turn: float = 0.0
+    """rad; heading error that the last rejected fix shows, 0 for none"""
+    speed: float = 0.0
+    """m/s; ground speed of the last accepted fix"""
 
 
 class Errors(NamedTuple):
@@ -100,23 +128,50 @@ class Errors(NamedTuple):
     """rad; rotation about earth axes"""
     bias: Vector
     """rad/s; to be added to the gyro bias, body axes"""
+    accel: Vector
+    """m/s^2; to be added to the accelerometer offset, body axes"""
+    iron: Vector
+    """gauss; to be added to the hard iron, body axes"""
+    realigned: bool = False
+    """True if ``turn`` is not small: the heading is set anew, and impulses before it are not valid any more"""
 
 
-NOTHING = Errors(ZERO, ZERO)
+class Compass(NamedTuple):
+    """The field's heading as a measurement."""
+
+    declination: float
+    """rad; east is positive"""
+    horizontal: float
+    """gauss; horizontal field strength"""
 
 
-def start(time_us: int) -> State:
-    """Before the first fix."""
-    variances = [1.0, 1.0, *2 * [START_TILT**2], START_HEADING**2, *3 * [START_BIAS**2]]
-    return State(tuple(np.diag(variances).ravel().tolist()), time_us)
+NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
+
+
+def start(time_us: int, r: Matrix) -> State:
+    """Before the first fix, leveled by the accelerometer: its offset is a tilt of the matrix ``r``."""
+    variances = [
+        1.0, 1.0, *2 * [START_TILT**2], START_HEADING**2, *3 * [START_BIAS**2], *2 * [START_ACCEL**2],
+        *2 * [START_IRON**2],
+    ]  # fmt: skip
+    j = UNITY.copy()
+    j[2:4, ACCEL] = _tilt_of_offset(r)
+    p = (j * variances).dot(j.T)
+    return State(tuple(p.ravel().tolist()), time_us)
+
+
+def _tilt_of_offset(r: Matrix) -> Array:
+    """Tilt (2, 2) about north and east in rad per offset along body x and y in m/s^2, leveled at rest."""
+    (nx, ny, _), (ex, ey, _) = r[0:3], r[3:6]
+    return np.array(((ex, ey), (-nx, -ny))) / STANDARD_GRAVITY
 
 
 def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> State:
     """Keep the impulse (m/s, earth axes) at this moment, to be asked for when a fix of now arrives."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
-    covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma = state
+    covariance, carried_us, begun, past, *others = state
     past = (*past, new(Moment, (time_us, impulse)))[-kept:]
-    return new(State, (covariance, carried_us, begun, past, offset, accepted_us, agreed, tilt_sigma, heading_sigma))
+    return new(State, (covariance, carried_us, begun, past, *others))
 
 
 def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:
@@ -126,42 +181,86 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
     (x, y, z), (x0, y0, z0) = impulse, state.impulse
     f = UNITY.copy()
     f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z - z0, -(y - y0), -(z - z0), x - x0
-    f[ROTATION, BIAS] = np.array(r).reshape(3, 3) * -dt
+    turned = np.array(r).reshape(3, 3) * -dt
+    f[ROTATION, BIAS], f[VELOCITY, ACCEL] = turned, turned[0:2, 0:2]
     p = f.dot(p).dot(f.T)
     attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
-    p.reshape(-1)[:: STATES + 1] += (0.0, 0.0, attitude, attitude, attitude, bias, bias, bias)
+    accel, iron = ACCEL_WALK**2 * dt, IRON_WALK**2 * dt
+    p.reshape(-1)[:: STATES + 1] += (
+        0.0, 0.0, attitude, attitude, attitude, bias, bias, bias, accel, accel, iron, iron
+    )  # fmt: skip
     return np.asarray(p)
 
 
 def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
     """The state with the covariance ``p`` of ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
-    tilt, heading = sqrt(0.5 * (flat[18] + flat[27])), sqrt(flat[36])
-    _, _, _, past, offset, accepted_us, agreed, _, _ = state
-    return State(flat, time_us, impulse, past, offset, accepted_us, agreed, tilt, heading)
+    tilt, heading = sqrt(0.5 * (p.item(2, 2) + p.item(3, 3))), sqrt(p.item(4, 4))
+    _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
+    return State(flat, time_us, impulse, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
     """A fix taken in; ``p``, carried to its arrival, is updated in place.
 
     A fix that is not finite, without a position, or beyond the gate corrects nothing; after ``gps_patience`` without
-    an accepted one the next sets the velocity anew.
+    an accepted one the next sets the velocity anew. After a launch from rest two rejected fixes of the carried speed
+    and of one other course turn the heading by the difference (as EKF2's reset of the yaw to the GPS course).
     """
     if not isfinite(fix.v_north + fix.v_east) or fix.fix_type < POSITION_FIX:
         return state, NOTHING
     impulse = _impulse_at(state, fix.time_us - round(noise.gps_delay * 1e6))
     velocity, variance = (fix.v_north - impulse[0], fix.v_east - impulse[1]), noise.gps_noise**2
+    speed = hypot(fix.v_north, fix.v_east)
     if state.accepted_us < 0 or (fix.time_us - state.accepted_us) * 1e-6 > noise.gps_patience:
         p[VELOCITY, :] = p[:, VELOCITY] = 0.0
         p[0, 0] = p[1, 1] = variance
-        return state._replace(offset=velocity, accepted_us=fix.time_us, agreed=0), NOTHING
+        return state._replace(offset=velocity, accepted_us=fix.time_us, agreed=0, speed=speed), NOTHING
     north, east = velocity[0] - state.offset[0], velocity[1] - state.offset[1]
     gate = noise.gps_gate**2
     if north**2 > gate * (p.item(0, 0) + variance) or east**2 > gate * (p.item(1, 1) + variance):
-        return state, NOTHING
-    x = _updated(p, 0, north, variance)
-    x += _updated(p, 1, east - float(x[1]), variance)
-    return _applied(state._replace(accepted_us=fix.time_us, agreed=state.agreed + 1), x)
+        return _turned(state, p, noise, fix, impulse)
+    update = _updated if state.agreed >= CONFIRMATIONS else _considered
+    x = update(p, 0, north, variance)
+    x += update(p, 1, east - float(x[1]), variance)
+    return _applied(state._replace(accepted_us=fix.time_us, agreed=state.agreed + 1, turn=0.0, speed=speed), x)
+
+
+def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector) -> tuple[State, Errors]:
+    """The heading turned to the course of a launch, if this is the second fix that shows the same heading error.
+
+    The velocity gained since rest is turned by the heading error; a change of course in flight is not.
+    """
+    north, east = state.offset[0] + impulse[0], state.offset[1] + impulse[1]
+    carried_speed, speed = hypot(north, east), hypot(fix.v_north, fix.v_east)
+    no_launch = state.speed > LAUNCH_SPEED or min(carried_speed, speed) < LAUNCH_SPEED
+    if no_launch or abs(carried_speed - speed) > SPEED_AGREEMENT * speed:
+        return state._replace(turn=0.0), NOTHING
+    turn = _wrapped(atan2(fix.v_east, fix.v_north) - atan2(east, north))
+    if state.turn == 0.0 or abs(_wrapped(turn - state.turn)) > TURN_AGREEMENT:
+        return state._replace(turn=turn), NOTHING
+    for part in (VELOCITY, slice(HEADING, HEADING + 1), IRON):
+        p[part, :] = p[:, part] = 0.0
+    p[0, 0] = p[1, 1] = noise.gps_noise**2
+    p[HEADING, HEADING] = 2.0 * (noise.gps_noise / speed) ** 2
+    state = state._replace(accepted_us=-1, agreed=0, past=(), turn=0.0)
+    return state, Errors((0.0, 0.0, turn), ZERO, ZERO, ZERO, True)
+
+
+def iron_known(p: Array, r: Matrix, compass: Compass) -> None:
+    """Covariance after the hard iron was set so that the compass agrees with the heading of ``r``, in place."""
+    if compass.horizontal < LEAST_HORIZONTAL:
+        return
+    j = _iron_row(r, compass) * compass.horizontal
+    p[IRON, :] = p[HEADING] * j[:, np.newaxis]
+    p[:, IRON] = p[IRON, :].T
+    p[IRON, IRON] = np.outer(j, j) * p.item(HEADING, HEADING) + np.eye(2) * SET_IRON**2
+
+
+def _iron_row(r: Matrix, compass: Compass) -> Array:
+    """Magnetic east in body axes, x and y."""
+    s, c = -sin(compass.declination), cos(compass.declination)
+    return np.array((s * r[0] + c * r[3], s * r[1] + c * r[4]))
 
 
 def agreeing(state: State, gps_patience: float, time_us: int) -> bool:
@@ -169,20 +268,36 @@ def agreeing(state: State, gps_patience: float, time_us: int) -> bool:
     return state.agreed >= CONFIRMATIONS and (time_us - state.accepted_us) * 1e-6 < gps_patience
 
 
-def headed(state: State, p: Array, heading_error: float, sigma: float) -> tuple[State, Errors]:
+def headed(
+    state: State, p: Array, r: Matrix, compass: Compass, heading_error: float, sigma: float
+) -> tuple[State, Errors]:
     """A compass taken in, ``p`` updated in place.
 
     ``heading_error`` in rad is the turn about down that it asks for, ``sigma`` in rad its noise.
     """
-    return _applied(state, _updated(p, HEADING, heading_error, sigma**2))
+    h = _heading_row(r, compass)
+    ph = p.dot(h)
+    k = ph / (float(h.dot(ph)) + sigma**2)
+    p -= np.outer(k, ph)
+    return _applied(state, k * heading_error)
 
 
-def relaxed(p: Array, r: Matrix, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
+def _heading_row(r: Matrix, compass: Compass) -> Array:
+    """How the measured heading depends on the errors; what a tilt makes of the dip is part of the hard iron here."""
+    h = np.zeros(STATES)
+    h[HEADING] = 1.0
+    if compass.horizontal >= LEAST_HORIZONTAL:
+        h[IRON] = _iron_row(r, compass) / -compass.horizontal
+    return h
+
+
+def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
     """The covariance after corrections by other gains than the optimum (Joseph's form).
 
     Args:
         p: covariance before.
         r: r_ned_from_frd.
+        compass: the field.
         shares: of the measured rotation about north, east and down that were taken off.
         bias_rates: 1/s; of the same that were taken off the gyro bias.
         sigmas: rad; noise of the three measurements.
@@ -190,19 +305,21 @@ def relaxed(p: Array, r: Matrix, shares: Vector, bias_rates: Vector, sigmas: Vec
     k = np.zeros((STATES, 3))
     k[ROTATION] = np.diag(shares)
     k[BIAS] = np.array(r).reshape(3, 3).T * np.negative(bias_rates)
-    return _joseph(p, ROTATION, k, np.array(sigmas))
+    h = UNITY[ROTATION].copy()
+    h[0:2, ACCEL] = -_tilt_of_offset(r)
+    h[2] = _heading_row(r, compass)
+    return _joseph(p, h, k, np.array(sigmas))
 
 
 def rested(p: Array, share: float, sigma: float) -> Array:
     """The covariance after a ``share`` of the bias seen at rest was taken over, seen with noise ``sigma`` (rad/s)."""
     k = np.zeros((STATES, 3))
     k[BIAS] = share * np.eye(3)
-    return _joseph(p, BIAS, k, np.full(3, sigma))
+    return _joseph(p, UNITY[BIAS], k, np.full(3, sigma))
 
 
-def _joseph(p: Array, measured: slice, k: Array, sigmas: Array) -> Array:
-    left = UNITY.copy()
-    left[:, measured] -= k
+def _joseph(p: Array, h: Array, k: Array, sigmas: Array) -> Array:
+    left = UNITY - k.dot(h)
     noise = k * sigmas
     return np.asarray(left @ p @ left.T + noise @ noise.T)
 
@@ -211,6 +328,19 @@ def _updated(p: Array, index: int, innovation: float, variance: float) -> Array:
     """Errors from a measurement of one of them; the covariance is updated in place."""
     k = p[:, index] / (p.item(index, index) + variance)
     p -= k[:, np.newaxis] * p[index]
+    return np.asarray(k * innovation)
+
+
+def _considered(p: Array, index: int, innovation: float, variance: float) -> Array:
+    """The same without a correction of the sensor offsets (Schmidt's consider filter).
+
+    A fix that disagrees after the velocity was set anew must not leave a permanent error in them.
+    """
+    s = p.item(index, index) + variance
+    row = p[index].copy()
+    k = row / s
+    k[CONSIDERED] = 0.0
+    p += s * np.outer(k, k) - np.outer(k, row) - np.outer(row, k)
     return np.asarray(k * innovation)
 
 
@@ -227,5 +357,10 @@ def _impulse_at(state: State, time_us: int) -> Vector:
 
 
 def _applied(state: State, x: Array) -> tuple[State, Errors]:
-    un, ue, tx, ty, tz, bx, by, bz = x.tolist()
-    return state._replace(offset=(state.offset[0] + un, state.offset[1] + ue)), Errors((tx, ty, tz), (bx, by, bz))
+    un, ue, tx, ty, tz, bx, by, bz, ax, ay, mx, my = x.tolist()
+    state = state._replace(offset=(state.offset[0] + un, state.offset[1] + ue))
+    return state, Errors((tx, ty, tz), (bx, by, bz), (ax, ay, 0.0), (mx, my, 0.0))
+
+
+def _wrapped(angle: float) -> float:
+    return atan2(sin(angle), cos(angle))

@@ -177,9 +177,9 @@ def test_covariance_stays_symmetric_and_positive() -> None:
 def test_tilt_is_found_from_the_velocity_alone() -> None:
     """GIVEN a filter at rest that is 3 degrees off and sees no gravity in its blocks THEN fixes right it."""
     tilt = math.radians(3.0)
-    aid = velocity_aiding.start(0)
     noise = velocity_aiding.Noise(0.001, 0.0005, 0.1, 5.0, 2.0, 0.0)
     r = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    aid = velocity_aiding.start(0, r)
     north, turned = 0.0, 0.0
     for k in range(60):
         time_us = 200_000 * (k + 1)
