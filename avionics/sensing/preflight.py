@@ -39,8 +39,8 @@ class Gains(NamedTuple):
     """rad/s; greatest standard deviation of an axis within a window: six times the sensor's noise, a steady hand"""
     accel_scatter: Annotated[float, Quantity("m/s^2", 1e-3, 10.0)] = 0.5
     """m/s^2; greatest standard deviation of an axis within a window: eight times the sensor's noise"""
-    gyro_spread: Annotated[float, Quantity("rad/s", 1e-4, 0.1)] = 0.005
-    """rad/s; greatest difference between the mean rates of the windows, each axis"""
+    gyro_spread: Annotated[float, Quantity("rad/s", 1e-4, 0.5)] = 0.025
+    """rad/s; greatest difference between the mean rates of the windows, each axis: the sway of a hand"""
     turn: Annotated[float, Quantity("rad", 1e-3, 0.5)] = 0.02
     """rad; greatest change of the directions of specific force and field between the windows"""
     gyro_offset: Annotated[float, Quantity("rad/s", 0.01, 2.0)] = 0.7

@@ -152,6 +152,20 @@ def test_gyro_bias_is_learned_while_flapping() -> None:
     assert bias == pytest.approx([0.5, 0.5, 0.5], abs=0.2)
 
 
+def test_alignment_at_standstill_takes_the_gyro_offset() -> None:
+    """GIVEN a gyro 20 deg/s off WHEN it is aligned THEN attitude and limit are right."""
+    offset = math.radians(20.0)
+    samples = [imu._replace(gyro_x=offset, gyro_z=-offset) for imu in at_rest(4.0, (0.2, 0.0, 0.42))]
+    state = ahrs.align(GAINS, samples[0], 1.5)
+    assert state.correction.window == 1.5
+    for imu in samples[1:]:
+        state, attitude = ahrs.step(GAINS, state, imu)
+    assert (attitude.roll, attitude.pitch, attitude.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert attitude[11:14] == pytest.approx((offset, 0.0, -offset))
+    assert ahrs.aligned(GAINS, state, (offset + 0.9 * GAINS.bias_limit, 0.0, -offset))
+    assert not ahrs.aligned(GAINS, state, (0.0, 0.0, 0.0))
+
+
 def test_bias_is_limited() -> None:
     motion = fly(SLOW_HAWK._replace(bias_deg=20.0), 20.0, STILL)
     attitudes = estimated(motion, SLOW_HAWK)

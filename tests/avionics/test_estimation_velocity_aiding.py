@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from avionics import snapshot
 from avionics.estimation import ahrs, velocity_aiding
@@ -152,6 +153,47 @@ def test_refused_field_lets_the_heading_sigma_grow() -> None:
     estimate = estimated(*altered(flight(0.0), magnet(0.3, 10.0, LENGTH)))
     sigma = estimate.column("heading_sigma")
     assert sigma[-1] > 1.1 * sigma[int((STILL + 9.5) * 200)]
+
+
+def imu_error(**errors: float) -> Callable[[float, Sensed], Sensed]:
+    """Constants added to fields of the IMU sample."""
+
+    def change(since: float, now: Sensed) -> Sensed:
+        return now._replace(imu=now.imu._replace(**{name: getattr(now.imu, name) + e for name, e in errors.items()}))
+
+    return change
+
+
+@pytest.mark.parametrize("axis", ["accel_x", "accel_y"])
+def test_accelerometer_offset_is_learned_in_a_turn(axis: str) -> None:
+    """GIVEN 150 mg along the horizon, a tilt of 8.6 degrees at rest WHEN it turns THEN the attitude is right."""
+    estimate = estimated(*altered(flight(25.0), imu_error(**{axis: 1.47})))
+    assert estimate.rms_deg(flying(estimate, -1.0, 0.0))[:2].max() > 8.0
+    assert estimate.rms_deg(flying(estimate, 12.0))[:2].max() < 1.5
+
+
+def test_accelerometer_offset_is_not_learned_from_calibrated_sensors() -> None:
+    _, given = flight(25.0)
+    state = ahrs.start(GAINS, given[0].imu)
+    for now in given[1:]:
+        state, _ = ahrs.step(GAINS, state, now.imu, now.frequency, now.airspeed, now.fix)
+    assert np.abs(state.correction.accel_offset).max() < 0.05
+    assert np.abs(state.correction.iron).max() < 0.01
+
+
+def test_launch_turns_a_wrong_heading_to_the_course() -> None:
+    """GIVEN a hard iron that turns the field at rest by 70 degrees THEN the launch shows both."""
+    motion, given = flight(0.0)
+    held = next(now.imu for now in given[::-1] if now.imu.time_us < (STILL - 1.0) * 1e6)
+    field = np.array(held[7:10])
+    up = np.array(held[1:4]) / np.linalg.norm(held[1:4])
+    turned = Rotation.from_rotvec(math.radians(70.0) * up).apply(field)
+    iron = dict(zip(("mag_x", "mag_y", "mag_z"), (turned - field).tolist(), strict=True))
+    estimate = estimated(*altered((motion, given), imu_error(**iron)))
+    assert estimate.rms_deg(flying(estimate, -1.0, 0.0))[2] > 60.0
+    assert estimate.rms_deg(flying(estimate, 1.5))[2] < 5.0
+    assert estimate.rms_deg(flying(estimate, 1.5))[:2].max() < 1.5
+    assert not estimate.attitudes[-1].magnetometer_disturbed
 
 
 def test_fix_without_a_position_corrects_nothing() -> None:
