@@ -222,7 +222,7 @@ class Plant:
             servo = float(drive[3]) * (end - angle) + float(drive[4]) * (end - start) / controls.duration
             pull = controls.throttle * stall if self._cranked else servo
             torques[i] = min(max(pull, -stall), stall)
-            current += drive_current(torques[i], *motor.tolist())
+            current += drive_current(torques[i] * controls.conducting, *motor.tolist())
         self.y[self.layout.charge] += current * controls.duration
         return means._replace(
             torque_left=torques[0],

@@ -123,6 +123,8 @@ class Controls(NamedTuple):
     """s"""
     powered: float
     """1 when the drives are on, 0 when they are slack"""
+    conducting: float = 1.0
+    """1 when the drives are armed, 0 when their controllers conduct nothing and the gears hold the wings"""
 
 
 class Surroundings(NamedTuple):
@@ -242,7 +244,12 @@ def _drive_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
 
 @inlined
 def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
-    """A position servo on each wing; of a crank drive, that of what the crank's phase wants."""
+    """A position servo on each wing; of a crank drive, that of what the crank's phase wants.
+
+    Drives that are not armed, and the motor of a crank at closed throttle, draw their idle current alone: the gears
+    hold the wings, without limit, as a servo's do by friction up to the torque offset.
+    """
+    conducting = c.conducting > 0.0 and (p.drive_kind == SERVO or c.throttle * c.powered > 0.0)
     total, n, gains = 0.0, p.joints.kind.shape[0], (p.drive[3], p.drive[4])
     stall_torque, no_load_speed = p.drive[0] * ratio, p.drive[1] * ratio
     for i in range(n):
@@ -252,7 +259,8 @@ def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
         wanted, wanted_rate = _wanted(y, i, share, c, p)
         error, error_rate = wanted - angle, wanted_rate - rate
         torque = c.powered * servo_torque(error, error_rate, rate, gains, stall_torque, no_load_speed)
-        total += drive_current(torque, p.current[0], p.current[1], p.current[2])
+        loaded = drive_current(torque, p.current[0], p.current[1], p.current[2])
+        total += loaded if conducting else p.current[2]
         s.drive[p.joints.channel[i]] = torque
     turned = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
     s.crank[0] = (turned - y[COORDINATES + 2 * n + 1]) / p.crank_shape[2]
@@ -640,10 +648,10 @@ ORDER = struct.Struct(f"<{len(Controls._fields) + len(Surroundings._fields)}d")
 
 @kernel
 def advance_ordered(y: Floats, steps: int, order: Floats, bound: Bound) -> bool:
-    """`advance` by the numbers of `Controls`, then `Surroundings`, (20,): numba unpacks an array faster than them."""
+    """`advance` by the numbers of `Controls`, then `Surroundings`, (21,): numba unpacks an array faster than them."""
     o = order
-    c = Controls(o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8])
-    around = Surroundings(o[9], o[10], o[11], o[12], int(o[13]), o[14], o[15], o[16], o[17], o[18], o[19])
+    c = Controls(o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8], o[9])
+    around = Surroundings(o[10], o[11], o[12], o[13], int(o[14]), o[15], o[16], o[17], o[18], o[19], o[20])
     return advance(y, steps, c, around, bound)
 
 
@@ -679,7 +687,7 @@ def follow(y: Floats, commands: Floats, around: Surroundings, bound: Bound, hist
     """Advance ``y`` in place through intervals one after another, without coming back to Python in between.
 
     Args:
-        commands: (n, 10) the fields of `Controls`, then the number of steps of each interval.
+        commands: (n, 11) the fields of `Controls`, then the number of steps of each interval.
         history: (n, len(y) + 7) out; state at the end of each interval and its means.
     Returns:
         whether the ground was touched.
@@ -688,8 +696,8 @@ def follow(y: Floats, commands: Floats, around: Surroundings, bound: Bound, hist
     touching, size = False, y.shape[0]
     for i in range(commands.shape[0]):
         row = commands[i]
-        c = Controls(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
-        touching = advance(y, int(row[9]), c, around, bound) or touching
+        c = Controls(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+        touching = advance(y, int(row[10]), c, around, bound) or touching
         for j in range(size):
             history[i, j] = y[j]
         for j in range(s.means.shape[0]):

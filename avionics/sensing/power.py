@@ -5,7 +5,8 @@ every pulse: voltage and current are anticorrelated, so the mean power is the me
 whole periods of the modulation. The sums are of whole numbers and exact; the calibration is applied to the sums.
 
 The zero of a current sensor wanders by a per cent of the cruise's current. It is learned while the drives rest, when
-the current is known; a burst that is not a rest's is left out, so that a loaded drive never becomes a zero.
+the current is known: disarmed, and the wings still by their encoders for `Gains.rest_time`, since a drive that holds
+a wing in the wind may draw current. A burst beyond `Gains.zero_limit` is left out.
 
 The battery's share is the integral of the current, drawn slowly towards the share that belongs to its open-circuit
 voltage. That voltage is the measured one plus the sag, whose resistance is the slope of voltage over current from
@@ -55,6 +56,10 @@ class Gains(NamedTuple):
     """A; either way, where the current sensor saturates"""
     rest_current: Annotated[float, Quantity("A", 0.0, 5.0)] = 0.0
     """A; drawn by the drives while they rest with power on"""
+    rest_travel: Annotated[float, Quantity("rad", 0.0, 1.0)] = 0.02
+    """rad; travel of a wing beyond which it is not at rest"""
+    rest_time: Annotated[float, Quantity("s", 0.0, 60.0)] = 0.5
+    """s; at rest before the zero is learned"""
     zero_limit: Annotated[float, Quantity("A", 0.0, 1.0)] = 0.06
     """A; greatest error of the zero that is learned; a burst further off is not a rest's"""
     zero_time: Annotated[float, Quantity("s", 0.1, 1000.0)] = 10.0
@@ -100,6 +105,17 @@ class Battery(NamedTuple):
     """-; share of the charge by the voltage of the last seconds alone"""
 
 
+class Rest(NamedTuple):
+    """Stillness of the wings."""
+
+    left: float = 0.0
+    """rad; flap angle of the left wing when it last moved by `Gains.rest_travel`"""
+    right: float = 0.0
+    """rad; the same of the right wing"""
+    time: float = 0.0
+    """s; since then"""
+
+
 class State(NamedTuple):
     """What the integration remembers."""
 
@@ -124,18 +140,24 @@ class State(NamedTuple):
     battery: Battery = Battery()
     clipped: int = 0
     """-; looks at a burst that found it beyond the current sensor's range"""
+    rest: Rest = Rest()
 
 
 class Beat(NamedTuple):
-    """The wings as far as the energy of a stroke needs them."""
+    """Wing motion as the power processor uses it."""
 
     strokes: int = 0
     """-; full strokes since boot"""
     frequency: float = 0.0
     """Hz; of the last"""
+    left: float = 0.0
+    """rad; flap angle of the left wing"""
+    right: float = 0.0
+    """rad; flap angle of the right wing"""
 
 
 NO_BEAT = Beat()
+NO_REST = Rest()
 
 
 class Averages(NamedTuple):
@@ -184,14 +206,15 @@ def step(
         state: what the last step returned, ``State()`` at boot.
         burst: samples; one that is not later than the last moves no integral.
         beat: from the wing state.
-        resting: whether the drives are at rest, so that the current's zero may be learned.
+        resting: whether the drives are off, so that the current's zero may be learned while the wings are at rest.
     """
     (last_us, charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero, zero_span, battery,
-     clipped) = state  # fmt: skip
+     clipped, rest) = state  # fmt: skip
     time_us = burst.time_us
     dt = _interval(gains, last_us, burst)
     voltage, current, power = averages(gains, burst)
-    if resting:
+    rest = at_rest(gains, rest, beat, dt) if resting else NO_REST
+    if rest.time > gains.rest_time:
         zero, zero_span = learned_zero(gains, zero, zero_span, current, dt)
     current, power = current - zero, power - zero * voltage
     charge, energy = charge + current * dt, energy + power * dt
@@ -205,12 +228,19 @@ def step(
         clipped += beyond_range(gains, burst)
     state = new(State, (
         max(last_us, time_us), charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero,
-        zero_span, battery, clipped,
+        zero_span, battery, clipped, rest,
     ))  # fmt: skip
     return state, new(PowerState, (
         time_us, voltage, current, power, charge, energy, energy_per_stroke, battery.remaining,
         battery.open_circuit, battery.resistance or gains.resistance, zero, clipped,
     ))  # fmt: skip
+
+
+def at_rest(gains: Gains, rest: Rest, beat: Beat, dt: float) -> Rest:
+    """The stillness ``dt`` s later; a wing that moves by `Gains.rest_travel` begins it anew."""
+    if max(abs(beat.left - rest.left), abs(beat.right - rest.right)) > gains.rest_travel:
+        return Rest(beat.left, beat.right)
+    return rest._replace(time=rest.time + dt)
 
 
 def learned_zero(gains: Gains, zero: float, span: float, current: float, dt: float) -> tuple[float, float]:

@@ -21,11 +21,11 @@ PRESSURE_TICKS = 4
 
 
 def power(s: AutopilotState, publish: Publish) -> None:
-    """Power of the drives, at each burst of the ADC; the current's zero is learned while disarmed."""
+    """Power of the drives, at each burst of the ADC; the current's zero is learned disarmed, with still wings."""
     if s.frame.adc is not None:
         resting = not s.modes.armed and s.modes.stage == ON_GROUND
         clipped = s.power.clipped
-        beat = new(power_meter.Beat, (s.wing.strokes, s.wing.frequency))
+        beat = new(power_meter.Beat, (s.wing.strokes, s.wing.frequency, s.wing.angle_left, s.wing.angle_right))
         s.power, s.power_state = power_meter.step(s.gains.power, s.power, s.frame.adc, beat, resting)
         publish(topics.POWER, s.power_state)
         if s.power.clipped and not clipped:

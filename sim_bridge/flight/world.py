@@ -393,7 +393,8 @@ class SimulatedWorld:
         (left, right), (left_before, right_before) = self._targets, before
         elevator, rudder = _clip(command.elevator, tail), _clip(command.rudder, tail)
         return new(k.Controls, (
-            left_before, left, right_before, right, throttle, elevator, rudder, self._clock.length, 1.0
+            left_before, left, right_before, right, throttle, elevator, rudder, self._clock.length, 1.0,
+            float(bool(command.armed)),
         ))  # fmt: skip
 
     def _watch_rest(self, now: Instant) -> None:

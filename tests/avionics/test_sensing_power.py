@@ -141,6 +141,34 @@ def test_a_loaded_drive_is_no_zero() -> None:
     assert state.zero == 0.0
 
 
+def learned(angles: list[float]) -> float:
+    """Zero (A) learned from 2 counts of offset while the left wing is at ``angles`` (rad), a burst each."""
+    gains, state = GAINS._replace(rest_current=0.3), power.State()
+    sample = shifted(burst(*pulses(0.05, 6.0, 0.01)), 2)
+    for k, angle in enumerate(angles):
+        at = sample._replace(time_us=10000 * k)
+        state, message = power.step(gains, state, at, power.Beat(left=angle), resting=True)
+    return message.current_zero
+
+
+def test_zero_is_learned_only_while_the_wings_are_at_rest() -> None:
+    """GIVEN a wing rocked by gusts THEN nothing is learned, though the current is within the limit."""
+    travel, wait = power.Gains().rest_travel, round(100.0 * power.Gains().rest_time)
+    assert learned([0.1] * 200) == pytest.approx(0.049, abs=0.002)
+    assert learned([0.1 + 0.9 * travel * math.sin(0.2 * k) for k in range(200)]) == pytest.approx(0.049, abs=0.002)
+    assert learned([3.0 * travel * math.sin(0.2 * k) for k in range(200)]) == 0.0
+    assert learned([0.1] * (wait - 1)) == 0.0
+
+
+def test_rest_begins_anew_after_disarming() -> None:
+    gains = GAINS._replace(rest_current=0.3)
+    sample, state = burst(*pulses(0.05, 6.0, 0.01)), power.State()
+    for k in range(200):
+        disarmed = k < 20 or k > 170
+        state, message = power.step(gains, state, sample._replace(time_us=10000 * k), resting=disarmed)
+    assert message.current_zero == 0.0
+
+
 def test_zero_is_not_learned_in_flight() -> None:
     state, _ = steady(GAINS._replace(rest_current=0.27), 5.0, duty=0.05)
     assert state.zero == 0.0

@@ -89,6 +89,34 @@ def test_slack_drives_give_no_torque_and_no_more_than_the_idle_current() -> None
     assert plant.scratch.drive[:3] == pytest.approx([0.0, 0.0, 0.24])
 
 
+@pytest.mark.parametrize("wind", [(-4.0, 0.0, 1.5), (2.0, 3.0, -1.5)])
+def test_a_crank_at_closed_throttle_draws_only_the_idle_current(wind: tuple[float, float, float]) -> None:
+    """GIVEN a motor's controller that conducts nothing THEN wind on the wings it holds costs no current."""
+    plant = Plant(vehicle("arizona_100cm"))
+    loaded = []
+    for _ in range(100):
+        means = plant.advance(hold(duration=0.005), air(launcher=k.HELD, wind=wind))
+        loaded.append(abs(means.torque_left))
+        assert means.current == pytest.approx(0.4)
+    # With the throttle open the same torque would draw more.
+    assert drive_current(max(loaded), 0.16, -0.02, 0.2) > 0.2
+    plant.advance(hold(duration=0.005)._replace(throttle=0.01), air(launcher=k.HELD, wind=wind))
+    assert plant.scratch.drive[k.CURRENT] > 0.4
+
+
+def test_a_servo_draws_its_load_only_while_it_is_armed() -> None:
+    """GIVEN wings that wind presses up THEN a disarmed servo holds them too, at its idle current."""
+    currents = []
+    for conducting in (1.0, 0.0):
+        plant, wind = Plant(vehicle("robo_raven_ii_d")), (-8.0, 0.0, -8.0)
+        command = hold(duration=0.005)._replace(conducting=conducting)
+        for _ in range(100):
+            means = plant.advance(command, air(launcher=k.HELD, wind=wind))
+        currents.append(means.current)
+    assert currents[0] > 0.5
+    assert currents[1] == pytest.approx(0.24)
+
+
 def test_a_crank_runs_up_to_the_frequency_of_its_throttle() -> None:
     plant = Plant(vehicle("arizona_100cm"))
     command = hold(duration=0.05)._replace(throttle=0.5)

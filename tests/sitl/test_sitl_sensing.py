@@ -33,6 +33,8 @@ LOST, LOST_AT = 12, 60.0
 DEAD_FROM = 75.0
 """counts, s; of the left encoder, and when its counter stops; in the hold before, all is well"""
 
+CALM_AIR = Scenario(seed=4)
+
 
 class ErringWorld:
     """A world that does something to its own sensors at every tick."""
@@ -82,7 +84,9 @@ class Flown(NamedTuple):
     capacity: float
 
 
-def flown_with_errors(vehicle: str, offset_sigmas: float, boot_share: float, both_dead: bool) -> Flown:
+def flown_with_errors(
+    vehicle: str, offset_sigmas: float, boot_share: float, both_dead: bool, scenario: Scenario = CALM_AIR
+) -> Flown:
     """A circuit with the current sensor's zero wrong, a battery that is not full, and encoders that fail.
 
     The scale errors of the power sensor are left out: what a calibration leaves of them goes into the energy.
@@ -93,7 +97,7 @@ def flown_with_errors(vehicle: str, offset_sigmas: float, boot_share: float, bot
     wrong = sensor.current_zero + offset_sigmas * sensor.current_zero_sigma * sensor.current_sensitivity
     exact = {"divider_sigma": 0.0, "current_scale_sigma": 0.0, "current_zero_sigma": 0.0}
     spec.sections["power_sensor"] = sensor._replace(current_zero=wrong, **exact)
-    world = SimulatedWorld(spec, Scenario(seed=4), log.publish)
+    world = SimulatedWorld(spec, scenario, log.publish)
     world.plant.y[world.plant.layout.charge] = (1.0 - boot_share) * spec.battery.capacity
     autopilot = Autopilot(load_flight_vehicle(vehicle), items, log.publish)
     fly(ErringWorld(world, Failing(both_dead)), autopilot, scripted_start())
@@ -193,6 +197,13 @@ def test_energy_of_a_motor_drive_is_within_one_per_cent(arizona: Flown) -> None:
     check_energy(arizona)
     assert arizona.flight.of(topics.POWER)[-1].current_zero == pytest.approx(-0.04, abs=0.006)
     assert arizona.flight.of(topics.POWER)[-1].clipped == 0
+
+
+@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_energy_in_gusts_is_within_one_per_cent(vehicle: str, seed: int) -> None:
+    gusts = Scenario(seed=seed, wind_speed=3.0, wind_from=1.0, turbulence="small_uav_light")
+    check_energy(flown_with_errors(vehicle, 2.0, 0.8, both_dead=False, scenario=gusts))
 
 
 def test_a_battery_not_full_at_boot_is_known(raven: Flown, arizona: Flown) -> None:
