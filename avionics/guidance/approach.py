@@ -1,7 +1,8 @@
-"""Landing: to the head of a straight line down to the landing place, down the line, flare.
+"""Landing: to the head of a straight line down, down the line, flare.
 
-The line's length is that of still air times the ground speed's share of the airspeed, so that the sink that it asks
-for is the same in any wind.
+The line ends before the landing place by the distance that the flare covers (the aim point of ArduPlane's landing).
+Both lengths are those of still air times the ratio of ground speed to airspeed in the mean wind, so that sink and
+flare take the same time in any wind.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 
 from avionics.guidance.mission import MissionItem
 from avionics.guidance.path import Place, circle_course, course_to_leg, leg, reached
-from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead, tailwind
+from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead
 from avionics.limits import clip, wrap
 from avionics.messages import Stage
 
@@ -22,12 +23,21 @@ SHORTEST, LONGEST = 0.5, 1.6
 """-; of the line, in units of its length in still air: in the strongest wind against and from behind"""
 
 
-def slope_length(gains: Gains, heading: float, seen: Situation) -> float:
-    """Length (m) of the line down at ``heading`` (rad), in the wind as it is estimated."""
-    if seen.airspeed <= 1.0:
-        return gains.approach_length
-    share = 1.0 + tailwind(seen, heading) / seen.airspeed
-    return gains.approach_length * clip(share, SHORTEST, LONGEST)
+def drift(gains: Gains, state: State, heading: float) -> float:
+    """Ratio of ground speed to airspeed on the line down at ``heading`` (rad), in the mean wind."""
+    along = state.wind_north * math.cos(heading) + state.wind_east * math.sin(heading)
+    return clip(1.0 + along / gains.approach_airspeed, SHORTEST, LONGEST)
+
+
+def slope_length(gains: Gains, state: State, heading: float) -> float:
+    """Length (m) of the line down at ``heading`` (rad)."""
+    return gains.approach_length * drift(gains, state, heading)
+
+
+def aim_point(gains: Gains, state: State, item: MissionItem) -> Place:
+    """End of the line down (north and east in m), from where the flare reaches the landing place of ``item``."""
+    reach = gains.flare_reach * drift(gains, state, item.heading)
+    return item.north - reach * math.cos(item.heading), item.east - reach * math.sin(item.heading)
 
 
 def land(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> tuple[State, Target, bool]:
@@ -41,7 +51,7 @@ def land(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situati
 
 def land_ahead(gains: Gains, state: State, seen: Situation) -> State:
     """Begin the line down here, on the present course, at the usual angle."""
-    length = slope_length(gains, seen.heading, seen)
+    length = slope_length(gains, state, seen.heading)
     reach = length * max(seen.altitude, 0.0) / gains.approach_altitude
     return state._replace(
         final=1,
@@ -54,41 +64,38 @@ def land_ahead(gains: Gains, state: State, seen: Situation) -> State:
 
 
 def _to_approach(gains: Gains, state: State, item: MissionItem, seen: Situation) -> tuple[State, Target]:
-    """To the head of the line, and from too high a circle there; who is over the line already needs no way."""
-    length = slope_length(gains, item.heading, seen)
-    head = (item.north - length * math.cos(item.heading), item.east - length * math.sin(item.heading))
+    """To the head of the line, then around a circle there until the line can be joined, from above or from aside."""
+    length, aim = slope_length(gains, state, item.heading), aim_point(gains, state, item)
+    head = (aim[0] - length * math.cos(item.heading), aim[1] - length * math.sin(item.heading))
     line = leg((state.from_north, state.from_east), head, here(seen))
-    distance = math.hypot(item.north - seen.north, item.east - seen.east)
-    joined, low = in_funnel(gains, item, seen), seen.altitude <= _joining_altitude(gains, item, seen)
+    joined, low = in_funnel(gains, aim, length, item.heading, seen), _low(gains, aim, length, item.heading, seen)
     if state.arrived:
         course = _circle_at_head(gains, head, item.heading, seen)
-        aligned = abs(wrap(item.heading - seen.heading)) <= gains.capture_heading
     else:
-        course, aligned = course_to_leg(line, lookahead(gains, seen)), True
+        course = course_to_leg(line, lookahead(gains, seen))
         state = state._replace(arrived=int(joined or reached(line, gains.acceptance)))
-    if not seen.valid or (low and (joined or (state.arrived and aligned))):
-        state = state._replace(final=1, slope_length=length, touch_north=item.north, touch_east=item.east)
+    if not seen.valid or (low and joined):
+        state = state._replace(final=1, slope_length=length, touch_north=aim[0], touch_east=aim[1])
     course = course if seen.valid else state.heading
+    distance = math.hypot(item.north - seen.north, item.east - seen.east)
     return state, Target(Stage.APPROACH, gains.approach_altitude, course, distance, line.cross)
 
 
-def in_funnel(gains: Gains, item: MissionItem, seen: Situation) -> bool:
-    """Whether the line down to the landing place can be joined from here, without the way to its head.
+def in_funnel(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
+    """Whether the line of ``length`` m down to ``aim`` at ``heading`` (rad) can be joined from here.
 
-    The funnel opens backward from the landing place to a lookahead before the head of the line, by `FUNNEL` to each
-    side; inside it the course must be within `JOINING_TURN` of the line's.
+    The funnel opens backward from the end of the line to a lookahead before its head, by `FUNNEL` to each side;
+    inside it the course must be within `JOINING_TURN` of the line's.
     """
-    to_go, cross = _to_go((item.north, item.east), item.heading, seen)
-    longest = slope_length(gains, item.heading, seen) + gains.lookahead
-    along = 0.0 < to_go <= longest and abs(cross) <= FUNNEL * to_go
-    return along and abs(wrap(item.heading - seen.heading)) <= JOINING_TURN
+    to_go, cross = _to_go(aim, heading, now)
+    along = 0.0 < to_go <= length + gains.lookahead and abs(cross) <= FUNNEL * to_go
+    return along and abs(wrap(heading - now.heading)) <= JOINING_TURN
 
 
-def _joining_altitude(gains: Gains, item: MissionItem, seen: Situation) -> float:
-    """Greatest altitude (m) at which the line is joined here: the line's, and what the greatest sink makes good."""
-    to_go, _ = _to_go((item.north, item.east), item.heading, seen)
-    share = clip(to_go / slope_length(gains, item.heading, seen), 0.0, 1.0)
-    return gains.approach_altitude * share + gains.approach_margin
+def _low(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
+    """Whether the altitude is that of the line here, or above it by no more than the margin."""
+    to_go, _ = _to_go(aim, heading, now)
+    return now.altitude <= gains.approach_altitude * clip(to_go / length, 0.0, 1.0) + gains.approach_margin
 
 
 def _to_go(place: Place, heading: float, seen: Situation) -> tuple[float, float]:

@@ -1,11 +1,11 @@
-"""The way home: straight up to a safe altitude, along a straight line home or to a rally point, a circle there."""
+"""The way home: up to a safe altitude, straight home or to a rally point, a circle and the landing there."""
 
 from __future__ import annotations
 
 import math
 
-from avionics.guidance import circle
-from avionics.guidance.mission import MissionItem
+from avionics.guidance import approach, circle
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.guidance.path import Leg, Place, course_to_leg, leg
 from avionics.guidance.route import (
     Gains,
@@ -16,14 +16,11 @@ from avionics.guidance.route import (
     here,
     least_altitude,
     lookahead,
-    tailwind,
 )
 from avionics.messages import Stage
 
 CALM = 1.0
-"""m/s; less wind than this is landed in on any course"""
-INTO_WIND = 0.35
-"""rad; off the wind's own direction at which the circle is left to land"""
+"""m/s; mean wind below which the landing keeps the present course"""
 
 
 def begin(gains: Gains, state: State, seen: Situation) -> State:
@@ -36,16 +33,13 @@ def begin(gains: Gains, state: State, seen: Situation) -> State:
 def return_home(
     gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation
 ) -> tuple[State, Target, bool]:
-    """Climb straight ahead where it is too low, fly to the goal, circle there for its time; blind, hold the heading.
-
-    It is done when the time is over and, in a wind, the circle leads against it.
-    """
+    """Climb straight ahead where it is too low, fly to the goal, circle there; blind, hold the heading."""
     altitude = gains.return_altitude
     if not seen.valid:
         return state, Target(Stage.EN_ROUTE, altitude, state.heading), False
     if state.arrived:
         state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
-        return state, target, state.elapsed >= gains.loiter_time and _into_wind(gains, state, seen)
+        return state, target, state.elapsed >= gains.loiter_time
     if seen.altitude < least_altitude(gains, seen.ceiling) and not state.via:
         return state, climb_ahead(gains, state, altitude, seen), False
     goal = (state.goal_north, state.goal_east)
@@ -68,9 +62,15 @@ def _straight_home(state: State, goal: Place, seen: Situation) -> tuple[State, L
     return state, leg(here(seen), goal, here(seen))
 
 
-def _into_wind(gains: Gains, state: State, seen: Situation) -> bool:
-    """Whether the course leads against the wind, if there is one; after another turn any course will do."""
-    wind = math.hypot(seen.wind_north, seen.wind_east)
-    turn = math.tau * gains.loiter_radius / max(seen.airspeed - wind, 1.0)
-    late = state.elapsed >= gains.loiter_time + turn
-    return late or wind < CALM or tailwind(seen, seen.heading) <= -wind * math.cos(INTO_WIND)
+def begin_landing(state: State, now: Situation) -> State:
+    """Plan the landing at the goal, into the mean wind: from the circle there to the one at the approach's head."""
+    wind = math.hypot(state.wind_north, state.wind_east)
+    heading = math.atan2(-state.wind_east, -state.wind_north) if wind >= CALM else now.heading
+    return state._replace(begun=1, landing=1, final=0, flare=0, arrived=1, heading=heading)
+
+
+def land(gains: Gains, state: State, dt: float, now: Situation) -> tuple[State, Target]:
+    """Land at the goal of the return."""
+    item = MissionItem(ItemKind.LAND, state.goal_north, state.goal_east, heading=state.heading)
+    state, target, _ = approach.land(gains, state, dt, item, now)
+    return state, target

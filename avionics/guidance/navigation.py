@@ -10,8 +10,17 @@ from __future__ import annotations
 from avionics.guidance import approach, circle, homing, items
 from avionics.guidance.mission import Excitation, ItemKind, Mission, MissionItem
 from avionics.guidance.path import leg
-from avionics.guidance.route import Gains, Situation, State, Target, below_ceiling, climb_ahead, least_altitude
-from avionics.limits import wrap
+from avionics.guidance.route import (
+    WIND_TIME,
+    Gains,
+    Situation,
+    State,
+    Target,
+    below_ceiling,
+    climb_ahead,
+    least_altitude,
+)
+from avionics.limits import low_pass, wrap
 from avionics.messages import Mode, Stage
 
 __all__ = ["Gains", "Situation", "State", "Target", "begin_item", "choose_item", "excite", "loiter_at", "step"]
@@ -36,6 +45,7 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situatio
 
     What a mission's items or a stick ask for may be above the fence, what is chosen here may not.
     """
+    state = _with_wind(state, dt, seen)
     if seen.mode != state.mode:
         state = _enter_mode(gains, state, seen)
     if seen.mode == Mode.AUTO:
@@ -48,6 +58,12 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situatio
     if seen.mode == Mode.LOITER:
         return _loiter(gains, state, dt, seen)
     return _piloted(gains, state, dt, seen)
+
+
+def _with_wind(state: State, dt: float, now: Situation) -> State:
+    """``state`` with the mean of the estimated wind, which follows every gust."""
+    north = low_pass(state.wind_north, now.wind_north, WIND_TIME, dt)
+    return state._replace(wind_north=north, wind_east=low_pass(state.wind_east, now.wind_east, WIND_TIME, dt))
 
 
 def begin_item(gains: Gains, state: State, item: int, seen: Situation) -> State:
@@ -67,6 +83,7 @@ def begin_item(gains: Gains, state: State, item: int, seen: Situation) -> State:
         final=0,
         flare=0,
         arrived=0,
+        landing=0,
         excitations=seen.excitations,
     )
     return homing.begin(gains, begun, seen)
@@ -127,7 +144,7 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
     if done and seen.stage != Stage.WAIT_LAUNCH:
         state = _finish(state, item, target)
         if item.kind == ItemKind.RETURN and state.item >= len(mission):
-            state = approach.land_ahead(gains, state, seen)
+            state = homing.begin_landing(state, seen)
     return state, target
 
 
@@ -181,15 +198,15 @@ def _extra_excitation(gains: Gains, state: State, dt: float, seen: Situation) ->
 
 
 def _going_home(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
-    """Home, a loiter, then straight down from there."""
-    if state.final:
-        state, target = approach.down_the_line(gains, state, state.heading, seen)
-        return state, below_ceiling(target, seen)
-    if not state.begun:
+    """Home, a loiter, then the landing there."""
+    if not (state.begun or state.final):
         state = begin_item(gains, state._replace(via=0), state.item, seen)
+    if state.landing:
+        state, target = homing.land(gains, state, dt, seen)
+        return state, below_ceiling(target, seen)
     state, target, done = homing.return_home(gains, state, dt, GO_HOME, seen)
     if done:
-        state = approach.land_ahead(gains, state, seen)
+        state = homing.begin_landing(state, seen)
     return state, below_ceiling(target, seen)
 
 

@@ -16,6 +16,8 @@ TURN_BANK = 0.4
 """rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""
 SHARPEST = 0.5 * math.pi
 """rad; a sharper corner is begun no earlier than this one"""
+WIND_TIME = 20.0
+"""s; time constant of the mean wind: about one turn of a circle, over which errors of airspeed and heading cancel"""
 FASTEST_DRIFT = 2.0
 """-; greatest ground speed, in units of the airspeed, that a following wind is believed to give"""
 
@@ -61,6 +63,10 @@ class Gains(NamedTuple):
     """m/s; change of the held altitude at full pitch stick (altitude hold)"""
     stick_dead_band: Annotated[float, Quantity("-", 0.0, 0.5)]
     """-; stick that counts as centred"""
+    approach_airspeed: Annotated[float, Quantity("m/s", 1.0, 50.0)] = 8.0
+    """m/s; true airspeed on the line down to the landing place"""
+    flare_reach: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
+    """m; from the end of that line, where it meets the ground, to the touchdown in still air"""
 
 
 class State(NamedTuple):
@@ -111,9 +117,9 @@ class State(NamedTuple):
     flare: int = 0
     """-; 1 once the flare has begun; it is not left again"""
     touch_north: float = 0.0
-    """m; landing place"""
+    """m; end of the line down, `flare_distance` before the landing place"""
     touch_east: float = 0.0
-    """m; landing place"""
+    """m; end of the line down"""
     slope_length: float = 0.0
     """m; of the line down, once it is being flown"""
     arrived: int = 0
@@ -124,6 +130,12 @@ class State(NamedTuple):
     """-; an identification input asked for over the link"""
     jumps: tuple[tuple[int, int], ...] = ()
     """-; number of a jump item, and how often it has jumped"""
+    landing: int = 0
+    """-; 1 while a return lands at its goal, on the course ``heading``"""
+    wind_north: float = 0.0
+    """m/s; mean wind over `WIND_TIME`"""
+    wind_east: float = 0.0
+    """m/s; mean wind over `WIND_TIME`"""
 
 
 class Situation(NamedTuple):

@@ -50,6 +50,8 @@ _PINNED = {
         "flare_pitch": 0.0,
         "stick_climb": 1.0,
         "stick_dead_band": 0.1,
+        "approach_airspeed": 7.5,
+        "flare_reach": 20.0,
     },
     "altitude": {
         "proportional": 0.35,

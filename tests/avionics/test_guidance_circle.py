@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from surrogate_gains import VEHICLE
 
 from avionics.guidance import navigation, path
-from avionics.guidance.approach import slope_length
+from avionics.guidance.approach import LONGEST, SHORTEST, slope_length
 from avionics.guidance.mission import ItemKind, MissionItem, RallyPoint
 from avionics.guidance.navigation import Situation
 from avionics.guidance.route import lookahead, turning_distance
@@ -209,15 +209,44 @@ def test_a_return_goes_to_the_nearest_rally_point_and_its_altitude() -> None:
     assert bird.target.altitude == 55.0
 
 
-def test_the_circle_at_home_is_left_against_the_wind_to_land() -> None:
-    wind = FAR._replace(wind_north=-3.0, north=30.0, east=0.0)
-    bird = Point((), wind)
-    while bird.target.stage != Stage.APPROACH if bird.track else True:
+@pytest.mark.parametrize("wind_from_deg", [0.0, 57.0, 135.0, 250.0])
+@pytest.mark.parametrize("mission", [(), (MissionItem(ItemKind.RETURN),)])
+def test_return_lands_at_home_into_the_mean_wind(mission, wind_from_deg: float) -> None:
+    """GIVEN wind at the goal WHEN the loiter is over THEN the line is into the wind and the flare reaches home."""
+    wind_from = math.radians(wind_from_deg)
+    north, east = -3.0 * math.cos(wind_from), -3.0 * math.sin(wind_from)
+    mode = Mode.AUTO if mission else Mode.RETURN
+    bird = Point(mission, FAR._replace(mode=mode, wind_north=north, wind_east=east))
+    while not bird.state.final:
+        assert len(bird.fly(DT).track) * DT < 200.0
+    assert bird.state.heading == pytest.approx(wrap(wind_from), abs=0.01)
+    ratio = 1.0 - 3.0 / GAINS.approach_airspeed
+    assert bird.state.slope_length == pytest.approx(ratio * GAINS.approach_length, rel=0.01)
+    reach = ratio * GAINS.flare_reach
+    end = (-reach * math.cos(wind_from), -reach * math.sin(wind_from))
+    assert (bird.state.touch_north, bird.state.touch_east) == pytest.approx(end, abs=0.5)
+    assert abs(wrap(bird.seen.heading - wind_from)) < 0.6
+    # On the line down to there, and not beside it.
+    bird.fly(bird.state.slope_length / SPEED)
+    assert bird.distances(end)[-1] < 15.0
+
+
+def test_return_lands_at_the_rally_point() -> None:
+    bird = Point((), FAR._replace(rally=(RallyPoint(200.0, -100.0, 40.0),)))
+    while not bird.state.final:
+        assert len(bird.fly(DT).track) * DT < 200.0
+    touch = (bird.state.touch_north, bird.state.touch_east)
+    assert math.dist(touch, (200.0, -100.0)) == pytest.approx(GAINS.flare_reach)
+
+
+def test_landing_heading_follows_no_single_gust() -> None:
+    """GIVEN 3 m/s from north and a gust from east for 2 s at the end of the loiter THEN the line leads north."""
+    bird = Point((), FAR._replace(north=30.0, east=0.0, wind_north=-3.0)).fly(GAINS.loiter_time)
+    while bird.state.elapsed < GAINS.loiter_time - 1.0:
         bird.fly(DT)
-        assert len(bird.track) < 2000
-    assert abs(wrap(bird.seen.heading)) < 0.5
-    turn = math.tau * GAINS.loiter_radius / (SPEED - 3.0)
-    assert GAINS.loiter_time <= len(bird.track) * DT <= GAINS.loiter_time + turn + 2.0
+    bird.seen = bird.seen._replace(wind_north=-1.5, wind_east=-2.5)
+    assert bird.fly(2.0).state.landing == 1
+    assert abs(bird.state.heading) < 0.2
 
 
 def test_a_circle_taken_by_a_failsafe_low_is_flown_above_the_floor() -> None:
@@ -253,19 +282,23 @@ def test_the_lookahead_grows_with_a_following_winds_ground_speed() -> None:
     assert lookahead(GAINS, SEEN._replace(airspeed=0.0)) == GAINS.lookahead
 
 
-@pytest.mark.parametrize(("wind", "share"), [(-3.0, 0.6), (0.0, 1.0), (3.0, 1.4), (-7.0, 0.5), (7.0, 1.6)])
-def test_the_line_down_is_as_long_as_the_ground_flown_in_the_same_sink(wind: float, share: float) -> None:
-    seen = SEEN._replace(wind_north=wind)
-    assert slope_length(GAINS, 0.0, seen) == pytest.approx(share * GAINS.approach_length)
-    assert slope_length(GAINS, math.pi, seen) == pytest.approx(
-        GAINS.approach_length * min(max(2.0 - (1.0 + wind / SPEED), 0.5), 1.6)
-    )
+@pytest.mark.parametrize(
+    ("wind", "ratio"),
+    [(-0.4, 0.6), (0.0, 1.0), (0.4, 1.4), (-0.9, SHORTEST), (0.9, LONGEST)],
+)
+def test_line_length_follows_the_ground_speed(wind: float, ratio: float) -> None:
+    """``wind`` in units of the approach airspeed."""
+    state = navigation.State(wind_north=wind * GAINS.approach_airspeed)
+    assert slope_length(GAINS, state, 0.0) == pytest.approx(ratio * GAINS.approach_length)
+    opposite = GAINS.approach_length * min(max(1.0 - wind, SHORTEST), LONGEST)
+    assert slope_length(GAINS, state, math.pi) == pytest.approx(opposite)
 
 
-def test_the_line_once_begun_keeps_its_length_when_the_wind_estimate_changes() -> None:
+def test_line_length_is_kept_once_begun() -> None:
     here = SEEN._replace(mode=Mode.LAND, heading=0.0, wind_north=-3.0, altitude=GAINS.approach_altitude)
-    state, target = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, (), here)
-    assert target.distance == pytest.approx(0.6 * GAINS.approach_length)
+    begun = navigation.State(mode=Mode.AUTO, wind_north=-3.0)
+    state, target = navigation.step(GAINS, begun, DT, (), here)
+    assert target.distance == pytest.approx((1.0 - 3.0 / GAINS.approach_airspeed) * GAINS.approach_length)
     _, later = navigation.step(GAINS, state, DT, (), here._replace(wind_north=2.0))
     assert (later.distance, later.altitude) == (target.distance, target.altitude)
 

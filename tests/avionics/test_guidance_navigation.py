@@ -177,11 +177,13 @@ def test_after_the_last_item_it_goes_home_circles_and_lands() -> None:
 
 
 LAND = MissionItem(ItemKind.LAND, north=200.0, east=0.0, heading=0.0)
-HEAD = SEEN._replace(north=200.0 - GAINS.approach_length, heading=0.0)
+END = LAND.north - GAINS.flare_reach
+"""m; north of the end of its line down in still air"""
+HEAD = SEEN._replace(north=END - GAINS.approach_length, heading=0.0)
 
 
 def test_landing_flies_to_the_head_of_the_line_first() -> None:
-    _, target = fly((LAND,), SEEN._replace(north=0.0, east=-80.0))
+    _, target = fly((LAND,), SEEN._replace(north=HEAD.north - 50.0, east=-80.0))
     assert (target.stage, target.altitude) == (Stage.APPROACH, GAINS.approach_altitude)
     assert 0.0 < target.heading < math.pi / 2
 
@@ -197,17 +199,17 @@ def test_a_landing_that_comes_in_high_circles_down_before_the_line() -> None:
 
 
 def on_the_line(to_go: float, cross: float = 0.0, turn: float = 0.0, above: float = 0.0) -> Situation:
-    """Over LAND's line down, ``above`` m above it, ``cross`` m to its right, ``turn`` rad off its course."""
+    """``to_go`` m before the end of LAND's line, ``above`` m above and ``cross`` m right of it, ``turn`` rad off."""
     altitude = GAINS.approach_altitude * to_go / GAINS.approach_length + above
-    return SEEN._replace(north=200.0 - to_go, east=cross, heading=turn, altitude=altitude)
+    return SEEN._replace(north=END - to_go, east=cross, heading=turn, altitude=altitude)
 
 
 @pytest.mark.parametrize("cross", [-12.0, 0.0, 12.0])
 @pytest.mark.parametrize("to_go", [60.0, 100.0, GAINS.approach_length])
 def test_a_landing_joins_the_line_where_it_meets_it(to_go: float, cross: float) -> None:
-    state, _ = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=5.0))
+    state, _ = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=2.0))
     assert state.final == 1
-    _, target = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=5.0), state)
+    _, target = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=2.0), state)
     assert target.altitude == pytest.approx(GAINS.approach_altitude * to_go / GAINS.approach_length)
     assert target.heading * cross <= 0.0
 
@@ -239,7 +241,7 @@ def test_a_landing_that_meets_the_line_from_too_high_circles_at_once() -> None:
 def test_the_line_descends_with_the_way_to_go_and_then_flares_for_good() -> None:
     low = HEAD._replace(altitude=GAINS.approach_altitude)
     state, _ = fly((LAND,), low)
-    half = low._replace(north=200.0 - 0.5 * GAINS.approach_length, east=4.0, altitude=10.0)
+    half = low._replace(north=END - 0.5 * GAINS.approach_length, east=4.0, altitude=10.0)
     state, target = fly((LAND,), half, state)
     assert target.altitude == pytest.approx(0.5 * GAINS.approach_altitude)
     assert (target.cross_track, target.heading < 0.0) == (pytest.approx(4.0), True)

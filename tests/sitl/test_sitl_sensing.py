@@ -84,7 +84,7 @@ class Flown(NamedTuple):
     capacity: float
 
 
-def flown_with_errors(
+def flight_with_errors(
     vehicle: str, offset_sigmas: float, boot_share: float, both_dead: bool, scenario: Scenario = CALM_AIR
 ) -> Flown:
     """A circuit with the current sensor's zero wrong, a battery that is not full, and encoders that fail.
@@ -106,12 +106,12 @@ def flown_with_errors(
 
 @pytest.fixture(scope="module")
 def raven() -> Flown:
-    return flown_with_errors(RAVEN, 2.0, 0.6, both_dead=False)
+    return flight_with_errors(RAVEN, 2.0, 0.6, both_dead=False)
 
 
 @pytest.fixture(scope="module")
 def arizona() -> Flown:
-    return flown_with_errors(ARIZONA, -2.0, 0.8, both_dead=True)
+    return flight_with_errors(ARIZONA, -2.0, 0.8, both_dead=True)
 
 
 def true_crossings(flight: Flight) -> Any:
@@ -203,7 +203,7 @@ def test_energy_of_a_motor_drive_is_within_one_per_cent(arizona: Flown) -> None:
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_energy_in_gusts_is_within_one_per_cent(vehicle: str, seed: int) -> None:
     gusts = Scenario(seed=seed, wind_speed=3.0, wind_from=1.0, turbulence="small_uav_light")
-    check_energy(flown_with_errors(vehicle, 2.0, 0.8, both_dead=False, scenario=gusts))
+    check_energy(flight_with_errors(vehicle, 2.0, 0.8, both_dead=False, scenario=gusts))
 
 
 def test_a_battery_not_full_at_boot_is_known(raven: Flown, arizona: Flown) -> None:
