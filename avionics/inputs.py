@@ -15,7 +15,7 @@ from typing import Any
 
 from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
-from avionics.guidance import arming, excitation, failsafes, modes, navigation
+from avionics.guidance import arming, excitation, failsafes, modes, navigation, throttle_descent
 from avionics.guidance.mission import Channel, Excitation, Fence, Mission, MissionItem, Rally
 from avionics.messages import (
     Calibration,
@@ -178,6 +178,7 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
     if s.modes.armed and not was_armed:
         s.wing_check = s.wing_check._replace(jammed=0)
         s.tail_check = s.tail_check._replace(jammed=0)
+        s.throttle_descent = throttle_descent.State()
         if landed:
             s.navigation = navigation.choose_item(s.navigation, 0)
     tell(s, publish, notices)

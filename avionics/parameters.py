@@ -45,6 +45,7 @@ PREFIXES = {
     "flapping": "FLAP",
     "tail": "TAIL",
     "preflight": "PRE",
+    "throttle_descent": "TDSC",
 }
 WORDS = {
     "proportional": "P",

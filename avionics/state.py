@@ -19,7 +19,7 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
-from avionics.guidance import altitude, excitation, heading, modes
+from avionics.guidance import altitude, excitation, heading, modes, throttle_descent
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.mixing import flapping, tail
@@ -85,6 +85,7 @@ class AutopilotState:
     roll_loop: roll.State = roll.State()
     flapping: flapping.State = flapping.State()
     tail: tail.State = tail.State()
+    throttle_descent: throttle_descent.State = throttle_descent.State()
     calibration: calibration.State = calibration.State()
 
     fence: Fence = NO_FENCE

@@ -1,10 +1,14 @@
-"""Whether the tail answers: the pitch error stays large, and the pitch does not turn with the elevator.
+"""Jammed-tail detector: CUSUM test on the pitch acceleration that the elevator should cause.
 
-A gust leaves a large error too, for as long as a jammed tail does; but there the pitch acceleration still follows the
-elevator. How much, is the slope of a running regression of the acceleration on elevator times airspeed squared and on
-the pitch rate, both without what is slow: a tail that moves turns the vehicle with the dynamic pressure, and the
-airframe's own damping goes with the rate. Measured on eight flights of two vehicles, four of them in moderate gusts:
-0.11 to 0.9 rad/m^2 for a tail that works, within 0.07 of nothing for a jammed one.
+Two models of the pitch acceleration are compared, both without the slow part of the signals (trim and path)::
+
+    working tail   q_dot + damping q = effect V^2 delta_e + gust
+    jammed tail    q_dot + damping q =                      gust
+
+The log-likelihood ratio of the second to the first, for Gaussian residuals of the same variance, is summed and reset
+to zero if it turns negative: Page's cumulative sum (Basseville and Nikiforov 1993, *Detection of Abrupt Changes*,
+section 2.2). It grows if the elevator has less than half of ``effect``. While the elevator is still, both models
+predict the same, and the sum stays.
 """
 
 from __future__ import annotations
@@ -14,53 +18,54 @@ from typing import Annotated, NamedTuple
 from avionics.limits import low_pass
 from avionics.quantities import Quantity
 
+SERVO = 0.03
+"""s; lag of the tail servo"""
 SMOOTH = 0.05
-"""s; time constant of the low-pass on elevator and rate before the acceleration is taken"""
+"""s; time constant of each of two low-passes before the acceleration is taken"""
 SLOW = 0.5
 """s; what changes slower than this is trim and path"""
-NOTHING = 1e-9
-"""of the determinant; with no elevator moving there is no slope"""
+CORRELATION = 2.0 * SMOOTH
+"""s; between independent residuals"""
+LEAST_AIRSPEED = 3.0
+"""m/s; a pitot reads too low in a stall"""
+LEAST_VARIANCE = 1.0
+"""(rad/s^2)^2; of the residual: flapping that the filters leave in still air"""
 
 
 class Gains(NamedTuple):
     """When the tail is jammed."""
 
     error: Annotated[float, Quantity("rad", 0.01, 3.2)]
-    """rad; mean size of the pitch error that a working tail does not leave in still air"""
+    """rad; mean size of the pitch error below which no jam is reported"""
     effect: Annotated[float, Quantity("rad/m^2", 0.0, 10.0)]
-    """rad/m^2; pitch acceleration per elevator and airspeed squared, less than any working tail gives"""
+    """rad/m^2; pitch acceleration per elevator and airspeed squared of a working tail, by a cautious estimate"""
     time: Annotated[float, Quantity("s", 0.1, 60.0)]
-    """s; time constant of both means"""
+    """s; time constant of the mean error and of the residual's variance"""
     grace: Annotated[float, Quantity("s", 0.0, 60.0)]
     """s; after the launch, in which nothing is judged"""
+    damping: Annotated[float, Quantity("1/s", 0.0, 50.0)] = 8.0
+    """1/s; pitch acceleration per pitch rate, positive if it damps"""
+    threshold: Annotated[float, Quantity("-", 1.0, 1000.0)] = 20.0
+    """-; cumulative log-likelihood ratio from which the tail is jammed"""
 
 
-class Response(NamedTuple):
-    """The running regression of pitch acceleration on elevator and rate."""
+class Filters(NamedTuple):
+    """Low-passed signals."""
 
+    elevator: float = 0.0
+    """rad; behind the servo's lag"""
     moment: float = 0.0
-    """rad (m/s)^2; smoothed elevator times airspeed squared"""
-    rate: float = 0.0
-    """rad/s; smoothed pitch rate"""
+    """rad (m/s)^2; elevator times airspeed squared, once low-passed"""
+    moment_smooth: float = 0.0
+    """rad (m/s)^2; twice low-passed"""
     moment_slow: float = 0.0
-    """rad (m/s)^2; its slow part"""
-    rate_slow: float = 0.0
-    """rad/s; its slow part"""
-    turn_slow: float = 0.0
-    """rad/s^2; slow part of the acceleration"""
-    moment_moment: float = 0.0
-    """mean square, of what is quick in it; the next four alike"""
-    moment_rate: float = 0.0
-    rate_rate: float = 0.0
-    moment_turn: float = 0.0
-    rate_turn: float = 0.0
-
-    @property
-    def effect(self) -> float:
-        """rad/m^2; pitch acceleration per elevator and airspeed squared, 0 while nothing moves."""
-        determinant = self.moment_moment * self.rate_rate - self.moment_rate * self.moment_rate
-        slope = self.moment_turn * self.rate_rate - self.rate_turn * self.moment_rate
-        return slope / (determinant + NOTHING)
+    """rad (m/s)^2; slow part"""
+    rate: float = 0.0
+    """rad/s; once low-passed"""
+    rate_smooth: float = 0.0
+    """rad/s; twice low-passed"""
+    response_slow: float = 0.0
+    """rad/s^2; slow part of acceleration plus damping"""
 
 
 class State(NamedTuple):
@@ -72,7 +77,11 @@ class State(NamedTuple):
     """s; for which the pitch loop has flown"""
     jammed: int = 0
     """-; 1 once the tail is jammed; kept until the next arming"""
-    response: Response = Response()
+    variance: float = 0.0
+    """(rad/s^2)^2; of the residual of the better model"""
+    cusum: float = 0.0
+    """-; cumulative log-likelihood ratio of a jammed to a working tail"""
+    filters: Filters = Filters()
 
 
 class Seen(NamedTuple):
@@ -83,7 +92,7 @@ class Seen(NamedTuple):
     elevator: float
     """rad; commanded"""
     pitch_rate: float
-    """rad/s"""
+    """rad/s; without the flapping"""
     airspeed: float
     """m/s"""
 
@@ -91,28 +100,34 @@ class Seen(NamedTuple):
 def step(gains: Gains, state: State, dt: float, seen: Seen, closed: bool) -> State:
     """One look; ``dt`` in s, ``closed`` while the pitch loop flies."""
     if not closed:
-        return State(0.0, 0.0, state.jammed)
+        return State(jammed=state.jammed)
     time = state.closed + dt
-    error = low_pass(state.error, abs(seen.pitch_error), gains.time, dt) if time > gains.grace else 0.0
-    response = respond(state.response, seen, gains.time, dt)
-    jammed = state.jammed or (error > gains.error and response.effect < gains.effect)
-    return State(error, time, 1 if jammed else 0, response)
+    filters, moment, response = respond(gains, state.filters, dt, seen)
+    if time <= gains.grace:
+        return State(0.0, time, state.jammed, 0.0, 0.0, filters)
+    jammed_residual, working_residual = response, response - gains.effect * moment
+    squares = jammed_residual * jammed_residual, working_residual * working_residual
+    variance = low_pass(state.variance, min(squares), gains.time, dt)
+    ratio = (squares[1] - squares[0]) / (2.0 * max(variance, LEAST_VARIANCE))
+    cusum = max(0.0, state.cusum + ratio * dt / CORRELATION)
+    error = low_pass(state.error, abs(seen.pitch_error), gains.time, dt)
+    jammed = state.jammed or (cusum > gains.threshold and error > gains.error)
+    return State(error, time, 1 if jammed else 0, variance, cusum, filters)
 
 
-def respond(before: Response, seen: Seen, time: float, dt: float) -> Response:
-    """The regression after one more look; ``time`` (s) is that of its memory."""
-    moment = low_pass(before.moment, seen.elevator * seen.airspeed * seen.airspeed, SMOOTH, dt)
-    rate = low_pass(before.rate, seen.pitch_rate, SMOOTH, dt)
-    turn = (rate - before.rate) / dt
-    moment_slow = low_pass(before.moment_slow, moment, SLOW, dt)
-    rate_slow = low_pass(before.rate_slow, rate, SLOW, dt)
-    turn_slow = low_pass(before.turn_slow, turn, SLOW, dt)
-    m, r, a = moment - moment_slow, rate - rate_slow, turn - turn_slow
-    return Response(
-        moment, rate, moment_slow, rate_slow, turn_slow,
-        low_pass(before.moment_moment, m * m, time, dt),
-        low_pass(before.moment_rate, m * r, time, dt),
-        low_pass(before.rate_rate, r * r, time, dt),
-        low_pass(before.moment_turn, m * a, time, dt),
-        low_pass(before.rate_turn, r * a, time, dt),
-    )  # fmt: skip
+def respond(gains: Gains, before: Filters, dt: float, sample: Seen) -> tuple[Filters, float, float]:
+    """Filter the signals; returns the quick parts of moment (rad (m/s)^2) and response (rad/s^2) too.
+
+    The response is the pitch acceleration plus damping times the pitch rate.
+    """
+    airspeed = max(sample.airspeed, LEAST_AIRSPEED)
+    elevator = low_pass(before.elevator, sample.elevator, SERVO, dt)
+    moment = low_pass(before.moment, elevator * airspeed * airspeed, SMOOTH, dt)
+    moment_smooth = low_pass(before.moment_smooth, moment, SMOOTH, dt)
+    moment_slow = low_pass(before.moment_slow, moment_smooth, SLOW, dt)
+    rate = low_pass(before.rate, sample.pitch_rate, SMOOTH, dt)
+    rate_smooth = low_pass(before.rate_smooth, rate, SMOOTH, dt)
+    response = (rate_smooth - before.rate_smooth) / dt + gains.damping * rate_smooth
+    response_slow = low_pass(before.response_slow, response, SLOW, dt)
+    filters = Filters(elevator, moment, moment_smooth, moment_slow, rate, rate_smooth, response_slow)
+    return filters, moment_smooth - moment_slow, response - response_slow

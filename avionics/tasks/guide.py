@@ -7,13 +7,14 @@ from math import cos, sin
 from avionics import topics
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import excitation as excitation_input
-from avionics.guidance import fence, supervisor
+from avionics.guidance import fence, supervisor, throttle_descent
 from avionics.guidance import heading as heading_loop
 from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
 from avionics.guidance.stages import FAST
 from avionics.inputs import say, tell
 from avionics.messages import (
+    AltitudeStatus,
     Failsafe,
     Mode,
     NavigationStatus,
@@ -30,10 +31,6 @@ MANUAL, STABILIZED = Mode.MANUAL, Mode.STABILIZED
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes in which an excitation may be flown"""
 FOLDS = "multisine folds on the {:.2f} Hz of the wings: a period of {:.3f} s would not"
-JAMMED_SINK = 0.8
-"""m/s; of a landing without an elevator: there is no flare"""
-JAMMED_SHARE = 0.2
-"""-; of the throttle's gains without an elevator"""
 OUTSIDE = int(Failsafe.FENCE)
 UNDERGROUND = 100.0
 """m; below home: down, wherever it is"""
@@ -115,8 +112,7 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     elif excitation_input.frozen(s.excitation):
         s.altitude_loop, s.vertical = altitude_loop.hold(state, time_us, s.target.altitude, measured)
     elif s.tail_check.jammed:
-        sinking = by_throttle_alone(gains)
-        s.altitude_loop, s.vertical = altitude_loop.step(sinking, state, time_us, dt, -UNDERGROUND, measured)
+        s.altitude_loop, s.vertical = by_throttle_alone(s, measured)
     elif s.modes.stage == FLARE:
         s.altitude_loop, s.vertical = altitude_loop.step(flared(s), state, time_us, dt, -UNDERGROUND, measured)
     elif excitation_input.recovering(s.excitation):
@@ -136,13 +132,19 @@ def headwind(s: AutopilotState) -> float:
     return -(wind.wind_north * cos(course) + wind.wind_east * sin(course))
 
 
-def by_throttle_alone(gains: altitude_loop.Gains) -> altitude_loop.Gains:
-    """Gains of a slow descent without an elevator, so weak that they leave the phugoid its own damping."""
-    return gains._replace(
-        sink_max=JAMMED_SINK,
-        throttle_error=JAMMED_SHARE * gains.throttle_error,
-        throttle_integral=JAMMED_SHARE * gains.throttle_integral,
+def by_throttle_alone(
+    s: AutopilotState, measured: altitude_loop.Measured
+) -> tuple[altitude_loop.State, AltitudeStatus]:
+    """Sink without an elevator; the pitch loop keeps its trim, for a tail that is freed."""
+    gains, dt = s.gains.altitude, s.clock.dt_50
+    seen = throttle_descent.Measured(measured.climb_rate, s.pitch_loop.pitch)
+    s.throttle_descent, throttle = throttle_descent.step(
+        s.gains.throttle_descent, s.throttle_descent, dt, s.altitude_loop.throttle, seen
     )
+    asked = altitude_loop.Asked(throttle, gains.pitch_trim)
+    state, status = altitude_loop.follow(gains, s.altitude_loop, s.clock.time_us, dt, asked)
+    sink = s.gains.throttle_descent.sink
+    return state, status._replace(climb_setpoint=-sink, climb_error=-sink - measured.climb_rate)
 
 
 def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:

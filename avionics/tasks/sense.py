@@ -138,7 +138,7 @@ def wings(s: AutopilotState, publish: Publish) -> None:
 def tail(s: AutopilotState, publish: Publish) -> None:
     """Whether the tail answers."""
     closed = s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not s.modes.cut
-    seen = tail_check.Seen(s.elevator.pitch_error, s.elevator.elevator, s.attitude.pitch_rate, s.air.airspeed)
+    seen = tail_check.Seen(s.elevator.pitch_error, s.elevator.elevator, s.pitch_loop.rate, s.air.airspeed)
     s.tail_check = tail_check.step(
         s.gains.tail_check, s.tail_check, s.clock.dt_50, seen, closed and not s.excited.active
     )

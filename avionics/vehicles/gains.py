@@ -7,7 +7,7 @@ from typing import NamedTuple
 from avionics.estimation import ahrs
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
-from avionics.guidance import altitude, excitation, heading, modes, navigation
+from avionics.guidance import altitude, excitation, heading, modes, navigation, throttle_descent
 from avionics.mixing import flapping, tail
 from avionics.sensing import (
     air_data,
@@ -53,3 +53,4 @@ class FlightGains(NamedTuple):
     flapping: flapping.Gains
     tail: tail.Gains
     preflight: preflight.Gains = preflight.Gains()
+    throttle_descent: throttle_descent.Gains = throttle_descent.Gains()

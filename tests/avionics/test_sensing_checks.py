@@ -187,38 +187,43 @@ def test_wings_that_were_not_told_to_flap_may_rest() -> None:
     assert (state.lost, state.jammed) == (0, 0)
 
 
-def pitched(error, seconds: float, state: tail_check.State | None = None, rate=lambda t: 0.0) -> tail_check.State:
-    """Of a pitch error (rad) over the time (s), an elevator of the same size, and a pitch rate (rad/s)."""
-    state = state or tail_check.State()
+def pitching(
+    seconds: float, effect: float, elevator=lambda t: 0.15 * math.sin(5.0 * t), gust: float = 0.0, error: float = 0.1
+) -> tail_check.State:
+    """Pitch of a tail with ``effect`` (rad/m^2) at 7 m/s in gusts (rad/s^2, RMS); the check after so many seconds."""
+    noise, state, rate, push = Random(1), tail_check.State(), 0.0, 0.0
     for i in range(round(seconds / DT)):
-        seen = tail_check.Seen(error(i * DT), error(i * DT), rate(i * DT), 7.0)
-        state = tail_check.step(TAIL, state, DT, seen, closed=True)
+        push += (gust * math.sqrt(2.0 * DT / 0.3) * noise.gauss(0.0, 1.0)) - push * DT / 0.3
+        rate += (effect * 49.0 * elevator(i * DT) - TAIL.damping * rate + push) * DT
+        state = tail_check.step(TAIL, state, DT, tail_check.Seen(error, elevator(i * DT), rate, 7.0), closed=True)
     return state
 
 
-def test_a_large_pitch_error_that_lasts_is_a_jammed_tail_that_of_gusts_is_not() -> None:
-    settled = pitched(lambda t: 0.0, TAIL.grace + 1.0)
-    assert not pitched(lambda t: 0.3 * math.sin(2.0 * math.pi * t), 30.0, settled).jammed
-    assert pitched(lambda t: 0.8 * math.sin(t), 30.0, settled).jammed
-    answering = pitched(
-        lambda t: 0.5 * math.sin(2.0 * math.pi * t), 30.0, settled, lambda t: -0.8 * math.cos(2.0 * math.pi * t)
-    )
-    assert not answering.jammed
-    assert pitched(lambda t: 0.5, 5.0, settled).jammed
-    assert not pitched(lambda t: 0.5, TAIL.grace - 0.1).jammed
+@pytest.mark.parametrize(
+    ("share", "gust", "jammed"),
+    [(2.0, 3.0, 0), (2.0, 0.0, 0), (0.8, 0.0, 0), (0.2, 0.0, 1), (0.2, 3.0, 1), (0.0, 0.0, 1), (0.0, 3.0, 1)],
+)
+def test_tail_check_detects_elevator_below_half_effect(share: float, gust: float, jammed: int) -> None:
+    assert pitching(60.0, share * TAIL.effect, gust=gust).jammed == jammed
 
 
-@pytest.mark.parametrize(("effect", "jammed"), [(0.2, 0), (0.01, 1)])
-def test_a_large_error_is_the_gusts_while_the_pitch_turns_with_the_elevator(effect: float, jammed: int) -> None:
-    settled, pace = pitched(lambda t: 0.0, TAIL.grace + 1.0), 3.0
+def test_tail_check_after_jam_detects_within_two_seconds() -> None:
+    """GIVEN a tail that worked for 20 s WHEN it jams THEN what came before does not delay the test."""
+    state, rate = tail_check.State(), 0.0
+    for i in range(round(22.0 / DT)):
+        elevator = 0.15 * math.sin(5.0 * i * DT)
+        rate += (TAIL.effect * 49.0 * (elevator if i * DT < 20.0 else 0.0) - TAIL.damping * rate) * DT
+        state = tail_check.step(TAIL, state, DT, tail_check.Seen(0.1, elevator, rate, 7.0), closed=True)
+        assert not state.jammed or i * DT > 20.0
+    assert state.jammed
 
-    def rate(t: float) -> float:
-        """Of the elevator's own acceleration, and a slow swing beside."""
-        return -effect * 49.0 * 0.8 / pace * math.cos(pace * t) + 0.2 * math.sin(0.4 * t)
 
-    flown = pitched(lambda t: 0.8 * math.sin(pace * t), 30.0, settled, rate)
-    assert flown.error > TAIL.error
-    assert flown.jammed == jammed
+def test_tail_check_needs_elevator_motion_error_and_grace() -> None:
+    assert not pitching(60.0, 0.0, lambda t: 0.3, gust=3.0, error=0.5).jammed
+    assert not pitching(60.0, 0.0, error=0.5 * TAIL.error).jammed
+    assert not pitching(TAIL.grace - DT, 0.0).jammed
+    opened = tail_check.step(TAIL, pitching(20.0, 0.0), DT, tail_check.Seen(0.0, 0.0, 0.0, 7.0), closed=False)
+    assert opened == tail_check.State(jammed=1)
 
 
 @pytest.mark.parametrize("current", [0.0, 3.0])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from flown import ARIZONA, RAVEN, Flight, Underway, differing, flown, rms
-from promises import PROMISES, Promise, table
+from promises import LEVEL, PHASES, PROMISES, Promise, table
 
 import avionics
 from avionics import topics
@@ -27,7 +27,7 @@ STRAIGHT = (
     MissionItem(ItemKind.TAKEOFF, altitude=15.0),
     MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.0, duration=600.0),
 )
-FAILS_AT = 24.0
+FAILS_AT = PHASES[LEVEL]
 LOW_HOLD = (
     MissionItem(ItemKind.TAKEOFF, altitude=15.0),
     MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.5, duration=60.0),
@@ -139,29 +139,34 @@ def safety_pilot(seen: Observation) -> Sticks:
 @functools.cache
 def underway(vehicle: str) -> Underway:
     """The flight up to the failure, which all share."""
-    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 50.0, pilot=safety_pilot), STRAIGHT)
+    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 120.0, pilot=safety_pilot), STRAIGHT)
     flight.until(FAILS_AT - 0.1)
     return flight
 
 
-def failed(vehicle: str, name: str) -> Flight:
-    branch = underway(vehicle).branch(parse_fault(f"{name}@{FAILS_AT}"))
-    branch.until(FAILS_AT + PROMISES[name].flown)
+def failed(vehicle: str, name: str, phase: str = LEVEL) -> Flight:
+    at = PHASES[phase]
+    if phase == LEVEL:
+        branch = underway(vehicle).branch(parse_fault(f"{name}@{at}"))
+    else:
+        fault = parse_fault(f"{name}@{at}")
+        branch = Underway(vehicle, Scenario(seed=1, duration=at + 120.0, faults=(fault,)), STRAIGHT)
+    branch.until(at + PROMISES[name].flown)
     return branch.flight()
 
 
-def check_said_once(flight: Flight, promise: Promise) -> float:
+def check_event_once(flight: Flight, promise: Promise, at: float = FAILS_AT) -> float:
     """When the words were said (s): within their time, and once."""
     said = [event.time_us * 1e-6 for event in flight.of(topics.EVENTS) if event.text.startswith(promise.says)]
     assert len(said) == 1, f"{promise.says!r} among {flight.events()}"
-    assert FAILS_AT - 0.02 <= said[0] <= FAILS_AT + promise.within
+    assert at - 0.02 <= said[0] <= at + promise.within
     return said[0]
 
 
-def check_flown(flight: Flight, promise: Promise) -> None:
+def check_flight(flight: Flight, promise: Promise, at: float = FAILS_AT) -> None:
     """Bank, altitude and touchdown as they were, from the failure on."""
     time, (_, end) = flight.truth["time_us"] * 1e-6, flight.air_time()
-    inside = (time >= FAILS_AT) & (time <= end)
+    inside = (time >= at) & (time <= end)
     assert np.degrees(np.abs(flight.true_attitude()[0][inside])).max() < promise.bank
     if promise.altitude is not None:
         assert end == time[-1], f"on the ground at {end} s"
@@ -203,12 +208,22 @@ def in_time(name: str) -> Any:
 @pytest.mark.parametrize("name", [in_time(name) for name in IN_FLIGHT])
 def test_what_is_promised_for_a_failure_is_kept(name: str) -> None:
     flight, promise = failed(RAVEN, name), PROMISES[name]
-    since = check_said_once(flight, promise)
+    since = check_event_once(flight, promise)
     if FAULTS[name].place is not Place.FLIGHT:
         assert [event.text for event in flight.of(truth_topics.EVENTS)] == [f"fault {name}: {FAULTS[name].text}"]
-    check_flown(flight, promise)
+    check_flight(flight, promise)
     if promise.stops:
         check_stopped(flight, since)
+
+
+OTHER_PHASES = [(name, phase) for name, promise in PROMISES.items() for phase in promise.phases if phase != LEVEL]
+
+
+@pytest.mark.parametrize(("name", "phase"), OTHER_PHASES)
+def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
+    flight, promise, at = failed(RAVEN, name, phase), PROMISES[name], PHASES[phase]
+    check_event_once(flight, promise, at)
+    check_flight(flight, promise, at)
 
 
 def test_with_a_frozen_imu_the_altitude_is_the_barometers() -> None:
@@ -228,11 +243,11 @@ OWN_PHYSICS = ["imu_frozen", "imu_saturated", "battery_critical", "tail_jammed",
 @pytest.mark.parametrize("name", OWN_PHYSICS)
 def test_what_is_promised_holds_with_a_crank_too(name: str) -> None:
     flight, promise = failed(ARIZONA, name), PROMISES[name]
-    since = check_said_once(flight, promise)
+    since = check_event_once(flight, promise)
     if promise.stops:  # with both wings where the crank stopped, nothing is promised of the glide
         check_stopped(flight, since)
     else:
-        check_flown(flight, promise)
+        check_flight(flight, promise)
 
 
 def test_a_receiver_lost_in_a_flight_by_stick_brings_it_home() -> None:
@@ -240,7 +255,7 @@ def test_a_receiver_lost_in_a_flight_by_stick_brings_it_home() -> None:
     branch = underway(RAVEN).branch(parse_fault(f"receiver_lost@{FAILS_AT + 1.0}"), [taken_over])
     branch.until(FAILS_AT + 9.0)
     flight = branch.flight()
-    check_flown(flight, PROMISES["link_lost"])
+    check_flight(flight, PROMISES["link_lost"])
     assert flight.event_time("failsafe: receiver lost") == pytest.approx(FAILS_AT + 1.5, abs=0.2)
     assert flight.event_time("failsafe: LOITER, pilot's sticks lost") == pytest.approx(FAILS_AT + 1.5, abs=0.2)
     returning = flight.event_time("failsafe: returning, pilot's sticks lost")
