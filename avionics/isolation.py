@@ -26,6 +26,11 @@ STABLE = 60.0
 MAX_FRAMES = 20
 """-; innermost frames of a traceback that are logged"""
 
+MAX_TRACEBACK = 16_384
+"""characters; of the end of a traceback"""
+MAX_ERROR = 200
+"""characters; of an exception in one line"""
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -98,7 +103,9 @@ class Guard:
             return None
         try:
             return call(*args, **kwargs)
-        except Exception as error:
+        except (KeyboardInterrupt, SystemExit, GeneratorExit):
+            raise
+        except BaseException as error:  # extension modules raise panics that are no Exception
             self._fail(error)
             return None
 
@@ -108,20 +115,22 @@ class Guard:
         if self._restart is not None:
             self.run(self._restart)
 
-    def _fail(self, error: Exception) -> None:
+    def _fail(self, error: BaseException) -> None:
         now = self._isolation.now
         if now - self._last_fault > STABLE:
             self._restarts = 0
         self._count, self._last_fault = self._count + 1, now
-        last = self._restarts >= MAX_RESTARTS and not self._vital
-        retry = math.inf if last else self._backoff * 2.0**self._restarts
-        code = FaultCode.DISABLED if last else FaultCode.RESTART
-        self._restarts = min(self._restarts + 1, MAX_RESTARTS - self._vital)
+        retry, code = self._backoff * 2.0**self._restarts, FaultCode.RESTART
+        if self._restarts >= MAX_RESTARTS and self._vital:
+            retry = max(self._backoff * 2.0 ** (MAX_RESTARTS - 1), BACKOFF)
+        elif self._restarts >= MAX_RESTARTS:
+            retry, code = math.inf, FaultCode.DISABLED
+        self._restarts = min(self._restarts + 1, MAX_RESTARTS)
         self.enabled, self.due = False, now + retry
-        trace = _plain("".join(traceback.format_exception(error, limit=-MAX_FRAMES)))
-        news, self._logged = "" if trace == self._logged else trace, trace
-        summary = " ".join(_plain(traceback.format_exception_only(error)[-1]).split())
-        self._isolation.add(self, ServiceFault(code, self.service, self._count, summary, retry, news))
+        trace = _plain("".join(traceback.format_exception(error, limit=-MAX_FRAMES)))[-MAX_TRACEBACK:]
+        unlogged, self._logged = "" if trace == self._logged else trace, trace
+        summary = " ".join(_plain(f"{type(error).__name__}: {error}"[:MAX_ERROR]).split())
+        self._isolation.add(self, ServiceFault(code, self.service, self._count, summary, retry, unlogged))
 
 
 class Isolation:

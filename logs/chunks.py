@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 from array import array
+from collections.abc import Iterator
 from io import BytesIO
 from typing import NamedTuple
 
@@ -282,7 +283,7 @@ def rows_at(content: bytes, offsets: NDArray[np.uint64], kind: np.dtype[np.void]
     return windows[offsets.astype(np.int64)].view(kind)
 
 
-def bodies(content: bytes, entries: Entries) -> list[bytes]:
-    """Encoded messages at ``entries``."""
+def bodies(content: bytes, entries: Entries) -> Iterator[bytes]:
+    """Encoded messages at ``entries``, copied one at a time."""
     spans = (record_at(content, int(offset), len(content)) for offset in entries["offset"])
-    return [content[span.offset + MESSAGE_HEAD.itemsize : span.end] for span in spans if span is not None]
+    return (content[span.offset + MESSAGE_HEAD.itemsize : span.end] for span in spans if span is not None)

@@ -146,6 +146,9 @@ def _from_summary(data: Buffer, start: int, stop: int, max_chunk_size: int) -> I
     if position != stop or statistics is None or not _covers(index, statistics):
         return None
     index.counts = {channel: count for channel, count in statistics.channel_message_counts.items() if count}
+    for spans in (index.attachments, index.metadata):
+        if len(set(spans)) < len(spans):
+            raise Damage("the summary names a record twice")
     last = record_at(data, start - _DATA_END_SIZE, start)
     index.data_end = last if last is not None and last.opcode == Opcode.DATA_END else None
     index.metadata = [span for span in index.metadata if _vouched(index, data, span)]

@@ -22,7 +22,7 @@ SUMMED_UP = 2_000_000
 """messages; the flight in a log of more is summed up when it is asked for: it takes a second for each of so many"""
 SUMMED_UP_BYTES = 256 << 20
 """bytes, uncompressed; likewise"""
-_TOLD_BY = (truth_topics.STATE.name, topics.NAVIGATION.name)
+_TOLD_BY = (truth_topics.STATE, topics.NAVIGATION)
 """topics that say whether it is in the air"""
 
 
@@ -71,7 +71,7 @@ def flown_in(log: Log, however_long: bool = False) -> FlightSummary | None:
     Raises:
         BadInput: a part of the file is damaged.
     """
-    told = any(name in log.topics and log.topics[name].messages for name in _TOLD_BY)
+    told = any(map(log.is_native, _TOLD_BY))
     return summarize(log) if told and (however_long or not is_long(log)) else None
 
 
@@ -94,8 +94,8 @@ def vehicle(log: Log) -> str | None:
 
 def dropped(log: Log) -> int:
     """Messages that the recorders had to leave out because the disk was too slow."""
-    told = [topic for topic in (topics.RECORDER, truth_topics.RECORDER) if topic.name in log.topics]
-    return sum(int(log.columns(topic)["dropped"].max(initial=0)) for topic in told)
+    recorders = [topic for topic in (topics.RECORDER, truth_topics.RECORDER) if log.is_native(topic)]
+    return sum(int(log.columns(topic)["dropped"].max(initial=0)) for topic in recorders)
 
 
 def topic_row(info: TopicInfo, times: NDArray[np.float64]) -> dict[str, Any]:

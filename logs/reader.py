@@ -45,6 +45,10 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 EVENT_SCHEMA = "foxglove.Log"
+MAX_EVENTS_BYTES = 16 << 20
+"""bytes; encoded, of all events that are read from a log: texts for people"""
+NATIVE = "wingbeat."
+"""begins the full names of our messages"""
 TEXT_SCHEMA = "wingbeat.avionics.Text"
 IMPORTED, TABLES = (".bin", ".ulg", ".tlog", ".c3d"), (".csv", ".tsv", ".txt")
 """endings of the files that `logs.importing` reads by themselves, and with a mapping"""
@@ -82,8 +86,11 @@ class Log:
         self.undecodable: dict[str, int] = {}
         """messages that were left out of what was read so far because they cannot be decoded, by topic"""
         self.topics: dict[str, TopicInfo] = {}
+        self._by_topic: dict[str, list[Channel]] = {}
         for channel in sorted(index.channels.values(), key=lambda channel: channel.id):
-            self.topics.setdefault(channel.topic, self._info(channel))
+            self._by_topic.setdefault(channel.topic, []).append(channel)
+        for name, channels in self._by_topic.items():
+            self.topics[name] = self._info(channels[0])
 
     def close(self) -> None:
         """Release the file; nothing can be read afterwards."""
@@ -126,7 +133,12 @@ class Log:
         text = self.metadata.get(RECORDING, {}).get("start_epoch_ns", "")
         return int(text) if text.isdecimal() and len(text) < 20 and int(text) <= LATEST_NS else self.start_ns
 
-    @property
+    def is_native(self, topic: Topic) -> bool:
+        """Whether the log has messages of one of our topics in our own encoding."""
+        info = self.topics.get(topic.name)
+        return info is not None and info.messages > 0 and info.layout is not None and info.schema.startswith(NATIVE)
+
+    @cached_property
     def metadata(self) -> dict[str, dict[str, str]]:
         """Metadata by name; records of the same name are joined, the later one wins.
 
@@ -373,7 +385,7 @@ class Log:
     def _info(self, channel: Channel) -> TopicInfo:
         schema = self._index.schemas.get(channel.schema_id)
         rate, deterministic = channel.metadata.get("rate"), channel.metadata.get("deterministic")
-        same = [other.id for other in self._index.channels.values() if other.topic == channel.topic]
+        same = [other.id for other in self._by_topic[channel.topic]]
         return TopicInfo(
             channel.topic,
             channel.id,
@@ -386,14 +398,27 @@ class Log:
         )
 
     def _channels(self, topic: str) -> list[Channel]:
-        found = [channel for channel in self._index.channels.values() if channel.topic == topic]
+        found = self._by_topic.get(topic)
         if not found:
             guess, has = meant(topic, self.topics), ", ".join(self.topics) or "none"
             raise BadInput(f"{self.path} has no topic {topic}{guess}; it has: {has}")
         return found
 
     def _read_events(self, topics: list[str]) -> list[Event]:
-        found = [pair for name in topics for pair in self._decodable(name, decode_event, self._messages(name))]
+        found: list[tuple[int, Event]] = []
+        size = 0
+
+        def decode(data: bytes) -> Event:
+            nonlocal size
+            size += len(data)
+            if size > MAX_EVENTS_BYTES:
+                raise Damage(f"the events of the log exceed {MAX_EVENTS_BYTES >> 20} MiB")
+            return decode_event(data)
+
+        for name in topics:
+            window = self._window(None, None)
+            messages = (pair for channel in self._channels(name) for pair in self._encoded(channel, window))
+            found += self._decodable(name, decode, messages)
         return [event for _, event in sorted(found, key=lambda pair: pair[0])]
 
     def _decodable(

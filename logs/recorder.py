@@ -218,7 +218,7 @@ class McapRecorder:
                     log_ns = epoch + message.time_us * 1000
                     record = stream.encode(message, log_ns, stream.sequence)
                 # A message of the wrong shape must cost that message alone, whatever is wrong with it.
-                except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
+                except Exception as error:
                     self._refuse(f"a message of {topic.name}", error)
                     continue
                 buffer = self._buffer

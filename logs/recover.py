@@ -64,15 +64,22 @@ def _join_parts(path: Path, parts: Sequence[Path], max_chunk_size: int) -> Recov
     with held(path) as ours:
         if not ours:
             raise BadInput(f"{path} is being recorded: it cannot be repaired now")
-        done = [_recover(part, max_chunk_size) for part in parts]
-        join(parts, path)
-    return Recovery(
-        sum(one.messages for one in done),
-        tuple(f"{part.name}: {line}" for part, one in zip(parts, done, strict=True) for line in one.damage),
-        next((one.torn for one in done if one.torn is not None), None),
-        sum(one.torn_bytes for one in done),
-        tuple(parts),
-    )
+        done, damage = {}, []
+        for part in parts:
+            try:
+                one = done[part] = _recover(part, max_chunk_size)
+            except BadInput as reason:
+                damage.append(f"{reason}: it is left as it is")
+                continue
+            damage += [f"{part.name}: {line}" for line in one.damage]
+            damage += [f"{part.name}: {one.torn_bytes} bytes are in {one.torn}"] if one.torn else []
+        if not done:
+            raise BadInput("; ".join(damage))
+        join(list(done), path)
+    torn = [one.torn for one in done.values() if one.torn is not None]
+    lost = sum(one.torn_bytes for one in done.values())
+    messages = sum(one.messages for one in done.values())
+    return Recovery(messages, tuple(damage), torn[0] if torn else None, lost, tuple(done))
 
 
 def _recover(path: Path, max_chunk_size: int) -> Recovery:

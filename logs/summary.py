@@ -138,7 +138,7 @@ def summarize(log: Log) -> FlightSummary:
     Raises:
         BadInput: a part of the file is damaged.
     """
-    present = [topic.name for topic in NEEDED if topic.name in log.topics and log.topics[topic.name].messages]
+    present = [topic.name for topic in NEEDED if log.is_native(topic)]
     return summary_of(log.tables(present), log.duration)
 
 

@@ -66,6 +66,16 @@ def storage_name(vehicle: FlightVehicle) -> str:
     return f"{name}-custom" if name in vehicle_names() else name
 
 
+def unused_files(vehicle: FlightVehicle) -> list[str]:
+    """A line for each file that earlier versions used for a copied vehicle whose name was left unchanged."""
+    lines = []
+    for path, folder in ((default_path(vehicle), "parameters"), (key_path(vehicle), "signing")):
+        earlier = _state_folder() / folder / f"{_file_name(vehicle.name)}{path.suffix}"
+        if earlier != path and earlier.exists() and not path.exists():
+            lines.append(f"{earlier} is not used for this vehicle; if it is its own, copy it to {path}")
+    return lines
+
+
 def _state_path(kind: str, vehicle: FlightVehicle, suffix: str) -> Path:
     folder = _state_folder() / kind
     path = folder / f"{_file_name(storage_name(vehicle))}.{suffix}"

@@ -114,6 +114,8 @@ class GroundLink:
         self._streams = Streams(vehicle, self._rooms(), unix_time, self._isolation, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._texts = StatustextService(vehicle, unix_time)
+        self._unsent: deque[Event] = deque(maxlen=64)
+        """for the status text service, which may be disabled"""
         self._services = {row.name: self._host(row) for row in self._table(gains or LinkGains(), files)}
         self._by_message: dict[str, list[Hosted]] = {}
         for hosted in self._services.values():
@@ -187,6 +189,7 @@ class GroundLink:
         """
         inputs: list[Input] = []
         self._isolation.advance(now)
+        self._send_events()
         for link in self._links:
             link.budget.advance(now)
             link.receive(now)
@@ -254,8 +257,14 @@ class GroundLink:
 
     def _publish(self, event: Event) -> None:
         self.announced.append(event)
-        self._texts.tell(event)
         self._journal.append(event)
+        self._unsent.append(event)
+        self._send_events()
+
+    def _send_events(self) -> None:
+        guard = self._services["status text"].guard
+        while self._unsent and guard.enabled:
+            guard.run(self._texts.tell, self._unsent.popleft())
 
     def _report_faults(self) -> None:
         """Report what the guards caught: in one line to the ground, with the traceback to the log."""
@@ -318,11 +327,15 @@ class GroundLink:
         return system in (0, self._identity.system) and component in (0, self._identity.component)
 
     def _deliver(self, outputs: list[Output], inputs: list[Input]) -> None:
+        # An answer that cannot be sent must not cost an input that follows it.
         for output in outputs:
             if not isinstance(output, Reply):
                 inputs.append(output)
                 self._note(output)
-            elif output.to is None:
+        for output in outputs:
+            if not isinstance(output, Reply):
+                continue
+            if output.to is None:
                 for link in self._links:
                     link.send(output.message)
             else:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -33,6 +34,8 @@ FRESH = 60 * TICKS_PER_SECOND
 """ticks; maximum difference between the first time stamp of a stream and the vehicle's clock, either way"""
 MAX_STREAMS = 64
 """-; streams whose last time stamp is kept; the one with the oldest time stamp is forgotten first"""
+LAST_ACCEPTED = LATEST - 365 * 86_400 * TICKS_PER_SECOND
+"""ticks; a year remains for the time stamps that follow one that is accepted"""
 AHEAD = 86_400 * TICKS_PER_SECOND
 """ticks; a key may come with a first time stamp so far ahead of our clock, where we have one"""
 RESERVE = 2 * TICKS_PER_SECOND
@@ -48,7 +51,7 @@ class Stamps(NamedTuple):
     ours: int = 0
     streams: Mapping[Stream, int] = {}
     clock: int = 0
-    """ticks; latest reading of the vehicle's own clock. One that is behind it after a restart is not set"""
+    """ticks; latest plausible reading of the vehicle's own clock"""
 
 
 class KeyStore(Protocol):
@@ -91,14 +94,17 @@ class Signing:
         key: bytes | None = None,
         stamps: Stamps = Stamps(),  # noqa: B008 (immutable)
         store: KeyStore | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._unix_time = unix_time
+        self._monotonic = monotonic
         self._key = key
         self._last = stamps.ours
         self._streams = dict(stamps.streams)
         self._clock_kept = stamps.clock
-        self._lead = 0 if self._is_set() else max(stamps.ours - self._clock(), 0)
-        """ticks; set up by a key holder: his clock minus the vehicle's, if the vehicle's is behind"""
+        self._anchor = (self._clock() if self._is_set() else stamps.ours, monotonic())
+        """ticks, s; a time stamp and the monotonic clock then: what the vehicle's clock was set to at the start, or
+        what a key holder set it up to. It goes on when the system's clock is set meanwhile"""
         self._awaits_first = True
         self._store = store
         self._reserved = stamps._replace(streams=dict(self._streams))
@@ -130,7 +136,8 @@ class Signing:
             self._store.save_key(key)
         self._key = key
         self._last = max(self._last, initial_stamp)
-        self._lead = max(self._lead, initial_stamp - self._clock())
+        if initial_stamp > self._now():
+            self._anchor = (initial_stamp, self._monotonic())
         self._awaits_first = True
         self._reserve()
 
@@ -157,16 +164,17 @@ class Signing:
         return self._last
 
     def _now(self) -> int:
-        """The clock of outgoing frames: the vehicle's, as a key holder set it up."""
-        return min(max(self._clock() + self._lead, 0), LATEST)
+        """The later one of the vehicle's clock and of the clock that began at the anchor."""
+        anchored = self._anchor[0] + int((self._monotonic() - self._anchor[1]) * TICKS_PER_SECOND)
+        return min(max(self._clock(), anchored, 0), LATEST)
 
     def _clock(self) -> int:
         """The vehicle's own clock, negative before 2015."""
         return int((self._unix_time() - EPOCH) * TICKS_PER_SECOND)
 
     def _is_set(self) -> bool:
-        """Whether the vehicle's own clock is plausible: after 2015, and not behind what it was before the start."""
-        return self._clock() > max(self._clock_kept - FRESH, 0)
+        """Whether the vehicle's own clock is plausible."""
+        return self._clock() > 0
 
     def examine(self, frame: Frame) -> Finding:
         """Whether the frame is the key holder's and new; only such a one moves the time stamps."""
@@ -183,30 +191,26 @@ class Signing:
         return finding
 
     def _judge(self, stream: Stream, stamp: int) -> Finding:
-        """Compare a time stamp with the last of its stream, or with the vehicle's clock if there is none.
+        """Compare a time stamp with the last of its stream or, if it is new, with the vehicle's clock.
 
-        A known stream may also continue within a minute of its own last time stamp, however the vehicle's clock is
-        set meanwhile. The first frame after the start or after a new key may be ahead by any time: it sets up a
-        vehicle whose clock is behind.
+        The first frame after the start or after a new key may be ahead by any time: it sets up a vehicle whose clock
+        is behind. No other frame may be over a minute ahead of the vehicle's clock and of what the vehicle sent,
+        to which stations raise their own time stamps.
         """
-        now = self._now()
-        oldest = (self._clock() if self._is_set() else now) - FRESH - 1
-        last = self._streams.get(stream, oldest)
-        if stamp > LATEST or stamp <= last:
+        oldest = (self._clock() if self._is_set() else self._clock_kept) - FRESH - 1
+        if stamp <= self._streams.get(stream, oldest):
             return Finding.REPLAYED
-        # Stations raise their time stamps to those that the vehicle sends: these must stay acceptable.
-        latest = FRESH + (self._last if self._last > now + FRESH else now)
-        if stamp > max(latest, last + FRESH) and not self._awaits_first:
+        latest = max(self._now(), self._last) + FRESH
+        if stamp > (LAST_ACCEPTED if self._awaits_first else min(latest, LAST_ACCEPTED)):
             return Finding.AHEAD
         return Finding.SIGNED
 
     def _accept(self, stream: Stream, stamp: int) -> None:
-        if stamp > self._now() + FRESH and self._awaits_first:
-            self._lead = stamp - self._clock()
+        if stamp > self._now() + FRESH:
+            self._anchor = (stamp, self._monotonic())
         self._awaits_first = False
         self._streams[stream] = stamp
-        self._last = max(self._last, stamp)
-        if stamp > self._reserved.streams.get(stream, -1) or self._last > self._reserved.ours:
+        if stamp > self._reserved.streams.get(stream, -1):
             self._reserve()
 
     def _reserve(self) -> None:

@@ -16,7 +16,7 @@ from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.cores import pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.line_watch import Losses
-from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path, storage_name
+from avionics.board.parameter_file import Loaded, ParameterFile, default_path, key_path, storage_name, unused_files
 from avionics.board.razor import RazorBoard
 from avionics.board.razor_protocol import Angles
 from avionics.isolation import Isolation
@@ -133,7 +133,7 @@ def run(arguments: Sequence[str]) -> int:
     signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle)))
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
-    for line in options.name_warnings(vehicle.file):
+    for line in (*options.name_warnings(vehicle.file), *unused_files(vehicle)):
         account.say(line)
     if chosen.log is None:
         put_right(RECORDINGS)

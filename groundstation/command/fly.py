@@ -24,7 +24,7 @@ from avionics.link.vehicle import load_identity
 from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
-from avionics.vehicles import vehicle_names as flname_by_paths
+from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
 from groundstation.command.compiling import announced, load_physics
@@ -181,10 +181,12 @@ def _run(chosen: argparse.Namespace, plan: Plan) -> int:
         put_right(plan.log.parent)
     faults: dict[str, str] = {}
     try:
-        with shown_live(chosen.live, plan.parts):
+        with shown_live(chosen.live, plan.parts) as live:
             _prepare(plan, chosen.json)
             began = time.monotonic()
             _fly(plan, chosen, console, faults)
+        if live is not None and live.traceback:
+            faults["live view"] = live.traceback
     except KeyboardInterrupt:
         _keep(plan, faults)
         raise
@@ -237,10 +239,10 @@ def _check_flown(name: str) -> None:
     Raises:
         BadInput: it is one.
     """
-    if name in vehicle_names() and name not in flname_by_paths():
+    if name in vehicle_names() and name not in flown_names():
         raise BadInput(
             f"{name} has no flight-computer file: it can be trimmed and linearized, not flown; "
-            f"{' and '.join(flname_by_paths())} can"
+            f"{' and '.join(flown_names())} can"
         )
 
 

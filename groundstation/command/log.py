@@ -162,7 +162,7 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
     console = open_console()
     console.print(
         Text.assemble(
-            (document["vehicle"] or "unknown vehicle", "bold"),
+            (wording.one_line(document["vehicle"] or "unknown vehicle"), "bold"),
             f"   {wording.duration(document['duration'])}   {counted(document['messages'], 'message')}   "
             f"{wording.size(file.stat().st_size)}",
         )
@@ -182,12 +182,14 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
     for row in document["topics"]:
         rate = "" if row["rate"] is None else f"{row['rate']:.4g} Hz"
         gaps = "" if not row["gaps"] else f"{row['gaps']}, up to {row['longest_gap']:.3g} s"
-        table.add_row(row["topic"], str(row["messages"]), rate, gaps, row["message"].rpartition(".")[2])
+        table.add_row(
+            wording.one_line(row["topic"]), str(row["messages"]), rate, gaps, row["message"].rpartition(".")[2]
+        )
     if document["topics"]:
         console.print(table)
     events = [event for event in document["events"] if event["severity"] != Severity.DEBUG.name]
     for event in events[-EVENTS_SHOWN:]:
-        console.print(f"  {wording.clock(event['time'])}  {event['text']}")
+        console.print(f"  {wording.clock(event['time'])}  {wording.one_line(event['text'])}")
 
 
 def _view(chosen: argparse.Namespace) -> None:

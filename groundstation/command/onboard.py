@@ -58,7 +58,7 @@ class Onboard:
         self._recorder = recorder
         self._isolation = isolation or Isolation()
         # One message is lost with each fault: a back-off would cost the recording all messages meanwhile.
-        self._recording = self._isolation.guard("recorder", backoff=0.0)
+        self._recording = self._isolation.guard("recorder", backoff=0.0, vital=True)
         self._keeping = self._isolation.guard("parameter file")
         self._linking = self._isolation.guard("ground links", vital=True)
         self._clock = clock

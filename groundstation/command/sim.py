@@ -108,9 +108,10 @@ def run(arguments: Sequence[str]) -> int:
         note_scenario(recorder, vehicle, scenario)
         if sticks is not None:
             recorder.attach(STICKS, "text/csv", sticks.text.encode())
-        seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        outputs = {"recorder": seen.record, **({"terminal": print_events} if alone else {})}
-        world = SimulatedWorld(vehicle, scenario, IsolatedOutputs(outputs))
+        isolation = Isolation()
+        scene = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns, guard=isolation.guard("scene"))
+        outputs = {"recorder": scene.record, **({"terminal": print_events} if alone else {})}
+        world = SimulatedWorld(vehicle, scenario, IsolatedOutputs(outputs, isolation))
         if alone:
             hurried = HURRIED if math.isinf(chosen.speed) and isinstance(server, BridgeServer) else ""
             print(f"{WAITING}{hurried}", file=sys.stderr, flush=True)
@@ -170,10 +171,13 @@ class Flights:
         note_scenario(self._recorder, self._vehicle, self._scenario)
         if self._sticks is not None:
             self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())
-        seen = SceneRecorder(self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns)
-        outputs = IsolatedOutputs({"recorder": seen.record, "terminal": print_events})
+        isolation = Isolation()
+        scene = SceneRecorder(
+            self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns, guard=isolation.guard("scene")
+        )
+        outputs = IsolatedOutputs({"recorder": scene.record, "terminal": print_events}, isolation)
         world = SimulatedWorld(self._vehicle, self._scenario, outputs, self._rate)
-        return Stage(world, seen.record)
+        return Stage(world, IsolatedOutputs({"recorder": scene.record}, isolation))
 
     def compile(self) -> None:
         """Have the physics ready, saying so where that takes its time."""
@@ -204,10 +208,14 @@ def serve_foreign(theirs: foreign.Foreign, flights: Flights) -> None:
 class IsolatedOutputs:
     """Where the world's messages go; what an output raises is recorded as events, and the world goes on."""
 
-    def __init__(self, outputs: Mapping[str, Publish]) -> None:
-        """``outputs`` by their names, for people."""
-        self._isolation = Isolation()
-        self._outputs = [(self._isolation.guard(name, backoff=0.0), publish) for name, publish in outputs.items()]
+    def __init__(self, outputs: Mapping[str, Publish], isolation: Isolation) -> None:
+        """``outputs`` by their names; ``isolation`` may have guards of what is behind them."""
+        self._isolation = isolation
+        # The recording goes on after any number of faults.
+        self._outputs = [
+            (isolation.guard(name, backoff=0.0, vital=name == "recorder"), publish)
+            for name, publish in outputs.items()
+        ]
 
     def __call__(self, topic: Topic, message: Any) -> None:
         """Hand a message to each output, after the faults of the one before."""

@@ -225,4 +225,4 @@ def progress_line(state: VehicleState, mode: str) -> str:
 
 def event_line(heard: Heard) -> str:
     """One plain line of what the vehicle said."""
-    return f"{wording.number(heard.time, '6.1f', 's')}  {heard.text}"
+    return f"{wording.number(heard.time, '6.1f', 's')}  {wording.one_line(heard.text)}"

@@ -112,7 +112,7 @@ def comparison_line(proof: Proof) -> Text:
     words, style = {
         Comparison.BETTER: ("flies better", "green"),
         Comparison.SAME: ("flies the same", ""),
-        Comparison.WORSE: ("flies WORSE", "red"),
+        Comparison.WORSE: ("flies worse", "red"),
     }[proof.comparison]
     return Text.assemble("\n", (words, style), f": {reason}")
 

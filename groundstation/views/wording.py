@@ -62,6 +62,11 @@ def size(count: float) -> str:
     return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{count / 1e3:.0f} kB"
 
 
+def one_line(text: str) -> str:
+    """``text`` with symbols for its line feeds: a text from a file or link cannot look like lines of ours."""
+    return text.replace("\n", "\N{SYMBOL FOR LINE FEED}")
+
+
 def words(identifier: str) -> str:
     """``CLIMB_OUT`` as ``climb out``."""
     return identifier.lower().replace("_", " ")

@@ -11,7 +11,7 @@ from avionics.missions.files import load_flight_plan
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from avionics.vehicles import vehicle_names as flname_by_paths
+from avionics.vehicles import vehicle_names as flown_names
 from logs.names import vehicle_files
 from sim_bridge.flight.faults import Fault, mission_faults
 from sim_bridge.sensors.transmitter import Script, load_script
@@ -76,8 +76,8 @@ def found(folder: Path, name: str) -> str:
 
 def _pair(vehicle: str) -> Pair:
     world, computer = vehicle_files(vehicle)
-    if vehicle in world_names() and vehicle not in flname_by_paths():
-        raise BadInput(f"{vehicle} has no flight-computer file: {' and '.join(flname_by_paths())} can be flown")
+    if vehicle in world_names() and vehicle not in flown_names():
+        raise BadInput(f"{vehicle} has no flight-computer file: {' and '.join(flown_names())} can be flown")
     return Pair(load_world(world), load_flight_vehicle(computer))
 
 

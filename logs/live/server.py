@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -92,6 +93,8 @@ class LiveServer:
         """what a viewer is told to open"""
         self.failure = ""
         """why a file is not shown, one line"""
+        self.traceback = ""
+        """of that failure"""
         self._thread = threading.Thread(target=self._serve, name="live", daemon=True)
         self._thread.start()
 
@@ -145,8 +148,9 @@ class LiveServer:
                 before = now
             self._show(PERIOD, last=True)
         # Whatever it was, the recording and the flight do not need this thread.
-        except Exception as reason:
+        except BaseException as reason:  # foxglove-sdk's panics are no Exception
             self.failure = str(reason) or type(reason).__name__
+            self.traceback = traceback.format_exc()
         finally:
             for follower in self._followers:
                 follower.close()

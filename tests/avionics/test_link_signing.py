@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from link_station import PATIENCE
 from link_vehicle import FakeVehicle
 from ports import free_port
@@ -216,6 +218,8 @@ def test_a_forged_time_stamp_does_not_silence_the_owner() -> None:
 # --- clocks that differ ------------------------------------------------------------------------------------
 
 A, B, C = 255, 254, 253
+UNSET = -1.0e9
+"""s; error of a clock that was never set"""
 
 
 def heartbeat(seconds: float, system: int) -> Frame:
@@ -231,7 +235,7 @@ class Clocks:
 
     def __init__(self, vehicle_error: float = 0.0, stamps: Stamps = Stamps()) -> None:  # noqa: B008 (immutable)
         self.time, self.vehicle_error = 0.0, vehicle_error
-        self.vehicle = Signing(lambda: NOW + self.time + self.vehicle_error, KEY, stamps)
+        self.vehicle = Signing(lambda: NOW + self.time + self.vehicle_error, KEY, stamps, None, lambda: self.time)
 
     def examine(self, system: int, error: float) -> Finding:
         return self.vehicle.examine(heartbeat(self.time + error, system))
@@ -269,7 +273,7 @@ def test_a_known_stream_is_compared_with_its_own_time_stamps_alone() -> None:
     assert clocks.examine(A, -59.0) is Finding.SIGNED
 
 
-@pytest.mark.parametrize("error", [-4.0e8, -86_400.0, -300.0])
+@pytest.mark.parametrize("error", [UNSET, -86_400.0, -300.0])
 def test_the_first_frame_sets_up_a_vehicle_whose_clock_is_behind(error: float) -> None:
     """GIVEN a clock that was never set, or is behind THEN the first station is accepted, others, and later ones."""
     clocks = Clocks(error)
@@ -279,17 +283,59 @@ def test_the_first_frame_sets_up_a_vehicle_whose_clock_is_behind(error: float) -
     assert clocks.examine(C, 61.0) is Finding.AHEAD
     stamp = int.from_bytes(clocks.vehicle.sign(b"frame", 0)[1:7], "little")
     assert abs(stamp - TICKS - 200 * TICKS_PER_SECOND) < FRESH, "a station with a right clock accepts it"
-    if error == -4.0e8:  # without a clock of its own the vehicle follows the specification
-        assert clocks.examine(C, -61.0) is Finding.REPLAYED
+    assert clocks.examine(C, -61.0) is Finding.SIGNED, "the first station's clock is not the vehicle's"
 
 
 def test_after_a_restart_without_a_clock_old_frames_of_new_streams_are_refused() -> None:
     kept = Stamps(TICKS + FRESH, {(A, 190, 0): TICKS}, TICKS)
     assert Clocks(0.0, kept).examine(C, -59.0) is Finding.SIGNED
-    clocks = Clocks(-1.0e8, kept)
-    assert clocks.examine(C, -1.0) is Finding.REPLAYED
+    clocks = Clocks(UNSET, kept)
+    assert clocks.examine(C, -61.0) is Finding.REPLAYED
     assert clocks.examine(A, 0.0) is Finding.REPLAYED
     assert clocks.examine(A, 1.0) is Finding.SIGNED
+
+
+def test_setting_the_clock_after_the_first_frame_moves_no_time_stamp() -> None:
+    """GIVEN a clock that was never set WHEN GPS or NTP sets it THEN stations go on, and what is sent is of now."""
+    clocks = Clocks(UNSET)
+    assert clocks.examine(A, 0.0) is Finding.SIGNED
+    clocks.vehicle_error = 0.0
+    for system in (A, B, C):
+        clocks.time += 1.0
+        stamp = int.from_bytes(clocks.vehicle.sign(b"frame", 0)[1:7], "little")
+        assert abs(stamp - TICKS - clocks.time * TICKS_PER_SECOND) < FRESH
+        assert clocks.examine(system, 0.0) is Finding.SIGNED
+
+
+def test_a_stream_cannot_step_ahead() -> None:
+    """GIVEN a known stream WHEN each frame is 59 s later than the last THEN it stays within a minute of the clock."""
+    clocks = Clocks()
+    found = [clocks.examine(A, 59.0 * step) for step in range(100)]
+    assert found[:2] == [Finding.SIGNED] * 2 and set(found[2:]) == {Finding.AHEAD}
+    assert clocks.examine(B, 3600.0) is Finding.AHEAD
+
+
+@given(st.data())
+def test_a_station_with_the_right_clock_is_always_accepted(data: st.DataObject) -> None:
+    """Over jumps of the clock, wrong stations and restarts; what is sent stays acceptable to that station."""
+    error = data.draw(st.sampled_from([0.0, UNSET, -300.0, -86_400.0]))
+    clocks = Clocks(error)
+    assert clocks.examine(A, 0.0) is Finding.SIGNED
+    for _ in range(data.draw(st.integers(1, 12))):
+        clocks.time += data.draw(st.floats(0.5, 400.0))
+        match data.draw(st.sampled_from(["jump", "wrong", "restart", "none"])):
+            case "jump":
+                clocks.vehicle_error = data.draw(st.sampled_from([0.0, 30.0, -30.0, error]))
+            case "wrong":
+                clocks.examine(data.draw(st.sampled_from([B, C])), data.draw(st.floats(-1e8, 1e8)))
+            case "restart":
+                stamps = clocks.vehicle._stamps()
+                clocks.vehicle = Signing(
+                    lambda: NOW + clocks.time + clocks.vehicle_error, KEY, stamps, None, lambda: clocks.time
+                )
+        assert clocks.examine(A, 0.0) is Finding.SIGNED
+        stamp = int.from_bytes(clocks.vehicle.sign(b"frame", 0)[1:7], "little")
+        assert stamp > TICKS + (clocks.time - 61.0) * TICKS_PER_SECOND
 
 
 def test_the_streams_that_are_remembered_are_bounded() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from avionics import parameters
-from avionics.board.parameter_file import FORMAT, AnotherVehicles, ParameterFile, default_path, key_path
+from avionics.board.parameter_file import FORMAT, AnotherVehicles, ParameterFile, default_path, key_path, unused_files
 from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle, load_vehicle
 from avionics.vehicles.gains import FlightGains
@@ -166,6 +166,13 @@ def test_copied_vehicles_store_by_their_folders(monkeypatch: pytest.MonkeyPatch,
     assert [default_path(vehicle).stem for vehicle in vehicles] == names
     assert [key_path(vehicle).stem for vehicle in vehicles] == names
     ParameterFile(default_path(vehicles[1]), vehicles[1]).save({"PITCH_P": 0.9})
+    earlier = tmp_path / "state" / "signing" / "robo_raven_ii_d.key"
+    earlier.parent.mkdir()
+    earlier.touch()
+    assert unused_files(vehicles[0]) == []
+    assert unused_files(vehicles[1]) == [
+        f"{earlier} is not used for this vehicle; if it is its own, copy it to {earlier.with_stem('my_bird')}"
+    ]
     with pytest.raises(AnotherVehicles):
         ParameterFile(default_path(vehicles[1]), vehicles[0]).stored()
     with pytest.raises(AnotherVehicles):

@@ -99,5 +99,5 @@ def test_gains_that_fly_worse_are_not_written(
     out = tmp_path / "tuned"
     assert main(["tune", str(model), "--out", str(out), *force]) == code
     said = capsys.readouterr().out
-    assert "flies WORSE: errors 1.19 times those before" in said
+    assert "flies worse: errors 1.19 times those before" in said
     assert out.exists() == bool(force) and ("--force writes gains that fly worse" in said) == (not force)

@@ -12,6 +12,7 @@ from pathlib import Path
 import lz4.frame
 import pytest
 import zstandard
+from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from mcap.writer import CompressionType, Writer
 
 from groundstation.command.main import main
@@ -105,6 +106,53 @@ def test_repeated_records_stay_bounded(tmp_path: Path) -> None:
     with open_log(path) as log:
         assert log.topics["/a"].messages == 5
         assert "records" in log.damage[0]
+
+
+def test_event_texts_stay_bounded(tmp_path: Path) -> None:
+    kind = record(3, struct.pack("<H", 1) + text(b"foxglove.Log") + text(b"protobuf") + text(b""))
+    channel = record(4, struct.pack("<HH", 1, 1) + text(b"/e") + text(b"protobuf") + struct.pack("<I", 0))
+    event = FoxgloveLog(message="\N{GRINNING FACE}" + "e" * 1_000_000).SerializeToString()
+    path = write(tmp_path / "a.mcap", chunk("zstd", kind + channel + message(event) * 200))
+    assert peak_of_info(path) < 400
+    with open_log(path) as log:
+        assert 0 < len(log.events()) < 20
+        assert log.undecodable["/e"] == 200 - len(log.events())
+
+
+FOREIGN = [
+    b'{"x":1}',
+    b'{"dropped":"abc"}',
+    b'{"dropped":[1,2]}',
+    b'{"dropped":1e999}',
+    b'{"dropped":' + b"9" * 4000 + b"}",
+]
+
+
+@pytest.mark.parametrize("content", FOREIGN, ids=range(len(FOREIGN)))
+@pytest.mark.parametrize("topic", [b"/system/recorder", b"/truth/state", b"/main/navigation"])
+def test_foreign_topics_with_our_names_are_not_ours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], topic: bytes, content: bytes
+) -> None:
+    channel = record(4, struct.pack("<HH", 1, 1) + text(topic) + text(b"json") + struct.pack("<I", 0))
+    path = write(tmp_path / "a.mcap", chunk("zstd", schema(1, b"{}") + channel + message(content)))
+    assert main(["log", "info", str(path)]) == 0
+    assert topic.decode() in capsys.readouterr().out
+
+
+def test_many_channels_are_read_in_linear_time(tmp_path: Path) -> None:
+    channels = [
+        record(4, struct.pack("<HH", n, 1) + text(b"/%d" % n) + text(b"json") + struct.pack("<I", 0))
+        for n in range(1, 40_000)
+    ]
+    with open_log(write(tmp_path / "a.mcap", chunk("zstd", schema(1, b"{}") + b"".join(channels)))) as log:
+        assert len(log.topics) == 39_999
+
+
+def test_line_feeds_of_foreign_text_stay_in_their_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    channel = record(4, struct.pack("<HH", 1, 1) + text(b"/e\nFORGED") + text(b"json") + struct.pack("<I", 0))
+    path = write(tmp_path / "a.mcap", chunk("zstd", schema(1, b"{}") + channel + message(b"{}")))
+    assert main(["log", "info", str(path)]) == 0
+    assert not any(line.startswith("FORGED") for line in capsys.readouterr().out.splitlines())
 
 
 def test_oversized_chunk_is_read_when_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
