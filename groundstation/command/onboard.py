@@ -7,7 +7,6 @@ logged inputs.
 from __future__ import annotations
 
 import gc
-import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -31,6 +30,10 @@ from groundstation.command.waiting_inputs import SILENCE, WaitingInputs
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
+
+
+UNRECORDED = 4096
+"""messages; of a recorder that restarts, beyond which the oldest are lost"""
 
 
 class Onboard:
@@ -72,7 +75,7 @@ class Onboard:
         self._ticked_at = float("-inf")
         self._unrecorded = False
         self._thinking = False
-        self._said: deque[tuple[Topic, Any]] = deque()
+        self._said: deque[tuple[Topic, Any]] = deque(maxlen=UNRECORDED)
         self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -120,8 +123,6 @@ class Onboard:
     def _write_down(self) -> None:
         self._thinking = False
         self._recording.run(self._record_tick)
-        if not self._recording.enabled and math.isinf(self._recording.due):
-            self._said.clear()
 
     def _record_tick(self) -> None:
         said, record = self._said, self._recorder.record

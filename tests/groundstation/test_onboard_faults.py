@@ -16,7 +16,7 @@ from avionics.link.ground import GroundLink
 from avionics.messages import Event, ImuSample, Severity
 from avionics.missions import load_mission
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import Onboard
+from groundstation.command.onboard import UNRECORDED, Onboard
 from groundstation.command.sim import IsolatedOutputs
 from groundstation.command.told import Account, ToldBoard
 from logs.noted import note_inputs
@@ -123,7 +123,7 @@ def test_a_part_that_raises_costs_no_tick_and_is_reported_once(part: str) -> Non
     assert TICKS - len(imu) <= (part == "recorder")
 
 
-def test_a_recorder_that_always_raises_is_disabled_and_the_flight_goes_on() -> None:
+def test_a_recorder_that_always_raises_is_retried_and_the_flight_goes_on() -> None:
     flight = Flight()
 
     def break_recorder(flight: Flight) -> None:
@@ -132,7 +132,7 @@ def test_a_recorder_that_always_raises_is_disabled_and_the_flight_goes_on() -> N
     flight.fly(break_recorder)
     assert len(flight.board.answers) == TICKS
     assert "recorder restarts in 1 s: " in flight.texts()
-    assert len(flight.onboard._said) == 0, "what cannot be recorded fills no memory"
+    assert len(flight.onboard._said) <= UNRECORDED < 20 * TICKS, "what cannot be recorded fills no memory"
 
 
 def test_a_terminal_that_is_gone_costs_no_flight() -> None:
