@@ -102,8 +102,10 @@ def late_ticks(folder: Path, kind: str, count: int) -> float:
 
 def test_sixteen_peers_that_request_everything_make_no_tick_late(tmp_path: Path) -> None:
     alone = late_ticks(tmp_path, "udpin", 0)
+    if alone > LATE:
+        pytest.skip(f"{alone:.2f} % of the ticks are late without any peer: the machine is busy")
     for kind, name in (("udpin", "UDP"), ("tcpin", "TCP")):
         loaded = late_ticks(tmp_path, kind, PEERS)
         what = f"{PEERS} {name} peers, every stream requested at {RATE:g} Hz: late ticks"
-        leave(Row(what, loaded, alone, "%", "without peers", f"at most {LATE:g} more"))
-        assert loaded - alone <= LATE
+        leave(Row(what, loaded, alone, "%", "without peers", f"at most {LATE:g}"))
+        assert loaded <= LATE
