@@ -1,0 +1,37 @@
+"""The study of failures (``make validate``; half an hour on two cores) and the page that it wrote."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+from fault_study import VEHICLES, Result, page, soft, study
+
+import avionics
+
+pytestmark = pytest.mark.validate
+
+PAGE = Path(avionics.__file__).parents[1] / "docs" / "validation-faults.md"
+
+
+@cache
+def results() -> tuple[list[Result], list[Result], list[Result]]:
+    return study()
+
+
+def outcomes(text: str) -> list[tuple[str, str]]:
+    """Faults and outcome of every row of the tables of faults and pairs."""
+    rows = [[cell.strip() for cell in line.split("|")] for line in text.splitlines() if line.startswith("| `")]
+    return [(row[1], row[4]) for row in rows]
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_jammed_tail_in_any_phase_lands_softly(vehicle: str) -> None:
+    """GIVEN still air WHEN the tail jams in climb-out, level-off or level flight THEN 9 of 10 land softly."""
+    still = [one for one in results()[2] if one.case.vehicle == vehicle and not one.case.gusts]
+    assert soft(still) >= 0.9 * len(still)
+
+
+def test_validation_page_has_the_outcomes_of_the_study() -> None:
+    assert outcomes(PAGE.read_text(encoding="utf-8")) == outcomes(page(*results(), "today"))
