@@ -1,6 +1,6 @@
 """Study of failures: single faults and pairs on both vehicles, and a jammed tail in every phase; the page it writes.
 
-From `tests/sitl`: ``python fault_study.py PAGE`` flies all of it (half an hour on two cores) and writes the page.
+From `tests/sitl`: ``python fault_study.py PAGE`` flies all of it (some minutes on two cores) and writes the page.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ def page(single: list[Result], pairs: list[Result], jams: list[Result], day: str
             "The columns are the times of the jam since boot for a throw"
             f" at {LAUNCH_TIME:.0f} s; a cell is the sink of a landing that was not soft. Still air: {soft(still)} of"
             f" {len(still)} soft. 3 m/s of wind with `small_uav_light` gusts: {soft(windy)} of {len(windy)}. In gusts"
-            " the elevator can jam where no throttle levels the flight: nose down by 5 deg or more it dives.",
+            " the elevator can jam where no throttle levels the flight: 8 deg nose down the Robo Raven dives.",
             f"| vehicle | air | {head} |\n| --- | --- |{' --- |' * len(JAMS)}\n" + "\n".join(phase_rows(jams)),
         ]
     ) + "\n"  # fmt: skip

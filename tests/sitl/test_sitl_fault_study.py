@@ -1,4 +1,4 @@
-"""The study of failures (``make validate``; half an hour on two cores) and the page that it wrote."""
+"""The study of failures (``make validate``; some minutes on two cores) and the page that it wrote."""
 
 from __future__ import annotations
 
