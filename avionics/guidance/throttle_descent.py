@@ -19,9 +19,9 @@ class Gains(NamedTuple):
 
     sink: Annotated[float, Quantity("m/s", 0.1, 10.0)] = 0.8
     """m/s; sink rate to fly, positive down: there is no flare"""
-    integral: Annotated[float, Quantity("1/m", 0.0, 1.0)] = 0.04
+    integral: Annotated[float, Quantity("1/m", 0.0, 1.0)] = 0.03
     """1/m; throttle per second and climb-rate error"""
-    throttle_rate: Annotated[float, Quantity("1/s", 0.0, 5.0)] = 0.1
+    throttle_rate: Annotated[float, Quantity("1/s", 0.0, 5.0)] = 0.06
     """1/s; how fast the mean throttle may change"""
     throttle_min: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.0
     """-; least throttle"""
