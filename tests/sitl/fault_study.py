@@ -36,7 +36,7 @@ WORST = ("wing_left_jammed", "imu_frozen", "tail_jammed", "imu_saturated", "batt
 """one fault for each of the first six rows of `avionics.guidance.failsafes.FAILURES`, the order of their answers"""
 FAILS_AT = 24.0
 """s; of faults and pairs, in level flight"""
-FLOWN = 120.0
+FLOWN = 180.0
 """s; after the fault at most"""
 JAMS = tuple(float(time) for time in range(14, 22))
 """s; of a jammed tail if thrown at `LAUNCH_TIME`: climb-out, level-off and level flight"""
