@@ -57,7 +57,7 @@ def _from_plan(path: Path) -> FlightPlan:
 def _rest(file: plan_file.PlanFile) -> str:
     """What a plan without a mission holds, and the command that sends it."""
     parts = [name for name, items in (("a fence", file.fence), ("rally points", file.rally)) if items]
-    hint = "; wingbeat gcs URL mission upload FILE sends them" if parts else ""
+    hint = "; upload it with: wingbeat gcs URL mission upload FILE" if parts else ""
     return " and ".join(parts + ["camera commands"] * bool(file.mission)) + hint
 
 

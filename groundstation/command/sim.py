@@ -13,7 +13,7 @@ from typing import Any
 from avionics.board.cores import pin_to_core, run_before_others
 from avionics.isolation import Isolation, fault_events
 from avionics.messages import Severity
-from avionics.quantities import BadInput
+from avionics.quantities import BadInput, name_by_path
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
@@ -33,7 +33,7 @@ from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import Script, load_script
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
+from sim_bridge.vehicles import FOLDER, SimulatedVehicle, load_vehicle, with_model
 
 EXAMPLES = (
     "wingbeat sim",
@@ -142,7 +142,12 @@ def _recorder(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> McapReco
     """The world's log; beside a world that flies alone, recordings that were cut off are put right."""
     if chosen.epoch_ns is None and chosen.log is None:
         put_right(RECORDINGS)
-    return begin_recording(chosen.log, f"{vehicle.name}-world", WRITING, chosen.epoch_ns)
+    return begin_recording(chosen.log, f"{_recording_name(vehicle)}-world", WRITING, chosen.epoch_ns)
+
+
+def _recording_name(vehicle: SimulatedVehicle) -> str:
+    """The vehicle's name, or that of the folder of a user's vehicle, whose file may be a copy."""
+    return vehicle.name if vehicle.path.resolve().parent == FOLDER else name_by_path(vehicle.path)
 
 
 class Flights:
@@ -166,7 +171,7 @@ class Flights:
         """The next one, once the last one's recording is closed."""
         self.close()
         log = None if self._log is None else next(path for path in numbered(self._log) if not path.exists())
-        self._recorder = begin_recording(log, f"{self._vehicle.name}-world", WRITING)
+        self._recorder = begin_recording(log, f"{_recording_name(self._vehicle)}-world", WRITING)
         foreign.tell(f"recording in {self._recorder.path}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
         if self._sticks is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -104,6 +105,8 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     where = None if chosen.out is None else _places(chosen.out)
     subject = _subject(chosen)
+    for line in options.name_warnings(subject.vehicle.file, *([] if subject.world is None else [subject.world])):
+        print(line, file=sys.stderr)
     with ProgressBar("designing") as bar:
         found = design(subject.model, subject.vehicle, bar.show)
     console = open_console(quiet=chosen.json)

@@ -148,7 +148,7 @@ ITEMS = ["mission", "items"]
         (changed(["fileType"], "Mission"), '"fileType": "Plan"'),
         (changed(["mission"], None), "the plan: mission must be an object"),
         (changed(["mission", "plannedHomePosition"], [1, 2]), "plannedHomePosition must be a list of 3 numbers"),
-        (changed(ITEMS, []), "no mission item to fly, only a fence and rally points; wingbeat gcs URL mission"),
+        (changed(ITEMS, []), "no mission item to fly, only a fence and rally points; upload it with: wingbeat"),
         (changed(ITEMS, [simple(206, 4, 25, 0, 1, 0, 0, 0, 0, frame=2)]), "no mission item to fly, only a fence and"),
         ({**changed(ITEMS, []), "geoFence": {}, "rallyPoints": {}}, "the plan is empty"),
         (changed([*ITEMS, 0, "type"], "Thing"), "item 1: type must be SimpleItem or ComplexItem"),

@@ -39,7 +39,7 @@ class Bench:
         self._tick += 1
         now = TICK_US * self._tick
         # Its last digit trembles: an IMU that repeats itself is refused as frozen.
-        imu = ImuSample(now, 0.001 * (self._tick % 2), 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2, 0.0, 0.4)
+        imu = ImuSample(now, 0.001 * (self._tick % 2), 0.0, -9.80665, 0.0, 0.0, 0.0, 0.2142, 0.0, 0.4585)
         burst = AdcBurst(now, (819,) * 60, (512,) * 60)
         indoors = SensorFrame(now, imu, EncoderSample(now, 12, 20), adc=burst)
         return self._placed(indoors) if self._outdoors else indoors
