@@ -298,8 +298,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
-    # A ground station may disarm before the throw; without one nobody does, and the launcher has nothing to look at.
-    world += ["--waits-for-arming"] if chosen.gcs else []
+    world += ["--waits-for-arming"]  # arming may be denied, and a ground station or a pilot may disarm
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *own[0], *in_world])
     links = ["--identity", chosen.identity, *(word for url in chosen.gcs for word in ("--gcs", url))]

@@ -123,6 +123,7 @@ def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | No
         sensor_corner=float(plain(values, "sensors.corner", 0.0)),
         pilot=None if sticks is None else sticks.pilot(),
         faults=faults,
+        waits_for_arming=True,
     )
 
 

@@ -23,6 +23,7 @@ from avionics import topics
 from avionics.messages import Mode
 from avionics.quantities import BadInput
 from avionics.state import zero
+from avionics.vehicles import FOLDER as FLIGHT_FILES
 from groundstation.command import fly as fly_command
 from groundstation.command import options
 from groundstation.command.children import Children
@@ -42,6 +43,7 @@ from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS
 from sim_bridge.flight.faults import parse_fault
 from sim_bridge.topics import STATE
+from sim_bridge.vehicles import FOLDER as WORLD_FILES
 from sim_bridge.vehicles import load_vehicle
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
@@ -239,10 +241,25 @@ def test_the_same_seed_gives_the_same_bytes_whoever_watches(recorded: Recorded, 
     flight = fly(tmp_path, *RECORDED, "--gcs", "udpout:127.0.0.1:14999")
     assert flight.communicate(timeout=180)[1] == ""
     alone, watched = (payloads(folder / "flight.mcap") for folder in (recorded.folder, tmp_path))
-    # Beside a link the launcher waits until the bird is armed, and says so.
-    assert "/truth/events" not in alone and watched.pop("/truth/events")
-    assert {"/attitude/ahrs", "/truth/state", "/system/inputs", "/system/events"} <= set(alone)
+    assert {"/truth/events", "/attitude/ahrs", "/truth/state", "/system/inputs", "/system/events"} <= set(alone)
     assert alone == watched
+
+
+def test_a_vehicle_that_does_not_arm_is_not_thrown(tmp_path: Path) -> None:
+    """GIVEN a magnetometer far off WHEN arming is denied THEN it stays in the launcher's hand."""
+    bird = tmp_path / "bird"
+    bird.mkdir()
+    world = (WORLD_FILES / "robo_raven_ii_d.toml").read_text()
+    calibrated = "hard_iron_sigma_mg = { value = 4.0"
+    assert calibrated in world
+    (bird / "world.toml").write_text(world.replace(calibrated, "hard_iron_sigma_mg = { value = 400.0"))
+    (bird / "avionics.toml").write_text((FLIGHT_FILES / "robo_raven_ii_d.toml").read_text())
+    flight = fly(tmp_path, "--vehicle", str(bird), "--duration", "13", "--json")
+    out, _ = flight.communicate(timeout=180)
+    document = json.loads(out)["flight"]
+    assert (flight.returncode, document["launch"], document["airtime"]) == (0, None, None)
+    with open_log(tmp_path / "flight.mcap") as log:
+        assert not log.columns(topics.NAVIGATION)["stage"].any(), "on the ground from first to last"
 
 
 def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
@@ -364,8 +381,8 @@ def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start
         assert {STATE.name, topics.IMU.name} <= set(log.topics)
 
 
-def test_with_a_link_for_a_station_the_launcher_looks_whether_it_is_armed(recorded: Recorded, tmp_path: Path) -> None:
-    """GIVEN a station that says nothing THEN it is the same flight, but for what the launcher says of the arming."""
+def test_the_launcher_waits_for_arming_with_and_without_a_station(recorded: Recorded, tmp_path: Path) -> None:
+    """GIVEN a silent station THEN it is the same flight, and the launcher waits for arming as without one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         flight = fly(tmp_path, *RECORDED, "--gcs", f"udpout:127.0.0.1:{station.getsockname()[1]}")
@@ -375,7 +392,7 @@ def test_with_a_link_for_a_station_the_launcher_looks_whether_it_is_armed(record
     assert with_station["/truth/state"] == without["/truth/state"]
     with open_log(tmp_path / "flight.mcap") as log, open_log(recorded.folder / "flight.mcap") as plain:
         said, usual = ([one.text for one in each.events() if one.source == "world"] for each in (log, plain))
-    assert said == ["armed: the launcher throws in 6 s", "thrown"] and usual == []
+    assert said == usual == ["armed: the launcher throws in 6 s", "thrown"]
 
 
 def test_recordings_of_different_flights_are_never_joined(tmp_path: Path) -> None:
