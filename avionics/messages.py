@@ -764,6 +764,21 @@ class Health(NamedTuple):
     """-; since boot"""
 
 
+class VibrationStatus(NamedTuple):
+    """Vibration of the accelerometer above 5 Hz, the wings' own included."""
+
+    time_us: Time
+    """us; since boot"""
+    level_x: float
+    """m/s^2; standard deviation along FRD x, over about 0.1 s"""
+    level_y: float
+    """m/s^2; along FRD y"""
+    level_z: float
+    """m/s^2; along FRD z"""
+    clipped: Number
+    """-; samples with an axis at the end of the range since boot"""
+
+
 class Breach(IntEnum):
     """What of a fence was passed."""
 

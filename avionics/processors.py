@@ -77,6 +77,7 @@ MAIN = (
     Task(Part.SENSE, 200.0, 0, sense.wing),
     Task(Part.SENSE, 200.0, 0, sense.air),
     Task(Part.SENSE, 200.0, 0, sense.torque),
+    Task(Part.SENSE, 200.0, 0, sense.vibrations),
     Task(Part.SENSE, 200.0, 0, calibrate.calibrate),
     Task(Part.SENSE, 200.0, 0, sense.pilot),
     Task(Part.SENSE, 50.0, 2, sense.wings),

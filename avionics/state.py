@@ -32,6 +32,7 @@ from avionics.sensing import (
     power,
     preflight,
     tail_check,
+    vibration,
     wing_angle,
     wing_check,
 )
@@ -68,6 +69,7 @@ class AutopilotState:
     preflight: preflight.State = preflight.State()
     encoders: encoders.State = encoders.State()
     wing_angle: wing_angle.State = wing_angle.State()
+    vibration: vibration.State = vibration.State()
     power: power.State = power.State()
     air_data: air_data.State = air_data.State()
     altitude_filter: altitude_filter.State = altitude_filter.State()

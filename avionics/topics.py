@@ -38,6 +38,7 @@ GPS = Topic("/sensors/gps", m.GpsFix, 6, 5.0, 2.0)
 PILOT = Topic("/inputs/pilot", m.PilotInput, 7, 0.0)
 RECEIVER = Topic("/sensors/receiver", m.ReceiverSample, 8, 50.0)
 OVERRIDE = Topic("/inputs/override", m.ChannelOverride, 9, 0.0)
+VIBRATION = Topic("/sensors/vibration", m.VibrationStatus, 10, 1.0)
 
 ATTITUDE = Topic("/attitude/ahrs", m.Attitude, 20, 200.0, 10.0)
 POWER = Topic("/power/state", m.PowerState, 21, 100.0, 2.0)
@@ -72,7 +73,7 @@ RECORDER = Topic("/system/recorder", m.RecorderStatus, 68, 0.0, deterministic=Fa
 """each time the recorder had to leave out more"""
 
 TOPICS: tuple[Topic, ...] = (
-    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE,
+    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
     HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE, RECORDER,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ from avionics.isolation import Isolation
 from avionics.link.budget import BULK, Budget
 from avionics.link.codec import FrameWriter, signed
 from avionics.link.dialect import mavlink
-from avionics.link.framing import CRC_BYTES, HEADER_V2, Frame, FrameReader
+from avionics.link.framing import CRC_BYTES, HEADER_V2, MARKER_V1, MARKER_V2, Frame, FrameReader
 from avionics.link.signing import Finding, Signing
 from avionics.link.transport import MOST_PEERS, Packet, Peer, Transport
 from avionics.link.vehicle import Identity
@@ -25,6 +26,8 @@ PORTION = 2048
 """bytes; looked at between two ticks over all links; the rest waits in the kernel"""
 SMALLEST_PORTION = 280
 """bytes; of one link, however many there are: one of the longest frames"""
+VERSION_MEMORY = 5.0
+"""s; without a frame of MAVLink 2 after which a peer that sends MAVLink 1 is answered in MAVLink 1"""
 VITAL = frozenset({"HEARTBEAT", "COMMAND_ACK"})
 """What is sent however much a link owes."""
 
@@ -55,6 +58,33 @@ class LinkCounts(NamedTuple):
     """frames of other links that were not, because this one was full"""
     ahead: int = 0
     """frames refused because their time stamp was ahead of the vehicle's clock"""
+
+
+class ProtocolVersions:
+    """Which peers understand MAVLink 1 only: MAVLink 2 is sent until a peer shows itself to be older.
+
+    Several stations may share a wire. One frame of MAVLink 2 shows that it can be sent for `VERSION_MEMORY`.
+    """
+
+    def __init__(self) -> None:
+        self._since_version_2: dict[Peer | None, float] = {}
+        self._version_1: set[Peer | None] = set()
+
+    def note(self, peer: Peer | None, frames: Sequence[Frame], now: float) -> None:
+        """Frames that came from a peer at wall-clock time ``now`` in s; a radio's own frames do not count."""
+        versions = {frame.raw[0] for frame in frames if frame.message_id != mavlink.MAVLINK_MSG_ID_RADIO_STATUS}
+        if len(self._since_version_2) + len(self._version_1) >= 4 * MOST_PEERS:
+            self._since_version_2.clear()
+            self._version_1.clear()
+        if MARKER_V2 in versions:
+            self._version_1.discard(peer)
+            self._since_version_2[peer] = now
+        elif MARKER_V1 in versions and now - self._since_version_2.get(peer, -math.inf) > VERSION_MEMORY:
+            self._version_1.add(peer)
+
+    def is_version_1(self, peer: Peer | None) -> bool:
+        """Whether a peer understands MAVLink 1 only."""
+        return peer in self._version_1
 
 
 class Complaint(NamedTuple):
@@ -92,6 +122,8 @@ class Channel:
         self._ours = (identity.system, identity.component)
         self._signing = signing
         self._writers: dict[Peer | None, FrameWriter] = {}
+        self._versions = ProtocolVersions()
+        self._packer = FrameWriter(*self._ours)
         self._readers: dict[Peer, FrameReader] = {}
         self._shared = FrameReader(foreign=True)
         self._last_data = 0.0
@@ -129,6 +161,7 @@ class Channel:
             frames = [frame for frame in self._cut(packet) if self._admits(frame)]
             if frames:
                 self.transport.welcome(packet.peer)
+                self._versions.note(self._key(packet.peer), frames, now)
                 heard += [(frame, packet.peer) for frame in frames]
         return heard
 
@@ -197,12 +230,17 @@ class Channel:
             return 0
         peers = self.transport.peers
         hearers = (peer,) if peer is not None or peers is None else peers
-        frames = self._pack(message, [self._writer(None if peers is None else each) for each in hearers])
+        frames = self._pack(message, [self._writer(self._key(each)) for each in hearers])
+        sent = [(frame, each) for frame, each in zip(frames, hearers, strict=True) if frame]
         self.budget.spend(max(map(len, frames), default=0))
-        self.sent += len(frames)
-        for frame, each in zip(frames, hearers, strict=True):
+        self.sent += len(sent)
+        for frame, each in sent:
             self.guard.run(self.transport.send, frame, each)
-        return len(frames)
+        return len(sent)
+
+    def _key(self, peer: Peer | None) -> Peer | None:
+        """What a peer's sequence numbers and protocol version are kept by."""
+        return None if self.transport.peers is None else peer
 
     def _writer(self, peer: Peer | None) -> FrameWriter:
         if peer not in self._writers:
@@ -210,18 +248,26 @@ class Channel:
                 present = self.transport.peers or ()
                 self._writers = {each: writer for each, writer in self._writers.items() if each in present}
             self._writers[peer] = FrameWriter(*self._ours)
-        return self._writers[peer]
+        writer = self._writers[peer]
+        writer.version_1 = self._versions.is_version_1(peer)
+        return writer
 
     def _pack(self, message: Any, writers: Sequence[FrameWriter]) -> list[bytes]:
         """A frame from each writer; the payload is packed once."""
         if not writers:
             return []
         number = message.get_msgId()
-        frames = [writers[0].pack(message)]
-        frames += [writer.frame(number, frames[0][HEADER_V2:-CRC_BYTES]) for writer in writers[1:]]
+        frames = [(self._packer if writers[0].version_1 else writers[0]).pack(message)]
+        payload = frames[0][HEADER_V2:-CRC_BYTES]
+        if writers[0].version_1:
+            frames = [writers[0].frame(number, payload)]
+        frames += [writer.frame(number, payload) for writer in writers[1:]]
         if not self._signing.active:
             return frames
-        return [signed(frame, number, lambda each: self._signing.sign(each, self._number)) for frame in frames]
+        return [
+            frame if writer.version_1 else signed(frame, number, lambda each: self._signing.sign(each, self._number))
+            for frame, writer in zip(frames, writers, strict=True)
+        ]
 
     def forward(self, raw: bytes, peer: Peer | None) -> None:
         """Pass a frame of another link on as it is, while there is room."""

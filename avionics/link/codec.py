@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from avionics import messages as m
 from avionics.link.dialect import mavlink
-from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, checksum
+from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, build_frame_v1, checksum
 from avionics.records import new
 
 FULL_DEFLECTION = math.pi / 2
@@ -224,17 +224,20 @@ class FrameWriter:
     def __init__(self, system: int, component: int) -> None:
         self.system = system
         self.component = component
+        self.version_1 = False
+        """whether the receiver understands MAVLink 1 only"""
         self._sequence = 0
         self._mav: Any = mavlink.MAVLink(None, system, component)
 
     def frame(self, message_id: int, payload: bytes) -> bytes:
-        """The next frame of this sender."""
-        sequence = self._sequence
-        self._sequence = (sequence + 1) & 0xFF
-        return build_frame(message_id, payload, sequence, self.system, self.component)
+        """The next frame of this sender; empty for a message that the receiver's MAVLink does not have."""
+        build = build_frame_v1 if self.version_1 else build_frame
+        frame = build(message_id, payload, self._sequence, self.system, self.component)
+        self._sequence = (self._sequence + bool(frame)) & 0xFF
+        return frame
 
     def pack(self, message: Any) -> bytes:
-        """The next frame of this sender, from one of pymavlink's message objects."""
+        """The next MAVLink 2 frame of this sender, from one of pymavlink's message objects."""
         self._mav.seq = self._sequence
         self._sequence = (self._sequence + 1) & 0xFF
         packed: bytes = message.pack(self._mav)

@@ -34,15 +34,16 @@ _NAMES = """
     SERVO_OUTPUT_RAW NAV_CONTROLLER_OUTPUT ALTITUDE VIBRATION ESTIMATOR_STATUS POWER_STATUS RC_CHANNELS
     RC_CHANNELS_RAW RC_CHANNELS_OVERRIDE RADIO_STATUS SCALED_IMU SCALED_IMU2 SCALED_IMU3 RAW_IMU HIGHRES_IMU
     SCALED_PRESSURE SCALED_PRESSURE2 SCALED_PRESSURE3 POSITION_TARGET_GLOBAL_INT POSITION_TARGET_LOCAL_NED
-    DISTANCE_SENSOR FENCE_STATUS ODOMETRY ACTUATOR_OUTPUT_STATUS UTM_GLOBAL_POSITION MANUAL_CONTROL
+    EKF_STATUS_REPORT FLIGHT_INFORMATION LOG_REQUEST_LIST LOG_ENTRY LOG_REQUEST_DATA LOG_DATA LOG_ERASE
+    LOG_REQUEST_END DISTANCE_SENSOR FENCE_STATUS ODOMETRY ACTUATOR_OUTPUT_STATUS UTM_GLOBAL_POSITION MANUAL_CONTROL
     NAMED_VALUE_FLOAT NAMED_VALUE_INT DEBUG DEBUG_VECT FILE_TRANSFER_PROTOCOL SETUP_SIGNING
     HIL_SENSOR HIL_GPS HIL_RC_INPUTS_RAW HIL_ACTUATOR_CONTROLS HIL_STATE_QUATERNION HIL_CONTROLS
 """
 STANDARD_MESSAGES = frozenset(_NAMES.split())
 """Copied from the standard dialects; both the flight computer and the ground station read with this module."""
 
-_SOURCES = ("minimal", "standard", "common", "development")
-_PASSED_ON = (*_SOURCES, "ardupilotmega", "uAvionix", "icarous", "loweheiser", "cubepilot", "csAirLink")
+_SOURCES = ("minimal", "standard", "common", "development", "ardupilotmega")
+_PASSED_ON = (*_SOURCES, "uAvionix", "icarous", "loweheiser", "cubepilot", "csAirLink")
 """Dialects whose messages are checked and passed on from link to link, whether or not they are read here."""
 _OWN_XML = Path(__file__).with_name("wingbeat.xml")
 
@@ -162,8 +163,8 @@ def generate(folder: Path) -> Path:
     return target
 
 
-def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int]]:
-    """CRC_EXTRA, and where target system and component stand in the payload (-1: nowhere), by message id."""
+def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int, int]]:
+    """CRC_EXTRA, offsets of target system and component (-1: none), and size without extensions, by message id."""
     from pymavlink.generator import mavparse
 
     messages = [message for path in definitions for message in mavparse.MAVXML(str(path), "2.0").message]
@@ -172,6 +173,7 @@ def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int]]:
             message.crc_extra,
             message.target_system_ofs if message.message_flags & mavparse.FLAG_HAVE_TARGET_SYSTEM else -1,
             message.target_component_ofs if message.message_flags & mavparse.FLAG_HAVE_TARGET_COMPONENT else -1,
+            message.wire_min_length,
         )
         for message in messages
     }

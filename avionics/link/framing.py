@@ -32,8 +32,11 @@ CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind 
 _ALL_CRC_EXTRA: dict[int, bytes] = {number: bytes([wire[0]]) for number, wire in mavlink.wire_table.items()}
 _ALL_CRC_EXTRA |= CRC_EXTRA
 
-TARGETS: dict[int, tuple[int, int]] = {number: wire[1:] for number, wire in mavlink.wire_table.items()}
+TARGETS: dict[int, tuple[int, int]] = {number: wire[1:3] for number, wire in mavlink.wire_table.items()}
 """Where target system and component stand in a payload, -1 for nowhere; of every message that can be passed on."""
+
+_SIZE_V1: dict[int, int] = {number: wire[3] for number, wire in mavlink.wire_table.items() if number <= 0xFF}
+"""Bytes of the payload in MAVLink 1, which has no extension fields and no message ids above 255."""
 
 LONGEST: dict[int, int] = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
 """Bytes of every known message's payload."""
@@ -71,6 +74,16 @@ def build_frame(message_id: int, payload: bytes, sequence: int, system: int, com
     )
     body = header + payload
     return body + checksum(body[1:] + CRC_EXTRA[message_id]).to_bytes(2, "little")
+
+
+def build_frame_v1(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
+    """One MAVLink 1 frame around a payload in wire order; empty for a message that MAVLink 1 does not have."""
+    size = _SIZE_V1.get(message_id)
+    if size is None:
+        return b""
+    header = bytes((MARKER_V1, size, sequence & 0xFF, system, component, message_id))
+    body = header + payload[:size].ljust(size, b"\0")
+    return body + checksum(body[1:] + _ALL_CRC_EXTRA[message_id]).to_bytes(2, "little")
 
 
 def decode(frame: Frame) -> Any:

@@ -20,8 +20,10 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, decode
 from avionics.link.routing import Router
 from avionics.link.services.commands import CommandService
+from avionics.link.services.flight_information import FlightInformation
 from avionics.link.services.ftp import FtpService
 from avionics.link.services.heartbeat import HeartbeatService
+from avionics.link.services.logs import LogService
 from avionics.link.services.manual import ManualService
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import ModeService, ShownMode
@@ -132,8 +134,10 @@ class GroundLink:
         """The services, in the order in which they are served."""
         vehicle, identity, shown = self._vehicle, self._identity, ShownMode(self._vehicle, self._identity)
 
+        flights = FlightInformation(vehicle)
+
         def requests() -> Requests:
-            return Requests(vehicle, identity, self._streams, shown)
+            return Requests(vehicle, identity, self._streams, shown, flights)
 
         def missions() -> MissionService:
             return MissionService(vehicle, gains, identity.first_item)
@@ -156,6 +160,8 @@ class GroundLink:
             ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
             ServiceRow("time synchronization", lambda: TimesyncService(vehicle)),
             ServiceRow("FTP", lambda: FtpService(shelf, self._rooms())),
+            ServiceRow("log download", lambda: LogService(shelf, self._rooms())),
+            ServiceRow("flight information", lambda: flights, keeps_memory=True),
             ServiceRow("manual control", lambda: ManualService(vehicle, identity.system), vital=True),
             ServiceRow("signing setup", lambda: SigningService(vehicle, self._signing, self._confidential)),
             ServiceRow("radio status", lambda: RadioService(note_radio)),

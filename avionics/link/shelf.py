@@ -59,6 +59,9 @@ class LogFile(NamedTuple):
 
     path: Path
     size: int
+    """bytes"""
+    modified: int
+    """s; since 1970, when it was last written"""
 
     def read(self, offset: int, size: int) -> bytes:
         """A part of it; raises `OSError`, also where the name has become a link."""
@@ -96,13 +99,21 @@ class Shelf:
         folder, _, name = place.rpartition("/")
         return self._log_files().get(name) if folder in LOGS else None
 
+    def logs(self) -> tuple[LogFile, ...]:
+        """The logs in the order of their names."""
+        return tuple(file for _, file in sorted(self._log_files().items()))
+
     def _log_files(self) -> dict[str, LogFile]:
         if self._logs is None:
             return {}
         try:
             with os.scandir(self._logs) as found:
                 return {
-                    name: LogFile(Path(entry.path), min(entry.stat().st_size, LARGEST))
+                    name: LogFile(
+                        Path(entry.path),
+                        min(entry.stat().st_size, LARGEST),
+                        min(max(int(entry.stat().st_mtime), 0), LARGEST),
+                    )
                     for entry in found
                     if entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
                     if len((name := listed_name(entry.name)).encode()) <= MAX_NAME

@@ -11,7 +11,8 @@ from avionics.isolation import Guard, Isolation
 from avionics.link.budget import TELEMETRY_FRAMES, Rank
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Room
-from avionics.link.telemetry import STREAMS, StreamEntry, boot_ms, mission_current
+from avionics.link.stream_table import STREAMS, StreamEntry
+from avionics.link.telemetry import boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
 
 FASTEST = 0.005

@@ -6,12 +6,10 @@ Every builder takes the vehicle and gives a message, or None while there is noth
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from avionics import messages as m
 from avionics import topics as t
-from avionics.link.budget import Rank
 from avionics.link.codec import FULL_DEFLECTION
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import VehicleView
@@ -186,6 +184,7 @@ _BAROMETER = mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
 _PITOT = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 _GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
 _BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+_AHRS = mavlink.MAV_SYS_STATUS_AHRS
 _CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _IMU = _GYRO | _ACCELEROMETER | _MAGNETOMETER
 _RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
@@ -195,9 +194,10 @@ _SENSORS = (
     (t.GPS, _GPS),
     (t.ADC, _BATTERY),
     (t.RECEIVER, _RECEIVER),
+    (t.ATTITUDE, _AHRS),
 )
 _FAULTS = (
-    (m.Failsafe.IMU_FAULT, _IMU),
+    (m.Failsafe.IMU_FAULT, _IMU | _AHRS),
     (m.Failsafe.ACCEL_SATURATED, _ACCELEROMETER),
     (m.Failsafe.MAG_DISTURBED, _MAGNETOMETER),
     (m.Failsafe.BARO_REFUSED, _BAROMETER),
@@ -454,60 +454,3 @@ def mirrors(vehicle: VehicleView) -> list[Any]:
         for mirror, now in found
         if now is not None
     ]
-
-
-class StreamEntry(NamedTuple):
-    """One telemetry message."""
-
-    message_id: int
-    build: Callable[[VehicleView], Any]
-    """gives a message, a list of messages, or None"""
-    rate: float
-    """Hz; by default, 0 for only when asked"""
-    rank: Rank
-    """what comes first on a slow link"""
-    groups: frozenset[int]
-    """MAV_DATA_STREAM groups of the old REQUEST_DATA_STREAM"""
-    changes: Callable[[VehicleView], int] | None = None
-    """what nobody is to wait for: the message is sent at once when this changes"""
-
-
-_STATUS = mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
-_PLACE = mavlink.MAV_DATA_STREAM_POSITION
-_TURN = mavlink.MAV_DATA_STREAM_EXTRA1
-_HUD = mavlink.MAV_DATA_STREAM_EXTRA2
-_MORE = mavlink.MAV_DATA_STREAM_EXTRA3
-_SERVOS = mavlink.MAV_DATA_STREAM_RC_CHANNELS
-_RAW = mavlink.MAV_DATA_STREAM_RAW_SENSORS
-
-
-_FIRST, _SECOND, _THIRD, _LAST = Rank
-
-
-def _entry(name: str, build: Callable[[VehicleView], Any], rate: float, rank: Rank, *groups: int) -> StreamEntry:
-    return StreamEntry(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"), build, rate, rank, frozenset(groups))
-
-
-STREAMS = (
-    _entry("ATTITUDE", attitude, 10.0, _FIRST, _TURN),
-    _entry("ATTITUDE_QUATERNION", attitude_quaternion, 0.0, _FIRST),
-    _entry("VFR_HUD", vfr_hud, 5.0, _SECOND, _HUD),
-    _entry("GLOBAL_POSITION_INT", global_position, 5.0, _FIRST, _PLACE),
-    _entry("LOCAL_POSITION_NED", local_position, 5.0, _THIRD, _PLACE),
-    _entry("GPS_RAW_INT", gps_raw, 2.0, _SECOND, _STATUS),
-    _entry("SYS_STATUS", sys_status, 1.0, _FIRST, _STATUS),
-    _entry("BATTERY_STATUS", battery, 1.0, _SECOND, _MORE),
-    _entry("EXTENDED_SYS_STATE", extended_sys_state, 1.0, _FIRST, _STATUS)._replace(changes=landed_state),
-    _entry("NAV_CONTROLLER_OUTPUT", navigation_output, 1.0, _THIRD, _STATUS),
-    _entry("HOME_POSITION", home_position, 0.5, _SECOND),
-    _entry("WIND_COV", wind, 1.0, _THIRD, _MORE),
-    _entry("SERVO_OUTPUT_RAW", servo_output, 5.0, _LAST, _SERVOS),
-    _entry("RC_CHANNELS", rc_channels, 2.0, _THIRD, _SERVOS),
-    _entry("FENCE_STATUS", fence_status, 1.0, _SECOND, _STATUS),
-    _entry("NAMED_VALUE_FLOAT", mirrors, 5.0, _LAST, _RAW),
-    _entry("WINGBEAT_WING_STATE", wing_state, 10.0, _SECOND, _RAW),
-    _entry("WINGBEAT_POWER", power_state, 2.0, _SECOND, _RAW),
-    _entry("WINGBEAT_NAVIGATION", navigation_state, 2.0, _THIRD, _STATUS),
-    _entry("WINGBEAT_EXCITATION", excitation_state, 2.0, _THIRD, _STATUS),
-)
-"""All telemetry, with the rates of a fresh link."""

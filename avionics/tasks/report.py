@@ -8,6 +8,7 @@ from avionics.messages import (
     Health,
     Text,
 )
+from avionics.sensing import vibration
 from avionics.state import AutopilotState
 from avionics.topics import Publish
 
@@ -22,7 +23,8 @@ def report_excitation(s: AutopilotState, publish: Publish) -> None:
 
 
 def report_health(s: AutopilotState, publish: Publish) -> None:
-    """Failures, counts of what was refused, and the fence."""
+    """Failures, counts of what was refused, vibration, and the fence."""
+    publish(topics.VIBRATION, vibration.status(s.vibration, s.clock.time_us))
     publish(topics.HEALTH, Health(s.clock.time_us, s.modes.failsafe, s.plausibility.rejected, s.clock.ticks + 1))
     outside = int(s.modes.failsafe & Failsafe.FENCE != 0)
     publish(topics.FENCE, s.fence_state._replace(time_us=s.clock.time_us, outside=outside))

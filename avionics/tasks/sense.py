@@ -7,7 +7,16 @@ from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, say
 from avionics.messages import AirData, Mode, Severity, Stage
 from avionics.records import new
-from avionics.sensing import air_data, airspeed_check, drive_torque, encoders, tail_check, wing_angle, wing_check
+from avionics.sensing import (
+    air_data,
+    airspeed_check,
+    drive_torque,
+    encoders,
+    tail_check,
+    vibration,
+    wing_angle,
+    wing_check,
+)
 from avionics.sensing import power as power_meter
 from avionics.sensing.plausibility import gps_age
 from avionics.state import AutopilotState
@@ -18,6 +27,12 @@ GROUND, LOW, HIGH = airspeed_check.Aloft
 OPEN, WATCHED, DOUBTED = air_data.Gate
 PRESSURE_TICKS = 4
 """-; from one pressure sample to the next; where none comes its filters go on at this rate"""
+
+
+def vibrations(s: AutopilotState, publish: Publish) -> None:
+    """Vibration levels; a refused sample changes nothing."""
+    if not s.plausibility.bad & 1:
+        s.vibration = vibration.step(s.gains.plausibility.accel_full, s.vibration, s.frame.imu, s.clock.dt)
 
 
 def power(s: AutopilotState, publish: Publish) -> None:

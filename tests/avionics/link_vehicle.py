@@ -95,4 +95,5 @@ def _messages(time_us: int) -> dict[t.Topic, Any]:
         t.RECEIVER: m.ReceiverSample(time_us, (1500, 1400, 1000, 1500, 1000, 2000, 1000, 1500), 0, 200),
         t.FENCE: m.FenceState(time_us, 1, 2, m.Breach.CEILING, 11.5),
         t.HEALTH: _filled(m.Health, time_us, ticks=100),
+        t.VIBRATION: m.VibrationStatus(time_us, 1.0, 2.0, 3.0, 4),
     }  # fmt: skip

@@ -172,7 +172,7 @@ def test_a_station_that_left_in_the_middle_of_an_upload_makes_room_for_another()
     assert answers(0.0, first) == ["MISSION_REQUEST_INT"]
     assert answers(0.5, second) == ["MISSION_ACK"], "denied while the first is heard of"
     later = [answers(float(now), None) for now in range(2, 6)]
-    assert later == [["MISSION_REQUEST_INT"]] * 4
+    assert later == [["MISSION_REQUEST"], ["MISSION_REQUEST_INT"]] * 2, "an old station knows the first alone"
     assert answers(6.0, second)[0] == "MISSION_REQUEST_INT"
 
 

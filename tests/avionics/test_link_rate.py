@@ -13,8 +13,9 @@ from avionics.link.budget import DEPTH, SHALLOWEST, TELEMETRY_FRAMES, USED, Budg
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader, decode
 from avionics.link.ground import GroundLink
+from avionics.link.stream_table import STREAMS
 from avionics.link.streams import LONGEST_WAIT
-from avionics.link.telemetry import MIRRORS, STREAMS
+from avionics.link.telemetry import MIRRORS
 
 POLL = 0.004
 BAUD = 57_600

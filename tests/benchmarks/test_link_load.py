@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import common
 from rows import Row, leave
 
 from avionics import topics
-from avionics.link.telemetry import STREAMS
+from avionics.link.stream_table import STREAMS
 from avionics.processors import WHOLE_TICK
 from logs.reader import open_log
 

@@ -17,7 +17,7 @@ from radio import radio
 
 from avionics.link.budget import DEPTH
 from avionics.link.dialect import mavlink
-from avionics.link.telemetry import STREAMS
+from avionics.link.stream_table import STREAMS
 from groundstation.link import orders
 from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection

@@ -33,6 +33,8 @@ class _Upload:
     count: int
     deadline: float
     asked: int = 1
+    as_int: bool = True
+    """asked for by MISSION_REQUEST_INT; old stations know MISSION_REQUEST alone"""
     items: list[WireItem] = field(default_factory=list)
 
 
@@ -101,7 +103,7 @@ class MissionService:
         if kind == "MISSION_SET_CURRENT":
             return self._set_current(message.seq, sender)
         if kind == "MISSION_ACK":
-            return self._cancelled(message, sender)
+            return self._cancelled(message, sender, now)
         return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)]
 
     # --- to the vehicle
@@ -146,6 +148,7 @@ class MissionService:
         except ItemRefused as refused:
             return self._refuse(upload, refused, f"mission item {message.seq}: {refused}")
         upload.items.append(item)
+        upload.as_int = message.get_type() == "MISSION_ITEM_INT"
         upload.asked, upload.deadline = 1, now + self._gains.ask_again
         return [_request(upload)] if len(upload.items) < upload.count else self._complete(upload, now)
 
@@ -206,9 +209,13 @@ class MissionService:
         known = sequence >= 0 and self.item(sequence) < count
         return "" if known else f"there is no mission item {sequence}, only {counted(count, 'item')}"
 
-    def _cancelled(self, message: Any, sender: Sender) -> list[Output]:
-        if self._upload is not None and self._upload.sender == sender and message.type != _ACCEPTED:
-            self._upload = None
+    def _cancelled(self, message: Any, sender: Sender, now: float) -> list[Output]:
+        upload = self._upload
+        if upload is None or upload.sender != sender or message.type == _ACCEPTED:
+            return []
+        if message.type == mavlink.MAV_MISSION_UNSUPPORTED and not upload.as_int:
+            return self._ask_again(upload, now)  # MAVSDK refuses MISSION_REQUEST, not the mission
+        self._upload = None
         return []
 
     # --- from the vehicle
@@ -274,6 +281,7 @@ class MissionService:
             self._upload = None
             return [_ack(upload.sender, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.part.mission_type)]
         upload.asked += 1
+        upload.as_int = not upload.as_int
         upload.deadline = now + self._gains.ask_again
         return [_request(upload)]
 
@@ -286,10 +294,8 @@ class MissionService:
 
 def _request(upload: _Upload) -> Reply:
     sender = upload.sender
-    message = mavlink.MAVLink_mission_request_int_message(
-        sender.system, sender.component, len(upload.items), upload.part.mission_type
-    )
-    return Reply(message, sender)
+    build = mavlink.MAVLink_mission_request_int_message if upload.as_int else mavlink.MAVLink_mission_request_message
+    return Reply(build(sender.system, sender.component, len(upload.items), upload.part.mission_type), sender)
 
 
 def _ack(sender: Sender, result: int, mission_type: int = _MISSION) -> Reply:

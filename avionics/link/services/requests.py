@@ -7,6 +7,7 @@ from typing import Any
 
 from avionics.link.dialect import mavlink
 from avionics.link.services import modes
+from avionics.link.services.flight_information import FlightInformation
 from avionics.link.services.heartbeat import heartbeat
 from avionics.link.services.service import Output, Sender
 from avionics.link.streams import Streams
@@ -28,7 +29,7 @@ def autopilot_version(identity: Identity) -> Any:
 
 
 def protocol_version() -> Any:
-    """PROTOCOL_VERSION: MAVLink 1 is understood, MAVLink 2 spoken."""
+    """PROTOCOL_VERSION: MAVLink 1 and 2, each peer in its own."""
     return mavlink.MAVLink_protocol_version_message(_MAVLINK_2, 100, _MAVLINK_2, [0] * 8, [0] * 8)
 
 
@@ -37,8 +38,16 @@ class Requests:
 
     takes = frozenset({"REQUEST_DATA_STREAM"})
 
-    def __init__(self, vehicle: VehicleView, identity: Identity, streams: Streams, shown: modes.ShownMode) -> None:
+    def __init__(
+        self,
+        vehicle: VehicleView,
+        identity: Identity,
+        streams: Streams,
+        shown: modes.ShownMode,
+        flights: FlightInformation,
+    ) -> None:
         self._vehicle = vehicle
+        self._flights = flights
         self._shown = shown
         self._identity = identity
         self._streams = streams
@@ -61,6 +70,8 @@ class Requests:
             return [modes.current_mode(self._shown.numbers)]
         if number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             return [heartbeat(self._vehicle, self._identity, self._shown.numbers)]
+        if number == mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION:
+            return [self._flights.build()]
         if number == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(link, argument)
         return self._streams.build(number)

@@ -1,0 +1,228 @@
+"""Telemetry that is sent on request: raw sensors, estimator status, odometry, as PX4 and ArduPilot send it.
+
+Every builder takes the vehicle and gives a message, or None while there is nothing to report.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from avionics import messages as m
+from avionics import topics as t
+from avionics.constants import STANDARD_GRAVITY
+from avionics.link.dialect import mavlink
+from avionics.link.telemetry import boot_ms, clamped, degrees_e7
+from avionics.link.vehicle import VehicleView
+
+INNOVATION_GATE = 5.0
+"""standard deviations; PX4's and ArduPilot's gate, by which their test ratios are normalized"""
+_UNKNOWN_TILT = math.pi
+
+
+def _i16(value: float) -> int:
+    return clamped(value, -32768, 32767)
+
+
+def scaled_imu(vehicle: VehicleView) -> Any:
+    """SCALED_IMU: mG, mrad/s, mgauss, body FRD axes."""
+    now = vehicle.latest(t.IMU)
+    return None if now is None else mavlink.MAVLink_scaled_imu_message(boot_ms(now.time_us), *_milli(now))
+
+
+def raw_imu(vehicle: VehicleView) -> Any:
+    """RAW_IMU in the units of SCALED_IMU, as ArduPilot sends it."""
+    now = vehicle.latest(t.IMU)
+    return None if now is None else mavlink.MAVLink_raw_imu_message(now.time_us, *_milli(now))
+
+
+def _milli(imu: m.ImuSample) -> tuple[int, ...]:
+    force, rate, field = imu[1:4], imu[4:7], imu[7:10]
+    return tuple(_i16(1e3 * value) for value in (*(each / STANDARD_GRAVITY for each in force), *rate, *field))
+
+
+def highres_imu(vehicle: VehicleView) -> Any:
+    """HIGHRES_IMU: m/s^2, rad/s, gauss, hPa, m, degC; body FRD axes."""
+    now, air = vehicle.latest(t.IMU), vehicle.latest(t.AIR_DATA)
+    if now is None:
+        return None
+    pressures = (0.0, 0.0, 0.0, 0.0)
+    if air is not None:
+        celsius = air.temperature - 273.15
+        pressures = (air.static_pressure / 100.0, air.dynamic_pressure / 100.0, air.pressure_altitude, celsius)
+    fields_updated = 0x1FF | (0x1E00 if air is not None else 0)
+    return mavlink.MAVLink_highres_imu_message(now.time_us, *now[1:10], *pressures, fields_updated)
+
+
+def scaled_pressure(vehicle: VehicleView) -> Any:
+    """SCALED_PRESSURE: hPa and 0.01 degC."""
+    air = vehicle.latest(t.AIR_DATA)
+    if air is None:
+        return None
+    return mavlink.MAVLink_scaled_pressure_message(
+        boot_ms(air.time_us),
+        air.static_pressure / 100.0,
+        air.dynamic_pressure / 100.0,
+        _i16((air.temperature - 273.15) * 100.0),
+    )
+
+
+def altitude(vehicle: VehicleView) -> Any:
+    """ALTITUDE: m; terrain unknown."""
+    now = vehicle.latest(t.ALTITUDE)
+    if now is None:
+        return None
+    above_sea = now.altitude + (vehicle.home.altitude if vehicle.home is not None else math.nan)
+    local = now.altitude
+    return mavlink.MAVLink_altitude_message(now.time_us, local, above_sea, local, local, math.nan, math.nan)
+
+
+def gps_global_origin(vehicle: VehicleView) -> Any:
+    """GPS_GLOBAL_ORIGIN: degE7 and mm, of the local frame; None before the first fix."""
+    home = vehicle.home
+    if home is None:
+        return None
+    place = (degrees_e7(home.latitude), degrees_e7(home.longitude), clamped(home.altitude * 1e3, -(2**31), 2**31 - 1))
+    return mavlink.MAVLink_gps_global_origin_message(*place, vehicle.time_us)
+
+
+def _estimator_flags(vehicle: VehicleView) -> int:
+    """ESTIMATOR_STATUS_FLAGS that EKF_STATUS_FLAGS has as well."""
+    turn, height, place = vehicle.latest(t.ATTITUDE), vehicle.latest(t.ALTITUDE), vehicle.latest(t.POSITION)
+    health = vehicle.latest(t.HEALTH)
+    failures = health.failsafe if health is not None else 0
+    flags = 0
+    if turn is not None and turn.tilt_sigma < _UNKNOWN_TILT:
+        flags |= mavlink.ESTIMATOR_ATTITUDE
+    if height is not None and not failures & m.Failsafe.BARO_LOST:
+        flags |= mavlink.ESTIMATOR_VELOCITY_VERT | mavlink.ESTIMATOR_POS_VERT_ABS
+    if place is not None and place.valid and not failures & m.Failsafe.GPS_LOST:
+        flags |= mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
+        flags |= mavlink.ESTIMATOR_PRED_POS_HORIZ_REL | mavlink.ESTIMATOR_PRED_POS_HORIZ_ABS
+    return flags
+
+
+def _ratio(innovation: float, variance: float) -> float:
+    """Innovation over gate times its standard deviation; 0 before the first."""
+    return abs(innovation) / (INNOVATION_GATE * math.sqrt(variance)) if variance > 0.0 else 0.0
+
+
+def _ratios(vehicle: VehicleView) -> tuple[float, float, float, float, float]:
+    """Test ratios of velocity, horizontal position, altitude, magnetic field and airspeed; 1 at the gate."""
+    place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
+    turn, air = vehicle.latest(t.ATTITUDE), vehicle.latest(t.AIR_DATA)
+    velocity = horizontal = vertical = field = airspeed = 0.0
+    if place is not None:
+        innovation = math.hypot(place.innovation_v_north, place.innovation_v_east)
+        velocity = _ratio(innovation, place.velocity_innovation_variance)
+        horizontal = _ratio(
+            math.hypot(place.innovation_north, place.innovation_east), place.place_innovation_variance
+        )
+    if height is not None:
+        vertical = _ratio(height.innovation, height.innovation_variance)
+    if turn is not None:
+        field = float(turn.magnetometer_disturbed)  # the AHRS has no variance of this innovation
+    if air is not None:
+        airspeed = _ratio(air.innovation, air.innovation_variance)
+    return velocity, horizontal, vertical, field, airspeed
+
+
+def ekf_status(vehicle: VehicleView) -> Any:
+    """EKF_STATUS_REPORT as ArduPilot sends it: test ratios, 1 at the gate."""
+    if vehicle.latest(t.ATTITUDE) is None:
+        return mavlink.MAVLink_ekf_status_report_message(mavlink.EKF_UNINITIALIZED, 0.0, 0.0, 0.0, 0.0, 0.0)
+    velocity, horizontal, vertical, field, airspeed = _ratios(vehicle)
+    flags = _estimator_flags(vehicle)
+    if not flags & mavlink.ESTIMATOR_POS_HORIZ_ABS:
+        flags |= mavlink.EKF_CONST_POS_MODE
+    return mavlink.MAVLink_ekf_status_report_message(flags, velocity, horizontal, vertical, field, 0.0, airspeed)
+
+
+def estimator_status(vehicle: VehicleView) -> Any:
+    """ESTIMATOR_STATUS as PX4 sends it: squared test ratios, 1 at the gate; accuracies in m, one sigma."""
+    place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
+    if place is None or height is None:
+        return None
+    velocity, horizontal, vertical, field, airspeed = (ratio * ratio for ratio in _ratios(vehicle))
+    flags = _estimator_flags(vehicle)
+    if horizontal > 1.0 or velocity > 1.0:
+        flags |= mavlink.ESTIMATOR_GPS_GLITCH
+    return mavlink.MAVLink_estimator_status_message(
+        place.time_us,
+        flags,
+        velocity,
+        horizontal,
+        vertical,
+        field,
+        0.0,
+        airspeed,
+        math.sqrt(place.position_variance),
+        math.sqrt(height.altitude_variance),
+    )
+
+
+def odometry(vehicle: VehicleView) -> Any:
+    """ODOMETRY: position in local NED (m), velocity (m/s) and rates (rad/s) in body FRD; variances alone."""
+    turn, place, height = vehicle.latest(t.ATTITUDE), vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
+    if turn is None or height is None or place is None or not place.valid:
+        return None
+    quaternion = (turn.quaternion_w, turn.quaternion_x, turn.quaternion_y, turn.quaternion_z)
+    horizontal, tilt, heading = place.position_variance, turn.tilt_sigma**2, turn.heading_sigma**2
+    speed = place.velocity_variance
+    return mavlink.MAVLink_odometry_message(
+        turn.time_us,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mavlink.MAV_FRAME_BODY_FRD,
+        place.north,
+        place.east,
+        -height.altitude,
+        list(quaternion),
+        *_to_body(quaternion, (place.v_north, place.v_east, -height.climb_rate)),
+        turn.roll_rate,
+        turn.pitch_rate,
+        turn.yaw_rate,
+        _covariance(horizontal, horizontal, height.altitude_variance, tilt, tilt, heading),
+        _covariance(speed, speed, height.climb_variance, math.nan, math.nan, math.nan),
+        0,
+        mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+        0,
+    )
+
+
+def _covariance(*variances: float) -> list[float]:
+    """Upper triangle (21,) by rows of a 6 by 6 matrix with these ``variances``; all else is unknown."""
+    triangle = [math.nan] * 21
+    for row, variance in enumerate(variances):
+        triangle[row * 6 - row * (row - 1) // 2] = variance
+    return triangle
+
+
+def _to_body(quaternion: tuple[float, float, float, float], ned: tuple[float, float, float]) -> tuple[float, ...]:
+    """A vector in NED as its components along body FRD axes."""
+    w, x, y, z = quaternion
+    north, east, down = ned
+    return (
+        (1.0 - 2.0 * (y * y + z * z)) * north + 2.0 * (x * y + w * z) * east + 2.0 * (x * z - w * y) * down,
+        2.0 * (x * y - w * z) * north + (1.0 - 2.0 * (x * x + z * z)) * east + 2.0 * (y * z + w * x) * down,
+        2.0 * (x * z + w * y) * north + 2.0 * (y * z - w * x) * east + (1.0 - 2.0 * (x * x + y * y)) * down,
+    )
+
+
+def vibration(vehicle: VehicleView) -> Any:
+    """VIBRATION: m/s^2, and samples with an axis at the end of the range."""
+    now = vehicle.latest(t.VIBRATION)
+    if now is None:
+        return None
+    levels = (now.level_x, now.level_y, now.level_z)
+    return mavlink.MAVLink_vibration_message(now.time_us, *levels, int(now.clipped), 0, 0)
+
+
+def actuator_outputs(vehicle: VehicleView) -> Any:
+    """ACTUATOR_OUTPUT_STATUS: wings (rad), elevator (rad), rudder (rad), throttle (0 to 1)."""
+    now = vehicle.latest(t.ACTUATORS)
+    if now is None:
+        return None
+    outputs = (now.wing_left, now.wing_right, now.elevator, now.rudder, now.throttle)
+    return mavlink.MAVLink_actuator_output_status_message(
+        now.time_us, len(outputs), [*outputs, *([0.0] * (32 - len(outputs)))]
+    )
