@@ -15,8 +15,9 @@ from typing import Any
 
 from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
-from avionics.guidance import arming, excitation, failsafes, modes, navigation, throttle_descent
-from avionics.guidance.mission import Channel, Excitation, Fence, Mission, MissionItem, Rally
+from avionics.guidance import arming, excitation, failsafes, fence, modes, navigation, offboard, throttle_descent
+from avionics.guidance.mission import Channel, Excitation, Fence, ItemKind, Mission, MissionItem, Rally
+from avionics.guidance.setpoint import Path, Received, Setpoint
 from avionics.messages import (
     Calibration,
     ChannelOverride,
@@ -35,7 +36,7 @@ from avionics.missions.excitations import check_excitation
 from avionics.missions.limits import check_fence, check_item, check_rally
 from avionics.quantities import counted, parse_json
 from avionics.sensing.pilot import Act
-from avionics.situation import conditions, surroundings, unready
+from avionics.situation import conditions, position_usable, surroundings, unready
 from avionics.state import AutopilotState
 from avionics.topics import Publish, Topic
 
@@ -83,6 +84,8 @@ PAYLOADS: dict[CommandKind, Any] = {
     CommandKind.SET_RALLY: Rally,
     CommandKind.EXCITE: Excitation,
     CommandKind.LOITER_AT: MissionItem,
+    CommandKind.SET_SETPOINT: Setpoint,
+    CommandKind.SET_MODE: Setpoint,
 }
 """what a command carries, for its JSON"""
 
@@ -199,7 +202,14 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     name = command.name.upper()
     if name not in Mode.__members__:
         raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
-    s.modes, notices = _taken(modes.set_mode(s.gains.modes, s.modes, Mode[name], conditions(s)), s.modes)
+    before = s.offboard
+    if command.payload is not None:
+        _set_setpoint(s, publish, command)
+    try:
+        s.modes, notices = _taken(modes.set_mode(s.gains.modes, s.modes, Mode[name], conditions(s)), s.modes)
+    except Refused:
+        s.offboard = before
+        raise
     tell(s, publish, notices)
 
 
@@ -245,8 +255,7 @@ def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
 def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
     item: MissionItem = command.payload
     refusal = check_item(item) or modes.mode_refusal(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
-    if not refusal and not surroundings(s).valid:
-        refusal = "no GPS position"
+    refusal = refusal or _place_refusal(s, item)
     if refusal:
         raise Refused("navigation", f"circling there refused: {refusal}")
     s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
@@ -254,6 +263,62 @@ def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
     tell(s, publish, notices)
     text = f"circling {item.north:.0f} m north, {item.east:.0f} m east at {item.altitude:.0f} m"
     say(s, publish, Severity.INFO, "navigation", text)
+
+
+def _place_refusal(s: AutopilotState, item: MissionItem) -> str:
+    """Why a place cannot be flown to now; empty if it can."""
+    if not position_usable(s):
+        return "no GPS position"
+    return fence.target_refusal(s.gains.modes, s.fence, (item.north, item.east), item.altitude)
+
+
+def _set_setpoint(s: AutopilotState, publish: Publish, command: Command) -> None:
+    """Take a setpoint for OFFBOARD; in another mode it is a condition to enter that mode."""
+    new: Setpoint = command.payload
+    refusal = _setpoint_refusal(s, new)
+    if refusal:
+        raise Refused("offboard", f"setpoint refused: {refusal}")
+    flown = s.modes.mode == Mode.OFFBOARD
+    last = s.offboard.setpoint if flown else None
+    resolved = offboard.resolve(s.gains.navigation, last, new, surroundings(s))
+    s.offboard = Received(resolved, max(s.clock.time_us, 0))
+    if flown and resolved.altitude is None and last is not None and last.altitude is not None:
+        # The ramp begins at the altitude flown, which may be far from the one that was to be reached.
+        s.navigation = s.navigation._replace(altitude=s.altitude.altitude)
+
+
+def _setpoint_refusal(s: AutopilotState, new: Setpoint) -> str:
+    if not all(math.isfinite(value) for value in new if value is not None):
+        return "a value is not a number"
+    if new.path == Path.CIRCLE_AT:
+        altitude = s.altitude.altitude if new.altitude is None else new.altitude
+        item = MissionItem(ItemKind.LOITER, new.north, new.east, max(altitude, 1.0), radius=new.radius)
+        return check_item(item) or _place_refusal(s, item)
+    return "" if new.altitude is None else _altitude_refusal(s, new.altitude)
+
+
+def _altitude_refusal(s: AutopilotState, altitude: float) -> str:
+    item = MissionItem(ItemKind.LOITER, altitude=altitude)
+    return check_item(item) or fence.altitude_refusal(s.gains.modes, s.fence, altitude)
+
+
+def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> None:
+    """Change the altitude of LOITER or OFFBOARD."""
+    refusal = _altitude_refusal(s, command.value)
+    circling = s.modes.mode in (Mode.LOITER, Mode.OFFBOARD)
+    if not refusal and command.name == Mode.LOITER.name and not circling:
+        refusal = modes.mode_refusal(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
+    elif not refusal and not (circling and s.modes.stage in modes.AIRBORNE):
+        refusal = "the mode is neither LOITER nor OFFBOARD" if not circling else "not in flight"
+    if refusal:
+        raise Refused("navigation", f"altitude change refused: {refusal}")
+    if not circling:
+        s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
+        tell(s, publish, notices)
+    if s.modes.mode == Mode.OFFBOARD and s.offboard.setpoint is not None:
+        s.offboard = s.offboard._replace(setpoint=s.offboard.setpoint._replace(altitude=command.value))
+    s.navigation = navigation.change_altitude(s.gains.navigation, s.navigation, command.value, surroundings(s))
+    say(s, publish, Severity.INFO, "navigation", f"altitude {command.value:.0f} m")
 
 
 def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -333,4 +398,6 @@ APPLY: dict[CommandKind, Callable[[AutopilotState, Publish, Command], None]] = {
     CommandKind.SET_FENCE: _set_fence,
     CommandKind.SET_RALLY: _set_rally,
     CommandKind.LOITER_AT: _loiter_at,
+    CommandKind.SET_SETPOINT: _set_setpoint,
+    CommandKind.CHANGE_ALTITUDE: _change_altitude,
 }

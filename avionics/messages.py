@@ -224,6 +224,8 @@ class CommandKind(IntEnum):
     SET_FENCE = 11
     SET_RALLY = 12
     LOITER_AT = 13
+    SET_SETPOINT = 14
+    CHANGE_ALTITUDE = 15
     CALIBRATE = 20
 
 
@@ -235,12 +237,14 @@ class Command(NamedTuple):
     kind: CommandKind
     """-; what is asked"""
     name: str = ""
-    """-; the parameter's name, the mode's name, what to calibrate (empty to cancel), or empty"""
+    """-; the parameter's name, the mode's name, what to calibrate (empty to cancel), or empty; LOITER for a
+    CHANGE_ALTITUDE that enters this mode if the vehicle circles in none"""
     value: float = 0.0
-    """-; the parameter's value, the item's number, what a calibration is given, or 0"""
+    """-; the parameter's value, the item's number, what a calibration is given, the altitude above home in m for
+    CHANGE_ALTITUDE, or 0"""
     payload: Any = None
     """-; mission items for SET_MISSION, a fence for SET_FENCE, rally points for SET_RALLY, an excitation item for
-    EXCITE, a LOITER item for LOITER_AT"""
+    EXCITE, a LOITER item for LOITER_AT, a setpoint for SET_SETPOINT, or for SET_MODE one to begin OFFBOARD with"""
     source: str = ""
     """-; who asked: a link's name, "script" or "pilot\""""
 
@@ -486,6 +490,7 @@ class Mode(IntEnum):
     RETURN = 5
     LAND = 6
     LOITER = 7
+    OFFBOARD = 8
 
 
 class Stage(IntEnum):

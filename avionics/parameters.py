@@ -97,6 +97,7 @@ WORDS = {
     "least": "MIN",
     "release": "REL",
     "points": "PT",
+    "offboard": "OFFB",
 }
 
 

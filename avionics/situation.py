@@ -6,7 +6,7 @@ import math
 
 from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs
-from avionics.guidance import heading, modes, navigation
+from avionics.guidance import heading, modes, navigation, offboard
 from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
 from avionics.messages import Failsafe, PilotSource
@@ -79,6 +79,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         by_receiver=int(s.ways_in.source == RECEIVER),
         final=s.navigation.final,
         navigated=s.navigation.mode,
+        setpoint_valid=offboard.valid(s.gains.navigation, s.offboard, s.clock.time_us),
     )
 
 
@@ -187,4 +188,5 @@ def surroundings(s: AutopilotState) -> navigation.Situation:
         rally=s.rally,
         ceiling=ceiling(s),
         rescued=s.modes.rescued,
+        setpoint=s.offboard.setpoint,
     )

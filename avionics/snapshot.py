@@ -29,7 +29,10 @@ def decode(kind: Callable[..., T], text: str) -> T:
     """
     try:
         document = parse_json(text)
-        return kind(**{name: build(document[name]) for name, build in _record_builders(kind).items()})
+        # A field that an older recording does not have takes its default.
+        return kind(
+            **{name: build(document[name]) for name, build in _record_builders(kind).items() if name in document}
+        )
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise BadInput(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
 
@@ -75,7 +78,10 @@ def _tuple_builder(parts: tuple[Any, ...]) -> Builder:
 def _named_tuple_builder(kind: Any) -> Builder:
     # Looked up at the first use, because a NamedTuple may be declared after the one that holds it.
     def build(values: Any) -> Any:
-        return kind(*(make(value) for make, value in zip(_field_builders(kind), values, strict=True)))
+        builders = _field_builders(kind)
+        if len(values) > len(builders):
+            raise TypeError(f"{kind.__name__} has {len(builders)} fields, not {len(values)}")
+        return kind(*(make(value) for make, value in zip(builders, values, strict=False)))
 
     return build
 

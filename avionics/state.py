@@ -22,6 +22,7 @@ from avionics.estimation import position as position_filter
 from avionics.guidance import altitude, excitation, heading, modes, throttle_descent
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
+from avionics.guidance.setpoint import Received
 from avionics.mixing import flapping, tail
 from avionics.sensing import (
     air_data,
@@ -90,6 +91,8 @@ class AutopilotState:
     throttle_descent: throttle_descent.State = throttle_descent.State()
     calibration: calibration.State = calibration.State()
 
+    offboard: Received = Received()
+    """the last setpoint of an external controller"""
     fence: Fence = NO_FENCE
     """may be changed in flight by SET_FENCE"""
     rally: Rally = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from avionics.guidance.mission import ItemKind, MissionItem
-from avionics.guidance.path import circle_course
+from avionics.guidance.path import Place, circle_course
 from avionics.guidance.route import Gains, Situation, State, Target, lookahead
 from avionics.limits import clip, wrap
 from avionics.messages import Stage
@@ -18,9 +18,13 @@ BLIND_TURN = 0.4
 
 def centre_beside(state: State, radius: float, seen: Situation) -> State:
     """A circle that the present course touches: to the right for a positive ``radius`` (m), else to the left."""
-    north = seen.north - radius * math.sin(seen.heading)
-    east = seen.east + radius * math.cos(seen.heading)
-    return centre_at(state, north, east, radius, seen)
+    return centre_at(state, *tangent_center(radius, seen), radius, seen)
+
+
+def tangent_center(radius: float, situation: Situation) -> Place:
+    """North and east (m) of the center of that circle."""
+    heading = situation.heading
+    return situation.north - radius * math.sin(heading), situation.east + radius * math.cos(heading)
 
 
 def centre_at(state: State, north: float, east: float, radius: float, seen: Situation) -> State:

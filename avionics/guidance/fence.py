@@ -38,6 +38,21 @@ def contains(corners: tuple[Place, ...], place: Place) -> bool:
     return inside
 
 
+def target_refusal(gains: Gains, fence: Fence, place: Place, altitude: float) -> str:
+    """Why a place (m from home) and an altitude (m above home) cannot be flown to; empty if they are inside."""
+    if math.hypot(*place) > gains.fence_radius or clearance(fence, *place) < 0.0:
+        return "outside the fence"
+    return altitude_refusal(gains, fence, altitude)
+
+
+def altitude_refusal(gains: Gains, fence: Fence, altitude: float) -> str:
+    """Why an altitude (m above home) cannot be flown to; empty if it is inside."""
+    ceiling, floor = min(gains.fence_altitude, fence.ceiling or math.inf), max(gains.fence_floor, fence.floor)
+    if altitude > ceiling:
+        return f"{altitude:.0f} m is above the fence's ceiling of {ceiling:g} m"
+    return f"{altitude:.0f} m is below the fence's floor of {floor:g} m" if altitude < floor else ""
+
+
 def room(gains: Gains, state: State, seen: Conditions) -> float:
     """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
     return min(_rooms(gains, state, seen)) if state.stage in AIRBORNE else math.inf

@@ -14,7 +14,7 @@ from avionics.quantities import Quantity
 
 AIRBORNE = (Stage.CLIMB_OUT, Stage.EN_ROUTE, Stage.APPROACH, Stage.FLARE)
 LANDING = (Stage.APPROACH, Stage.FLARE)
-GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND, Mode.LOITER)
+GUIDED = (Mode.AUTO, Mode.RETURN, Mode.LAND, Mode.LOITER, Mode.OFFBOARD)
 """modes in which the navigation steers"""
 PILOTED = (Mode.MANUAL, Mode.STABILIZED)
 """modes in which the throttle is the pilot's"""
@@ -194,6 +194,8 @@ class Conditions(NamedTuple):
     """-; 1 while the navigation is on the straight line down"""
     navigated: int = ANY_MODE
     """-; mode that ``wanted_stage`` belongs to"""
+    setpoint_valid: int = 0
+    """-; 1 while there is a setpoint for OFFBOARD that has not expired"""
 
 
 Outcome = tuple[State, tuple[Notice, ...]]
@@ -207,6 +209,10 @@ def mode_refusal(gains: Gains, state: State, mode: Mode, seen: Conditions) -> st
         return "no GPS position"
     if mode in (Mode.RETURN, Mode.LAND, Mode.LOITER) and state.armed and state.stage not in AIRBORNE:
         return "not in flight"
+    if mode == Mode.OFFBOARD and state.stage not in AIRBORNE:
+        return "not in flight"
+    if mode == Mode.OFFBOARD and not seen.setpoint_valid:
+        return "no recent setpoint"
     return ""
 
 

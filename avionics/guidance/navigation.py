@@ -7,7 +7,7 @@ the other parts in `items`, `circle`, `homing`, `approach`; a survey is laid out
 
 from __future__ import annotations
 
-from avionics.guidance import approach, circle, homing, items
+from avionics.guidance import approach, circle, homing, items, offboard
 from avionics.guidance.mission import Excitation, ItemKind, Mission, MissionItem
 from avionics.guidance.path import leg
 from avionics.guidance.route import (
@@ -23,7 +23,18 @@ from avionics.guidance.route import (
 from avionics.limits import low_pass, wrap
 from avionics.messages import Mode, Stage
 
-__all__ = ["Gains", "Situation", "State", "Target", "begin_item", "choose_item", "excite", "loiter_at", "step"]
+__all__ = [
+    "Gains",
+    "Situation",
+    "State",
+    "Target",
+    "begin_item",
+    "change_altitude",
+    "choose_item",
+    "excite",
+    "loiter_at",
+    "step",
+]
 
 ITEMS: dict[ItemKind, items.ItemFunction] = {
     ItemKind.TAKEOFF: items.take_off,
@@ -57,6 +68,8 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situatio
         return state, below_ceiling(target, seen)
     if seen.mode == Mode.LOITER:
         return _loiter(gains, state, dt, seen)
+    if seen.mode == Mode.OFFBOARD and seen.setpoint is not None:
+        return offboard.fly(gains, state, dt, seen.setpoint, seen)
     return _piloted(gains, state, dt, seen)
 
 
@@ -106,6 +119,13 @@ def loiter_at(gains: Gains, state: State, wanted: MissionItem, seen: Situation) 
     begun = begin_item(gains, state._replace(via=0), state.item, seen)
     begun = begun._replace(mode=int(Mode.LOITER), extra=None, altitude=wanted.altitude)
     return circle.centre_at(begun, wanted.north, wanted.east, wanted.radius or gains.loiter_radius, seen)
+
+
+def change_altitude(gains: Gains, state: State, altitude: float, situation: Situation) -> State:
+    """Hold ``altitude`` (m above home) from now on, on the present circle or course."""
+    if situation.mode != state.mode:
+        state = _enter_mode(gains, state, situation)
+    return state._replace(altitude=altitude)
 
 
 def _enter_mode(gains: Gains, state: State, seen: Situation) -> State:

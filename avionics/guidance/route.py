@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance.mission import Excitation, Rally
 from avionics.guidance.path import Place
+from avionics.guidance.setpoint import Setpoint
 from avionics.limits import clip
 from avionics.messages import Mode, Stage
 from avionics.quantities import Quantity
@@ -67,6 +68,8 @@ class Gains(NamedTuple):
     """m/s; true airspeed on the line down to the landing place"""
     flare_reach: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
     """m; from the end of that line, where it meets the ground, to the touchdown in still air"""
+    offboard_timeout: Annotated[float, Quantity("s", 0.1, 60.0)] = 1.0
+    """s; greatest age of a setpoint of OFFBOARD, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T)"""
 
 
 class State(NamedTuple):
@@ -173,6 +176,8 @@ class Situation(NamedTuple):
     """m; greatest altitude to ask for where the navigation chooses it: the fence's, less its margin"""
     rescued: int = 0
     """-; 1 while the mode is one that a failsafe took"""
+    setpoint: Setpoint | None = None
+    """-; of OFFBOARD, from `offboard.resolve`"""
 
 
 class Target(NamedTuple):

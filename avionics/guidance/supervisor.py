@@ -1,13 +1,14 @@
-"""One step of what watches over the flight: failsafes, then stages."""
+"""One step of what watches over the flight: failsafes, the age of setpoints, then stages."""
 
 from __future__ import annotations
 
-from avionics.guidance import failsafes, stages
+from avionics.guidance import failsafes, offboard, stages
 from avionics.guidance.modes import Conditions, Gains, Outcome, State
 
 
 def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     """One step of stages and failsafes; ``dt`` in s."""
     state, failed = failsafes.step(gains, state, dt, seen)
+    state, expired = offboard.watch(state, seen)
     state, moved = stages.step(gains, state, dt, seen)
-    return state, failed + moved
+    return state, failed + expired + moved

@@ -139,9 +139,12 @@ PX4_STYLE = (
     ModeNumbers(Mode.RETURN, px4_mode(4, 5), mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.LOITER, px4_mode(4, 3), 0, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.LAND, px4_mode(4, 6), mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
+    ModeNumbers(Mode.OFFBOARD, px4_mode(6), 0, _STABILIZE | _GUIDED),
 )
 """The modes of the default identity; `custom_mode_map.json` says the same to MAVProxy."""
 
+PLANE_GUIDED = ModeNumbers(Mode.OFFBOARD, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
+"""ArduPlane's GUIDED: it circles until it gets a setpoint; on the ground it waits for a takeoff."""
 
 PLANE_STYLE = (
     ModeNumbers(Mode.MANUAL, 0, 0, _MANUAL_INPUT),
@@ -151,15 +154,13 @@ PLANE_STYLE = (
     ModeNumbers(Mode.RETURN, 11, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.LOITER, 12, 0, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.LAND, 26, mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
+    PLANE_GUIDED,
 )
-"""ArduPlane's numbers of the modes that are nearest to ours: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND."""
+"""ArduPlane's numbers of the modes that are nearest to ours: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND and
+GUIDED."""
 
-PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD), (13, Mode.AUTO), (15, Mode.LOITER))
-"""ArduPlane's CIRCLE, STABILIZE, CRUISE, TAKEOFF and GUIDED, which circles until it is sent somewhere."""
-
-PLANE_GUIDED = ModeNumbers(Mode.LOITER, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
-"""ArduPlane's GUIDED: it circles until it is sent somewhere, to circle there in LOITER; on the ground it waits for a
-takeoff."""
+PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD), (13, Mode.AUTO))
+"""ArduPlane's CIRCLE, STABILIZE, CRUISE and TAKEOFF."""
 
 _CAPABILITIES: int = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -183,9 +184,10 @@ class Identity(NamedTuple):
     type: int = mavlink.MAV_TYPE_FLAPPING_WING
     modes: tuple[ModeNumbers, ...] = PX4_STYLE
     aliases: tuple[tuple[int, Mode], ...] = ()
-    """further custom modes that may be asked for; the vehicle never says that it is in one but for ``guided``"""
+    """further custom modes that may be asked for; the vehicle never says that it is in one"""
     guided: ModeNumbers | None = None
-    """the one that clients ask for before a takeoff, which changes nothing on the ground; shown while it is true"""
+    """ArduPlane's GUIDED: on the ground it changes nothing and is shown until the vehicle flies; it begins with a
+    circle, and its position setpoints do not expire. None: OFFBOARD as in PX4, by a stream of setpoints alone"""
     takeoff_frame: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     """MAV_FRAME of the altitude of a NAV_TAKEOFF that names none, a COMMAND_LONG: MAVSDK 4.1, MAVProxy and our
     station count from home where the autopilot is not MAV_AUTOPILOT_PX4, which counts from the sea"""

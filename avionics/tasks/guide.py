@@ -11,8 +11,10 @@ from avionics.guidance import fence, supervisor, throttle_descent
 from avionics.guidance import heading as heading_loop
 from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
+from avionics.guidance.setpoint import Path, Setpoint
 from avionics.guidance.stages import FAST
 from avionics.inputs import say, tell
+from avionics.limits import clip
 from avionics.messages import (
     AltitudeStatus,
     Failsafe,
@@ -27,7 +29,7 @@ from avionics.state import AutopilotState
 from avionics.topics import Publish
 
 EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.CLIMB_OUT, Stage.FLARE
-MANUAL, STABILIZED = Mode.MANUAL, Mode.STABILIZED
+MANUAL, STABILIZED, OFFBOARD = Mode.MANUAL, Mode.STABILIZED, Mode.OFFBOARD
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes in which an excitation may be flown"""
 FOLDS = "multisine folds on the {:.2f} Hz of the wings: a period of {:.3f} s would not"
@@ -163,7 +165,16 @@ def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
         return altitude_loop.Asked(s.gains.altitude.throttle_max if leaving else s.gains.modes.wait_throttle, trim)
     if s.modes.cut and stage != FLARE:
         return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
+    attitude, limits = attitude_setpoint(s), s.gains.altitude
+    if attitude is not None:
+        return altitude_loop.Asked(attitude.throttle, clip(attitude.pitch, limits.pitch_min, limits.pitch_max))
     return None
+
+
+def attitude_setpoint(s: AutopilotState) -> Setpoint | None:
+    """Attitude setpoint of an external controller; None if there is none or another mode flies."""
+    setpoint = s.offboard.setpoint if s.modes.mode == OFFBOARD else None
+    return setpoint if setpoint is not None and setpoint.path == Path.ATTITUDE else None
 
 
 def flared(s: AutopilotState) -> altitude_loop.Gains:
@@ -195,6 +206,9 @@ def asked_roll(s: AutopilotState) -> float | None:
     """Roll setpoint (rad) that bypasses the heading loop; None when the loop flies."""
     if s.modes.stage not in AIRBORNE or s.modes.stage == FLARE or s.modes.mode == MANUAL:
         return 0.0
+    attitude = attitude_setpoint(s)
+    if attitude is not None:
+        return clip(attitude.roll, -s.gains.heading.roll_max, s.gains.heading.roll_max)
     if s.modes.mode in GUIDED or s.target.excitation is not None:
         return None
     return s.gains.roll.stick_roll * s.pilot.roll

@@ -56,6 +56,8 @@ class FakeVehicle:
             self.armed = command.kind is m.CommandKind.ARM
         elif command.kind is m.CommandKind.SET_MODE:
             self.mode = m.Mode[command.name]
+        elif command.kind is m.CommandKind.LOITER_AT:
+            self.mode = m.Mode.LOITER
         elif command.kind is m.CommandKind.SET_MISSION:
             self.mission = command.payload
         elif command.kind is m.CommandKind.SET_FENCE:

@@ -31,7 +31,7 @@ def test_the_error_comes_before_the_value_so_that_mavsdk_does_not_set_it_again()
         assert vehicle.parameters[0].value == 0.8
 
 
-@pytest.mark.parametrize(("stage", "asked"), [(Stage.WAIT_LAUNCH, []), (Stage.EN_ROUTE, ["LOITER", "LOITER"])])
+@pytest.mark.parametrize(("stage", "asked"), [(Stage.WAIT_LAUNCH, []), (Stage.EN_ROUTE, ["OFFBOARD", "OFFBOARD"])])
 def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage, asked: list[str]) -> None:
     with stock_client(identity=PROFILES["ardupilot"]) as (client, vehicle):
         navigation = vehicle.topics[topics.NAVIGATION.name]
@@ -44,7 +44,7 @@ def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage
         assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
         settle(client)
         assert [each.name for each in vehicle.inputs if each.kind is CommandKind.SET_MODE] == asked
-        assert vehicle.mode is (Mode.LOITER if asked else Mode.MANUAL)
+        assert vehicle.mode is (Mode.OFFBOARD if asked else Mode.MANUAL)
 
 
 def custom_mode(client: Any, wanted: int) -> int:
@@ -65,7 +65,7 @@ def test_guided_is_shown_while_it_is_true_and_no_longer() -> None:
         vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=Stage.EN_ROUTE)
         assert custom_mode(client, 0) == 0  # thrown by hand, it flies on its sticks
         client.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, GUIDED, 0, 0, 0, 0, 0)
-        assert custom_mode(client, GUIDED) == GUIDED and vehicle.mode is Mode.LOITER
+        assert custom_mode(client, GUIDED) == GUIDED and vehicle.mode is Mode.OFFBOARD
         vehicle.mode = Mode.RETURN  # by a failsafe, say
         assert custom_mode(client, 11) == 11
         vehicle.mode = Mode.LOITER
@@ -86,7 +86,7 @@ def test_guided_is_one_of_the_modes_that_an_aeroplane_of_ardupilot_names_and_the
         profile: [entry.mode_name for entry in available_modes(identity)] for profile, identity in PROFILES.items()
     }
     assert names["generic"] == [mode.name for mode in (entry.mode for entry in PX4_STYLE)]
-    assert names["ardupilot"][-1] == "GUIDED" and len(set(names["ardupilot"])) == len(Mode) + 1
+    assert names["ardupilot"][-1] == "GUIDED" and len(set(names["ardupilot"])) == len(Mode)
 
 
 def test_the_landed_state_is_said_at_once_when_it_changes_where_it_is_said_at_all() -> None:

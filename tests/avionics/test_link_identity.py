@@ -51,7 +51,7 @@ def test_every_mode_of_a_profile_can_be_set_by_its_number_and_is_shown_with_it(i
 def test_the_aeroplane_of_ardupilot_has_its_mode_numbers() -> None:
     names = mavutil.mode_mapping_byname(mavlink.MAV_TYPE_FIXED_WING)
     same = {"MANUAL": Mode.MANUAL, "FBWA": Mode.STABILIZED, "FBWB": Mode.ALTITUDE_HOLD, "AUTO": Mode.AUTO,
-            "RTL": Mode.RETURN, "LOITER": Mode.LOITER, "AUTOLAND": Mode.LAND, "GUIDED": Mode.LOITER,
+            "RTL": Mode.RETURN, "LOITER": Mode.LOITER, "AUTOLAND": Mode.LAND, "GUIDED": Mode.OFFBOARD,
             "STABILIZE": Mode.STABILIZED, "TAKEOFF": Mode.AUTO}  # fmt: skip
     assert {name: PLANE.by_custom_mode(names[name]) for name in same} == same
     assert PLANE.by_custom_mode(names["QHOVER"]) is None

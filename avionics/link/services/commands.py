@@ -124,7 +124,7 @@ class CommandService:
         if mode is None:
             names = ", ".join(entry.mode.name for entry in self._identity.modes)
             return Verdict(_DENIED, (), f"no such mode; there are {names}")
-        verdict = self._ask_core(mode_command(self._vehicle, mode, request.sender))
+        verdict = self._ask_core(mode_command(self._vehicle, self._identity, mode, request.sender))
         waits = self._shown.waits(asked) and verdict.reason != NO_FRAMES
         if waits or verdict.result == _ACCEPTED:
             self._shown.accepted(asked)
@@ -144,7 +144,7 @@ class CommandService:
 
     def _auto_from(self, request: Request, item: int) -> Verdict:
         select = self._command(CommandKind.SET_CURRENT_ITEM, request, float(item))
-        auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
+        auto = mode_command(self._vehicle, self._identity, Mode.AUTO, request.sender)
         reason = self._vehicle.refusal(auto) or self._vehicle.refusal(select)
         return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
 

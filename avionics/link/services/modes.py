@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from avionics import topics
+from avionics.guidance.setpoint import Path, Setpoint
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
@@ -20,7 +21,7 @@ CURRENT_MODE_INTERVAL = 2.0
 
 def available_modes(identity: Identity, index: int = 0) -> list[Any]:
     """AVAILABLE_MODES of all modes, or of the one with this index counted from 1; empty when there is none."""
-    modes = identity.modes if identity.guided is None else (*identity.modes, identity.guided)
+    modes = identity.modes
     return [
         mavlink.MAVLink_available_modes_message(
             len(modes), number, entry.standard_mode, entry.custom_mode, 0, entry.name.encode()
@@ -43,29 +44,24 @@ def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
 
 
 class ShownMode:
-    """The mode that the vehicle says that it is in: its own, or GUIDED where a client asked for that and it is true.
+    """The mode reported to clients: the vehicle's, or GUIDED if a client set that on the ground.
 
-    In the air it is while the vehicle circles; on the ground, where the vehicle waits for commands in any mode, until
-    the mode changes or it flies.
+    On the ground the vehicle waits for commands in any mode. GUIDED is reported until the mode changes or it flies.
     """
 
     def __init__(self, vehicle: VehicleView, identity: Identity) -> None:
         self._vehicle = vehicle
         self._identity = identity
         self._guided_in: Mode | None = None
-        self._waiting = self._entered = False
+        """mode in which the vehicle waits on the ground, None if GUIDED was not set"""
 
     @property
     def numbers(self) -> ModeNumbers:
         """As it is written on the wire."""
         guided, mode = self._identity.guided, self._vehicle.mode
-        if guided is not None and self._guided_in is not None:
-            self._entered = self._entered or mode == self._guided_in
-            if self._entered and (mode != self._guided_in or (self._waiting and not self._on_ground())):
-                self._guided_in = None
-            elif self._entered:
-                return guided
-        return self._identity.numbers(mode)
+        if mode != self._guided_in or not self._on_ground():
+            self._guided_in = None
+        return self._identity.numbers(mode) if guided is None or self._guided_in is None else guided
 
     def waits(self, custom_mode: float) -> bool:
         """Whether GUIDED is asked for on the ground, which takes no command: the vehicle waits there in any mode."""
@@ -73,10 +69,7 @@ class ShownMode:
 
     def accepted(self, custom_mode: float) -> None:
         """A client asked for this mode, and will get it."""
-        self._waiting, self._entered = self._on_ground(), False
-        self._guided_in = None
-        if self._is_guided(custom_mode):
-            self._guided_in = self._vehicle.mode if self._waiting else Mode.LOITER
+        self._guided_in = self._vehicle.mode if self.waits(custom_mode) else None
 
     def _is_guided(self, custom_mode: float) -> bool:
         return self._identity.guided is not None and custom_mode == self._identity.guided.custom_mode
@@ -86,9 +79,10 @@ class ShownMode:
         return navigation is not None and navigation.stage in ON_GROUND
 
 
-def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender) -> Command:
-    """The input that asks the flight core for a mode."""
-    return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), None, sender.name)
+def mode_command(vehicle: VehicleView, identity: Identity, mode: Mode, sender: Sender) -> Command:
+    """SET_MODE for the flight core; ArduPlane's GUIDED begins with a circle."""
+    begin = Setpoint(Path.CIRCLE_HERE, expires=0) if mode is Mode.OFFBOARD and identity.guided is not None else None
+    return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), begin, sender.name)
 
 
 class ModeService:
@@ -109,7 +103,7 @@ class ModeService:
         mode = requested_mode(self._identity, message.custom_mode, 0) if custom else None
         if mode is None:
             return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text("no such mode", sender)]
-        command = mode_command(self._vehicle, mode, sender)
+        command = mode_command(self._vehicle, self._identity, mode, sender)
         reason, waits = self._vehicle.refusal(command), self._shown.waits(message.custom_mode)
         if reason == NO_FRAMES or (reason and not waits):
             return [Reply(_ack(refusal_result(reason), sender), sender), *refusal_text(reason, sender)]

@@ -1,0 +1,77 @@
+"""OFFBOARD: fly the setpoints of an external controller; without new ones for too long, LOITER.
+
+A position is circled, as ArduPlane does in GUIDED; a velocity gives a course and a climb rate. The airspeed is the
+vehicle's own.
+"""
+
+from __future__ import annotations
+
+from avionics.guidance import circle, modes
+from avionics.guidance.route import Gains, Situation, State, Target, least_altitude
+from avionics.guidance.setpoint import Path, Received, Setpoint
+from avionics.limits import clip
+from avionics.messages import Mode, Severity, Stage
+
+
+def valid(gains: Gains, received: Received, time_us: int) -> int:
+    """1 if there is a setpoint that has not expired at ``time_us`` (since boot)."""
+    if received.setpoint is None:
+        return 0
+    return int(not received.setpoint.expires or (time_us - received.time_us) * 1e-6 <= gains.offboard_timeout)
+
+
+def watch(state: modes.State, conditions: modes.Conditions) -> modes.Outcome:
+    """Change from OFFBOARD to LOITER if the setpoint has expired."""
+    if state.mode != Mode.OFFBOARD or conditions.setpoint_valid:
+        return state, ()
+    return modes.enter(
+        state._replace(rescued=1), Mode.LOITER, Severity.WARNING, "offboard: setpoints timed out, LOITER"
+    )
+
+
+def resolve(gains: Gains, last: Setpoint | None, new: Setpoint, situation: Situation) -> Setpoint:
+    """Setpoint with explicit path: KEEP and CIRCLE_HERE become a circle at a position, or the path of ``last``.
+
+    Args:
+        last: the setpoint that is flown now, None if there is none.
+    """
+    path = new.path
+    if path in (Path.COURSE, Path.ATTITUDE):
+        return new
+    if path == Path.CIRCLE_AT:
+        return new._replace(radius=new.radius or gains.loiter_radius)
+    if last is not None and (last.path == Path.CIRCLE_HERE or (path == Path.KEEP and last.path != Path.ATTITUDE)):
+        return new._replace(path=last.path, north=last.north, east=last.east, radius=last.radius, course=last.course)
+    north, east = circle.tangent_center(gains.loiter_radius, situation)
+    return new._replace(path=Path.CIRCLE_HERE, north=north, east=east, radius=gains.loiter_radius)
+
+
+def fly(gains: Gains, state: State, dt: float, setpoint: Setpoint, situation: Situation) -> tuple[State, Target]:
+    """One step along a setpoint from `resolve`; ``dt`` in s.
+
+    An altitude ramp stays between the least turning altitude and the fence's ceiling, and its rate within that of the
+    pitch stick in ALTITUDE_HOLD.
+    """
+    if setpoint.path == Path.ATTITUDE:
+        state = state._replace(radius=0.0, heading=situation.heading, altitude=situation.altitude)
+        return state, Target(Stage.EN_ROUTE, situation.altitude, situation.heading)
+    state = state._replace(altitude=_altitude(gains, state, dt, setpoint, situation))
+    if setpoint.path == Path.COURSE:
+        state = state._replace(radius=0.0, heading=setpoint.course)
+        return state, Target(Stage.EN_ROUTE, state.altitude, setpoint.course)
+    center = (setpoint.north, setpoint.east, setpoint.radius)
+    if (state.centre_north, state.centre_east, state.radius) != center:
+        state = circle.centre_at(state, *center, situation)
+    return circle.around(gains, state, dt, state.altitude, situation)
+
+
+def _altitude(gains: Gains, state: State, dt: float, setpoint: Setpoint, situation: Situation) -> float:
+    """Altitude setpoint (m)."""
+    if setpoint.altitude is not None:
+        return setpoint.altitude
+    if setpoint.climb_rate == 0.0:
+        return state.altitude
+    ramped = state.altitude + clip(setpoint.climb_rate, -gains.stick_climb, gains.stick_climb) * dt
+    # A vehicle outside these limits may return to them at any rate.
+    low = min(least_altitude(gains, situation.ceiling), state.altitude)
+    return clip(ramped, low, max(situation.ceiling, state.altitude))
