@@ -7,14 +7,17 @@ import math
 from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs
 from avionics.guidance import heading, modes, navigation, offboard
+from avionics.guidance.mission import ItemKind
 from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
-from avionics.messages import Failsafe, PilotSource
+from avionics.messages import Failsafe, Mode, PilotSource
 from avionics.records import new
 from avionics.sensing import pilot, plausibility, preflight
 from avionics.state import AutopilotState
 
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
+PLACED = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE, ItemKind.LAND)
+"""items with a position"""
 TRAVEL_MARGIN = 0.2
 """rad; beyond a wing's travel, for a slack linkage"""
 FORCE_MARGIN = 3.0
@@ -46,6 +49,19 @@ def bank_of_path(s: AutopilotState) -> float:
         return 0.0
     square = s.position.v_north**2 + s.position.v_east**2
     return math.atan(square * s.target.curvature / STANDARD_GRAVITY)
+
+
+def destination(s: AutopilotState) -> tuple[float, float] | None:
+    """North and east (m) of the position or circle center flown to; None on the ground and without one."""
+    navigated = s.navigation
+    if s.modes.stage not in modes.AIRBORNE or navigated.mode != s.modes.mode or s.modes.mode not in modes.GUIDED:
+        return None
+    if s.modes.mode == Mode.RETURN:
+        return navigated.goal_north, navigated.goal_east
+    if s.modes.mode == Mode.AUTO and navigated.item < len(s.mission):
+        item = s.mission[navigated.item]
+        return (item.north, item.east) if item.kind in PLACED else None
+    return (navigated.centre_north, navigated.centre_east) if navigated.radius else None
 
 
 def conditions(s: AutopilotState) -> modes.Conditions:

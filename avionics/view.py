@@ -12,6 +12,7 @@ from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.vehicle import NO_FRAMES, PATIENT, Home, Parameter
 from avionics.messages import ChannelOverride, Command, Event, Mode, Severity
 from avionics.processors import Due
+from avionics.situation import destination
 from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
 
@@ -80,6 +81,11 @@ class FlightView:
     def rally(self) -> Rally:
         """The rally points on board."""
         return self.autopilot.memory.rally
+
+    @property
+    def destination(self) -> tuple[float, float] | None:
+        """North and east (m from home) of the position or circle center flown to; None without one."""
+        return destination(self.autopilot.memory)
 
     @property
     def home(self) -> Home | None:

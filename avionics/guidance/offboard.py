@@ -41,7 +41,8 @@ def resolve(gains: Gains, last: Setpoint | None, new: Setpoint, situation: Situa
     if path == Path.CIRCLE_AT:
         return new._replace(radius=new.radius or gains.loiter_radius)
     if last is not None and (last.path == Path.CIRCLE_HERE or (path == Path.KEEP and last.path != Path.ATTITUDE)):
-        return new._replace(path=last.path, north=last.north, east=last.east, radius=last.radius, course=last.course)
+        kept = last._replace(altitude=new.altitude, climb_rate=new.climb_rate)
+        return kept._replace(expires=max(new.expires, last.expires))
     north, east = circle.tangent_center(gains.loiter_radius, situation)
     return new._replace(path=Path.CIRCLE_HERE, north=north, east=east, radius=gains.loiter_radius)
 

@@ -31,6 +31,7 @@ from avionics.link.services.parameters import ParameterService
 from avionics.link.services.radio import RadioService
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Room, Sender, Service
+from avionics.link.services.setpoints import SetpointService
 from avionics.link.services.signing import SigningService
 from avionics.link.services.silence import SilenceService
 from avionics.link.services.statustext import StatustextService
@@ -155,6 +156,7 @@ class GroundLink:
             ServiceRow("commands", commands, vital=True),
             ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._rooms())),
             ServiceRow("missions", missions),
+            ServiceRow("setpoints", lambda: SetpointService(vehicle, identity)),
             ServiceRow("modes", lambda: ModeService(vehicle, identity, shown), vital=True),
             ServiceRow("stream requests", requests),
             ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
@@ -348,7 +350,7 @@ class GroundLink:
                 self._links[output.to.link].send(output.message, output.to.peer)
 
     def _note(self, output: Input) -> None:
-        if isinstance(output, PilotInput | ChannelOverride):
+        if isinstance(output, PilotInput | ChannelOverride) or output.kind is CommandKind.SET_SETPOINT:
             return
         lost = output.kind is CommandKind.LINK_LOST
         text = f"{output.kind.name} {output.name} from {output.source}".replace("  ", " ")

@@ -185,6 +185,24 @@ def _altitude(item: WireItem, home: Home | None) -> float:
     return item.z - home.altitude
 
 
+def decode_place(frame: int, x: float, y: float, home: Home | None) -> tuple[float, float]:
+    """North and east (m) of home; ``x`` and ``y`` in degrees, or in m in the local frame.
+
+    Raises:
+        ItemRefused: as `decode_item`.
+    """
+    return _place(WireItem(frame, 0, (0.0,) * 4, x, y, 0.0), home)
+
+
+def decode_altitude(frame: int, altitude: float, home: Home | None) -> float:
+    """Altitude (m) above home; ``altitude`` in m of ``frame``, down in the local one.
+
+    Raises:
+        ItemRefused: as `decode_item`.
+    """
+    return _altitude(WireItem(frame, 0, (0.0,) * 4, 0.0, 0.0, altitude), home)
+
+
 def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     """The item as MAVLink writes it: places on the globe, or in the local frame while home is not known."""
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT

@@ -76,6 +76,8 @@ STREAMS = (
     _entry("ALTITUDE", on_request.altitude, 0.0, _THIRD),
     _entry("ESTIMATOR_STATUS", on_request.estimator_status, 0.0, _LAST),
     _entry("ODOMETRY", on_request.odometry, 0.0, _LAST),
+    _entry("POSITION_TARGET_GLOBAL_INT", on_request.position_target_global, 0.0, _THIRD),
+    _entry("POSITION_TARGET_LOCAL_NED", on_request.position_target_local, 0.0, _THIRD),
     _entry("GPS_GLOBAL_ORIGIN", on_request.gps_global_origin, 0.0, _SECOND),
     _entry("ACTUATOR_OUTPUT_STATUS", on_request.actuator_outputs, 0.0, _LAST),
 )

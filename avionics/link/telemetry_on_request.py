@@ -12,6 +12,7 @@ from avionics import messages as m
 from avionics import topics as t
 from avionics.constants import STANDARD_GRAVITY
 from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import to_degrees
 from avionics.link.telemetry import boot_ms, clamped, degrees_e7
 from avionics.link.vehicle import VehicleView
 
@@ -225,4 +226,35 @@ def actuator_outputs(vehicle: VehicleView) -> Any:
     outputs = (now.wing_left, now.wing_right, now.elevator, now.rudder, now.throttle)
     return mavlink.MAVLink_actuator_output_status_message(
         now.time_us, len(outputs), [*outputs, *([0.0] * (32 - len(outputs)))]
+    )
+
+
+_TARGET_MASK = 0b1001_1111_1000
+"""POSITION_TARGET_TYPEMASK: velocity, acceleration and yaw rate are ignored"""
+_NO_POSITION = 0b11
+
+
+def position_target_global(vehicle: VehicleView) -> Any:
+    """POSITION_TARGET_GLOBAL_INT: degE7, m above mean sea level, rad; the position is masked if there is none."""
+    now, home, destination = vehicle.latest(t.NAVIGATION), vehicle.home, vehicle.destination
+    if now is None or home is None:
+        return None
+    latitude, longitude = (0.0, 0.0) if destination is None else to_degrees(home, *destination)
+    mask = _TARGET_MASK | (_NO_POSITION if destination is None else 0)
+    place = (round(latitude * 1e7), round(longitude * 1e7), home.altitude + now.altitude_setpoint)
+    return mavlink.MAVLink_position_target_global_int_message(
+        boot_ms(now.time_us), mavlink.MAV_FRAME_GLOBAL_INT, mask, *place, *(0.0,) * 6, now.heading_setpoint, 0.0
+    )
+
+
+def position_target_local(vehicle: VehicleView) -> Any:
+    """POSITION_TARGET_LOCAL_NED: m, rad; the position is masked if there is none."""
+    now, destination = vehicle.latest(t.NAVIGATION), vehicle.destination
+    if now is None:
+        return None
+    north, east = destination or (0.0, 0.0)
+    mask = _TARGET_MASK | (_NO_POSITION if destination is None else 0)
+    place = (north, east, -now.altitude_setpoint)
+    return mavlink.MAVLink_position_target_local_ned_message(
+        boot_ms(now.time_us), mavlink.MAV_FRAME_LOCAL_NED, mask, *place, *(0.0,) * 6, now.heading_setpoint, 0.0
     )

@@ -71,6 +71,10 @@ class VehicleView(Protocol):
         """The rally points on board."""
 
     @property
+    def destination(self) -> tuple[float, float] | None:
+        """North and east (m from home) of the position or circle center flown to; None without one."""
+
+    @property
     def home(self) -> Home | None:
         """None before the first fix."""
 

@@ -24,6 +24,7 @@ class FakeVehicle:
         self.fence: Fence = NO_FENCE
         self.rally: Rally = ()
         self.home: Home | None = HOME
+        self.destination: tuple[float, float] | None = None
         self.parameters = [
             Parameter("PITCH_P", 0.8, 0.0, 5.0, "rad/s"),
             Parameter("CLIMB_P", 0.1, 0.0, 2.0),

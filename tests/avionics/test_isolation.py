@@ -192,6 +192,9 @@ MESSAGES = {
     "FILE_TRANSFER_PROTOCOL": mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, [0] * 251),
     "MANUAL_CONTROL": mavlink.MAVLink_manual_control_message(1, 500, 500, 500, 500, 0),
     "SETUP_SIGNING": mavlink.MAVLink_setup_signing_message(1, 1, list(range(32)), 1),
+    "SET_ATTITUDE_TARGET": mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 7, [1.0, 0.0, 0.0, 0.0], 0, 0, 0, 0.5
+    ),
     "LOG_REQUEST_LIST": mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF),
     "RADIO_STATUS": mavlink.MAVLink_radio_status_message(200, 200, 90, 20, 20, 0, 0),
 }

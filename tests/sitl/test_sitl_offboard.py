@@ -80,7 +80,7 @@ def test_offboard_position_is_circled(vehicle: str) -> None:
 
 @VEHICLES
 def test_offboard_velocity_gives_course_and_climb_rate(vehicle: str) -> None:
-    flight, truth = course_flight(vehicle), course_flight(vehicle).truth
+    truth = course_flight(vehicle).truth
     late = (truth["time_us"] >= 20e6) & (truth["time_us"] <= 24e6)
     course = np.degrees(np.arctan2(truth["v_east"], truth["v_north"]))[late]
     assert course.mean() == pytest.approx(-135.0, abs=10.0)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
@@ -16,6 +15,7 @@ from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import ShownMode, mode_command, requested_mode
+from avionics.link.services.reposition import RepositionRequests
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
@@ -28,8 +28,6 @@ from avionics.messages import Command, CommandKind, Mode
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _DENIED = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
-_NO_PLACE = 2**31 - 1
-"""degE7; a COMMAND_INT without a place"""
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 TURNING_ALTITUDE = "NAV_RETURN_FLOOR"
 """Parameter: m above home, below which a way is flown straight on, wings level."""
@@ -71,8 +69,7 @@ class CommandService:
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda request: self._mode(request, Mode.RETURN),
             mavlink.MAV_CMD_MISSION_START: self._start_mission,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
-            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._circle,
-            mavlink.MAV_CMD_DO_REPOSITION: self._circle,
+            **RepositionRequests(self._vehicle, self._identity, self._shown).answers(),
             mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             **dict.fromkeys(EXCITE_COMMANDS, self._excite),
             PREFLIGHT: self._calibrations.answer,
@@ -198,23 +195,6 @@ class CommandService:
         item = float(self._missions.item(number))
         return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, item))
 
-    def _circle(self, request: Request) -> Verdict:
-        """Here in the mode LOITER, or at the place of a LOITER_UNLIM or DO_REPOSITION."""
-        wanted = _circle_item(request)
-        if wanted is None:
-            return self._mode(request, Mode.LOITER)
-        height = self._vehicle.latest(topics.ALTITUDE)
-        if not math.isfinite(wanted.z) and height is not None:
-            wanted = wanted._replace(frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, z=height.altitude)
-        try:
-            item = decode_item(wanted, self._vehicle.home)
-        except ItemRefused as why:
-            return Verdict(_DENIED, (), str(why))
-        verdict = self._ask_core(self._command(CommandKind.LOITER_AT, request, payload=item))
-        if verdict.result == _ACCEPTED:
-            self._shown.accepted(math.nan)  # sent somewhere it waits no more: it circles there, in LOITER
-        return verdict
-
     def _excite(self, request: Request) -> Verdict:
         params = request.params
         item = WireItem(0, request.command, (params[0], params[1], params[2], params[3]), *params[4:7])
@@ -244,23 +224,6 @@ class CommandService:
 
     def _get_interval(self, request: Request) -> Verdict:
         return self._send(request, self._requests.interval(request.sender.link, request.params[0]))
-
-
-def _circle_item(request: Request) -> WireItem | None:
-    """The circle that a command asks for, None where it names no place; COMMAND_LONG counts from the sea."""
-    latitude, longitude, altitude = request.params[4:7]
-    if request.is_int:
-        placed = max(abs(latitude), abs(longitude)) < _NO_PLACE
-        latitude, longitude = latitude * 1e-7, longitude * 1e-7
-    else:
-        placed = math.isfinite(latitude + longitude)
-    if not placed or (latitude, longitude) == (0.0, 0.0):
-        return None
-    radius = request.params[2] if math.isfinite(request.params[2]) else 0.0
-    if request.command == mavlink.MAV_CMD_DO_REPOSITION and request.params[3] == 1.0:
-        radius = -radius
-    circle = (0.0, 0.0, radius, 0.0)
-    return WireItem(request.frame, mavlink.MAV_CMD_NAV_LOITER_UNLIM, circle, latitude, longitude, altitude)
 
 
 def _whole(value: float) -> int:

@@ -15,6 +15,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import Addressee, Slot, read_message, write_message
 from avionics.link.services.plans import MOST_ITEMS, PlanPart, plan_parts
 from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.setpoints import GUIDED_ALTITUDE, GUIDED_WAYPOINT
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import Home, LinkGains, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
@@ -137,6 +138,8 @@ class MissionService:
 
     def _take_item(self, message: Any, sender: Sender, now: float) -> list[Output]:
         upload = self._upload
+        if message.current in (GUIDED_WAYPOINT, GUIDED_ALTITUDE):
+            return []  # `SetpointService` answers it
         if upload is None or upload.sender != sender:
             repeated = self._done is not None and self._done == (sender, message.seq, message.mission_type)
             return [_ack(sender, _ACCEPTED, message.mission_type)] if repeated else []
