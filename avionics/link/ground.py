@@ -135,7 +135,7 @@ class GroundLink:
         """The services, in the order in which they are served."""
         vehicle, identity, shown = self._vehicle, self._identity, ShownMode(self._vehicle, self._identity)
 
-        flights = FlightInformation(vehicle)
+        flights, setpoints = FlightInformation(vehicle), SetpointService(vehicle, identity)
 
         def requests() -> Requests:
             return Requests(vehicle, identity, self._streams, shown, flights)
@@ -144,7 +144,7 @@ class GroundLink:
             return MissionService(vehicle, gains, identity.first_item)
 
         def commands() -> CommandService:
-            return CommandService(vehicle, identity, requests(), missions(), shown, files.storage)
+            return CommandService(vehicle, identity, requests(), missions(), shown, setpoints, files.storage)
 
         def note_radio(link: int, free: int, now: float) -> None:
             self._links[link].budget.note_radio(free, now)
@@ -156,8 +156,8 @@ class GroundLink:
             ServiceRow("commands", commands, vital=True),
             ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._rooms())),
             ServiceRow("missions", missions),
-            ServiceRow("setpoints", lambda: SetpointService(vehicle, identity)),
-            ServiceRow("modes", lambda: ModeService(vehicle, identity, shown), vital=True),
+            ServiceRow("setpoints", lambda: setpoints, keeps_memory=True),
+            ServiceRow("modes", lambda: ModeService(vehicle, identity, shown, setpoints), vital=True),
             ServiceRow("stream requests", requests),
             ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
             ServiceRow("time synchronization", lambda: TimesyncService(vehicle)),

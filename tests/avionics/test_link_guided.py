@@ -342,8 +342,8 @@ def test_px4_offboard_exchange() -> None:
     flight, there = FlightOnLink("generic"), local(POSITION, x=80.0, y=60.0, z=-40.0)
     answers = flight.request(set_mode(OFFBOARD))
     assert result(answers) == mavlink.MAV_RESULT_DENIED and "no recent setpoint" in texts(answers)[0]
-    flight.fly(0.2, there)
-    assert result(flight.request(set_mode(OFFBOARD), there)) == mavlink.MAV_RESULT_ACCEPTED
+    flight.exchange.wire.say(flight.exchange.station.frame(there))
+    assert result(flight.request(set_mode(OFFBOARD))) == mavlink.MAV_RESULT_ACCEPTED
     answers = flight.fly(40.0, there)
     shown = [each.custom_mode for each in answers if each.get_type() == "CURRENT_MODE"]
     assert set(shown) == {OFFBOARD}

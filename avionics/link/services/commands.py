@@ -18,6 +18,7 @@ from avionics.link.services.modes import ShownMode, mode_command, requested_mode
 from avionics.link.services.reposition import RepositionRequests
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.setpoints import SetpointService
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.storage import StorageRequests
 from avionics.link.services.verdict import Request, Verdict, refused
@@ -48,6 +49,7 @@ class CommandService:
         requests: Requests,
         missions: MissionService,
         shown: ShownMode,
+        setpoints: SetpointService,
         storage: Storage | None = None,
     ) -> None:
         self._vehicle = vehicle
@@ -55,6 +57,7 @@ class CommandService:
         self._requests = requests
         self._missions = missions
         self._shown = shown
+        self._setpoints = setpoints
         self._calibrations = CalibrationRequests(vehicle)
         self._answers = self._build_answers(StorageRequests(vehicle, storage))
 
@@ -69,7 +72,7 @@ class CommandService:
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda request: self._mode(request, Mode.RETURN),
             mavlink.MAV_CMD_MISSION_START: self._start_mission,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
-            **RepositionRequests(self._vehicle, self._identity, self._shown).answers(),
+            **RepositionRequests(self._vehicle, self._shown).answers(),
             mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             **dict.fromkeys(EXCITE_COMMANDS, self._excite),
             PREFLIGHT: self._calibrations.answer,
@@ -121,7 +124,7 @@ class CommandService:
         if mode is None:
             names = ", ".join(entry.mode.name for entry in self._identity.modes)
             return Verdict(_DENIED, (), f"no such mode; there are {names}")
-        verdict = self._ask_core(mode_command(self._vehicle, self._identity, mode, request.sender))
+        verdict = self._ask_core(mode_command(self._vehicle, mode, request.sender, self._setpoints.entry(mode)))
         waits = self._shown.waits(asked) and verdict.reason != NO_FRAMES
         if waits or verdict.result == _ACCEPTED:
             self._shown.accepted(asked)
@@ -141,7 +144,7 @@ class CommandService:
 
     def _auto_from(self, request: Request, item: int) -> Verdict:
         select = self._command(CommandKind.SET_CURRENT_ITEM, request, float(item))
-        auto = mode_command(self._vehicle, self._identity, Mode.AUTO, request.sender)
+        auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
         reason = self._vehicle.refusal(auto) or self._vehicle.refusal(select)
         return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
 

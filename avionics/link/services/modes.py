@@ -6,9 +6,10 @@ import math
 from typing import Any
 
 from avionics import topics
-from avionics.guidance.setpoint import Path, Setpoint
+from avionics.guidance.setpoint import Setpoint
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
+from avionics.link.services.setpoints import SetpointService
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.verdict import refusal_result
 from avionics.link.vehicle import NO_FRAMES, Identity, ModeNumbers, VehicleView, px4_mode
@@ -79,10 +80,9 @@ class ShownMode:
         return navigation is not None and navigation.stage in ON_GROUND
 
 
-def mode_command(vehicle: VehicleView, identity: Identity, mode: Mode, sender: Sender) -> Command:
-    """SET_MODE for the flight core; ArduPlane's GUIDED begins with a circle."""
-    begin = Setpoint(Path.CIRCLE_HERE, expires=0) if mode is Mode.OFFBOARD and identity.guided is not None else None
-    return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), begin, sender.name)
+def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender, entry: Setpoint | None = None) -> Command:
+    """SET_MODE for the flight core; ``entry`` is `SetpointService.entry`."""
+    return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), entry, sender.name)
 
 
 class ModeService:
@@ -90,8 +90,11 @@ class ModeService:
 
     takes = frozenset({"SET_MODE"})
 
-    def __init__(self, vehicle: VehicleView, identity: Identity, shown: ShownMode) -> None:
+    def __init__(
+        self, vehicle: VehicleView, identity: Identity, shown: ShownMode, setpoints: SetpointService
+    ) -> None:
         self._vehicle = vehicle
+        self._setpoints = setpoints
         self._identity = identity
         self._shown = shown
         self._due = -float("inf")
@@ -103,7 +106,7 @@ class ModeService:
         mode = requested_mode(self._identity, message.custom_mode, 0) if custom else None
         if mode is None:
             return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text("no such mode", sender)]
-        command = mode_command(self._vehicle, self._identity, mode, sender)
+        command = mode_command(self._vehicle, mode, sender, self._setpoints.entry(mode))
         reason, waits = self._vehicle.refusal(command), self._shown.waits(message.custom_mode)
         if reason == NO_FRAMES or (reason and not waits):
             return [Reply(_ack(refusal_result(reason), sender), sender), *refusal_text(reason, sender)]

@@ -10,7 +10,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import decode_altitude, decode_item
 from avionics.link.services.modes import ShownMode, mode_command
 from avionics.link.services.verdict import Request, Verdict, refused
-from avionics.link.vehicle import Identity, VehicleView
+from avionics.link.vehicle import VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 
@@ -26,9 +26,8 @@ COUNTERCLOCKWISE = 1.0
 class RepositionRequests:
     """Answers the commands that lead to LOITER."""
 
-    def __init__(self, vehicle: VehicleView, identity: Identity, shown: ShownMode) -> None:
+    def __init__(self, vehicle: VehicleView, shown: ShownMode) -> None:
         self._vehicle = vehicle
-        self._identity = identity
         self._shown = shown
 
     def answers(self) -> dict[int, Callable[[Request], Verdict]]:
@@ -63,9 +62,7 @@ class RepositionRequests:
         """LOITER here, or at the position of the command."""
         position = _position(request)
         if position is None:
-            return self._submit(
-                request, mode_command(self._vehicle, self._identity, Mode.LOITER, request.sender), note
-            )
+            return self._submit(request, mode_command(self._vehicle, Mode.LOITER, request.sender), note)
         radius = request.params[2] if math.isfinite(request.params[2]) else 0.0
         if request.command == _REPOSITION and request.params[3] == COUNTERCLOCKWISE:
             radius = -radius

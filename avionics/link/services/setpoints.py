@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 from avionics import topics
@@ -60,15 +61,28 @@ class SetpointService:
         (message, sender), self._latest = self._latest, None
         self._sent_us = self._vehicle.time_us
         try:
-            setpoint = self._with_expiry(decode_setpoint(message, self._origin()))
+            setpoint = self._decoded(message)
         except ItemRefused as refused:
             return self._report(str(refused), sender, now)
         command = self._command(CommandKind.SET_SETPOINT, sender, payload=setpoint)
         reason = self._vehicle.refusal(command)
         return self._report(reason, sender, now) if reason else [command]
 
-    def _with_expiry(self, setpoint: Setpoint) -> Setpoint:
+    def entry(self, mode: Mode) -> Setpoint | None:
+        """Setpoint to enter ``mode`` with: the one that is not passed on yet, or a circle in ArduPlane's GUIDED.
+
+        MAVSDK sends the first setpoint and the change of the mode in one burst.
+        """
+        if mode is not Mode.OFFBOARD:
+            return None
+        if self._latest is not None:
+            with contextlib.suppress(ItemRefused):
+                return self._decoded(self._latest[0])
+        return Setpoint(Path.CIRCLE_HERE, expires=0) if self._identity.guided is not None else None
+
+    def _decoded(self, message: Any) -> Setpoint:
         """ArduPlane's GUIDED keeps a position until it is replaced; PX4's OFFBOARD needs a stream."""
+        setpoint = decode_setpoint(message, self._origin())
         streamed = self._identity.guided is None or setpoint.path in (Path.COURSE, Path.ATTITUDE)
         return setpoint._replace(expires=int(streamed))
 
