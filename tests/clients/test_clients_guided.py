@@ -53,28 +53,28 @@ async def fly_offboard(url: str, profile: Profile, kit: Any) -> None:
         await mavsdk.mission.upload_mission(kit.to_wire(plan(profile), mavlink.MAV_MISSION_TYPE_MISSION))
         await mavsdk.action.arm()
         await mavsdk.action.takeoff()
-        await kit.first(telemetry.subscribe_position(), lambda seen: seen.relative_altitude_m > ALTITUDE / 2)
+        await kit.first(telemetry.subscribe_position(), lambda sample: sample.relative_altitude_m > ALTITUDE / 2)
         await offboard.set_position_ned(plugin.PositionNedYaw(NORTH, EAST, -ABOVE, math.nan))
         await offboard.start()
         assert await offboard.is_active()
         # MAVSDK sets GUIDED of ArduPlane, but has no name for it.
         mode = "UNKNOWN" if profile is ARDUPILOT else "OFFBOARD"
-        await kit.first(telemetry.subscribe_flight_mode(), lambda seen: seen == kit.telemetry.FlightMode[mode])
+        await kit.first(telemetry.subscribe_flight_mode(), lambda sample: sample == kit.telemetry.FlightMode[mode])
         await telemetry.set_rate_position_velocity_ned(20.0)
 
-        def off_circle(seen: Any) -> float:
-            return abs(math.hypot(seen.position.north_m - NORTH, seen.position.east_m - EAST) - RADIUS)
+        def off_circle(sample: Any) -> float:
+            return abs(math.hypot(sample.position.north_m - NORTH, sample.position.east_m - EAST) - RADIUS)
 
-        await kit.first(telemetry.subscribe_position_velocity_ned(), lambda seen: off_circle(seen) < 2.0)
+        await kit.first(telemetry.subscribe_position_velocity_ned(), lambda sample: off_circle(sample) < 2.0)
         await asyncio.sleep(2.0)
         circled = await kit.first(telemetry.subscribe_position_velocity_ned())
         assert off_circle(circled) < CLOSE
         await offboard.set_velocity_ned(plugin.VelocityNedYaw(0.0, -6.0, 0.0, math.nan))
 
-        def off_course(seen: Any) -> float:
-            return abs(math.degrees(math.atan2(seen.velocity.east_m_s, seen.velocity.north_m_s)) + 90.0)
+        def off_course(sample: Any) -> float:
+            return abs(math.degrees(math.atan2(sample.velocity.east_m_s, sample.velocity.north_m_s)) + 90.0)
 
-        await kit.first(telemetry.subscribe_position_velocity_ned(), lambda seen: off_course(seen) < 2.0)
+        await kit.first(telemetry.subscribe_position_velocity_ned(), lambda sample: off_course(sample) < 2.0)
         await asyncio.sleep(1.0)
         straight = await kit.first(telemetry.subscribe_position_velocity_ned())
         assert off_course(straight) < 10.0
@@ -114,15 +114,15 @@ class Script:
         items = plan(profile)
         self.link.mav.mission_count_send(1, 1, len(items))
         for seq, item in enumerate(items):
-            self.expect("MISSION_REQUEST_INT", lambda request, wanted=seq: request.seq == wanted)
+            self.expect("MISSION_REQUEST_INT", lambda request, number=seq: request.seq == number)
             place = (item.x, item.y, item.z)
             self.link.mav.mission_item_int_send(1, 1, seq, item.frame, item.command, 0, 1, *item.params, *place)
         assert self.expect("MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
 
     def position(self) -> tuple[float, float]:
         """North and east (m) of the start."""
-        seen = self.expect("LOCAL_POSITION_NED")
-        return seen.x, seen.y
+        sample = self.expect("LOCAL_POSITION_NED")
+        return sample.x, sample.y
 
 
 @contextmanager
@@ -186,5 +186,5 @@ def test_pymavlink_offboard_timeout(tmp_path: Path) -> None:
                 station.link.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, 6, 0, 0, 0, 0, 0)
             time.sleep(0.05)
         station.expect("HEARTBEAT", lambda beat: beat.custom_mode == offboard)
-        station.expect("STATUSTEXT", lambda said: "setpoints timed out" in said.text)
+        station.expect("STATUSTEXT", lambda status: "setpoints timed out" in status.text)
         station.expect("HEARTBEAT", lambda beat: beat.custom_mode == loiter)

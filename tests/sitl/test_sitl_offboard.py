@@ -40,21 +40,28 @@ def modes_at(flight: Flight, *times: float) -> list[Mode]:
     return [Mode(int(navigation["mode"][np.searchsorted(navigation["time_us"], time * 1e6)])) for time in times]
 
 
-def distance(flight: Flight, place: tuple[float, float], since: float) -> np.ndarray:
+def window(flight: Flight, begin: float, end: float) -> np.ndarray:
+    """Whether a sample of the truth lies from ``begin`` to ``end`` (s)."""
+    time = flight.truth["time_us"] * 1e-6
+    return (time >= begin) & (time <= end)
+
+
+def distance(flight: Flight, place: tuple[float, float], begin: float, end: float = math.inf) -> np.ndarray:
+    """True distance (m) to ``place`` from ``begin`` to ``end`` (s)."""
     truth = flight.truth
-    return np.hypot(truth["north"] - place[0], truth["east"] - place[1])[truth["time_us"] >= since * 1e6]
+    return np.hypot(truth["north"] - place[0], truth["east"] - place[1])[window(flight, begin, end)]
 
 
-def bearing_rate(flight: Flight, place: tuple[float, float], since: float) -> float:
+def bearing_rate(flight: Flight, place: tuple[float, float], begin: float, end: float) -> float:
     """Mean rate (rad/s) of the bearing from ``place`` to the vehicle, positive clockwise."""
-    truth = flight.truth
-    late = truth["time_us"] >= since * 1e6
-    bearing = np.unwrap(np.arctan2(truth["east"][late] - place[1], truth["north"][late] - place[0]))
-    return float((bearing[-1] - bearing[0]) / (1e-6 * np.ptp(truth["time_us"][late])))
+    truth, inside = flight.truth, window(flight, begin, end)
+    bearing = np.unwrap(np.arctan2(truth["east"][inside] - place[1], truth["north"][inside] - place[0]))
+    return float((bearing[-1] - bearing[0]) / (end - begin))
 
 
 VEHICLES = pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
-PLACE = (60.0, 40.0)
+PLACE, ORBIT = (60.0, 40.0), (20.0, -30.0)
+"""m; north and east of home"""
 
 
 @cache
@@ -67,14 +74,16 @@ def course_flight(vehicle: str) -> Flight:
 
 
 @VEHICLES
-def test_offboard_position_is_circled(vehicle: str) -> None:
+def test_offboard_position_and_orbit_are_circled(vehicle: str) -> None:
     setpoint = Setpoint(Path.CIRCLE_AT, *PLACE, radius=-25.0, altitude=25.0)
-    flight = flown(
-        vehicle, Scenario(seed=3, duration=55.0), MISSION, [*stream(11.5, 55.0, setpoint), offboard(BEGIN)]
-    )
+    orbit = MissionItem(ItemKind.LOITER, *ORBIT, 25.0, radius=35.0)
+    commands = [*stream(11.5, 55.0, setpoint), offboard(BEGIN), command(55.0, CommandKind.LOITER_AT, payload=orbit)]
+    flight = flown(vehicle, Scenario(seed=3, duration=85.0), MISSION, commands)
     assert modes_at(flight, BEGIN - 1.0, BEGIN + 1.0, 54.0) == [Mode.AUTO, Mode.OFFBOARD, Mode.OFFBOARD]
-    assert np.abs(distance(flight, PLACE, 45.0) - 25.0).max() < 6.0
-    assert bearing_rate(flight, PLACE, 45.0) < -0.1
+    assert np.abs(distance(flight, PLACE, 45.0, 55.0) - 25.0).max() < 6.0
+    assert bearing_rate(flight, PLACE, 45.0, 55.0) < -0.1
+    assert np.abs(distance(flight, ORBIT, 75.0, 85.0) - 35.0).max() < 6.0
+    assert bearing_rate(flight, ORBIT, 75.0, 85.0) > 0.1
     assert np.abs(flight.altitude()[-1000:] - 25.0).max() < 2.0
 
 
