@@ -19,6 +19,7 @@ def refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, ...]:
         (seen.battery < gains.arm_battery, f"battery at {100.0 * seen.battery:.0f} %"),
         (seen.kill_switch, "the kill switch is on"),
         (state.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER), "mode is RETURN or LAND or LOITER"),
+        (state.mode == Mode.OFFBOARD, "mode is OFFBOARD"),
         (automatic and seen.items == 0, "no mission"),
         (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
         (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
