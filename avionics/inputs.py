@@ -203,7 +203,7 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     if name not in Mode.__members__:
         raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
     before = s.offboard
-    if command.payload is not None:
+    if command.payload is not None and s.modes.mode != Mode.OFFBOARD:
         _set_setpoint(s, publish, command)
     try:
         s.modes, notices = _taken(modes.set_mode(s.gains.modes, s.modes, Mode[name], conditions(s)), s.modes)

@@ -160,6 +160,14 @@ def test_denied_mode_keeps_the_last_setpoint() -> None:
     assert flight.events[-1] == "setpoint refused: outside the fence"
 
 
+def test_offboard_set_again_keeps_its_setpoint() -> None:
+    flight = Flight()
+    flight.fly(0.1, OFFBOARD._replace(payload=CIRCLE._replace(expires=0)))
+    before = flight.autopilot.state.offboard
+    flight.fly(0.1, OFFBOARD._replace(payload=HERE))
+    assert flight.mode is Mode.OFFBOARD and flight.autopilot.state.offboard == before
+
+
 def test_change_altitude_enters_loiter_and_holds() -> None:
     flight = Flight()
     flight.fly(30.0, Command(0, CommandKind.CHANGE_ALTITUDE, "LOITER", 30.0))
