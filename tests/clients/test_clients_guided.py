@@ -80,6 +80,16 @@ async def fly_offboard(url: str, profile: Profile, kit: Any) -> None:
         assert off_course(straight) < 10.0
         await offboard.stop()
         await kit.first(telemetry.subscribe_flight_mode(), lambda mode: mode == kit.telemetry.FlightMode.HOLD)
+        place = (math.degrees(COLLEGE_PARK.latitude), math.degrees(COLLEGE_PARK.longitude))
+        behavior = kit.action.OrbitYawBehavior.HOLD_FRONT_TANGENT_TO_CIRCLE
+        await mavsdk.action.do_orbit(-RADIUS, math.nan, behavior, *place, COLLEGE_PARK.altitude + ABOVE)
+
+        def off_orbit(sample: Any) -> float:
+            return abs(math.hypot(sample.position.north_m, sample.position.east_m) - RADIUS)
+
+        await kit.first(telemetry.subscribe_position_velocity_ned(), lambda sample: off_orbit(sample) < 2.0)
+        await asyncio.sleep(2.0)
+        assert off_orbit(await kit.first(telemetry.subscribe_position_velocity_ned())) < CLOSE
         say(f"MAVSDK: {off_circle(circled):.1f} m off the circle, {off_course(straight):.1f} degrees off the course")
 
 
@@ -93,7 +103,8 @@ class Script:
         self.link = mavutil.mavlink_connection(url, source_system=255, dialect="ardupilotmega")
         self.link.wait_heartbeat(timeout=PATIENCE)
         self.link.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_ALL, 10, 1)
-        self.expect("GLOBAL_POSITION_INT")
+        ready = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        self.expect("SYS_STATUS", lambda status: status.onboard_control_sensors_health & ready)
 
     def expect(self, kind: str, accept: Callable[[Any], bool] = lambda message: True) -> Any:
         deadline, beat = time.monotonic() + PATIENCE, 0.0
