@@ -1,11 +1,12 @@
-"""Control from a companion computer: MAVSDK's offboard plug-in, and pymavlink in ArduPlane's GUIDED."""
+"""Control from a companion computer: MAVSDK's offboard plug-in, pymavlink and dronekit in ArduPlane's GUIDED."""
 
 from __future__ import annotations
 
 import asyncio
+import collections
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -199,3 +200,60 @@ def test_pymavlink_offboard_timeout(tmp_path: Path) -> None:
         station.expect("HEARTBEAT", lambda beat: beat.custom_mode == offboard)
         station.expect("STATUSTEXT", lambda status: "setpoints timed out" in status.text)
         station.expect("HEARTBEAT", lambda beat: beat.custom_mode == loiter)
+
+
+# --- dronekit ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.validate
+def test_dronekit_goto(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN an upload, GUIDED and simple_takeoff WHEN simple_goto THEN the position is circled, and RTL returns."""
+    # dronekit 2.9.2 imports a name that Python 3.10 moved to collections.abc.
+    monkeypatch.setattr(collections, "MutableMapping", MutableMapping, raising=False)
+    dronekit = pytest.importorskip("dronekit")
+    with udp() as link, aircraft(link, ARDUPILOT, tmp_path):
+        url = link.mavproxy[0].removeprefix("--master=")
+        vehicle = dronekit.connect(url, wait_ready=True, timeout=PATIENCE, heartbeat_timeout=PATIENCE)
+        try:
+            fly_dronekit(dronekit, vehicle)
+        finally:
+            vehicle.close()
+
+
+def fly_dronekit(dronekit: Any, vehicle: Any) -> None:
+    wait_for(lambda: vehicle.is_armable)
+    vehicle.commands.clear()
+    for item in plan(ARDUPILOT)[1:]:
+        place = (item.x * 1e-7, item.y * 1e-7, item.z)
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        vehicle.commands.add(dronekit.Command(0, 0, 0, frame, item.command, 0, 1, *item.params, *place))
+    vehicle.commands.upload()
+    vehicle.mode = dronekit.VehicleMode("GUIDED")
+    wait_for(lambda: vehicle.mode.name == "GUIDED")
+    vehicle.armed = True
+    wait_for(lambda: vehicle.armed)
+    vehicle.simple_takeoff(ALTITUDE)
+    wait_for(lambda: vehicle.location.global_relative_frame.alt > ALTITUDE - 2.0)
+    vehicle.mode = dronekit.VehicleMode("GUIDED")
+    wait_for(lambda: vehicle.mode.name == "GUIDED")
+    home = [math.degrees(angle) for angle in (COLLEGE_PARK.latitude, COLLEGE_PARK.longitude)]
+    vehicle.simple_goto(dronekit.LocationGlobalRelative(home[0] + 5.4e-4, home[1], ABOVE))
+
+    def off_circle() -> float:
+        place = vehicle.location.local_frame
+        return abs(math.hypot(place.north - 60.1, place.east) - RADIUS)
+
+    wait_for(lambda: off_circle() < 2.0)
+    time.sleep(2.0)
+    assert off_circle() < CLOSE
+    assert vehicle.location.global_relative_frame.alt == pytest.approx(ABOVE, abs=3.0)
+    assert vehicle.mode.name == "GUIDED"
+    vehicle.mode = dronekit.VehicleMode("RTL")
+    wait_for(lambda: vehicle.mode.name == "RTL")
+
+
+def wait_for(accept: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not accept():
+        assert time.monotonic() < deadline, f"not reached within {PATIENCE} s"
+        time.sleep(0.1)
