@@ -344,7 +344,7 @@ def test_px4_offboard_exchange() -> None:
     assert result(answers) == mavlink.MAV_RESULT_DENIED and "no recent setpoint" in texts(answers)[0]
     flight.exchange.wire.say(flight.exchange.station.frame(there))
     assert result(flight.request(set_mode(OFFBOARD))) == mavlink.MAV_RESULT_ACCEPTED
-    answers = flight.fly(40.0, there)
+    answers = flight.fly(30.0, there)
     shown = [each.custom_mode for each in answers if each.get_type() == "CURRENT_MODE"]
     assert set(shown) == {OFFBOARD}
     assert flight.distance(80.0, 60.0) == pytest.approx(RADIUS, abs=5.0)
@@ -361,11 +361,11 @@ def test_ardupilot_guided_exchange() -> None:
     answers = flight.fly(5.0)
     assert {each.custom_mode for each in answers if each.get_type() == "HEARTBEAT"} == {15}
     flight.request(world(POSITION, RELATIVE, *to_degrees(flight.view.home, 80.0, 60.0), 40.0))
-    flight.fly(40.0)
+    flight.fly(30.0)
     assert flight.view.mode is Mode.OFFBOARD
     assert flight.distance(80.0, 60.0) == pytest.approx(RADIUS, abs=5.0)
     flight.request(local(POSITION, OFFSET, z=-10.0))
-    flight.fly(25.0)
+    flight.fly(18.0)
     assert flight.distance(80.0, 60.0) == pytest.approx(RADIUS, abs=5.0)
     assert flight.bird.altitude - 1.6 == pytest.approx(50.0, abs=4.0)
     assert flight.view.destination == pytest.approx((80.0, 60.0), abs=0.1)
@@ -377,7 +377,7 @@ def test_dronekit_simple_goto_exchange() -> None:
     flight.request(mavlink.MAVLink_set_mode_message(1, 1, 15))
     answers = flight.request(waypoint(2, *to_degrees(flight.view.home, 80.0, 60.0), 40.0))
     assert [each.type for each in answers if each.get_type() == "MISSION_ACK"] == [mavlink.MAV_MISSION_ACCEPTED]
-    flight.fly(40.0)
+    flight.fly(30.0)
     assert flight.distance(80.0, 60.0) == pytest.approx(RADIUS, abs=5.0)
     answers = flight.request(waypoint(2, *to_degrees(flight.view.home, 9000.0, 60.0), 40.0))
     assert [each.type for each in answers if each.get_type() == "MISSION_ACK"] == [mavlink.MAV_MISSION_DENIED]

@@ -77,13 +77,13 @@ def course_flight(vehicle: str) -> Flight:
 def test_offboard_position_and_orbit_are_circled(vehicle: str) -> None:
     setpoint = Setpoint(Path.CIRCLE_AT, *PLACE, radius=-25.0, altitude=25.0)
     orbit = MissionItem(ItemKind.LOITER, *ORBIT, 25.0, radius=35.0)
-    commands = [*stream(11.5, 55.0, setpoint), offboard(BEGIN), command(55.0, CommandKind.LOITER_AT, payload=orbit)]
-    flight = flown(vehicle, Scenario(seed=3, duration=85.0), MISSION, commands)
-    assert modes_at(flight, BEGIN - 1.0, BEGIN + 1.0, 54.0) == [Mode.AUTO, Mode.OFFBOARD, Mode.OFFBOARD]
-    assert np.abs(distance(flight, PLACE, 45.0, 55.0) - 25.0).max() < 6.0
-    assert bearing_rate(flight, PLACE, 45.0, 55.0) < -0.1
-    assert np.abs(distance(flight, ORBIT, 75.0, 85.0) - 35.0).max() < 6.0
-    assert bearing_rate(flight, ORBIT, 75.0, 85.0) > 0.1
+    commands = [*stream(11.5, 42.0, setpoint), offboard(BEGIN), command(42.0, CommandKind.LOITER_AT, payload=orbit)]
+    flight = flown(vehicle, Scenario(seed=3, duration=68.0), MISSION, commands)
+    assert modes_at(flight, BEGIN - 1.0, BEGIN + 1.0, 41.0) == [Mode.AUTO, Mode.OFFBOARD, Mode.OFFBOARD]
+    assert np.abs(distance(flight, PLACE, 33.0, 42.0) - 25.0).max() < 6.0
+    assert bearing_rate(flight, PLACE, 33.0, 42.0) < -0.1
+    assert np.abs(distance(flight, ORBIT, 59.0, 68.0) - 35.0).max() < 6.0
+    assert bearing_rate(flight, ORBIT, 59.0, 68.0) > 0.1
     assert np.abs(flight.altitude()[-1000:] - 25.0).max() < 2.0
 
 
