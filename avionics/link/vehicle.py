@@ -145,7 +145,10 @@ PX4_STYLE = (
     ModeNumbers(Mode.LAND, px4_mode(4, 6), mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.OFFBOARD, px4_mode(6), 0, _STABILIZE | _GUIDED),
 )
-"""The modes of the default identity; `custom_mode_map.json` says the same to MAVProxy."""
+"""PX4's numbers of the modes that are nearest to ours; `custom_mode_map.json` lists them for MAVProxy."""
+
+PX4_ALIASES = ((px4_mode(3), Mode.ALTITUDE_HOLD), (px4_mode(4, 2), Mode.AUTO))
+"""PX4's POSCTL and AUTO.TAKEOFF."""
 
 PLANE_GUIDED = ModeNumbers(Mode.OFFBOARD, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
 """ArduPlane's GUIDED: it circles until it gets a setpoint; on the ground it waits for a takeoff."""
@@ -189,9 +192,11 @@ class Identity(NamedTuple):
     modes: tuple[ModeNumbers, ...] = PX4_STYLE
     aliases: tuple[tuple[int, Mode], ...] = ()
     """further custom modes that may be asked for; the vehicle never says that it is in one"""
+    standby_modes: tuple[int, ...] = (px4_mode(4, 3),)
+    """custom modes that clients set before they arm: on the ground they change nothing and are shown"""
     guided: ModeNumbers | None = None
-    """ArduPlane's GUIDED: on the ground it changes nothing and is shown until the vehicle flies; it begins with a
-    circle, and its position setpoints do not expire. None: OFFBOARD as in PX4, by a stream of setpoints alone"""
+    """ArduPlane's GUIDED: it begins with a circle, and its position setpoints do not expire. None: OFFBOARD as in
+    PX4, by a stream of setpoints alone"""
     takeoff_frame: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     """MAV_FRAME of the altitude of a NAV_TAKEOFF that names none, a COMMAND_LONG: MAVSDK 4.1, MAVProxy and our
     station count from home where the autopilot is not MAV_AUTOPILOT_PX4, which counts from the sea"""
@@ -219,17 +224,28 @@ class Identity(NamedTuple):
 
 
 PROFILES: dict[str, Identity] = {
-    "generic": Identity(),
+    "generic": Identity(aliases=PX4_ALIASES),
     "ardupilot": Identity(
         autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
         type=mavlink.MAV_TYPE_FIXED_WING,
         modes=PLANE_STYLE,
         aliases=PLANE_ALIASES,
+        standby_modes=(12, PLANE_GUIDED.custom_mode),
         guided=PLANE_GUIDED,
         first_item=1,
     ),
+    "px4": Identity(
+        autopilot=mavlink.MAV_AUTOPILOT_PX4,
+        type=mavlink.MAV_TYPE_FIXED_WING,
+        aliases=PX4_ALIASES,
+        takeoff_frame=mavlink.MAV_FRAME_GLOBAL,
+        capabilities=_CAPABILITIES & ~mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
+    ),
 }
-"""What may be chosen: ourselves, or an aeroplane of ArduPilot's for the tools that know nothing else."""
+"""What ``--identity`` chooses: a flapping wing with modes of its own, or a fixed wing of ArduPilot or PX4."""
+DEFAULT_IDENTITY = "ardupilot"
+"""QGroundControl gives a generic autopilot no modes and no guided actions."""
 
 
 def load_identity(name: str) -> Identity:

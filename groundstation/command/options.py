@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
-from avionics.link.vehicle import PROFILES
+from avionics.link.vehicle import DEFAULT_IDENTITY, PROFILES
 from avionics.quantities import BadInput, meant, name_by_path
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
@@ -210,9 +210,9 @@ def add_identity(parser: argparse.ArgumentParser) -> None:
     """Offer ``--identity``."""
     parser.add_argument(
         "--identity",
-        default="generic",
+        default=DEFAULT_IDENTITY,
         metavar="P",
-        help=f"who the vehicle says that it is, to ground stations: {' or '.join(PROFILES)} (generic)",
+        help=f"autopilot that ground stations take it for: {', '.join(PROFILES)} ({DEFAULT_IDENTITY})",
     )
 
 

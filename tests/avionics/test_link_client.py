@@ -35,6 +35,7 @@ from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink as ours
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import LinkGains, px4_mode
+from avionics.messages import CommandKind
 
 mavlink: Any = mavutil.mavlink
 
@@ -177,6 +178,7 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
         (mavlink.MAV_CMD_GET_HOME_POSITION, mavlink.MAV_RESULT_ACCEPTED, ()),
     ]
     with stock_client() as (client, vehicle):
+        vehicle.refusals[CommandKind.SET_MISSION] = "not now"
         for number, _, params in asked:
             client.mav.command_long_send(1, 0, number, 0, *params, *[0.0] * (7 - len(params)))
         client.mav.command_int_send(1, 1, 0, mavlink.MAV_CMD_MISSION_START, 0, 0, 0, 0, 0, 0, 0, 0, 0)

@@ -6,11 +6,13 @@ from typing import Any
 
 import pytest
 from link_station import expect, settle, stock_client
+from link_vehicle import FakeVehicle
 from pymavlink import mavutil
 
+from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.vehicle import PROFILES, Identity, load_identity
-from avionics.messages import CommandKind, Mode
+from avionics.messages import CommandKind, Mode, Stage
 from avionics.quantities import BadInput
 
 mavlink: Any = mavutil.mavlink
@@ -46,6 +48,50 @@ def test_every_mode_of_a_profile_can_be_set_by_its_number_and_is_shown_with_it(i
             beat = expect(client, "HEARTBEAT", lambda got, wanted=entry: got.custom_mode == wanted.custom_mode)
             assert (beat.type, beat.autopilot) == (identity.type, identity.autopilot)
             assert vehicle.mode is entry.mode
+
+
+def on_ground(vehicle: FakeVehicle, stage: Stage = Stage.WAIT_LAUNCH) -> None:
+    navigation = vehicle.topics[topics.NAVIGATION.name]
+    vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=stage)
+
+
+@pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+@pytest.mark.parametrize("by_main_and_sub", [False, True])
+def test_a_hold_mode_on_the_ground_is_accepted_shown_and_waits(identity: Identity, by_main_and_sub: bool) -> None:
+    """GIVEN a vehicle in the hand WHEN a client sets a hold mode, as MAVSDK before it arms THEN AUTO stays."""
+    for hold in identity.standby_modes:
+        with stock_client(identity=identity) as (client, vehicle):
+            on_ground(vehicle)
+            vehicle.mode = Mode.AUTO
+            vehicle.refusals[CommandKind.SET_MODE] = "not on the ground"
+            split = (hold >> 16 & 0xFF, hold >> 24) if by_main_and_sub and hold > 0xFFFF else (hold, 0)
+            client.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, *split, 0, 0, 0, 0)
+            assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+            expect(client, "HEARTBEAT", lambda got, number=hold: got.custom_mode == number)
+            client.arducopter_arm()
+            assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
+            settle(client)
+            assert vehicle.armed and vehicle.mode is Mode.AUTO
+            on_ground(vehicle, Stage.CLIMB_OUT)
+            auto = identity.numbers(Mode.AUTO).custom_mode
+            expect(client, "HEARTBEAT", lambda got, number=auto: got.custom_mode == number)
+            assert CommandKind.SET_MODE not in [each.kind for each in vehicle.inputs]
+
+
+def test_px4_s_profile_has_px4_s_numbers_and_encoding() -> None:
+    identity = PROFILES["px4"]
+    names = {name: main << 16 | sub << 24 for name, (_, main, sub) in mavutil.px4_map.items()}
+    same = {"MANUAL": Mode.MANUAL, "STABILIZED": Mode.STABILIZED, "ALTCTL": Mode.ALTITUDE_HOLD,
+            "MISSION": Mode.AUTO, "RTL": Mode.RETURN, "LOITER": Mode.LOITER, "LAND": Mode.LAND,
+            "OFFBOARD": Mode.OFFBOARD, "TAKEOFF": Mode.AUTO, "POSCTL": Mode.ALTITUDE_HOLD}  # fmt: skip
+    assert {name: identity.by_custom_mode(names[name]) for name in same} == same
+    with stock_client(identity=identity) as (client, _):
+        client.mav.command_long_send(1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0)
+        version = expect(client, "AUTOPILOT_VERSION")
+        encodings = mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+        encodings |= mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        assert version.capabilities & encodings == mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        assert bytes(version.flight_custom_version) == b"wingbeat"
 
 
 def test_the_aeroplane_of_ardupilot_has_its_mode_numbers() -> None:
@@ -118,5 +164,5 @@ def test_item_numbers_are_those_of_the_profile_everywhere(identity: Identity, sh
 
 def test_an_unknown_profile_is_refused_with_the_names() -> None:
     assert load_identity("generic").modes[0].custom_mode == 1 << 16
-    with pytest.raises(BadInput, match="generic, ardupilot"):
-        load_identity("px4")
+    with pytest.raises(BadInput, match="generic, ardupilot, px4"):
+        load_identity("betaflight")

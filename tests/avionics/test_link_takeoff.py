@@ -58,7 +58,7 @@ class Bench:
 @pytest.mark.parametrize("identity", [*PROFILES.values(), FROM_THE_SEA], ids=[*PROFILES, "from the sea"])
 def test_the_altitude_that_is_asked_for_is_flown(identity: Identity) -> None:
     bench = Bench(identity)
-    asked = 25.0 + (HOME.altitude if identity is FROM_THE_SEA else 0.0)
+    asked = 25.0 + (HOME.altitude if identity.takeoff_frame == mavlink.MAV_FRAME_GLOBAL else 0.0)
     assert bench.long(asked) == (ACCEPTED, "")
     assert bench.vehicle.mission == (PLAN[0], PLAN[1]._replace(altitude=25.0), PLAN[2])
     assert bench.vehicle.mode is Mode.AUTO
@@ -111,3 +111,25 @@ def test_an_altitude_from_the_sea_waits_for_home() -> None:
     bench.vehicle.home = None
     assert bench.long(600.0) == (DENIED, "takeoff: home is not known yet: wait for the GPS")
     assert bench.long(math.nan)[0] == ACCEPTED
+
+
+@pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+@pytest.mark.parametrize(("requested", "expected"), [(40.0, 40.0), (2.0, 15.0), (math.nan, 15.0)])
+def test_without_a_mission_it_takes_off_and_circles_at_home(
+    identity: Identity, requested: float, expected: float
+) -> None:
+    bench = Bench(identity)
+    bench.vehicle.mission = ()
+    sea = HOME.altitude if identity.takeoff_frame == mavlink.MAV_FRAME_GLOBAL else 0.0
+    assert bench.long(sea + requested) == (ACCEPTED, f"takeoff: to {expected:g} m, then LOITER at home")
+    takeoff, circle = bench.vehicle.mission
+    assert (takeoff.kind, takeoff.altitude) == (ItemKind.TAKEOFF, expected)
+    assert (circle.kind, circle.north, circle.east, circle.altitude) == (ItemKind.LOITER, 0.0, 0.0, expected)
+    assert bench.vehicle.mode is Mode.AUTO
+
+
+def test_without_a_mission_and_a_position_it_does_not_take_off() -> None:
+    bench = Bench(Identity())
+    bench.vehicle.mission, bench.vehicle.home = (), None
+    assert bench.long(30.0) == (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, "takeoff: no GPS position")
+    assert bench.vehicle.inputs == []

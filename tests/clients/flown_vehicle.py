@@ -55,7 +55,12 @@ class Profile(NamedTuple):
     """of modes, as MAVProxy says them"""
 
 
-GENERIC = Profile((), (mavlink.MAV_TYPE_FLAPPING_WING, mavlink.MAV_AUTOPILOT_GENERIC), 0, {m: m.name for m in Mode})
+GENERIC = Profile(
+    ("--identity", "generic"),
+    (mavlink.MAV_TYPE_FLAPPING_WING, mavlink.MAV_AUTOPILOT_GENERIC),
+    0,
+    {m: m.name for m in Mode},
+)
 ARDUPILOT = Profile(
     ("--identity", "ardupilot"),
     (mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA),
@@ -70,7 +75,21 @@ ARDUPILOT = Profile(
         Mode.LAND: "AUTOLAND",
     },
 )
-PROFILES = {"generic": GENERIC, "ardupilot": ARDUPILOT}
+PX4 = Profile(
+    ("--identity", "px4"),
+    (mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_PX4),
+    0,
+    {
+        Mode.MANUAL: "MANUAL",
+        Mode.STABILIZED: "STABILIZED",
+        Mode.ALTITUDE_HOLD: "ALTCTL",
+        Mode.AUTO: "MISSION",
+        Mode.RETURN: "RTL",
+        Mode.LOITER: "LOITER",
+        Mode.LAND: "LAND",
+    },
+)
+PROFILES = {"generic": GENERIC, "ardupilot": ARDUPILOT, "px4": PX4}
 """By name; those that are flown"""
 
 

@@ -192,6 +192,11 @@ class ArduPlane(ForeignVehicle):
         return super()._command_int(message)
 
 
-def ekf_report() -> Any:
+def ahrs_report() -> Any:
     """A message that only ArduPilot's dialect has."""
+    return ardupilotmega.MAVLink_ahrs2_message(0.1, 0.2, 0.3, 0.5, 481_000_000, 116_000_000)
+
+
+def ekf_report() -> Any:
+    """EKF_STATUS_REPORT of an ArduPilot vehicle."""
     return ardupilotmega.MAVLink_ekf_status_report_message(831, 0.1, 0.2, 0.3, 0.4, 0.5)

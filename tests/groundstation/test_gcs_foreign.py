@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
-from foreign_vehicles import HOME, ArduPlane, ForeignVehicle, Px4, ekf_report
+from foreign_vehicles import HOME, ArduPlane, ForeignVehicle, Px4, ahrs_report
 from lossy_vehicle import converse, on_the_air
 
 from avionics.link.dialect import mavlink
@@ -250,14 +250,14 @@ def test_a_place_that_is_none_is_told_before_the_vehicle_is_spoken_to(capsys: Ca
 def test_a_message_of_another_dialect_is_read_in_its_place() -> None:
     packer = mavlink.MAVLink(None, 1, 1)
     first, last = (mavlink.MAVLink_attitude_message(n, 0, 0, 0, 0, 0, 0).pack(packer) for n in (1, 2))
-    foreign = ekf_report().pack(packer)
+    foreign = ahrs_report().pack(packer)
     found = frames.GroundReader().feed(first + foreign + last)
-    assert [frames.read(frame).get_type() for frame in found] == ["ATTITUDE", "EKF_STATUS_REPORT", "ATTITUDE"]
-    assert frames.read(found[1]).terrain_alt_variance == pytest.approx(0.5)
+    assert [frames.read(frame).get_type() for frame in found] == ["ATTITUDE", "AHRS2", "ATTITUDE"]
+    assert frames.read(found[1]).altitude == pytest.approx(0.5)
 
 
 def test_a_foreign_message_with_a_wrong_checksum_is_none() -> None:
-    raw = bytearray(ekf_report().pack(mavlink.MAVLink(None, 1, 1)))
+    raw = bytearray(ahrs_report().pack(mavlink.MAVLink(None, 1, 1)))
     raw[-1] ^= 0x55
     found = frames.GroundReader().feed(bytes(raw))
     assert [frames.read(frame) for frame in found] == [None]

@@ -17,7 +17,7 @@ BOARD = ["--board", "hil:tcp:127.0.0.1:9"]
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--identity", "px4"], "generic, ardupilot"),
+        (["--identity", "betaflight"], "generic, ardupilot, px4"),
         (["--signing-key", "no-such.key"], "no such file"),
         (["--gcs", "udpin:127.0.0.1:1?rate=fast"], OPTIONS),
     ],

@@ -14,7 +14,7 @@ from avionics.link.mission_codec import decode_item
 from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
 from avionics.link.services.mission import MissionService
-from avionics.link.services.modes import ShownMode, mode_command, requested_mode
+from avionics.link.services.modes import ShownMode, custom_mode, mode_command, requested_mode
 from avionics.link.services.reposition import RepositionRequests
 from avionics.link.services.requests import Requests
 from avionics.link.services.service import Output, Reply, Sender
@@ -135,7 +135,8 @@ class CommandService:
         if not (0 <= base <= 255 and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
             return Verdict(_DENIED, (), "set mode: only custom modes are understood")
         _, main, sub = request.params[:3]
-        return self._mode(request, requested_mode(self._identity, main, sub), main)
+        asked = custom_mode(self._identity, main, sub)
+        return self._mode(request, requested_mode(self._identity, main, sub), asked)
 
     def _set_standard_mode(self, request: Request) -> Verdict:
         wanted = request.params[0]
@@ -152,6 +153,8 @@ class CommandService:
         """AUTO from the mission's TAKEOFF item, which gets the altitude that was asked for, if one was."""
         mission = self._vehicle.mission
         kinds = [item.kind for item in mission]
+        if not mission:
+            return self._takeoff_without_mission(request)
         if ItemKind.TAKEOFF not in kinds:
             return Verdict(_DENIED, (), "takeoff: the mission has no TAKEOFF item")
         number = kinds.index(ItemKind.TAKEOFF)
@@ -172,6 +175,24 @@ class CommandService:
             return put
         return Verdict(_ACCEPTED, (*put.outputs, *begun.outputs), raised)
 
+    def _takeoff_without_mission(self, request: Request) -> Verdict:
+        """A mission of a takeoff to the altitude of the command, and a circle at home."""
+        if self._vehicle.home is None:
+            return Verdict(_LATER, (), "takeoff: no GPS position")
+        floor = self._turning_altitude()
+        try:
+            asked = self._takeoff_altitude(request) if math.isfinite(request.params[6]) else floor
+        except ItemRefused as why:
+            return Verdict(_DENIED, (), f"takeoff: {why}")
+        altitude = max(asked, floor)
+        items = (MissionItem(ItemKind.TAKEOFF, altitude=altitude), MissionItem(ItemKind.LOITER, altitude=altitude))
+        put = self._ask_core(self._command(CommandKind.SET_MISSION, request, payload=items))
+        if put.result != _ACCEPTED:
+            return put
+        select = self._command(CommandKind.SET_CURRENT_ITEM, request, 0.0)
+        auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
+        return Verdict(_ACCEPTED, (*put.outputs, select, auto), f"takeoff: to {altitude:g} m, then LOITER at home")
+
     def _takeoff_altitude(self, request: Request) -> float:
         """m above home; raises `ItemRefused`."""
         frame = request.frame if request.is_int else self._identity.takeoff_frame
@@ -180,8 +201,10 @@ class CommandService:
 
     def _lowest_takeoff(self, planned: MissionItem) -> float:
         """m above home: where it may turn, or what is planned where that is lower; MAVSDK says 2 m unasked."""
-        floor = next((each.value for each in self._vehicle.parameters if each.name == TURNING_ALTITUDE), 0.0)
-        return min(planned.altitude, floor)
+        return min(planned.altitude, self._turning_altitude())
+
+    def _turning_altitude(self) -> float:
+        return next((each.value for each in self._vehicle.parameters if each.name == TURNING_ALTITUDE), 0.0)
 
     def _start_mission(self, request: Request) -> Verdict:
         if not self._vehicle.mission:

@@ -37,43 +37,51 @@ def current_mode(numbers: ModeNumbers) -> Any:
     return mavlink.MAVLink_current_mode_message(numbers.standard_mode, numbers.custom_mode, 0)
 
 
+def custom_mode(identity: Identity, main: float, sub: float) -> float:
+    """Parameters 2 and 3 of DO_SET_MODE as one custom mode; NaN for a mode that there is not."""
+    if not (math.isfinite(main) and math.isfinite(sub)) or not (0 <= main < 2**32 and 0 <= sub < 256):
+        return math.nan
+    raw, packed = int(main), px4_mode(int(main) & 0xFF, int(sub))
+    return next((float(each) for each in (raw, packed) if identity.by_custom_mode(each) is not None), math.nan)
+
+
 def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
     """The mode that parameters 2 and 3 of DO_SET_MODE ask for: main and sub mode, or a raw custom mode."""
-    if not (math.isfinite(main) and math.isfinite(sub)) or not (0 <= main < 2**32 and 0 <= sub < 256):
-        return None
-    return identity.by_custom_mode(int(main)) or identity.by_custom_mode(px4_mode(int(main) & 0xFF, int(sub)))
+    number = custom_mode(identity, main, sub)
+    return None if math.isnan(number) else identity.by_custom_mode(int(number))
 
 
 class ShownMode:
-    """The mode reported to clients: the vehicle's, or GUIDED if a client set that on the ground.
+    """The mode reported to clients: the vehicle's, or the hold mode that a client set on the ground.
 
-    On the ground the vehicle waits for commands in any mode. GUIDED is reported until the mode changes or it flies.
+    On the ground the vehicle waits for commands in any mode. The hold mode is reported until the mode changes or it
+    flies.
     """
 
     def __init__(self, vehicle: VehicleView, identity: Identity) -> None:
         self._vehicle = vehicle
         self._identity = identity
-        self._guided_in: Mode | None = None
-        """mode in which the vehicle waits on the ground, None if GUIDED was not set"""
+        self._standby: tuple[Mode, ModeNumbers] | None = None
+        """mode in which the vehicle waits on the ground, and the hold mode that was set"""
 
     @property
     def numbers(self) -> ModeNumbers:
         """As it is written on the wire."""
-        guided, mode = self._identity.guided, self._vehicle.mode
-        if mode != self._guided_in or not self._on_ground():
-            self._guided_in = None
-        return self._identity.numbers(mode) if guided is None or self._guided_in is None else guided
+        mode = self._vehicle.mode
+        if self._standby is not None and (mode != self._standby[0] or not self._on_ground()):
+            self._standby = None
+        return self._identity.numbers(mode) if self._standby is None else self._standby[1]
 
     def waits(self, custom_mode: float) -> bool:
-        """Whether GUIDED is asked for on the ground, which takes no command: the vehicle waits there in any mode."""
-        return self._is_guided(custom_mode) and self._on_ground()
+        """Whether a hold mode is set on the ground, which takes no command: the vehicle waits there in any mode."""
+        return custom_mode in self._identity.standby_modes and self._on_ground()
 
     def accepted(self, custom_mode: float) -> None:
-        """A client asked for this mode, and will get it."""
-        self._guided_in = self._vehicle.mode if self.waits(custom_mode) else None
-
-    def _is_guided(self, custom_mode: float) -> bool:
-        return self._identity.guided is not None and custom_mode == self._identity.guided.custom_mode
+        """A client set this mode, and gets it."""
+        self._standby = None
+        if self.waits(custom_mode):
+            shown = next(each for each in self._identity.modes if each.custom_mode == custom_mode)
+            self._standby = (self._vehicle.mode, shown)
 
     def _on_ground(self) -> bool:
         navigation = self._vehicle.latest(topics.NAVIGATION)

@@ -24,7 +24,7 @@ def autopilot_version(identity: Identity) -> Any:
     version = major << 24 | minor << 16 | patch << 8 | _DEVELOPMENT
     none = [0] * 8
     return mavlink.MAVLink_autopilot_version_message(
-        identity.capabilities, version, 0, 0, 0, none, none, none, 0, 0, identity.uid
+        identity.capabilities, version, 0, 0, 0, list(b"wingbeat"), none, none, 0, 0, identity.uid
     )
 
 
