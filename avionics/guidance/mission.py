@@ -23,6 +23,8 @@ class ItemKind(IntEnum):
     """hold altitude and heading for a duration"""
     EXCITE = 53000
     """identification input, see `Excitation`"""
+    SKIP = 53002
+    """a command that is kept in its place and passed over, see `MissionItem.skipped`"""
 
 
 class Channel(IntEnum):
@@ -108,6 +110,8 @@ class MissionItem(NamedTuple):
     """-; number of the item to go on with, from 0 (JUMP)"""
     repeats: int = 0
     """-; how often it is jumped, -1 for ever (JUMP)"""
+    skipped: tuple[float, ...] = ()
+    """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as they were sent (SKIP)"""
 
 
 Mission = tuple[MissionItem, ...]

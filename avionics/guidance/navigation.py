@@ -179,6 +179,8 @@ def _finish(state: State, item: MissionItem, target: Target) -> State:
 def _jump(state: State, mission: Mission) -> State:
     """Follow jump items until there is one to fly; a mission of nothing but jumps is at its end."""
     for _ in mission:
+        while state.item < len(mission) and mission[state.item].kind == ItemKind.SKIP:
+            state = state._replace(item=state.item + 1, begun=0)
         if state.item >= len(mission) or mission[state.item].kind != ItemKind.JUMP:
             return state
         jump, counts = mission[state.item], dict(state.jumps)
@@ -200,11 +202,12 @@ def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, seen:
 
 def _with_corner(state: State, mission: Mission) -> State:
     """Look ahead to the leg after this one, if there is one."""
-    item, following = mission[state.item], mission[state.item + 1 : state.item + 2]
-    if item.kind != ItemKind.WAYPOINT or not following or following[0].kind != ItemKind.WAYPOINT:
+    item = mission[state.item]
+    following = next((each for each in mission[state.item + 1 :] if each.kind != ItemKind.SKIP), None)
+    if item.kind != ItemKind.WAYPOINT or following is None or following.kind != ItemKind.WAYPOINT:
         return state._replace(corner=0.0)
     place = (item.north, item.east)
-    onward = leg(place, (following[0].north, following[0].east), place).course
+    onward = leg(place, (following.north, following.east), place).course
     course = leg((state.from_north, state.from_east), place, place).course
     return state._replace(corner=wrap(onward - course), onward=onward)
 

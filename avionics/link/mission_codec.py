@@ -17,10 +17,47 @@ EARTH_RADIUS = 6_378_137.0
 """m; WGS-84 semi-major axis. Missions stay within a few km of home, where a plane is good to centimetres."""
 
 FARTHEST = 100e3
-"""m; from home. A place of 0, 0 means "here" to some ground stations, and is in the Gulf of Guinea to all others."""
+"""m; from home"""
 
 _GLOBAL = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
-_RELATIVE = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+_TERRAIN = (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
+"""taken as relative to home: there is no terrain data"""
+_RELATIVE = (
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    *_TERRAIN,
+)
+SKIPPED = frozenset(
+    (
+        mavlink.MAV_CMD_NAV_DELAY,
+        mavlink.MAV_CMD_CONDITION_DELAY,
+        mavlink.MAV_CMD_CONDITION_DISTANCE,
+        mavlink.MAV_CMD_CONDITION_YAW,
+        mavlink.MAV_CMD_DO_CHANGE_SPEED,
+        mavlink.MAV_CMD_DO_LAND_START,
+        mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
+        mavlink.MAV_CMD_DO_SET_ROI_WPNEXT_OFFSET,
+        mavlink.MAV_CMD_DO_SET_ROI_NONE,
+        mavlink.MAV_CMD_DO_SET_ROI,
+        mavlink.MAV_CMD_DO_CONTROL_VIDEO,
+        mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
+        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
+        mavlink.MAV_CMD_DO_MOUNT_CONFIGURE,
+        mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        mavlink.MAV_CMD_DO_TRIGGER_CONTROL,
+        mavlink.MAV_CMD_SET_CAMERA_MODE,
+        mavlink.MAV_CMD_SET_CAMERA_ZOOM,
+        mavlink.MAV_CMD_SET_CAMERA_FOCUS,
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE,
+        mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
+    )
+)
+"""MAV_CMDs that are accepted in a mission, kept in their place and passed over in flight"""
 _LOCAL = (mavlink.MAV_FRAME_LOCAL_NED,)
 _CIRCLES = {
     mavlink.MAV_CMD_NAV_LOITER_TURNS: ItemKind.CIRCLE,
@@ -80,6 +117,11 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
         ItemRefused: unknown command or frame, a number that is not finite, an input outside its range, or a
             place on the globe before home is known.
     """
+    if item.command in SKIPPED:
+        numbers = (item.frame, item.command, *item.params, item.x, item.y, item.z)
+        return MissionItem(
+            ItemKind.SKIP, skipped=tuple(float(value) if math.isfinite(value) else 0.0 for value in numbers)
+        )
     if item.command in EXCITE_COMMANDS:
         return MissionItem(ItemKind.EXCITE, excitation=decode_excitation(item))
     if item.command in _CIRCLES:
@@ -96,13 +138,22 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     if kind is ItemKind.WAYPOINT and item.params[0] > 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a waypoint cannot be held: use HOLD (53001)")
     placed = kind in _PLACED or (kind is ItemKind.TAKEOFF and _names_a_place(item))
-    north, east = _place(item, home) if placed else (0.0, 0.0)
+    north, east = _own_place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
     duration = item.params[0] if kind is ItemKind.HOLD else 0.0
     if not math.isfinite(duration) or duration < 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a HOLD needs a duration in s")
     return MissionItem(kind, north, east, altitude, _heading(heading), duration)
+
+
+def notes(items: Sequence[WireItem]) -> tuple[str, ...]:
+    """What of a mission is flown in another way than it was sent, a line for each kind; for people."""
+    names = dict.fromkeys(command_name(item.command) for item in items if item.command in SKIPPED)
+    lines = [f"passed over in flight: {', '.join(names)}"] if names else []
+    if any(item.frame in _TERRAIN for item in items):
+        lines.append("altitudes above terrain are taken as above home")
+    return tuple(lines)
 
 
 def _names_a_place(item: WireItem) -> bool:
@@ -132,7 +183,7 @@ def _decode_circle(item: WireItem, home: Home | None) -> MissionItem:
     turning = item.command == ItemKind.CIRCLE
     return MissionItem(
         kind,
-        *_place(item, home),
+        *_own_place(item, home),
         _altitude(item, home),
         duration=0.0 if turning else amount,
         radius=radius if math.isfinite(radius) else 0.0,
@@ -147,6 +198,13 @@ def _decode_jump(item: WireItem) -> MissionItem:
     if not -1.0 <= repeats <= 1000.0 or repeats != int(repeats):
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, "DO_JUMP: repeats must be -1 (for ever) to 1000")
     return MissionItem(ItemKind.JUMP, jump_to=int(target), repeats=int(repeats))
+
+
+def _own_place(item: WireItem, home: Home | None) -> tuple[float, float]:
+    """North and east of home (m) of a mission item; 0, 0 on the globe, "here" to some ground stations, is none."""
+    if item.frame in _GLOBAL + _RELATIVE and (item.x, item.y) == (0.0, 0.0):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "an item has no place")
+    return _place(item, home)
 
 
 def _heading(degrees: float) -> float:
@@ -207,6 +265,9 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     """The item as MAVLink writes it: places on the globe, or in the local frame while home is not known."""
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     nan = math.nan
+    if item.kind is ItemKind.SKIP:
+        sent_frame, command, p1, p2, p3, p4, x, y, z = item.skipped
+        return WireItem(int(sent_frame), int(command), (p1, p2, p3, p4), x, y, z)
     if item.kind is ItemKind.EXCITE and item.excitation is not None:
         return encode_excitation(item.excitation)
     if item.kind is ItemKind.RETURN:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from avionics.guidance.mission import FlightPlan, Mission
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import decode_fence, decode_item, decode_rally
+from avionics.link.mission_codec import decode_fence, decode_item, decode_rally, notes
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.missions import plan_file, reader, waypoint_file
@@ -27,7 +27,7 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
     if path.suffix == ".plan":
         plan = _from_plan(path)
     elif path.suffix in LISTS:
-        plan = FlightPlan(_from_list(path))
+        plan = _from_list(path)
     else:
         return reader.load_plan(name_or_path)
     refusal = reader.check_plan(plan)
@@ -51,7 +51,8 @@ def _from_plan(path: Path) -> FlightPlan:
         rally = decode_rally(file.rally, file.home)
     except ItemRefused as refused:
         raise BadInput(f"{path}: fence or rally points: {refused}") from None
-    return FlightPlan(mission, fence, rally, (note,) if note else ())
+    lines = notes([planned.item for planned in items])
+    return FlightPlan(mission, fence, rally, (note, *lines) if note else lines)
 
 
 def _rest(file: plan_file.PlanFile) -> str:
@@ -61,14 +62,15 @@ def _rest(file: plan_file.PlanFile) -> str:
     return " and ".join(parts + ["camera commands"] * bool(file.mission)) + hint
 
 
-def _from_list(path: Path) -> Mission:
+def _from_list(path: Path) -> FlightPlan:
     lines = waypoint_file.read(path)
     home = waypoint_file.home_of(lines)
     items = [line.item for line in waypoint_file.without_home(lines)]
     if home is None and any(item.frame in GLOBES and (item.x or item.y) for item in items):
         raise BadInput(f"{path}: its first line must be home (frame 0, command 16): its places are on the globe")
     first = 0 if home is None else 1
-    return _mission(path, ((f"item {number}", item) for number, item in enumerate(items, first)), home)
+    mission = _mission(path, ((f"item {number}", item) for number, item in enumerate(items, first)), home)
+    return FlightPlan(mission, notes=notes(items))
 
 
 GLOBES = (

@@ -344,3 +344,69 @@ def test_extended_fields_do_not_travel_in_mavlink_1() -> None:
     station.pass_time(2.0)
     frames = [each.data for each in station.wire.take() if each.data[5] == mavlink.MAVLINK_MSG_ID_GPS_RAW_INT]
     assert frames and {struct.unpack_from("<B", frame, 1)[0] for frame in frames} == {30}
+
+
+# --- missions as ground stations draw them -------------------------------------------------------------------
+
+
+PLACE = (481_003_000, 115_997_000)
+SURVEY = (
+    (3, mavlink.MAV_CMD_NAV_TAKEOFF, (15.0, 0.0, 0.0, math.nan), 0, 0, 30.0),
+    (2, mavlink.MAV_CMD_DO_CHANGE_SPEED, (0.0, 8.0, -1.0, 0.0), 0, 0, 0.0),
+    (10, mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, math.nan), *PLACE, 30.0),
+    (2, mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (25.0, 0.0, 1.0, 0.0), 0, 0, 0.0),
+    (3, mavlink.MAV_CMD_NAV_WAYPOINT, (12.0, 0.0, 0.0, math.nan), *PLACE, 35.0),
+    (2, mavlink.MAV_CMD_DO_JUMP, (2.0, 1.0, 0.0, 0.0), 0, 0, 0.0),
+    (3, mavlink.MAV_CMD_DO_SET_ROI_LOCATION, (0.0, 0.0, 0.0, 0.0), *PLACE, 0.0),
+    (2, mavlink.MAV_CMD_DO_LAND_START, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0),
+    (3, mavlink.MAV_CMD_NAV_LAND, (0.0, 0.0, 0.0, 0.0), *PLACE, 0.0),
+)
+
+
+def uploaded(station: Station, voice: Voice, survey: tuple[Any, ...]) -> list[Any]:
+    """What comes back after the whole of an upload."""
+    replies = station.exchange(voice.frame(mavlink.MAVLink_mission_count_message(1, 1, len(survey))))
+    while requests := of(replies, "MISSION_REQUEST_INT"):
+        number = requests[-1].seq
+        frame, command, params, x, y, z = survey[number]
+        message = mavlink.MAVLink_mission_item_int_message(1, 1, number, frame, command, 0, 1, *params, x, y, z)
+        replies = station.exchange(voice.frame(message))
+    return replies
+
+
+def test_a_survey_is_accepted_with_what_is_passed_over_in_one_text() -> None:
+    station, voice = Station(), Voice(255)
+    replies = uploaded(station, voice, SURVEY)
+    assert [each.type for each in of(replies, "MISSION_ACK")] == [mavlink.MAV_MISSION_ACCEPTED]
+    text = "".join(each.text for each in of(replies, "STATUSTEXT"))
+    assert text.count("passed over in flight") == 1 and text.endswith(
+        "altitudes above terrain are taken as above home"
+    )
+    for name in ("DO_CHANGE_SPEED (178)", "DO_SET_CAM_TRIGG_DIST (206)", "DO_SET_ROI_LOCATION (195)"):
+        assert name in text
+    skip, way = ItemKind.SKIP, ItemKind.WAYPOINT
+    kinds = [ItemKind.TAKEOFF, skip, way, skip, way, ItemKind.JUMP, skip, skip, ItemKind.LAND]
+    mission = station.vehicle.mission
+    assert [item.kind for item in mission] == kinds
+    assert (mission[2].altitude, mission[4].duration, mission[5].jump_to) == (30.0, 12.0, 2)
+    for number in (1, 3, 6, 7):
+        request = mavlink.MAVLink_mission_request_int_message(1, 1, number)
+        (item,) = of(station.exchange(voice.frame(request)), "MISSION_ITEM_INT")
+        sent = SURVEY[number]
+        assert (item.seq, item.frame, item.command, item.x, item.y, item.z) == (number, *sent[:2], *sent[3:])
+        assert (item.param1, item.param2, item.param3, item.param4) == sent[2]
+
+
+@pytest.mark.parametrize(
+    ("number", "change", "reason"),
+    [(4, {3: 0, 4: 0}, "mission item 4: an item has no place"), (1, {1: 183}, "DO_SET_SERVO (183) is not flown")],
+)
+def test_an_item_that_cannot_be_flown_is_refused_by_its_number(
+    number: int, change: dict[int, Any], reason: str
+) -> None:
+    station, voice = Station(), Voice(255)
+    item = [change.get(place, value) for place, value in enumerate(SURVEY[number])]
+    replies = uploaded(station, voice, (*SURVEY[:number], tuple(item), *SURVEY[number + 1 :]))
+    assert of(replies, "MISSION_ACK")[0].type != mavlink.MAV_MISSION_ACCEPTED
+    text = "".join(each.text for each in of(replies, "STATUSTEXT"))
+    assert text.startswith(f"mission item {number}: ") and reason in text and station.vehicle.mission == ()

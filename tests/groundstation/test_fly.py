@@ -80,6 +80,13 @@ def children_of(parent: int) -> list[int]:
     return found
 
 
+def is_running(process: int) -> bool:
+    try:
+        return (Path("/proc") / str(process) / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 class Recorded(NamedTuple):
     """A flight that nobody but the command watched."""
 
@@ -294,9 +301,13 @@ def test_recover_joins_what_a_killed_flight_left(tmp_path: Path, capsys: pytest.
     file, parts = tmp_path / "flight.mcap", [tmp_path / f"flight{ending}" for ending in (WORLD, COMPUTER)]
     for part in parts:
         wait_for(part, 100_000)
-    for process in (flight.pid, *children_of(flight.pid)):
+    processes = (flight.pid, *children_of(flight.pid))
+    for process in processes:
         os.kill(process, signal.SIGKILL)
     flight.communicate(timeout=60)
+    deadline = time.monotonic() + 60.0
+    while any(is_running(process) for process in processes) and time.monotonic() < deadline:
+        time.sleep(0.05)  # a process that ends holds its files for a while
     assert main(["log", "info", str(file)]) == 2
     err = capsys.readouterr().err
     assert "flight.world.mcap and flight.avionics.mcap exist: wingbeat log recover" in err and err.count("\n") == 1

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from avionics import topics
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import Addressee, Slot, read_message, write_message
+from avionics.link.mission_codec import Addressee, Slot, notes, read_message, write_message
 from avionics.link.services.plans import MOST_ITEMS, PlanPart, plan_parts
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.setpoints import GUIDED_ALTITUDE, GUIDED_WAYPOINT
@@ -47,6 +47,8 @@ class _Pending(NamedTuple):
     mission_type: int
     """as it was said: a type, or all of them"""
     deadline: float
+    notes: tuple[str, ...] = ()
+    """for people, once it is on board"""
 
 
 class _Encoded(NamedTuple):
@@ -166,9 +168,9 @@ class MissionService:
             content = part.decode(items, self._vehicle.home)
         except ItemRefused as refused:
             return self._refuse(upload, refused, str(refused))
-        return self._install(
-            _Pending(upload.sender, part, content, len(items), part.mission_type, self._deadline(now))
-        )
+        lines = notes(items) if part.mission_type == _MISSION else ()
+        deadline = self._deadline(now)
+        return self._install(_Pending(upload.sender, part, content, len(items), part.mission_type, deadline, lines))
 
     def _install(self, pending: _Pending) -> list[Output]:
         sender = pending.sender
@@ -268,16 +270,18 @@ class MissionService:
     def _confirm(self, now: float) -> list[Output]:
         settled = [each for each in self._pending if self._on_board(each) or now >= each.deadline]
         self._pending = [each for each in self._pending if each not in settled]
-        return [self._settle(each) for each in settled]
+        return [output for each in settled for output in self._settle(each)]
 
     def _on_board(self, pending: _Pending) -> bool:
         return bool(pending.part.on_board(self._vehicle) == pending.content)
 
-    def _settle(self, pending: _Pending) -> Output:
+    def _settle(self, pending: _Pending) -> list[Output]:
         taken = self._on_board(pending)
         if taken:
             self._done = (pending.sender, pending.items - 1, pending.mission_type)
-        return _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
+        ack = _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
+        lines = pending.notes if taken else ()
+        return [ack, *(text for line in lines for text in refusal_text(line, pending.sender))]
 
     def _ask_again(self, upload: _Upload, now: float) -> list[Output]:
         if upload.asked >= self._gains.give_up:
