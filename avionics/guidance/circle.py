@@ -56,11 +56,11 @@ def around(gains: Gains, state: State, dt: float, altitude: float, seen: Situati
 
 
 def item(gains: Gains, state: State, dt: float, wanted: MissionItem, seen: Situation) -> tuple[State, Target, bool]:
-    """A CIRCLE or LOITER item; ``state.radius`` 0 tells that it has not begun."""
+    """A CIRCLE, a LOITER or a waypoint with a hold time; ``state.radius`` is 0 until it begins."""
     if state.radius == 0.0:
         state = centre_at(state, wanted.north, wanted.east, wanted.radius or gains.loiter_radius, seen)
     state, target = around(gains, state, dt, wanted.altitude, seen)
-    return state, target, wanted.kind == ItemKind.CIRCLE and _flown(gains, state, wanted, seen)
+    return state, target, wanted.kind != ItemKind.LOITER and _flown(gains, state, wanted, seen)
 
 
 def _flown(gains: Gains, state: State, wanted: MissionItem, seen: Situation) -> bool:

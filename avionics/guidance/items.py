@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from avionics.guidance import circle
 from avionics.guidance.mission import MissionItem
 from avionics.guidance.path import course_to_leg, leg, reached
 from avionics.guidance.route import Gains, Situation, State, Target, here, lookahead, turning_distance
@@ -41,8 +42,11 @@ def hold(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situati
 def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
     """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading.
 
-    The next leg is turned into before the waypoint, by up to half of this one.
+    The next leg is turned into before the waypoint, by up to half of this one. A waypoint with a hold time is
+    circled for that time, which begins on the circle.
     """
+    if item.duration > 0.0:
+        return circle.item(gains, state, dt, item, seen)
     if not seen.valid:
         return state, Target(Stage.EN_ROUTE, item.altitude, state.heading), False
     line = leg((state.from_north, state.from_east), (item.north, item.east), here(seen))

@@ -99,7 +99,7 @@ class MissionItem(NamedTuple):
     heading: float = 0.0
     """rad; to hold (HOLD), or of the final approach (LAND)"""
     duration: float = 0.0
-    """s; to hold (HOLD), to circle (CIRCLE)"""
+    """s; to hold (HOLD), to circle (CIRCLE), to circle before the next item (WAYPOINT)"""
     excitation: Excitation | None = None
     """-; what to fly (EXCITE)"""
     radius: float = 0.0

@@ -171,7 +171,7 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
 def _finish(state: State, item: MissionItem, target: Target) -> State:
     """Go on with the next item; the leg after a waypoint begins at the waypoint, not at the cut corner."""
     state = state._replace(heading=target.heading, altitude=target.altitude, begun=0, item=state.item + 1, via=0)
-    if item.kind != ItemKind.WAYPOINT:
+    if item.kind != ItemKind.WAYPOINT or item.duration > 0.0:
         return state
     return state._replace(via=1, from_north=item.north, from_east=item.east)
 

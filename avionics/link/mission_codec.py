@@ -135,13 +135,12 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
         return _decode_jump(item)
     if kind is ItemKind.RETURN:
         return MissionItem(kind)
-    if kind is ItemKind.WAYPOINT and item.params[0] > 0.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a waypoint cannot be held: use HOLD (53001)")
     placed = kind in _PLACED or (kind is ItemKind.TAKEOFF and _names_a_place(item))
     north, east = _own_place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
-    duration = item.params[0] if kind is ItemKind.HOLD else 0.0
+    held = kind is ItemKind.HOLD or (kind is ItemKind.WAYPOINT and item.params[0] > 0.0)
+    duration = item.params[0] if held else 0.0
     if not math.isfinite(duration) or duration < 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a HOLD needs a duration in s")
     return MissionItem(kind, north, east, altitude, _heading(heading), duration)
@@ -280,7 +279,8 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     heading = math.degrees(item.heading) % 360.0
     if item.kind is ItemKind.HOLD:
         return WireItem(frame, item.kind, (item.duration, heading, 0.0, 0.0), 0.0, 0.0, item.altitude)
-    params = (0.0, 0.0, 0.0, heading if item.kind is ItemKind.LAND else nan)
+    hold_time = item.duration if item.kind is ItemKind.WAYPOINT else 0.0
+    params = (hold_time, 0.0, 0.0, heading if item.kind is ItemKind.LAND else nan)
     if item.kind is ItemKind.TAKEOFF and (item.north, item.east) == (0.0, 0.0):
         return WireItem(frame, item.kind, params, 0.0, 0.0, item.altitude)
     return _placed(item.kind, params, (item.north, item.east, item.altitude), home)

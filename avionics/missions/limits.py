@@ -23,7 +23,7 @@ CIRCLE = {**PLACE, **ALTITUDE, "radius": Key("m", -500.0, 500.0, default=0.0)}
 KEYS: dict[ItemKind, dict[str, Key]] = {
     ItemKind.TAKEOFF: ALTITUDE,
     ItemKind.HOLD: {**ALTITUDE, **HEADING, "duration": Key("s", 0.0, 3600.0)},
-    ItemKind.WAYPOINT: {**PLACE, **ALTITUDE},
+    ItemKind.WAYPOINT: {**PLACE, **ALTITUDE, "duration": Key("s", 0.0, 36000.0, default=0.0)},
     ItemKind.LOITER: CIRCLE,
     ItemKind.CIRCLE: {
         **CIRCLE,

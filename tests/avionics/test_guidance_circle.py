@@ -92,6 +92,16 @@ def test_a_circle_is_flown_for_its_time_from_where_it_is_joined() -> None:
     assert (len(bird.track) - reached) * DT == pytest.approx(20.0, abs=1.0)
 
 
+def test_a_waypoint_is_circled_for_its_hold_time() -> None:
+    bird = Point((MissionItem(ItemKind.WAYPOINT, 60.0, 40.0, 40.0, duration=20.0), WAY_ON))
+    while bird.state.item == 0 and len(bird.track) < 10_000:
+        bird.fly(DT)
+    held = bird.distances((60.0, 40.0))[-round(19.0 / DT) :]
+    assert all(abs(away - abs(GAINS.loiter_radius)) < 0.5 * abs(GAINS.loiter_radius) for away in held)
+    assert 20.0 <= len(bird.track) * DT < 60.0
+    assert bird.state.item == 1
+
+
 def test_a_circle_without_turns_or_time_ends_at_its_altitude() -> None:
     bird = Point((circle()._replace(altitude=70.0), WAY_ON)).fly(20.0, climb=1.0)
     assert bird.state.item == 0

@@ -381,7 +381,7 @@ def test_items_lost_on_the_way_are_asked_for_again_and_out_of_order_ones_dropped
     ("fields", "result"),
     [
         ((6, 82, 0.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_UNSUPPORTED"),
-        ((6, 16, 5.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_INVALID_PARAM1"),
+        ((6, 16, math.inf, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_INVALID_PARAM1"),
         ((6, 16, 0.0, 0.0, 481000000, 116000000, math.nan), "MAV_MISSION_INVALID_PARAM7"),
         ((6, 16, 0.0, 0.0, 0, 0, 40.0), "MAV_MISSION_INVALID_PARAM5_X"),
         ((9, 16, 0.0, 0.0, 1, 1, 40.0), "MAV_MISSION_UNSUPPORTED_FRAME"),
@@ -397,6 +397,13 @@ def test_an_item_that_cannot_be_flown_is_refused_and_the_old_mission_stays(field
         assert upload(client, [bad]).type == getattr(mavlink, result)
         assert expect(client, "STATUSTEXT").text.startswith("mission item 0: ")
         assert vehicle.mission == MISSION
+
+
+def test_waypoint_with_a_hold_time_is_accepted() -> None:
+    with stock_client() as (client, vehicle):
+        item = mavlink.MAVLink_mission_item_int_message(1, 1, 0, 6, 16, 0, 1, 5, 0, 0, 0, 481000000, 116000000, 40.0)
+        assert upload(client, [item]).type == mavlink.MAV_MISSION_ACCEPTED
+        assert vehicle.mission[0].duration == 5.0
 
 
 FENCE = Fence((

@@ -179,6 +179,12 @@ def test_a_plan_that_cannot_be_flown_is_refused_in_one_line(plan: Any, words: st
     assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
 
 
+def test_hold_time_of_a_waypoint_is_kept(tmp_path: Path) -> None:
+    held = load_flight_plan(written(tmp_path, changed([*ITEMS, 4, "params", 0], 12))).mission[5]
+    assert (held.kind, held.duration) == (ItemKind.WAYPOINT, 12.0)
+    assert encode_item(held, HOME).params[0] == 12.0
+
+
 def test_old_plan_with_coordinates_beside_four_parameters(tmp_path: Path) -> None:
     """QGroundControl up to 3.1 wrote ``coordinate`` beside four ``params``."""
     plan = changed(ITEMS, PLAN["mission"]["items"][:2])
