@@ -22,7 +22,7 @@ PYTEST := $(BIN)/python -m pytest -q -m "not bench and not validate"
 # Modules are compiled once, at their first import, not in every process.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help fly test lint kernels collected bench validate clean
+.PHONY: docs/parameters.md help fly test lint kernels collected bench validate clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -36,6 +36,9 @@ fly: $(VENV)/.installed
 test: $(VENV)/.installed
 	@$(MAKE) --no-print-directory -j 2 lint collected
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
+
+docs/parameters.md: $(VENV)/.installed
+	@$(BIN)/python docs/write_parameters.py $@
 
 kernels: $(VENV)/.installed
 	@$(BIN)/wingbeat trim robo_raven_ii_d > /dev/null

@@ -12,6 +12,7 @@ import struct
 from functools import lru_cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
+from avionics.docstrings import field_texts, split_unit
 from avionics.limits import clip
 from avionics.mixing import flapping
 from avionics.quantities import BadInput, Quantity
@@ -130,6 +131,8 @@ class Parameter(NamedTuple):
     """whether only whole numbers are allowed"""
     text: str
     """one line about it"""
+    description: str = ""
+    """-; docstring of the gain without its unit"""
 
 
 class Change(NamedTuple):
@@ -194,6 +197,7 @@ def _table(shapes: tuple[_Shape, ...]) -> dict[str, Parameter]:
 def _section_parameters(shape: _Shape) -> list[Parameter]:
     found: list[Parameter] = []
     hints = get_type_hints(shape.kind, include_extras=True)
+    texts = _texts(shape.kind)
     for key, length in zip(shape.kind._fields, shape.lengths, strict=True):
         base, quantity = _numeric(hints[key])
         if base is None:
@@ -209,10 +213,19 @@ def _section_parameters(shape: _Shape) -> list[Parameter]:
                 quantity.high,
                 base is int,
                 f"{shape.section}.{key}",
+                split_unit(texts.get(key, ""))[1],
             )
             for i in (range(length) if length >= 0 else (-1,))
         ]
     return found
+
+
+def _texts(kind: type[Any]) -> dict[str, str]:
+    """Field docstrings; empty if the program is installed without its source."""
+    try:
+        return field_texts(kind.__module__).get(kind.__name__, {})
+    except OSError:
+        return {}
 
 
 def _numeric(hint: Any) -> tuple[type[Any] | None, Quantity]:

@@ -15,6 +15,22 @@ from avionics.processors import Due
 from avionics.situation import destination
 from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
+from avionics.vehicles.gains import FlightGains
+
+
+def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Parameter:
+    """Parameter of the link from an entry of the parameter table, with its value in ``gains``."""
+    return Parameter(
+        entry.name,
+        parameters.get(gains, entry),
+        entry.low,
+        entry.high,
+        entry.unit if entry.unit != "-" else "",
+        entry.description,
+        entry.text,
+        entry.whole,
+        parameters.grounded(entry),
+    )
 
 
 class FlightView:
@@ -102,16 +118,7 @@ class FlightView:
         gains = self.autopilot.memory.gains
         if gains is not self._gains_shown:
             self._gains_shown = gains
-            self._parameters = tuple(
-                Parameter(
-                    entry.name,
-                    parameters.get(gains, entry),
-                    entry.low,
-                    entry.high,
-                    entry.unit if entry.unit != "-" else "",
-                )
-                for entry in self._table.values()
-            )
+            self._parameters = tuple(shown_parameter(gains, entry) for entry in self._table.values())
         return self._parameters
 
     def latest(self, topic: Topic) -> Any:

@@ -7,17 +7,16 @@ a NumPy structured type with the tags as padding reads them. Encoding: https://p
 
 from __future__ import annotations
 
-import ast
 import functools
 import inspect
 import struct
-import sys
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from avionics.docstrings import field_texts, split_unit
 from avionics.messages import Wire
 
 VARINT, FIXED64, DELIMITED, FIXED32 = 0, 1, 2, 5
@@ -151,7 +150,7 @@ def layout_of(message: type[Any]) -> Layout:
     if made is not None:
         return made
     hints = get_type_hints(message, include_extras=True)
-    texts = _field_texts(message.__module__).get(message.__name__, {})
+    texts = field_texts(message.__module__).get(message.__name__, {})
     fields = tuple(
         _field(message, number, name, hints[name], texts.get(name, "-"))
         for number, name in enumerate(message._fields, 1)
@@ -178,28 +177,3 @@ def _unwrap(hint: Any) -> tuple[Any, Wire | None]:
         base, *extras = get_args(hint)
         return base, next((extra for extra in extras if isinstance(extra, Wire)), None)
     return hint, Wire("double") if hint is float else None
-
-
-def split_unit(text: str) -> tuple[str, str]:
-    """Unit and description of a field's docstring, ``rad/s; about FRD x``; the description may be missing."""
-    unit, _, description = text.partition(";")
-    return " ".join(unit.split()), " ".join(description.split())
-
-
-@functools.cache
-def _field_texts(module: str) -> dict[str, dict[str, str]]:
-    """Docstrings of the fields of every class at the top of a module: Python keeps them in the source alone."""
-    tree = ast.parse(inspect.getsource(sys.modules[module]))
-    return {node.name: dict(_texts_of(node)) for node in tree.body if isinstance(node, ast.ClassDef)}
-
-
-def _texts_of(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
-    for field, after in zip(node.body, node.body[1:], strict=False):
-        if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-            continue
-        if (
-            isinstance(after, ast.Expr)
-            and isinstance(after.value, ast.Constant)
-            and isinstance(after.value.value, str)
-        ):
-            yield field.target.id, after.value.value

@@ -28,7 +28,7 @@ _NAMES = """
     MISSION_CLEAR_ALL MISSION_ACK MISSION_CURRENT MISSION_SET_CURRENT MISSION_ITEM_REACHED
     MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST
     COMMAND_LONG COMMAND_INT COMMAND_ACK MESSAGE_INTERVAL REQUEST_DATA_STREAM DATA_STREAM
-    AVAILABLE_MODES CURRENT_MODE AVAILABLE_MODES_MONITOR
+    AVAILABLE_MODES CURRENT_MODE AVAILABLE_MODES_MONITOR COMPONENT_INFORMATION COMPONENT_METADATA
     ATTITUDE ATTITUDE_QUATERNION ATTITUDE_TARGET VFR_HUD GLOBAL_POSITION_INT LOCAL_POSITION_NED GPS_RAW_INT
     GPS_GLOBAL_ORIGIN HOME_POSITION SET_HOME_POSITION EXTENDED_SYS_STATE BATTERY_STATUS WIND_COV
     SERVO_OUTPUT_RAW NAV_CONTROLLER_OUTPUT ALTITUDE VIBRATION ESTIMATOR_STATUS POWER_STATUS RC_CHANNELS
@@ -57,9 +57,21 @@ _RETIRED = """
     <field type="uint8_t[8]" name="spec_version_hash"/>
     <field type="uint8_t[8]" name="library_version_hash"/>
   </message>
+  <message id="395" name="COMPONENT_INFORMATION">
+    <field type="uint32_t" name="time_boot_ms"/>
+    <field type="uint32_t" name="general_metadata_file_crc"/>
+    <field type="char[100]" name="general_metadata_uri"/>
+    <field type="uint32_t" name="peripherals_metadata_file_crc"/>
+    <field type="char[100]" name="peripherals_metadata_uri"/>
+  </message>
+  <message id="397" name="COMPONENT_METADATA">
+    <field type="uint32_t" name="time_boot_ms"/>
+    <field type="uint32_t" name="file_crc"/>
+    <field type="char[100]" name="uri"/>
+  </message>
 </messages></mavlink>
 """
-"""Messages that recent definitions dropped and ground stations still ask for."""
+"""Messages that pymavlink's definitions do not have and ground stations still request."""
 
 
 def standard_definitions() -> Path:

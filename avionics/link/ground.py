@@ -18,6 +18,7 @@ from avionics.link.budget import TELEMETRY_FRAMES
 from avionics.link.channel import PORTION, SMALLEST_PORTION, Channel, LinkCounts
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, decode
+from avionics.link.metadata import component_metadata
 from avionics.link.routing import Router
 from avionics.link.services.commands import CommandService
 from avionics.link.services.flight_information import FlightInformation
@@ -137,8 +138,10 @@ class GroundLink:
 
         flights, setpoints = FlightInformation(vehicle), SetpointService(vehicle, identity)
 
+        metadata = component_metadata(vehicle.parameters, files.storage, identity.version)
+
         def requests() -> Requests:
-            return Requests(vehicle, identity, self._streams, shown, flights)
+            return Requests(vehicle, identity, self._streams, shown, flights, metadata)
 
         def missions() -> MissionService:
             return MissionService(vehicle, gains, identity.first_item)
@@ -149,7 +152,7 @@ class GroundLink:
         def note_radio(link: int, free: int, now: float) -> None:
             self._links[link].budget.note_radio(free, now)
 
-        shelf = Shelf(vehicle, files.storage, files.logs)
+        shelf = Shelf(vehicle, files.storage, files.logs, metadata)
         return (
             ServiceRow("heartbeat", lambda: HeartbeatService(vehicle, identity, gains, shown), vital=True),
             ServiceRow("link loss", lambda: self._silence, keeps_memory=True, vital=True),

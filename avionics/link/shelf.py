@@ -76,8 +76,15 @@ class LogFile(NamedTuple):
 class Shelf:
     """The files of a vehicle."""
 
-    def __init__(self, vehicle: VehicleView, storage: Storage | None = None, logs: Path | None = None) -> None:
-        """``storage`` knows what the parameters are by default, ``logs`` is a folder."""
+    def __init__(
+        self,
+        vehicle: VehicleView,
+        storage: Storage | None = None,
+        logs: Path | None = None,
+        metadata: Mapping[str, bytes] | None = None,
+    ) -> None:
+        """``storage`` has the default parameters, ``logs`` is a folder, ``metadata`` maps paths to files."""
+        self._metadata = metadata or {}
         self._vehicle = vehicle
         self._storage = storage
         self._logs = logs
@@ -96,6 +103,8 @@ class Shelf:
         place, _, query = path.lstrip("/").partition("?")
         if place == PARAMETERS:
             return Memory(self._parameters(with_defaults="withdefaults=1" in query.split("&")))
+        if place in self._metadata:
+            return Memory(self._metadata[place])
         folder, _, name = place.rpartition("/")
         return self._log_files().get(name) if folder in LOGS else None
 

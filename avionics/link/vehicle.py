@@ -30,6 +30,14 @@ class Parameter(NamedTuple):
     """in its unit; a larger value is refused"""
     unit: str = ""
     """of value and limits, empty for none"""
+    description: str = ""
+    """-; one sentence for component metadata"""
+    key: str = ""
+    """-; section and key in the vehicle file, as ``pitch.proportional``"""
+    is_integer: bool = False
+    """-; whether only whole numbers are accepted"""
+    is_locked_armed: bool = False
+    """-; whether the parameter can be set only while disarmed"""
 
 
 class Home(NamedTuple):

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from recorded import FIXED_TOPICS, LIMITS
 
 from avionics import messages as m
+from avionics.docstrings import split_unit
 from avionics.topics import Topic
-from logs.layout import Field, layout_of, split_unit, varint
+from logs.layout import Field, layout_of, varint
 from logs.schema import channel_metadata, descriptor_set, layout_from_schema
 from sim_bridge.messages import TruthLoads
 

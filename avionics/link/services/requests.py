@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
+from avionics.link import metadata as metadata_files
 from avionics.link.dialect import mavlink
 from avionics.link.services import modes
 from avionics.link.services.flight_information import FlightInformation
@@ -14,6 +16,7 @@ from avionics.link.streams import Streams
 from avionics.link.vehicle import Identity, VehicleView
 
 _MAVLINK_2 = 200
+_METADATA_URI = metadata_files.uri(metadata_files.GENERAL).encode()
 _DEVELOPMENT = 0
 """FIRMWARE_VERSION_TYPE_DEV."""
 
@@ -45,7 +48,10 @@ class Requests:
         streams: Streams,
         shown: modes.ShownMode,
         flights: FlightInformation,
+        metadata: Mapping[str, bytes],
     ) -> None:
+        """``metadata``: files of component metadata by path."""
+        self._metadata_crc = metadata_files.crc32(metadata[metadata_files.GENERAL])
         self._vehicle = vehicle
         self._flights = flights
         self._shown = shown
@@ -74,7 +80,18 @@ class Requests:
             return [self._flights.build()]
         if number == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(link, argument)
+        if number == mavlink.MAVLINK_MSG_ID_COMPONENT_METADATA:
+            return [mavlink.MAVLink_component_metadata_message(self._time_ms(), self._metadata_crc, _METADATA_URI)]
+        if number == mavlink.MAVLINK_MSG_ID_COMPONENT_INFORMATION:
+            return [
+                mavlink.MAVLink_component_information_message(
+                    self._time_ms(), self._metadata_crc, _METADATA_URI, 0, b""
+                )
+            ]
         return self._streams.build(number)
+
+    def _time_ms(self) -> int:
+        return self._vehicle.time_us // 1000 & 0xFFFFFFFF
 
     def interval(self, link: int, message_id: float) -> list[Any] | None:
         """MESSAGE_INTERVAL of a message on this link; None for an id that the field cannot hold."""
