@@ -206,7 +206,9 @@ class Signing:
         return Finding.SIGNED
 
     def _accept(self, stream: Stream, stamp: int) -> None:
-        if stamp > self._now() + FRESH:
+        # A clock that is not set has only the reserve of the last run, up to a minute behind and still accepting.
+        tolerance = 0 if self._awaits_first and not self._is_set() else FRESH
+        if stamp > self._now() + tolerance:
             self._anchor = (stamp, self._monotonic())
         self._awaits_first = False
         self._streams[stream] = stamp

@@ -315,6 +315,21 @@ def test_a_stream_cannot_step_ahead() -> None:
     assert clocks.examine(B, 3600.0) is Finding.AHEAD
 
 
+def test_the_first_frame_after_a_restart_sets_a_clock_that_is_not_set() -> None:
+    """GIVEN a restart a minute after the last stored time stamp THEN the station stays accepted."""
+    clocks = Clocks(UNSET)
+    assert clocks.examine(A, 0.0) is Finding.SIGNED
+    clocks.vehicle.sign(b"frame", 0)
+    clocks.time += 60.0
+    stamps = clocks.vehicle._stamps()
+    clocks.vehicle = Signing(lambda: UNSET, KEY, stamps, None, lambda: clocks.time)
+    assert clocks.examine(A, 0.0) is Finding.SIGNED
+    for _ in range(10):
+        clocks.time += 1.71875
+        assert clocks.examine(B, 0.0) is Finding.SIGNED
+        assert clocks.examine(A, 0.0) is Finding.SIGNED
+
+
 @given(st.data())
 def test_a_station_with_the_right_clock_is_always_accepted(data: st.DataObject) -> None:
     """Over jumps of the clock, wrong stations and restarts; what is sent stays acceptable to that station."""
