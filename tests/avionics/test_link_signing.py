@@ -316,18 +316,18 @@ def test_a_stream_cannot_step_ahead() -> None:
 
 
 def test_the_first_frame_after_a_restart_sets_a_clock_that_is_not_set() -> None:
-    """GIVEN a restart a minute after the last stored time stamp THEN the station stays accepted."""
+    """GIVEN a restart a minute, to the tick, after the last stored time stamp THEN the station stays accepted."""
     clocks = Clocks(UNSET)
     assert clocks.examine(A, 0.0) is Finding.SIGNED
-    clocks.vehicle.sign(b"frame", 0)
-    clocks.time += 60.0
-    stamps = clocks.vehicle._stamps()
-    clocks.vehicle = Signing(lambda: UNSET, KEY, stamps, None, lambda: clocks.time)
-    assert clocks.examine(A, 0.0) is Finding.SIGNED
-    for _ in range(10):
-        clocks.time += 1.71875
-        assert clocks.examine(B, 0.0) is Finding.SIGNED
+    for elapsed, restart in ((1.28125, True), (1.796875, False), (60.0, True), (1.71875, False)):
+        clocks.time += elapsed
+        if restart:
+            stamps = clocks.vehicle._stamps()
+            clocks.vehicle = Signing(
+                lambda: NOW + clocks.time + clocks.vehicle_error, KEY, stamps, None, lambda: clocks.time
+            )
         assert clocks.examine(A, 0.0) is Finding.SIGNED
+        clocks.vehicle.sign(b"frame", 0)
 
 
 @given(st.data())
