@@ -301,7 +301,9 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--waits-for-arming"]  # arming may be denied, and a ground station or a pilot may disarm
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *own[0], *in_world])
-    links = ["--identity", chosen.identity, *(word for url in chosen.gcs for word in ("--gcs", url))]
+    # Without a station the items are counted as the flight computer's events count them.
+    identity = chosen.identity if chosen.gcs else "generic"
+    links = ["--identity", identity, *(word for url in chosen.gcs for word in ("--gcs", url))]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
     flight += ["--start"] if chosen.sticks is None else []

@@ -313,9 +313,11 @@ def _wing(state: VehicleState, message: Any) -> VehicleState:
 
 def _navigation(state: VehicleState, message: Any) -> VehicleState:
     known = message.stage in Stage._value2member_map_
+    # As MISSION_CURRENT counts: item 0 is home for ArduPilot.
+    first = 1 if state.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA else 0
     return state._replace(
         stage=Stage(message.stage) if known else None,
-        item=message.item,
+        item=message.item + first,
         distance=message.distance,
         altitude_setpoint=message.altitude_setpoint,
         heading_setpoint=message.heading_setpoint,

@@ -185,3 +185,13 @@ def test_modes_of_other_autopilots(autopilot: int, vehicle_type: int, custom_mod
     state = heard(mavlink.MAVLink_heartbeat_message(vehicle_type, autopilot, 81, custom_mode, 4, 3))
     assert modes.mode_name(state) == name
     assert modes.uses_main_and_sub(state) is (autopilot != 3)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "first"), [(mavlink.MAV_AUTOPILOT_GENERIC, 0), (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 1)]
+)
+def test_the_item_is_counted_as_mission_current_counts(autopilot: int, first: int) -> None:
+    navigation = mavlink.MAVLink_wingbeat_navigation_message(1000, 50.0, 1.0, 30.0, 0.5, 4, 3, 0)
+    navigation._header = mavlink.MAVLink_header(navigation.id, 0, 0, 0, 1, 1)
+    state = VehicleState()._replace(autopilot=autopilot, system=1)
+    assert receive(state, navigation, 1.0).item == 4 + first

@@ -8,14 +8,14 @@ from avionics.guidance.mission import ItemKind, MissionItem
 from sim_bridge.flight.world import Scenario
 
 SKIPPED = MissionItem(ItemKind.SKIP, skipped=(2.0, 178.0, 0.0, 8.0, -1.0, 0.0, 0.0, 0.0, 0.0))
-TAKEOFF = MissionItem(ItemKind.TAKEOFF, altitude=15.0)
-PATH = (MissionItem(ItemKind.WAYPOINT, 60.0, 0.0, 15.0), MissionItem(ItemKind.WAYPOINT, 60.0, 60.0, 15.0))
+TAKEOFF = MissionItem(ItemKind.TAKEOFF, altitude=12.0)
+PATH = (MissionItem(ItemKind.WAYPOINT, 45.0, 0.0, 12.0), MissionItem(ItemKind.WAYPOINT, 45.0, 45.0, 12.0))
 JUMP = MissionItem(ItemKind.JUMP, jump_to=1, repeats=1)
 
 
 def test_items_that_are_passed_over_do_not_change_the_path() -> None:
     """GIVEN a mission with and without such items, one of them the aim of a jump THEN both paths are the same."""
-    scenario = Scenario(seed=4, duration=55.0)
+    scenario = Scenario(seed=4, duration=42.0)
     plain = flown(RAVEN, scenario, (TAKEOFF, *PATH, JUMP))
     crowded = flown(RAVEN, scenario, (TAKEOFF, SKIPPED, PATH[0], SKIPPED, SKIPPED, PATH[1], JUMP, SKIPPED))
     assert len(plain.truth["north"]) == len(crowded.truth["north"])
