@@ -11,6 +11,7 @@ from flown_vehicle import HURRY, PROFILES, Profile, aircraft, assert_same, matri
 from ground_links import TRANSPORTS
 from mavproxy_console import Console, console, read_plan, write_plan
 
+from avionics.link.dialect import mavlink
 from avionics.messages import Mode
 from sim_bridge.environment.home import COLLEGE_PARK
 
@@ -85,7 +86,9 @@ def arm_and_disarm(mavproxy: Console) -> None:
 def take_off(mavproxy: Console, profile: Profile) -> None:
     mavproxy.say("arm throttle")
     mavproxy.see(r"\bARMED")
-    mavproxy.say("takeoff 12")
+    # PX4 counts this altitude from the sea, and MAVProxy sends it as it is typed.
+    sea = COLLEGE_PARK.altitude if profile.heartbeat[1] == mavlink.MAV_AUTOPILOT_PX4 else 0.0
+    mavproxy.say(f"takeoff {12.0 + sea:g}")
     mavproxy.see(f"{profile.names[Mode.AUTO]}> ")
     mavproxy.see("launched")
 
