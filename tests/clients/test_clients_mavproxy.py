@@ -11,13 +11,14 @@ from flown_vehicle import HURRY, PROFILES, Profile, aircraft, assert_same, matri
 from ground_links import TRANSPORTS
 from mavproxy_console import Console, console, read_plan, write_plan
 
-from avionics.link.dialect import mavlink
 from avionics.messages import Mode
 from sim_bridge.environment.home import COLLEGE_PARK
 
 
 @pytest.mark.parametrize(("transport", "identity"), matrix(always=("tcp", "ardupilot")))
 def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: str, tmp_path: Path) -> None:
+    if identity == "px4":
+        pytest.skip("MAVProxy 1.8.75 cannot set PX4's modes: its mode command raises an error of its own")
     profile = PROFILES[identity]
     with (
         TRANSPORTS[transport]() as link,
@@ -86,9 +87,7 @@ def arm_and_disarm(mavproxy: Console) -> None:
 def take_off(mavproxy: Console, profile: Profile) -> None:
     mavproxy.say("arm throttle")
     mavproxy.see(r"\bARMED")
-    # PX4 counts this altitude from the sea, and MAVProxy sends it as it is typed.
-    sea = COLLEGE_PARK.altitude if profile.heartbeat[1] == mavlink.MAV_AUTOPILOT_PX4 else 0.0
-    mavproxy.say(f"takeoff {12.0 + sea:g}")
+    mavproxy.say("takeoff 12")
     mavproxy.see(f"{profile.names[Mode.AUTO]}> ")
     mavproxy.see("launched")
 
