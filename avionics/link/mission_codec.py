@@ -136,13 +136,13 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     if kind is ItemKind.RETURN:
         return MissionItem(kind)
     placed = kind in _PLACED or (kind is ItemKind.TAKEOFF and _names_a_place(item))
-    north, east = _own_place(item, home) if placed else (0.0, 0.0)
+    north, east = _item_place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
     held = kind is ItemKind.HOLD or (kind is ItemKind.WAYPOINT and item.params[0] > 0.0)
     duration = item.params[0] if held else 0.0
     if not math.isfinite(duration) or duration < 0.0:
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a HOLD needs a duration in s")
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a hold time must be a number of seconds from 0")
     return MissionItem(kind, north, east, altitude, _heading(heading), duration)
 
 
@@ -182,7 +182,7 @@ def _decode_circle(item: WireItem, home: Home | None) -> MissionItem:
     turning = item.command == ItemKind.CIRCLE
     return MissionItem(
         kind,
-        *_own_place(item, home),
+        *_item_place(item, home),
         _altitude(item, home),
         duration=0.0 if turning else amount,
         radius=radius if math.isfinite(radius) else 0.0,
@@ -199,7 +199,7 @@ def _decode_jump(item: WireItem) -> MissionItem:
     return MissionItem(ItemKind.JUMP, jump_to=int(target), repeats=int(repeats))
 
 
-def _own_place(item: WireItem, home: Home | None) -> tuple[float, float]:
+def _item_place(item: WireItem, home: Home | None) -> tuple[float, float]:
     """North and east of home (m) of a mission item; 0, 0 on the globe, "here" to some ground stations, is none."""
     if item.frame in _GLOBAL + _RELATIVE and (item.x, item.y) == (0.0, 0.0):
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "an item has no place")

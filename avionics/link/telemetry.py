@@ -12,7 +12,7 @@ from avionics import messages as m
 from avionics import topics as t
 from avionics.link.codec import FULL_DEFLECTION
 from avionics.link.dialect import mavlink
-from avionics.link.vehicle import VehicleView
+from avionics.link.vehicle import Home, VehicleView
 
 _UNKNOWN_U16 = 0xFFFF
 CHANNELS_SENT = 18
@@ -31,7 +31,8 @@ def clamped(value: float, low: int, high: int) -> int:
     return min(max(round(value), low), high) if math.isfinite(value) else low
 
 
-def _i16(value: float) -> int:
+def int16(value: float) -> int:
+    """``value`` as the nearest 16-bit integer."""
     return clamped(value, -32768, 32767)
 
 
@@ -39,13 +40,14 @@ def _u16(value: float) -> int:
     return clamped(value, 0, _UNKNOWN_U16 - 1)
 
 
-def _i32(value: float) -> int:
+def int32(value: float) -> int:
+    """``value`` as the nearest 32-bit integer."""
     return clamped(value, -(2**31), 2**31 - 1)
 
 
 def degrees_e7(angle: float) -> int:
     """A latitude or longitude in rad as degE7."""
-    return _i32(math.degrees(angle) * 1e7)
+    return int32(math.degrees(angle) * 1e7)
 
 
 def heading_cdeg(yaw: float) -> int:
@@ -112,11 +114,11 @@ def global_position(vehicle: VehicleView) -> Any:
         boot_ms(place.time_us),
         degrees_e7(place.latitude),
         degrees_e7(place.longitude),
-        _i32((_mean_sea_level(vehicle) + height.altitude) * 1e3),
-        _i32(height.altitude * 1e3),
-        _i16(place.v_north * 100.0),
-        _i16(place.v_east * 100.0),
-        _i16(-height.climb_rate * 100.0),
+        int32((_mean_sea_level(vehicle) + height.altitude) * 1e3),
+        int32(height.altitude * 1e3),
+        int16(place.v_north * 100.0),
+        int16(place.v_east * 100.0),
+        int16(-height.climb_rate * 100.0),
         heading_cdeg(turn.yaw) if turn is not None else _UNKNOWN_U16,
     )
 
@@ -148,7 +150,7 @@ def gps_raw(vehicle: VehicleView) -> Any:
         fix.fix_type,
         degrees_e7(fix.latitude),
         degrees_e7(fix.longitude),
-        _i32(fix.altitude * 1e3),
+        int32(fix.altitude * 1e3),
         _UNKNOWN_U16,
         _UNKNOWN_U16,
         _u16(speed * 100.0),
@@ -170,9 +172,9 @@ def battery(vehicle: VehicleView) -> Any:
         mavlink.MAV_BATTERY_TYPE_LIPO,
         32767,
         [_u16(power.voltage * 1e3)] + [_UNKNOWN_U16] * 9,
-        _i16(power.current * 100.0),
-        _i32(power.charge / _COULOMB_PER_MAH),
-        _i32(power.energy / _JOULE_PER_HJ),
+        int16(power.current * 100.0),
+        int32(power.charge / _COULOMB_PER_MAH),
+        int32(power.energy / _JOULE_PER_HJ),
         clamped(power.battery_remaining * 100.0, 0, 100),
     )
 
@@ -234,7 +236,7 @@ def sys_status(vehicle: VehicleView) -> Any:
         present & ~sick | fence | check,
         0,
         _u16(power.voltage * 1e3) if power is not None else _UNKNOWN_U16,
-        _i16(power.current * 100.0) if power is not None else -1,
+        int16(power.current * 100.0) if power is not None else -1,
         clamped(power.battery_remaining * 100.0, 0, 100) if power is not None else -1,
         0,
         0,
@@ -268,15 +270,18 @@ def extended_sys_state(vehicle: VehicleView) -> Any:
     return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state(vehicle))
 
 
+def home_place(home: Home) -> tuple[int, int, int]:
+    """Latitude and longitude in degE7, altitude above mean sea level in mm."""
+    return degrees_e7(home.latitude), degrees_e7(home.longitude), int32(home.altitude * 1e3)
+
+
 def home_position(vehicle: VehicleView) -> Any:
     """HOME_POSITION: degE7 and mm; None before the first fix."""
     home = vehicle.home
     if home is None:
         return None
     return mavlink.MAVLink_home_position_message(
-        degrees_e7(home.latitude),
-        degrees_e7(home.longitude),
-        _i32(home.altitude * 1e3),
+        *home_place(home),
         0.0,
         0.0,
         0.0,

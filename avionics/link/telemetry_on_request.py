@@ -13,16 +13,12 @@ from avionics import topics as t
 from avionics.constants import STANDARD_GRAVITY
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import to_degrees
-from avionics.link.telemetry import boot_ms, clamped, degrees_e7
+from avionics.link.telemetry import boot_ms, home_place, int16
 from avionics.link.vehicle import VehicleView
 
 INNOVATION_GATE = 5.0
 """standard deviations; PX4's and ArduPilot's gate, by which their test ratios are normalized"""
 _UNKNOWN_TILT = math.pi
-
-
-def _i16(value: float) -> int:
-    return clamped(value, -32768, 32767)
 
 
 def scaled_imu(vehicle: VehicleView) -> Any:
@@ -39,7 +35,7 @@ def raw_imu(vehicle: VehicleView) -> Any:
 
 def _milli(imu: m.ImuSample) -> tuple[int, ...]:
     force, rate, field = imu[1:4], imu[4:7], imu[7:10]
-    return tuple(_i16(1e3 * value) for value in (*(each / STANDARD_GRAVITY for each in force), *rate, *field))
+    return tuple(int16(1e3 * value) for value in (*(each / STANDARD_GRAVITY for each in force), *rate, *field))
 
 
 def highres_imu(vehicle: VehicleView) -> Any:
@@ -64,7 +60,7 @@ def scaled_pressure(vehicle: VehicleView) -> Any:
         boot_ms(air.time_us),
         air.static_pressure / 100.0,
         air.dynamic_pressure / 100.0,
-        _i16((air.temperature - 273.15) * 100.0),
+        int16((air.temperature - 273.15) * 100.0),
     )
 
 
@@ -83,8 +79,7 @@ def gps_global_origin(vehicle: VehicleView) -> Any:
     home = vehicle.home
     if home is None:
         return None
-    place = (degrees_e7(home.latitude), degrees_e7(home.longitude), clamped(home.altitude * 1e3, -(2**31), 2**31 - 1))
-    return mavlink.MAVLink_gps_global_origin_message(*place, vehicle.time_us)
+    return mavlink.MAVLink_gps_global_origin_message(*home_place(home), vehicle.time_us)
 
 
 def _estimator_flags(vehicle: VehicleView) -> int:

@@ -101,6 +101,8 @@ def check_mission(mission: Mission) -> str:
         refusal = check_item(item) or (check_excitation(item.excitation) if item.kind == ItemKind.EXCITE else "")
         if refusal:
             return f"item {number}: {item.kind.name}: {refusal}"
+    if mission and all(item.kind == ItemKind.SKIP for item in mission):
+        return "no item is flown, all are passed over"
     return check_jumps(mission)
 
 

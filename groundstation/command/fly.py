@@ -298,7 +298,6 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
-    world += ["--waits-for-arming"]  # arming may be denied, and a ground station or a pilot may disarm
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *own[0], *in_world])
     # Without a station the items are counted as the flight computer's events count them.

@@ -70,7 +70,6 @@ def build_parser() -> options.Parser:
     foreign.add_foreign(parser)
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
-    parser.add_argument("--waits-for-arming", action="store_true", help=argparse.SUPPRESS)
     options.add_core(parser)
     return parser
 
@@ -89,9 +88,7 @@ def run(arguments: Sequence[str]) -> int:
         for line in options.name_warnings(vehicle):
             print(line, file=sys.stderr)
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
-    scenario = _scenario(chosen)._replace(
-        waits_for_arming=alone or chosen.waits_for_arming, pilot=None if sticks is None else sticks.pilot()
-    )
+    scenario = _scenario(chosen)._replace(waits_for_arming=True, pilot=None if sticks is None else sticks.pilot())
     theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
     if theirs is not None:
         serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))

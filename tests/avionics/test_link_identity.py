@@ -1,4 +1,4 @@
-"""Who the vehicle says that it is: both profiles before a stock client."""
+"""The identities of the vehicle before a stock client."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from pymavlink.dialects.v10 import ardupilotmega as version_1
 
 from avionics import messages as m
 from avionics import topics
-from avionics.guidance.mission import ItemKind
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.channel import VERSION_MEMORY
 from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2
@@ -24,6 +24,7 @@ from avionics.link.ground import Files, GroundLink
 from avionics.link.signing import Signing
 from avionics.link.stream_table import STREAMS
 from avionics.messages import Failsafe
+from avionics.missions import check_mission
 
 ROLL_RATE, VELOCITY = 0.25, (6.0, 2.0, -0.5)
 
@@ -395,6 +396,12 @@ def test_a_survey_is_accepted_with_what_is_passed_over_in_one_text() -> None:
         sent = SURVEY[number]
         assert (item.seq, item.frame, item.command, item.x, item.y, item.z) == (number, *sent[:2], *sent[3:])
         assert (item.param1, item.param2, item.param3, item.param4) == sent[2]
+
+
+def test_a_mission_of_items_that_are_passed_over_alone_is_not_flown() -> None:
+    skipped = MissionItem(ItemKind.SKIP, skipped=(2.0, 206.0, 25.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
+    assert check_mission((skipped, skipped)) == "no item is flown, all are passed over"
+    assert check_mission((MissionItem(ItemKind.TAKEOFF, altitude=20.0), skipped)) == ""
 
 
 @pytest.mark.parametrize(
