@@ -81,10 +81,12 @@ def children_of(parent: int) -> list[int]:
 
 
 def is_running(process: int) -> bool:
+    """Whether any thread of it is left: its files stay locked until the last one has ended."""
     try:
-        return (Path("/proc") / str(process) / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        threads = [each.read_text() for each in Path(f"/proc/{process}/task").glob("*/stat")]
     except OSError:
-        return False
+        return True  # a thread has just ended: look again
+    return any(text.rpartition(")")[2].split()[0] not in "ZX" for text in threads)
 
 
 class Recorded(NamedTuple):
