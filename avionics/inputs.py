@@ -33,7 +33,7 @@ from avionics.messages import (
 )
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
-from avionics.missions.limits import check_fence, check_item, check_rally
+from avionics.missions.limits import check_climb, check_fence, check_item, check_rally
 from avionics.quantities import counted, parse_json
 from avionics.sensing.pilot import Act
 from avionics.situation import conditions, position_usable, surroundings, unready
@@ -227,6 +227,8 @@ def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> Non
 def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
     mission: Mission = command.payload
     refusal = check_mission(mission)
+    if mission and s.modes.stage not in modes.AIRBORNE:
+        refusal = refusal or check_climb(mission)
     if refusal:
         raise Refused("mission", f"mission refused: {refusal}")
     s.mission = mission

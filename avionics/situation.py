@@ -60,6 +60,8 @@ def destination(s: AutopilotState) -> tuple[float, float] | None:
         return navigated.goal_north, navigated.goal_east
     if s.modes.mode == Mode.AUTO and navigated.item < len(s.mission):
         item = s.mission[navigated.item]
+        if item.here:
+            return navigated.from_north, navigated.from_east
         return (item.north, item.east) if item.kind in PLACED else None
     return (navigated.centre_north, navigated.centre_east) if navigated.radius else None
 

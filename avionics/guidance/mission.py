@@ -112,6 +112,8 @@ class MissionItem(NamedTuple):
     """-; how often it is jumped, -1 for ever (JUMP)"""
     skipped: tuple[float, ...] = ()
     """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as they were sent (SKIP)"""
+    here: int = 0
+    """-; 1 where the place is that of the aircraft when the item begins (WAYPOINT, LOITER, CIRCLE, LAND)"""
 
 
 Mission = tuple[MissionItem, ...]

@@ -158,6 +158,8 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
     if not state.begun or seen.stage == Stage.WAIT_LAUNCH:
         state = _begin_keeping_setpoints(gains, state, mission, seen)
     item = mission[state.item]
+    if item.here:
+        item = item._replace(north=state.from_north, east=state.from_east)
     state, target, done = ITEMS[item.kind](gains, state, dt, item, seen)
     if item.kind in CHOOSING:
         target = below_ceiling(target, seen)
@@ -204,7 +206,8 @@ def _with_corner(state: State, mission: Mission) -> State:
     """Look ahead to the leg after this one, if there is one."""
     item = mission[state.item]
     following = next((each for each in mission[state.item + 1 :] if each.kind != ItemKind.SKIP), None)
-    if item.kind != ItemKind.WAYPOINT or following is None or following.kind != ItemKind.WAYPOINT:
+    legs = following is not None and item.kind == following.kind == ItemKind.WAYPOINT
+    if following is None or not legs or item.here or following.here:
         return state._replace(corner=0.0)
     place = (item.north, item.east)
     onward = leg(place, (following.north, following.east), place).course

@@ -11,7 +11,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation, encode_excitation
 from avionics.link.vehicle import Home
-from avionics.link.wire_item import ItemRefused, WireItem
+from avionics.link.wire_item import HomeUnknown, ItemRefused, WireItem
 
 EARTH_RADIUS = 6_378_137.0
 """m; WGS-84 semi-major axis. Missions stay within a few km of home, where a plane is good to centimetres."""
@@ -33,24 +33,36 @@ SKIPPED = frozenset(
         mavlink.MAV_CMD_CONDITION_DELAY,
         mavlink.MAV_CMD_CONDITION_DISTANCE,
         mavlink.MAV_CMD_CONDITION_YAW,
+        mavlink.MAV_CMD_DO_SET_RELAY,
+        mavlink.MAV_CMD_DO_REPEAT_RELAY,
+        mavlink.MAV_CMD_DO_SET_SERVO,
+        mavlink.MAV_CMD_DO_REPEAT_SERVO,
+        mavlink.MAV_CMD_DO_GRIPPER,
+        mavlink.MAV_CMD_DO_AUX_FUNCTION,
         mavlink.MAV_CMD_DO_CHANGE_SPEED,
         mavlink.MAV_CMD_DO_LAND_START,
         mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         mavlink.MAV_CMD_DO_SET_ROI_WPNEXT_OFFSET,
         mavlink.MAV_CMD_DO_SET_ROI_NONE,
         mavlink.MAV_CMD_DO_SET_ROI,
+        mavlink.MAV_CMD_DO_SET_ROI_SYSID,
+        mavlink.MAV_CMD_NAV_ROI,
         mavlink.MAV_CMD_DO_CONTROL_VIDEO,
         mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
         mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
         mavlink.MAV_CMD_DO_MOUNT_CONFIGURE,
         mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        mavlink.MAV_CMD_DO_MOUNT_CONTROL_QUAT,
         mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
         mavlink.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE,
         mavlink.MAV_CMD_DO_TRIGGER_CONTROL,
         mavlink.MAV_CMD_SET_CAMERA_MODE,
         mavlink.MAV_CMD_SET_CAMERA_ZOOM,
         mavlink.MAV_CMD_SET_CAMERA_FOCUS,
+        mavlink.MAV_CMD_SET_CAMERA_SOURCE,
+        mavlink.MAV_CMD_SET_STORAGE_USAGE,
         mavlink.MAV_CMD_IMAGE_START_CAPTURE,
         mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
         mavlink.MAV_CMD_VIDEO_START_CAPTURE,
@@ -58,6 +70,8 @@ SKIPPED = frozenset(
     )
 )
 """MAV_CMDs that are accepted in a mission, kept in their place and passed over in flight"""
+GLOBES = _GLOBAL + _RELATIVE
+"""MAV_FRAMEs whose x and y are latitude and longitude"""
 _LOCAL = (mavlink.MAV_FRAME_LOCAL_NED,)
 _CIRCLES = {
     mavlink.MAV_CMD_NAV_LOITER_TURNS: ItemKind.CIRCLE,
@@ -72,6 +86,8 @@ _KEEP_OUT = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 _CIRCLE_IN = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
 _CIRCLE_OUT = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
 _RALLY_POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
+_NO_INTEGER = 2**31 - 1
+"""what MISSION_ITEM_INT sends for NaN in x and y"""
 _LOCAL_SCALE = 1e4
 """local coordinates in MISSION_ITEM_INT are metres times this"""
 LOCAL_FRAMES = frozenset((1, 4, 7, 8, 9, 12, 20, 21))
@@ -104,9 +120,9 @@ def read_message(message: Any) -> WireItem:
     params = (message.param1, message.param2, message.param3, message.param4)
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM_INT":
-        scale = 1e7 if message.frame in _GLOBAL + _RELATIVE else 1.0
+        scale = 1e7 if message.frame in GLOBES else 1.0
         scale = _LOCAL_SCALE if message.frame in _LOCAL else scale
-        x, y = x / scale, y / scale
+        x, y = (math.nan if value == _NO_INTEGER else value / scale for value in (x, y))
     return WireItem(message.frame, message.command, params, x, y, message.z)
 
 
@@ -118,10 +134,7 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
             place on the globe before home is known.
     """
     if item.command in SKIPPED:
-        numbers = (item.frame, item.command, *item.params, item.x, item.y, item.z)
-        return MissionItem(
-            ItemKind.SKIP, skipped=tuple(float(value) if math.isfinite(value) else 0.0 for value in numbers)
-        )
+        return skipped_item(item)
     if item.command in EXCITE_COMMANDS:
         return MissionItem(ItemKind.EXCITE, excitation=decode_excitation(item))
     if item.command in _CIRCLES:
@@ -135,15 +148,24 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
         return _decode_jump(item)
     if kind is ItemKind.RETURN:
         return MissionItem(kind)
-    placed = kind in _PLACED or (kind is ItemKind.TAKEOFF and _names_a_place(item))
-    north, east = _item_place(item, home) if placed else (0.0, 0.0)
+    here = kind in _PLACED and _is_here(item)
+    placed = (kind in _PLACED and not here) or (kind is ItemKind.TAKEOFF and _names_a_place(item))
+    north, east = _place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
     held = kind is ItemKind.HOLD or (kind is ItemKind.WAYPOINT and item.params[0] > 0.0)
     duration = item.params[0] if held else 0.0
     if not math.isfinite(duration) or duration < 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "a hold time must be a number of seconds from 0")
-    return MissionItem(kind, north, east, altitude, _heading(heading), duration)
+    return MissionItem(kind, north, east, altitude, _heading(heading), duration, here=int(here))
+
+
+def skipped_item(item: WireItem) -> MissionItem:
+    """The item in its place, passed over in flight."""
+    numbers = (item.frame, item.command, *item.params, item.x, item.y, item.z)
+    return MissionItem(
+        ItemKind.SKIP, skipped=tuple(float(value) if math.isfinite(value) else 0.0 for value in numbers)
+    )
 
 
 def notes(items: Sequence[WireItem]) -> tuple[str, ...]:
@@ -160,6 +182,37 @@ def _names_a_place(item: WireItem) -> bool:
     if item.frame == mavlink.MAV_FRAME_MISSION or not (math.isfinite(item.x) and math.isfinite(item.y)):
         return False
     return (item.x, item.y) != (0.0, 0.0)
+
+
+def _is_here(item: WireItem) -> bool:
+    """Whether the place is that of the aircraft when the item begins: 0, 0 (ArduPilot) or NaN (PX4) on the globe."""
+    return item.frame in GLOBES and not _names_a_place(item)
+
+
+def with_altitude(item: WireItem, earlier: Sequence[WireItem]) -> WireItem:
+    """The item, with the altitude of the last one before it where its own is NaN (null in a plan)."""
+    if math.isfinite(item.z) or item.frame not in GLOBES:
+        return item
+    last = next((each for each in reversed(earlier) if each.frame in GLOBES and each.z), None)
+    return item if last is None else item._replace(frame=last.frame, z=last.z)
+
+
+def is_home(item: WireItem, home: Home | None) -> bool:
+    """Whether the first item of an upload is home, which ArduPilot's clients send first, and not a waypoint.
+
+    It is a waypoint with its altitude above the sea, either without a place or on the ground beside home.
+    """
+    if (item.frame, item.command) not in [(frame, mavlink.MAV_CMD_NAV_WAYPOINT) for frame in _GLOBAL]:
+        return False
+    if _is_here(item):
+        return item.z == 0.0
+    return math.hypot(*_place(item, home)) < _HOME_REACH and abs(_altitude(item, home)) < _HOME_HEIGHT
+
+
+_HOME_REACH = 100.0
+"""m; from home, within which a first item on the ground is taken for home"""
+_HOME_HEIGHT = 5.0
+"""m; above or below home, within which it is on the ground"""
 
 
 def command_name(command: int) -> str:
@@ -180,13 +233,15 @@ def _decode_circle(item: WireItem, home: Home | None) -> MissionItem:
         )
     radius = item.params[1 if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 2]
     turning = item.command == ItemKind.CIRCLE
+    here = _is_here(item)
     return MissionItem(
         kind,
-        *_item_place(item, home),
+        *((0.0, 0.0) if here else _place(item, home)),
         _altitude(item, home),
         duration=0.0 if turning else amount,
         radius=radius if math.isfinite(radius) else 0.0,
         turns=amount if turning else 0.0,
+        here=int(here),
     )
 
 
@@ -199,13 +254,6 @@ def _decode_jump(item: WireItem) -> MissionItem:
     return MissionItem(ItemKind.JUMP, jump_to=int(target), repeats=int(repeats))
 
 
-def _item_place(item: WireItem, home: Home | None) -> tuple[float, float]:
-    """North and east of home (m) of a mission item; 0, 0 on the globe, "here" to some ground stations, is none."""
-    if item.frame in _GLOBAL + _RELATIVE and (item.x, item.y) == (0.0, 0.0):
-        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "an item has no place")
-    return _place(item, home)
-
-
 def _heading(degrees: float) -> float:
     # NaN means "as you come": the field's zero.
     return math.remainder(math.radians(degrees), math.tau) if math.isfinite(degrees) else 0.0
@@ -216,10 +264,10 @@ def _place(item: WireItem, home: Home | None) -> tuple[float, float]:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "an item has no place")
     if item.frame in _LOCAL:
         return item.x, item.y
-    if item.frame not in _GLOBAL + _RELATIVE:
+    if item.frame not in GLOBES:
         raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED_FRAME, f"frame {item.frame} is not supported")
     if home is None:
-        raise ItemRefused(mavlink.MAV_MISSION_DENIED, "home is not known yet: wait for the GPS")
+        raise HomeUnknown
     if abs(item.x) > 90.0 or abs(item.y) > 180.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "an item's place is not on the globe")
     north, east = to_metres(home, item.x, item.y)
@@ -238,7 +286,7 @@ def _altitude(item: WireItem, home: Home | None) -> float:
     if item.frame not in _GLOBAL:
         raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED_FRAME, f"frame {item.frame} is not supported")
     if home is None:
-        raise ItemRefused(mavlink.MAV_MISSION_DENIED, "home is not known yet: wait for the GPS")
+        raise HomeUnknown
     return item.z - home.altitude
 
 
@@ -281,20 +329,28 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
         return WireItem(frame, item.kind, (item.duration, heading, 0.0, 0.0), 0.0, 0.0, item.altitude)
     hold_time = item.duration if item.kind is ItemKind.WAYPOINT else 0.0
     params = (hold_time, 0.0, 0.0, heading if item.kind is ItemKind.LAND else nan)
-    if item.kind is ItemKind.TAKEOFF and (item.north, item.east) == (0.0, 0.0):
+    if item.here or (item.kind is ItemKind.TAKEOFF and (item.north, item.east) == (0.0, 0.0)):
         return WireItem(frame, item.kind, params, 0.0, 0.0, item.altitude)
     return _placed(item.kind, params, (item.north, item.east, item.altitude), home)
 
 
 def _encode_circle(item: MissionItem, home: Home | None) -> WireItem:
-    place = (item.north, item.east, item.altitude)
+    command, params = _circle_command(item)
+    if item.here:
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        return WireItem(frame, command, params, 0.0, 0.0, item.altitude)
+    return _placed(command, params, (item.north, item.east, item.altitude), home)
+
+
+def _circle_command(item: MissionItem) -> tuple[int, tuple[float, float, float, float]]:
+    """MAV_CMD and parameters 1 to 4 of a circle."""
     if item.kind is ItemKind.LOITER:
-        return _placed(item.kind, (0.0, 0.0, item.radius, math.nan), place, home)
+        return item.kind, (0.0, 0.0, item.radius, math.nan)
     if item.turns > 0.0:
-        return _placed(item.kind, (item.turns, 0.0, item.radius, 1.0), place, home)
+        return item.kind, (item.turns, 0.0, item.radius, 1.0)
     if item.duration > 0.0:
-        return _placed(mavlink.MAV_CMD_NAV_LOITER_TIME, (item.duration, 0.0, item.radius, 1.0), place, home)
-    return _placed(mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (0.0, item.radius, 0.0, 1.0), place, home)
+        return mavlink.MAV_CMD_NAV_LOITER_TIME, (item.duration, 0.0, item.radius, 1.0)
+    return mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (0.0, item.radius, 0.0, 1.0)
 
 
 def _placed(
@@ -402,7 +458,7 @@ def write_message(item: WireItem, slot: Slot, to: Addressee, as_int: bool) -> An
     if not as_int:
         frame = 3 if item.frame in _RELATIVE else item.frame
         return mavlink.MAVLink_mission_item_message(*head, frame, *tail, item.x, item.y, item.z, mission_type)
-    scale = 1e7 if item.frame in _GLOBAL + _RELATIVE else 1.0
+    scale = 1e7 if item.frame in GLOBES else 1.0
     scale = _LOCAL_SCALE if item.frame in _LOCAL else scale
     x, y = round(item.x * scale), round(item.y * scale)
     return mavlink.MAVLink_mission_item_int_message(*head, item.frame, *tail, x, y, item.z, mission_type)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from avionics.link.dialect import mavlink
+
 
 class WireItem(NamedTuple):
     """A mission item as MAVLink writes it, of either MISSION_ITEM or MISSION_ITEM_INT."""
@@ -25,3 +27,10 @@ class ItemRefused(ValueError):
     def __init__(self, result: int, text: str) -> None:
         super().__init__(text)
         self.result = result
+
+
+class HomeUnknown(ItemRefused):
+    """A place on the globe or an altitude above the sea, and the vehicle has no home yet."""
+
+    def __init__(self) -> None:
+        super().__init__(mavlink.MAV_MISSION_DENIED, "home is not known yet: wait for the GPS")

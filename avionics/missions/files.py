@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from avionics.guidance.mission import FlightPlan, Mission
-from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import decode_fence, decode_item, decode_rally, notes
+from avionics.guidance.mission import FlightPlan, Mission, MissionItem
+from avionics.link.mission_codec import GLOBES, decode_fence, decode_item, decode_rally, notes, with_altitude
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.missions import plan_file, reader, waypoint_file
+from avionics.missions.limits import check_climb
 from avionics.quantities import BadInput
 
 LISTS = (".waypoints", ".txt", ".mission")
@@ -29,8 +29,8 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
     elif path.suffix in LISTS:
         plan = _from_list(path)
     else:
-        return reader.load_plan(name_or_path)
-    refusal = reader.check_plan(plan)
+        plan = reader.load_plan(name_or_path)
+    refusal = reader.check_plan(plan) or check_climb(plan.mission)
     if refusal:
         raise BadInput(f"{path}: {refusal}")
     return plan
@@ -73,17 +73,12 @@ def _from_list(path: Path) -> FlightPlan:
     return FlightPlan(mission, notes=notes(items))
 
 
-GLOBES = (
-    mavlink.MAV_FRAME_GLOBAL,
-    mavlink.MAV_FRAME_GLOBAL_INT,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-)
-
-
 def _mission(path: Path, items: Iterable[tuple[str, WireItem]], home: Home | None) -> Mission:
-    made = []
-    for where, item in items:
+    made: list[MissionItem] = []
+    earlier: list[WireItem] = []
+    for where, sent in items:
+        item = with_altitude(sent, earlier)
+        earlier.append(item)
         try:
             made.append(decode_item(item, home))
         except ItemRefused as refused:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from avionics.guidance.fence import contains
@@ -34,6 +35,8 @@ KEYS: dict[ItemKind, dict[str, Key]] = {
     ItemKind.LAND: {**PLACE, **HEADING},
 }
 """keys of each kind of item; a JUMP's are checked against the mission"""
+HAND_HEIGHT = 2.0
+"""m; above home, from which the aircraft is thrown"""
 SMALLEST_CIRCLE = 3.0
 """m; radius"""
 RALLY = {**PLACE, **ALTITUDE}
@@ -74,6 +77,14 @@ def check_item(item: MissionItem) -> str:
     if 0.0 < abs(item.radius) < SMALLEST_CIRCLE:
         return f"radius = {item.radius:g} is smaller than {SMALLEST_CIRCLE:g} m"
     return "turns and duration exclude each other" if item.turns > 0.0 and item.duration > 0.0 else ""
+
+
+def check_climb(mission: Mission) -> str:
+    """Why a mission cannot be flown from the hand: it never climbs; empty when it does."""
+    before_landing = itertools.takewhile(lambda item: item.kind != ItemKind.LAND, mission)
+    if any(item.kind == ItemKind.RETURN or item.altitude > HAND_HEIGHT for item in before_landing):
+        return ""
+    return f"no item climbs above {HAND_HEIGHT:g} m before a landing: begin with a takeoff"
 
 
 def check_jumps(mission: Mission) -> str:

@@ -384,7 +384,7 @@ def test_items_lost_on_the_way_are_asked_for_again_and_out_of_order_ones_dropped
         ((6, 82, 0.0, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_UNSUPPORTED"),
         ((6, 16, math.inf, 0.0, 481000000, 116000000, 40.0), "MAV_MISSION_INVALID_PARAM1"),
         ((6, 16, 0.0, 0.0, 481000000, 116000000, math.nan), "MAV_MISSION_INVALID_PARAM7"),
-        ((6, 16, 0.0, 0.0, 0, 0, 40.0), "MAV_MISSION_INVALID_PARAM5_X"),
+        ((6, 16, 0.0, 0.0, 910000000, 0, 40.0), "MAV_MISSION_INVALID_PARAM5_X"),
         ((9, 16, 0.0, 0.0, 1, 1, 40.0), "MAV_MISSION_UNSUPPORTED_FRAME"),
         ((2, 53000, 7.0, 0.0, 1, 0, 1.0), "MAV_MISSION_INVALID_PARAM1"),
         ((2, 53000, 0.0, 0.0, 0, 0, 1.0), "MAV_MISSION_INVALID_PARAM3"),

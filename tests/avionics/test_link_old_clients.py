@@ -406,7 +406,7 @@ def test_a_mission_of_items_that_are_passed_over_alone_is_not_flown() -> None:
 
 @pytest.mark.parametrize(
     ("number", "change", "reason"),
-    [(4, {3: 0, 4: 0}, "mission item 4: an item has no place"), (1, {1: 183}, "DO_SET_SERVO (183) is not flown")],
+    [(4, {3: 910000000}, "an item's place is not on the globe"), (1, {1: 208}, "DO_PARACHUTE (208) is not flown")],
 )
 def test_an_item_that_cannot_be_flown_is_refused_by_its_number(
     number: int, change: dict[int, Any], reason: str

@@ -156,7 +156,7 @@ ITEMS = ["mission", "items"]
         (changed([*ITEMS, 0, "params"], [1, 2]), "item 1: params must be a list of 7 numbers"),
         (changed([*ITEMS, 0, "params", 6], "high"), "item 1: params must be a number, not 'high'"),
         (changed([*ITEMS, 1, "command"], 84), "item 2: NAV_VTOL_TAKEOFF (84) is not flown"),
-        (changed([*ITEMS, 1, "command"], 183), "item 2: DO_SET_SERVO (183) is not flown"),
+        (changed([*ITEMS, 1, "command"], 208), "item 2: DO_PARACHUTE (208) is not flown"),
         (changed([*ITEMS, 1, "params", 6], 4000), "item 2: CIRCLE: altitude = 4000 is outside 1 to 1000 m"),
         (changed([*ITEMS, 2], {"type": "ComplexItem", "complexItemType": "vtolLandingPattern"}),
          "item 3: a vtolLandingPattern cannot be flown"),
@@ -292,9 +292,27 @@ def test_a_list_without_home_cannot_be_placed(tmp_path: Path) -> None:
         load_flight_plan(written(tmp_path, "\n".join([lines[0], *lines[2:]]), "field.waypoints"))
 
 
+@pytest.mark.parametrize(("altitude", "climbs"), [(40, True), (2, False)])
+def test_list_that_never_climbs_is_refused(altitude: int, climbs: bool, tmp_path: Path) -> None:
+    lines = [*LIST.splitlines()[:2], f"1 0 3 16 0 0 0 0 {NORTH_100} {EAST_50} {altitude} 1"]
+    lines.append(f"2 0 3 21 0 0 0 0 {NORTH_100} {EAST_50} 0 1")
+    path = written(tmp_path, "\n".join(lines), "low.waypoints")
+    if climbs:
+        assert load_flight_plan(path).mission[0].altitude == altitude
+        return
+    with pytest.raises(BadInput, match="no item climbs above 2 m before a landing"):
+        load_flight_plan(path)
+
+
+def test_places_on_the_globe_need_home_in_every_frame(tmp_path: Path) -> None:
+    lines = [line.replace("2\t0\t3\t", "2\t0\t10\t") for line in LIST.splitlines()]
+    with pytest.raises(BadInput, match="first line must be home"):
+        load_flight_plan(written(tmp_path, "\n".join([lines[0], *lines[2:]]), "terrain.waypoints"))
+
+
 def test_a_list_names_the_item_that_is_not_flown(tmp_path: Path) -> None:
-    text = LIST.replace("5 0 2 20", "5 0 2 183")
-    with pytest.raises(BadInput, match=r"item 5: DO_SET_SERVO \(183\) is not flown"):
+    text = LIST.replace("5 0 2 20", "5 0 2 208")
+    with pytest.raises(BadInput, match=r"item 5: DO_PARACHUTE \(208\) is not flown"):
         load_flight_plan(written(tmp_path, text, "field.waypoints"))
 
 

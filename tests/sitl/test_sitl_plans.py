@@ -105,6 +105,22 @@ FILES = {
 }
 
 
+def test_circle_without_a_place_is_flown_about_where_the_item_before_ended(tmp_path: Path) -> None:
+    path = tmp_path / "here.plan"
+    servo = {**item(183, 2, 5, 1500, 0, 0, 0, 0, 0), "frame": 2}
+    turns = item(18, 4, 1, 0, 25, 0, 0, 0, None)
+    path.write_text(plan(TAKEOFF, servo, item(16, 3, 0, 0, 0, None, *place(90.0, 0.0), 15), turns))
+    loaded = load_flight_plan(path)
+    assert loaded.notes == ("passed over in flight: DO_SET_SERVO (183)",)
+    assert [(each.here, each.altitude) for each in loaded.mission[2:]] == [(0, 15.0), (1, 15.0)]
+    flight = flown(RAVEN, Scenario(seed=1, duration=52.0), loaded.mission)
+    time, truth = flight.truth["time_us"] * 1e-6, flight.truth
+    begun, done = flight.event_time("item 2 done"), flight.event_time("item 3 done")
+    assert begun < done
+    circling = (time > 0.5 * (begun + done)) & (time < done)
+    assert np.hypot(truth["north"][circling] - 90.0, truth["east"][circling]) == pytest.approx(25.0, abs=6.0)
+
+
 @pytest.mark.validate
 @pytest.mark.parametrize("name", FILES)
 def test_the_command_flies_a_file_from_the_hand_to_the_ground(name: str, tmp_path: Path) -> None:

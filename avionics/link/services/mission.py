@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 from avionics import topics
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import Addressee, Slot, notes, read_message, write_message
-from avionics.link.services.plans import MOST_ITEMS, PlanPart, plan_parts
+from avionics.link.mission_codec import Addressee, Slot, notes, read_message, with_altitude, write_message
+from avionics.link.services.plans import MOST_ITEMS, PlanPart, assumed_home, plan_parts
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.setpoints import GUIDED_ALTITUDE, GUIDED_WAYPOINT
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import Home, LinkGains, VehicleView
-from avionics.link.wire_item import ItemRefused, WireItem
+from avionics.link.wire_item import HomeUnknown, ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
 from avionics.quantities import counted
 
@@ -49,6 +49,8 @@ class _Pending(NamedTuple):
     deadline: float
     notes: tuple[str, ...] = ()
     """for people, once it is on board"""
+    answered: bool = False
+    """its sender has got the MISSION_ACK"""
 
 
 class _Encoded(NamedTuple):
@@ -85,6 +87,8 @@ class MissionService:
         self._first = first_item
         self._parts = plan_parts(first_item)
         self._upload: _Upload | None = None
+        self._without_home: dict[int, _Upload] = {}
+        """by mission type: lists that were accepted and wait for home, from which their places count"""
         self._pending: list[_Pending] = []
         self._done: tuple[Sender, int, int] | None = None
         self._item = 0
@@ -147,9 +151,9 @@ class MissionService:
             return [_ack(sender, _ACCEPTED, message.mission_type)] if repeated else []
         if message.seq != len(upload.items) or message.mission_type != upload.part.mission_type:
             return []
-        item = read_message(message)
+        item = with_altitude(read_message(message), upload.items)
         try:
-            upload.part.probe(message.seq, item, self._vehicle.home)
+            upload.part.probe(message.seq, item, self._vehicle.home or assumed_home([*upload.items, item]))
         except ItemRefused as refused:
             return self._refuse(upload, refused, f"mission item {message.seq}: {refused}")
         upload.items.append(item)
@@ -166,14 +170,41 @@ class MissionService:
         part, items = upload.part, upload.items
         try:
             content = part.decode(items, self._vehicle.home)
+        except HomeUnknown:
+            return self._wait_for_home(upload)
         except ItemRefused as refused:
             return self._refuse(upload, refused, str(refused))
         lines = notes(items) if part.mission_type == _MISSION else ()
         deadline = self._deadline(now)
         return self._install(_Pending(upload.sender, part, content, len(items), part.mission_type, deadline, lines))
 
+    def _wait_for_home(self, upload: _Upload) -> list[Output]:
+        """Accept a list whose places cannot be decoded yet; it goes on board once home is known."""
+        mission_type, items = upload.part.mission_type, upload.items
+        try:
+            upload.part.decode(items, assumed_home(items))
+        except ItemRefused as refused:
+            return self._refuse(upload, refused, str(refused))
+        self._without_home[mission_type] = upload
+        self._done = (upload.sender, len(items) - 1, mission_type)
+        text = f"{counted(len(items), 'item')} accepted; they are checked once the GPS gives home"
+        return [_ack(upload.sender, _ACCEPTED, mission_type), *refusal_text(text, upload.sender)]
+
+    def _at_home(self, now: float) -> list[Output]:
+        """Put on board what waited for home; a reason why not goes to its sender, who was answered long ago."""
+        waiting, self._without_home = self._without_home, {}
+        outputs: list[Output] = []
+        for upload in waiting.values():
+            outputs += [each for each in self._complete(upload, now) if not _is_ack(each)]
+            self._pending = [
+                each._replace(answered=True) if each.sender == upload.sender and each.part == upload.part else each
+                for each in self._pending
+            ]
+        return outputs
+
     def _install(self, pending: _Pending) -> list[Output]:
         sender = pending.sender
+        self._without_home.pop(pending.part.mission_type, None)
         command = self._command(pending.part, pending.content, sender)
         reason = self._vehicle.refusal(command)
         if reason:
@@ -247,6 +278,8 @@ class MissionService:
         part = self._parts.get(mission_type)
         if part is None:
             return ()
+        if mission_type in self._without_home:
+            return tuple(self._without_home[mission_type].items)
         content, home = part.on_board(self._vehicle), self._vehicle.home
         known = self._encoded.get(mission_type)
         if known is None or known.content is not content or known.home != home:
@@ -258,6 +291,8 @@ class MissionService:
     def step(self, now: float) -> list[Output]:
         """Confirm what the flight core has taken, ask again for what did not come, tell what was reached."""
         outputs: list[Output] = []
+        if self._without_home and self._vehicle.home is not None:
+            outputs += self._at_home(now)
         if self._pending:
             outputs += self._confirm(now)
         if self._upload is not None and now >= self._upload.deadline:
@@ -281,7 +316,10 @@ class MissionService:
             self._done = (pending.sender, pending.items - 1, pending.mission_type)
         ack = _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
         lines = pending.notes if taken else ()
-        return [ack, *(text for line in lines for text in refusal_text(line, pending.sender))]
+        return [
+            *([] if pending.answered else [ack]),
+            *(text for line in lines for text in refusal_text(line, pending.sender)),
+        ]
 
     def _ask_again(self, upload: _Upload, now: float) -> list[Output]:
         if upload.asked >= self._gains.give_up:
@@ -303,6 +341,10 @@ def _request(upload: _Upload) -> Reply:
     sender = upload.sender
     build = mavlink.MAVLink_mission_request_int_message if upload.as_int else mavlink.MAVLink_mission_request_message
     return Reply(build(sender.system, sender.component, len(upload.items), upload.part.mission_type), sender)
+
+
+def _is_ack(output: Output) -> bool:
+    return isinstance(output, Reply) and isinstance(output.message, mavlink.MAVLink_mission_ack_message)
 
 
 def _ack(sender: Sender, result: int, mission_type: int = _MISSION) -> Reply:

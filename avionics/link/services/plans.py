@@ -9,12 +9,15 @@ from typing import Any, NamedTuple
 from avionics.guidance.mission import NO_FENCE, ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import (
+    GLOBES,
     decode_fence,
     decode_item,
     decode_rally,
     encode_fence,
     encode_item,
     encode_rally,
+    is_home,
+    skipped_item,
 )
 from avionics.link.vehicle import Home, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
@@ -39,8 +42,20 @@ class PlanPart(NamedTuple):
     """decodes one item, with its number, as soon as it comes, to refuse it at once"""
 
 
+def assumed_home(items: Sequence[WireItem]) -> Home:
+    """A home to check items against while the vehicle has none: at the first item with a place, at sea level."""
+    places = ((item.x, item.y) for item in items if item.frame in GLOBES and (item.x or item.y))
+    latitude, longitude = next(((x, y) for x, y in places if abs(x) <= 90.0 and abs(y) <= 180.0), (0.0, 0.0))
+    return Home(math.radians(latitude), math.radians(longitude), 0.0)
+
+
 def _decode_mission(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
-    return tuple(decode_item(item, home) for item in items)
+    return tuple(_decode_numbered(number, item, home) for number, item in enumerate(items))
+
+
+def _decode_numbered(number: int, item: WireItem, home: Home | None) -> MissionItem:
+    """Home, where a client sends it first although this identity's list begins with the mission, is not flown."""
+    return skipped_item(item) if number == 0 and is_home(item, home) else decode_item(item, home)
 
 
 def _encode_mission(mission: tuple[MissionItem, ...], home: Home | None) -> tuple[WireItem, ...]:
@@ -57,7 +72,7 @@ _PARTS: dict[int, PlanPart] = {
             lambda vehicle: vehicle.mission,
             _decode_mission,
             _encode_mission,
-            lambda number, item, home: decode_item(item, home),
+            _decode_numbered,
         ),
         PlanPart(
             mavlink.MAV_MISSION_TYPE_FENCE,

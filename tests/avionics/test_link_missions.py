@@ -1,0 +1,174 @@
+"""Missions as ground stations send them: before the first fix, with home first, "here", and without altitudes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from link_vehicle import HOME, FakeVehicle
+from link_wires import Voice, Wire
+
+from avionics.guidance.mission import ItemKind
+from avionics.link.dialect import mavlink
+from avionics.link.ground import GroundLink
+from avionics.link.mission_codec import to_degrees
+from avionics.link.vehicle import PROFILES, Identity
+
+ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
+GLOBAL, RELATIVE = mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+HERE, NAN, NO_INTEGER = (0.0, 0.0), math.nan, 2**31 - 1
+NEAR = to_degrees(HOME, 60.0, -40.0)
+PLACE_OF_HOME = to_degrees(HOME, 0.0, 0.0)
+
+
+class Bench:
+    """A vehicle and a station that uploads and downloads, in the time of the test."""
+
+    def __init__(self, identity: Identity, home: bool = True) -> None:
+        self.wire, self.vehicle, self.now = Wire("udpin:127.0.0.1:1"), FakeVehicle(), 1.0
+        self.vehicle.home = HOME if home else None
+        self.identity = identity
+        self.link = GroundLink([self.wire], self.vehicle, identity)
+        self.texts: list[str] = []
+
+    def send(self, message: Any) -> list[Any]:
+        """What is answered to a message and within the next 10 ms."""
+        self.wire.take()
+        self.wire.say(Voice(255).frame(message))
+        return self.pass_time() + self.pass_time()
+
+    def pass_time(self) -> list[Any]:
+        self.now += 0.01
+        self.vehicle.apply(self.link.poll(self.now))
+        heard = self.wire.heard()
+        self.texts += [each.text for each in heard if each.get_type() == "STATUSTEXT"]
+        return heard
+
+    def upload(self, *items: tuple[int, int, tuple[float, ...], tuple[float, float], float]) -> list[int]:
+        """Send items of frame, command, parameters, place and altitude; the results that are answered."""
+        listed = list(items)
+        if self.identity.first_item:
+            listed.insert(0, (GLOBAL, 16, (0.0, 0.0, 0.0, 0.0), PLACE_OF_HOME, HOME.altitude))
+        answers = self.send(mavlink.MAVLink_mission_count_message(1, 1, len(listed), 0))
+        results = []
+        for _ in range(3 * len(listed)):
+            requests = [each for each in answers if each.get_type().startswith("MISSION_REQUEST")]
+            results += [each.type for each in answers if each.get_type() == "MISSION_ACK"]
+            if not requests:
+                return results
+            number = requests[-1].seq
+            answers = self.send(integer(number, *listed[number]))
+        return results
+
+    def download(self) -> list[Any]:
+        count = next(
+            each
+            for each in self.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+            if each.get_type() == "MISSION_COUNT"
+        ).count
+        return [
+            next(
+                each
+                for each in self.send(mavlink.MAVLink_mission_request_int_message(1, 1, number, 0))
+                if each.get_type() == "MISSION_ITEM_INT"
+            )
+            for number in range(self.identity.first_item, count)
+        ]
+
+
+def integer(number: int, frame: int, command: int, params: Any, place: tuple[float, float], z: float) -> Any:
+    x, y = (NO_INTEGER if math.isnan(value) else round(value * 1e7) for value in place)
+    return mavlink.MAVLink_mission_item_int_message(1, 1, number, frame, command, 0, 1, *params, x, y, z, 0)
+
+
+def waypoint(place: tuple[float, float], z: float, frame: int = RELATIVE) -> Any:
+    return frame, 16, (0.0, 0.0, 0.0, NAN), place, z
+
+
+TAKEOFF = (RELATIVE, 22, (0.0, 0.0, 0.0, NAN), HERE, 40.0)
+identities = pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+
+
+@identities
+def test_mission_before_the_first_fix_is_accepted_and_placed_once_home_is_known(identity: Identity) -> None:
+    bench = Bench(identity, home=False)
+    assert bench.upload(TAKEOFF, waypoint(NEAR, 40.0)) == [ACCEPTED]
+    assert bench.vehicle.mission == ()
+    assert [each.command for each in bench.download()] == [22, 16]
+    bench.vehicle.home = HOME
+    answers = [each for _ in range(3) for each in bench.pass_time()]
+    assert [each.kind for each in bench.vehicle.mission] == [ItemKind.TAKEOFF, ItemKind.WAYPOINT]
+    assert bench.vehicle.mission[1][1:4] == pytest.approx((60.0, -40.0, 40.0), abs=0.02)
+    assert "MISSION_ACK" not in [each.get_type() for each in answers], "it was answered at the upload"
+
+
+def test_mission_that_home_shows_to_be_far_away_is_refused_with_its_reason_when_home_is_known() -> None:
+    bench = Bench(PROFILES["px4"], home=False)
+    assert bench.upload(TAKEOFF, waypoint((NEAR[0] + 2.0, NEAR[1]), 40.0)) == [ACCEPTED]
+    bench.vehicle.home = HOME
+    bench.pass_time()
+    assert bench.vehicle.mission == () and bench.download() == []
+    assert "an item is over 100 km from home" in " ".join(bench.texts)
+
+
+def test_items_that_no_home_can_place_are_refused_at_once() -> None:
+    bench = Bench(PROFILES["px4"], home=False)
+    far = waypoint((NEAR[0] + 2.0, NEAR[1]), 40.0)
+    assert bench.upload(waypoint(NEAR, 40.0), far) == [mavlink.MAV_MISSION_INVALID_PARAM5_X]
+    bench.vehicle.home = HOME
+    bench.pass_time()
+    assert bench.vehicle.mission == ()
+
+
+def test_clearing_and_another_upload_replace_what_waits_for_home() -> None:
+    bench = Bench(PROFILES["px4"], home=False)
+    bench.upload(TAKEOFF, waypoint(NEAR, 40.0))
+    answers = bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert [each.type for each in answers if each.get_type() == "MISSION_ACK"] == [ACCEPTED]
+    bench.upload(TAKEOFF, waypoint(NEAR, 40.0))
+    assert bench.upload((mavlink.MAV_FRAME_MISSION, 20, (0.0,) * 4, HERE, 0.0)) == [ACCEPTED]
+    bench.vehicle.home = HOME
+    bench.pass_time()
+    assert [each.kind for each in bench.vehicle.mission] == [ItemKind.RETURN]
+
+
+@identities
+@pytest.mark.parametrize("place", [HERE, (NAN, NAN)])
+@pytest.mark.parametrize("command", [16, 17, 18, 19, 31, 21])
+def test_an_item_without_a_place_is_here(identity: Identity, place: tuple[float, float], command: int) -> None:
+    bench = Bench(identity)
+    params = (2.0 if command in (18, 19) else 0.0, 0.0, 0.0, NAN)
+    assert bench.upload(TAKEOFF, (RELATIVE, command, params, place, 40.0)) == [ACCEPTED]
+    item = bench.vehicle.mission[1]
+    assert (item.here, item.north, item.east) == (1, 0.0, 0.0)
+    back = bench.download()[1]
+    assert (back.command, back.x, back.y) == (command, 0, 0)
+
+
+def test_an_item_without_an_altitude_has_that_of_the_item_before() -> None:
+    bench = Bench(PROFILES["px4"])
+    sea = waypoint(NEAR, HOME.altitude + 55.0, GLOBAL)
+    assert bench.upload(TAKEOFF, waypoint(NEAR, NAN), sea, waypoint(NEAR, NAN)) == [ACCEPTED]
+    assert [each.altitude for each in bench.vehicle.mission] == [40.0, 40.0, 55.0, 55.0]
+    assert bench.upload(waypoint(NEAR, NAN)) == [mavlink.MAV_MISSION_INVALID_PARAM7]
+
+
+@pytest.mark.parametrize("name", ["px4", "generic"])
+@pytest.mark.parametrize(("place", "altitude"), [(PLACE_OF_HOME, HOME.altitude), (PLACE_OF_HOME, 522.0), (HERE, 0.0)])
+def test_home_first_is_kept_in_its_place_and_not_flown(
+    name: str, place: tuple[float, float], altitude: float
+) -> None:
+    bench = Bench(PROFILES[name])
+    assert bench.upload(waypoint(place, altitude, GLOBAL), TAKEOFF, waypoint(NEAR, 40.0)) == [ACCEPTED]
+    kinds = [each.kind for each in bench.vehicle.mission]
+    assert kinds == [ItemKind.SKIP, ItemKind.TAKEOFF, ItemKind.WAYPOINT]
+    first = bench.download()[0]
+    assert (first.frame, first.command, first.z) == (GLOBAL, 16, altitude)
+    assert (first.x, first.y) == pytest.approx((place[0] * 1e7, place[1] * 1e7), abs=1)
+
+
+def test_first_waypoint_in_the_air_is_flown() -> None:
+    bench = Bench(PROFILES["px4"])
+    assert bench.upload(waypoint(PLACE_OF_HOME, HOME.altitude + 40.0, GLOBAL)) == [ACCEPTED]
+    assert bench.vehicle.mission[0].kind is ItemKind.WAYPOINT
