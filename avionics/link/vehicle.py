@@ -155,8 +155,12 @@ PX4_STYLE = (
 )
 """PX4's numbers of the modes that are nearest to ours; `custom_mode_map.json` lists them for MAVProxy."""
 
-PX4_ALIASES = ((px4_mode(3), Mode.ALTITUDE_HOLD), (px4_mode(4, 2), Mode.AUTO))
-"""PX4's POSCTL and AUTO.TAKEOFF."""
+PX4_ALIASES = ((px4_mode(3), Mode.ALTITUDE_HOLD),)
+"""PX4's POSCTL."""
+PX4_TAKEOFF = ModeNumbers(
+    Mode.AUTO, px4_mode(4, 2), mavlink.MAV_STANDARD_MODE_TAKEOFF, _STABILIZE | _GUIDED | _AUTO, "TAKEOFF"
+)
+"""PX4's AUTO.TAKEOFF."""
 
 PLANE_GUIDED = ModeNumbers(Mode.OFFBOARD, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
 """ArduPlane's GUIDED: it circles until it gets a setpoint; on the ground it waits for a takeoff."""
@@ -174,8 +178,10 @@ PLANE_STYLE = (
 """ArduPlane's numbers of the modes that are nearest to ours: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND and
 GUIDED."""
 
-PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD), (13, Mode.AUTO))
-"""ArduPlane's CIRCLE, STABILIZE, CRUISE and TAKEOFF."""
+PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD))
+"""ArduPlane's CIRCLE, STABILIZE and CRUISE."""
+PLANE_TAKEOFF = PX4_TAKEOFF._replace(custom_mode=13)
+"""ArduPlane's TAKEOFF."""
 
 _CAPABILITIES: int = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -197,7 +203,8 @@ class Identity(NamedTuple):
     component: int = 1
     autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC
     type: int = mavlink.MAV_TYPE_FLAPPING_WING
-    modes: tuple[ModeNumbers, ...] = PX4_STYLE
+    modes: tuple[ModeNumbers, ...] = (*PX4_STYLE, PX4_TAKEOFF)
+    """the first with a flight mode reports it; the others are labels of a part of it"""
     aliases: tuple[tuple[int, Mode], ...] = ()
     """further custom modes that may be asked for; the vehicle never says that it is in one"""
     standby_modes: tuple[int, ...] = (px4_mode(4, 3),)
@@ -205,6 +212,8 @@ class Identity(NamedTuple):
     guided: ModeNumbers | None = None
     """ArduPlane's GUIDED: it begins with a circle, and its position setpoints do not expire. None: OFFBOARD as in
     PX4, by a stream of setpoints alone"""
+    takeoff: ModeNumbers = PX4_TAKEOFF
+    """reported during the takeoff of a NAV_TAKEOFF command; a client that sets it commands that takeoff"""
     takeoff_frame: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     """MAV_FRAME of the altitude of a NAV_TAKEOFF that names none, a COMMAND_LONG: MAVSDK 4.1, MAVProxy and our
     station count from home where the autopilot is not MAV_AUTOPILOT_PX4, which counts from the sea"""
@@ -236,7 +245,8 @@ PROFILES: dict[str, Identity] = {
     "ardupilot": Identity(
         autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
         type=mavlink.MAV_TYPE_FIXED_WING,
-        modes=PLANE_STYLE,
+        modes=(*PLANE_STYLE, PLANE_TAKEOFF),
+        takeoff=PLANE_TAKEOFF,
         aliases=PLANE_ALIASES,
         standby_modes=(12, PLANE_GUIDED.custom_mode),
         guided=PLANE_GUIDED,

@@ -16,7 +16,7 @@ from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
 from avionics.link.services.modes import available_modes
-from avionics.link.vehicle import PROFILES, PX4_STYLE
+from avionics.link.vehicle import PROFILES, PX4_STYLE, Identity
 from avionics.messages import CommandKind, Mode, Stage
 
 GUIDED = 15
@@ -85,8 +85,8 @@ def test_guided_is_one_of_the_modes_that_an_aeroplane_of_ardupilot_names_and_the
     names = {
         profile: [entry.mode_name for entry in available_modes(identity)] for profile, identity in PROFILES.items()
     }
-    assert names["generic"] == [mode.name for mode in (entry.mode for entry in PX4_STYLE)]
-    assert names["ardupilot"][-1] == "GUIDED" and len(set(names["ardupilot"])) == len(Mode)
+    assert names["generic"] == [*(entry.mode.name for entry in PX4_STYLE), "TAKEOFF"]
+    assert names["ardupilot"][-2:] == ["GUIDED", "TAKEOFF"] and len(set(names["ardupilot"])) == len(Mode) + 1
 
 
 def test_the_landed_state_is_said_at_once_when_it_changes_where_it_is_said_at_all() -> None:
@@ -113,5 +113,5 @@ def test_the_landed_state_is_said_at_once_when_it_changes_where_it_is_said_at_al
 
 def test_the_mode_map_that_is_shipped_says_what_the_vehicle_says() -> None:
     shipped = json.loads(MODE_MAP.read_text())
-    assert shipped == {"16": {str(entry.custom_mode): entry.mode.name for entry in PX4_STYLE}}
-    assert {entry.mode for entry in PX4_STYLE} == set(Mode)
+    assert shipped == {"16": {str(entry.custom_mode): entry.name for entry in Identity().modes}}
+    assert {entry.mode for entry in Identity().modes} == set(Mode)

@@ -40,8 +40,9 @@ def upload(client: Any, items: list[Any]) -> int:
 @pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
 def test_every_mode_of_a_profile_can_be_set_by_its_number_and_is_shown_with_it(identity: Identity) -> None:
     assert {entry.mode for entry in identity.modes} == set(Mode)
-    assert len({entry.custom_mode for entry in identity.modes}) == len(Mode)
+    assert len({entry.custom_mode for entry in identity.modes}) == len(Mode) + 1
     with stock_client(identity=identity) as (client, vehicle):
+        vehicle.mission = (MissionItem(ItemKind.TAKEOFF, altitude=20.0),)
         for entry in identity.modes:
             client.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, entry.custom_mode, 0, 0, 0, 0, 0)
             assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED

@@ -9,11 +9,12 @@ import pytest
 from link_vehicle import HOME, FakeVehicle
 from link_wires import Voice, Wire
 
+from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import PROFILES, Identity, Parameter
-from avionics.messages import CommandKind, Mode
+from avionics.messages import CommandKind, Mode, Stage
 
 PLAN = (
     MissionItem(ItemKind.WAYPOINT, 10.0, 0.0, 40.0),
@@ -31,6 +32,7 @@ class Bench:
     def __init__(self, identity: Identity) -> None:
         self.wire, self.vehicle = Wire("udpin:127.0.0.1:1"), FakeVehicle()
         self.vehicle.mission = PLAN
+        self.now = 1.0
         self.vehicle.parameters = [*self.vehicle.parameters, Parameter("NAV_RETURN_FLOOR", 15.0, 0.0, 1000.0)]
         self.link = GroundLink([self.wire], self.vehicle, identity)
 
@@ -38,7 +40,7 @@ class Bench:
         """The answer to a command: its result, and what is said with it."""
         self.wire.take()
         self.wire.say(Voice(255).frame(message))
-        self.vehicle.apply(self.link.poll(1.0))
+        self.vehicle.apply(self.link.poll(self.now))
         heard = self.wire.heard()
         said = "".join(each.text for each in heard if each.get_type() == "STATUSTEXT")
         return next(each.result for each in heard if each.get_type() == "COMMAND_ACK"), said
@@ -48,6 +50,18 @@ class Bench:
 
     def integer(self, frame: int, altitude: float) -> tuple[int, str]:
         return self.ask(mavlink.MAVLink_command_int_message(1, 1, frame, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0, altitude))
+
+    def at(self, stage: Stage, item: int) -> None:
+        navigation = self.vehicle.topics[topics.NAVIGATION.name]
+        self.vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=stage, item=item)
+
+    def mode(self) -> int:
+        """Custom mode of the next HEARTBEAT."""
+        self.wire.take()
+        self.now += 2.0
+        self.link.poll(self.now)
+        beats = [each for each in self.wire.heard() if each.get_type() == "HEARTBEAT"]
+        return int(beats[-1].custom_mode)
 
     @property
     def altitude(self) -> float:
@@ -133,3 +147,30 @@ def test_without_a_mission_and_a_position_it_does_not_take_off() -> None:
     bench.vehicle.mission, bench.vehicle.home = (), None
     assert bench.long(30.0) == (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, "takeoff: no GPS position")
     assert bench.vehicle.inputs == []
+
+
+@pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+def test_takeoff_mode_is_reported_until_the_takeoff_item_ends(identity: Identity) -> None:
+    bench = Bench(identity)
+    bench.at(stage=Stage.WAIT_LAUNCH, item=1)
+    result, text = bench.long(math.nan)
+    assert (result, text) == (ACCEPTED, "takeoff waits for the throw")
+    assert bench.mode() == identity.takeoff.custom_mode
+    bench.at(stage=Stage.CLIMB_OUT, item=1)
+    assert bench.mode() == identity.takeoff.custom_mode
+    bench.at(stage=Stage.EN_ROUTE, item=2)
+    assert bench.mode() == identity.numbers(Mode.AUTO).custom_mode
+    bench.at(stage=Stage.CLIMB_OUT, item=1)
+    assert bench.mode() == identity.numbers(Mode.AUTO).custom_mode, "a mission that comes back to it is a mission"
+
+
+@pytest.mark.parametrize("identity", PROFILES.values(), ids=PROFILES)
+def test_takeoff_mode_can_be_set_and_another_mode_ends_it(identity: Identity) -> None:
+    bench = Bench(identity)
+    bench.at(stage=Stage.WAIT_LAUNCH, item=1)
+    number = float(identity.takeoff.custom_mode)
+    set_mode = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1.0, number, 0, 0, 0, 0, 0)
+    assert bench.ask(set_mode)[0] == ACCEPTED and bench.vehicle.mode is Mode.AUTO
+    assert bench.mode() == identity.takeoff.custom_mode
+    bench.vehicle.mode = Mode.MANUAL
+    assert bench.mode() == identity.numbers(Mode.MANUAL).custom_mode

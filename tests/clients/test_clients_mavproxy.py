@@ -89,7 +89,7 @@ def take_off(mavproxy: Console, profile: Profile) -> None:
     mavproxy.say("arm throttle")
     mavproxy.see(r"\bARMED")
     mavproxy.say("takeoff 12")
-    mavproxy.see(f"{profile.names[Mode.AUTO]}> ")
+    mavproxy.see("TAKEOFF> ")
     mavproxy.see("launched")
 
 

@@ -102,7 +102,8 @@ async def arm_and_disarm(mavsdk: Station) -> None:
 async def take_off(mavsdk: Station) -> None:
     await mavsdk.action.arm()
     await mavsdk.action.takeoff()
-    await first(mavsdk.telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.MISSION)
+    await reached(mavsdk, FlightMode.TAKEOFF)
+    await first(mavsdk.telemetry.subscribe_landed_state(), lambda state: state == LandedState.TAKING_OFF)
     await first(mavsdk.telemetry.subscribe_in_air(), bool)
     await first(mavsdk.telemetry.subscribe_position(), lambda seen: seen.relative_altitude_m > ALTITUDE / 2)
 

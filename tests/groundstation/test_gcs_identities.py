@@ -144,5 +144,5 @@ def test_a_takeoff_tells_the_mode_that_it_leads_to_and_leaves_the_planned_altitu
     assert gcs(vehicle, "mission", "upload", circuit) == gcs(vehicle, "arm") == 0
     capsys.readouterr()
     assert gcs(vehicle, "takeoff", "--json") == 0
-    assert json.loads(capsys.readouterr().out) == {"done": "takeoff accepted", "mode": "AUTO", "armed": True}
+    assert json.loads(capsys.readouterr().out) == {"done": "takeoff accepted", "mode": "TAKEOFF", "armed": True}
     assert gcs(vehicle, "mission", "diff", circuit) == 0

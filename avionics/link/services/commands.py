@@ -122,7 +122,7 @@ class CommandService:
     def _mode(self, request: Request, mode: Mode | None, asked: float = math.nan) -> Verdict:
         """The change to ``mode``, which was asked for as custom mode ``asked`` or by a command of its own."""
         if mode is None:
-            names = ", ".join(entry.mode.name for entry in self._identity.modes)
+            names = ", ".join(dict.fromkeys(entry.mode.name for entry in self._identity.modes))
             return Verdict(_DENIED, (), f"no such mode; there are {names}")
         verdict = self._ask_core(mode_command(self._vehicle, mode, request.sender, self._setpoints.entry(mode)))
         waits = self._shown.waits(asked) and verdict.reason != NO_FRAMES
@@ -136,6 +136,8 @@ class CommandService:
             return Verdict(_DENIED, (), "set mode: only custom modes are understood")
         _, main, sub = request.params[:3]
         asked = custom_mode(self._identity, main, sub)
+        if asked == self._identity.takeoff.custom_mode:
+            return self._takeoff(request._replace(params=(math.nan,) * 7))
         return self._mode(request, requested_mode(self._identity, main, sub), asked)
 
     def _set_standard_mode(self, request: Request) -> Verdict:
@@ -150,6 +152,15 @@ class CommandService:
         return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
 
     def _takeoff(self, request: Request) -> Verdict:
+        """The takeoff as it is reported; on the ground it begins with the throw."""
+        verdict = self._begin_takeoff(request)
+        if verdict.result != _ACCEPTED:
+            return verdict
+        waits = "takeoff waits for the throw" if self._shown.on_ground else ""
+        self._shown.takes_off()
+        return verdict._replace(reason="; ".join(filter(None, (verdict.reason, waits))))
+
+    def _begin_takeoff(self, request: Request) -> Verdict:
         """AUTO from the mission's TAKEOFF item, which gets the altitude that was asked for, if one was."""
         mission = self._vehicle.mission
         kinds = [item.kind for item in mission]

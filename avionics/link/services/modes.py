@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import Any
 
 from avionics import topics
+from avionics.guidance.mission import ItemKind
 from avionics.guidance.setpoint import Setpoint
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
@@ -51,6 +53,12 @@ def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
     return None if math.isnan(number) else identity.by_custom_mode(int(number))
 
 
+class _Takeoff(Enum):
+    NONE = 0
+    COMMANDED = 1
+    ACTIVE = 2
+
+
 class ShownMode:
     """The mode reported to clients: the vehicle's, or the hold mode that a client set on the ground.
 
@@ -63,29 +71,49 @@ class ShownMode:
         self._identity = identity
         self._standby: tuple[Mode, ModeNumbers] | None = None
         """mode in which the vehicle waits on the ground, and the hold mode that was set"""
+        self._takeoff = _Takeoff.NONE
 
     @property
     def numbers(self) -> ModeNumbers:
         """As it is written on the wire."""
         mode = self._vehicle.mode
-        if self._standby is not None and (mode != self._standby[0] or not self._on_ground()):
+        if self._takeoff is not _Takeoff.NONE and self._climbs_out(mode):
+            return self._identity.takeoff
+        if self._standby is not None and (mode != self._standby[0] or not self.on_ground):
             self._standby = None
         return self._identity.numbers(mode) if self._standby is None else self._standby[1]
 
     def waits(self, custom_mode: float) -> bool:
         """Whether a hold mode is set on the ground, which takes no command: the vehicle waits there in any mode."""
-        return custom_mode in self._identity.standby_modes and self._on_ground()
+        return custom_mode in self._identity.standby_modes and self.on_ground
 
     def accepted(self, custom_mode: float) -> None:
         """A client set this mode, and gets it."""
-        self._standby = None
+        self._standby, self._takeoff = None, _Takeoff.NONE
         if self.waits(custom_mode):
             shown = next(each for each in self._identity.modes if each.custom_mode == custom_mode)
             self._standby = (self._vehicle.mode, shown)
 
-    def _on_ground(self) -> bool:
+    def takes_off(self) -> None:
+        """A NAV_TAKEOFF was accepted: the takeoff mode is reported until its item ends or the mode changes."""
+        self._standby, self._takeoff = None, _Takeoff.COMMANDED
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether the vehicle is on the ground or in the hand."""
         navigation = self._vehicle.latest(topics.NAVIGATION)
         return navigation is not None and navigation.stage in ON_GROUND
+
+    def _climbs_out(self, mode: Mode) -> bool:
+        """Whether the commanded takeoff is flown; the flight core begins it a tick after the command."""
+        navigation, mission = self._vehicle.latest(topics.NAVIGATION), self._vehicle.mission
+        item = len(mission) if navigation is None else navigation.item
+        flown = mode == Mode.AUTO and item < len(mission) and mission[item].kind is ItemKind.TAKEOFF
+        if flown:
+            self._takeoff = _Takeoff.ACTIVE
+        elif self._takeoff is _Takeoff.ACTIVE:
+            self._takeoff = _Takeoff.NONE
+        return flown
 
 
 def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender, entry: Setpoint | None = None) -> Command:
