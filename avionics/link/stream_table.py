@@ -71,7 +71,7 @@ STREAMS = (
     _entry("RAW_IMU", on_request.raw_imu, 0.0, _LAST, _RAW),
     _entry("SCALED_IMU", on_request.scaled_imu, 0.0, _LAST),
     _entry("HIGHRES_IMU", on_request.highres_imu, 0.0, _LAST),
-    _entry("SCALED_PRESSURE", on_request.scaled_pressure, 0.0, _LAST, _RAW),
+    _entry("SCALED_PRESSURE", on_request.scaled_pressure, 1.0, _LAST, _RAW),
     _entry("VIBRATION", on_request.vibration, 0.0, _LAST, _MORE),
     _entry("ALTITUDE", on_request.altitude, 0.0, _THIRD),
     _entry("ESTIMATOR_STATUS", on_request.estimator_status, 0.0, _LAST),

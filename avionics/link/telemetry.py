@@ -378,16 +378,15 @@ def navigation_output(vehicle: VehicleView) -> Any:
     )
 
 
-def mission_current(vehicle: VehicleView, first_item: int) -> Any:
-    """MISSION_CURRENT, with items numbered from ``first_item`` on."""
+def mission_current(vehicle: VehicleView, first_item: int, chosen: int | None = None) -> Any:
+    """MISSION_CURRENT, with items numbered from ``first_item`` on; ``chosen`` is a number just set by a client."""
     now = vehicle.latest(t.NAVIGATION)
     flying = vehicle.mode == m.Mode.AUTO
     state = mavlink.MISSION_STATE_ACTIVE if flying else mavlink.MISSION_STATE_NOT_STARTED
     if not vehicle.mission:
         state = mavlink.MISSION_STATE_NO_MISSION
-    return mavlink.MAVLink_mission_current_message(
-        first_item + (now.item if now is not None else 0), len(vehicle.mission), state, 1 if flying else 2
-    )
+    current = first_item + (now.item if now is not None else 0) if chosen is None else chosen
+    return mavlink.MAVLink_mission_current_message(current, len(vehicle.mission), state, 1 if flying else 2)
 
 
 def wing_state(vehicle: VehicleView) -> Any:

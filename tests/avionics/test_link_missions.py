@@ -154,6 +154,17 @@ def test_an_item_without_an_altitude_has_that_of_the_item_before() -> None:
     assert bench.upload(waypoint(NEAR, NAN)) == [mavlink.MAV_MISSION_INVALID_PARAM7]
 
 
+@identities
+def test_chosen_item_is_answered_with_its_number_at_once(identity: Identity) -> None:
+    bench = Bench(identity)
+    bench.upload(TAKEOFF, waypoint(NEAR, 40.0))
+    for number in (0, 1, 1 + identity.first_item):
+        answers = bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, number))
+        assert next(each.seq for each in answers if each.get_type() == "MISSION_CURRENT") == number
+    answers = bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 2 + identity.first_item))
+    assert "there is no mission item" in bench.texts[-1]
+
+
 @pytest.mark.parametrize("name", ["px4", "generic"])
 @pytest.mark.parametrize(("place", "altitude"), [(PLACE_OF_HOME, HOME.altitude), (PLACE_OF_HOME, 522.0), (HERE, 0.0)])
 def test_home_first_is_kept_in_its_place_and_not_flown(

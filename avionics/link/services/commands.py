@@ -167,7 +167,8 @@ class CommandService:
         if not mission:
             return self._takeoff_without_mission(request)
         if ItemKind.TAKEOFF not in kinds:
-            return Verdict(_DENIED, (), "takeoff: the mission has no TAKEOFF item")
+            begun = self._auto_from(request, 0)
+            return begun._replace(reason=begun.reason or "the mission has no takeoff: its first item begins")
         number = kinds.index(ItemKind.TAKEOFF)
         begun = self._auto_from(request, number)
         if begun.result != _ACCEPTED or math.isnan(request.params[6]) or request.params[6] == 0.0:

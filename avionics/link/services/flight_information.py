@@ -6,10 +6,14 @@ from typing import Any
 
 from avionics.link import telemetry
 from avionics.link.dialect import mavlink
-from avionics.link.services.service import Output, Sender
+from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.vehicle import VehicleView
 
 _AIRBORNE = (mavlink.MAV_LANDED_STATE_TAKEOFF, mavlink.MAV_LANDED_STATE_IN_AIR, mavlink.MAV_LANDED_STATE_LANDING)
+
+
+INTERVAL = 5.0
+"""s; between two messages"""
 
 
 class FlightInformation:
@@ -22,6 +26,7 @@ class FlightInformation:
         self._armed = self._airborne = False
         self._armed_us = self._takeoff_us = self._landing_ms = 0
         self._flight = 0
+        self._due = -float("inf")
 
     def build(self) -> Any:
         """The message; times are 0 before the first arming, the landing is 0 in flight."""
@@ -34,7 +39,7 @@ class FlightInformation:
         return []
 
     def step(self, now: float) -> list[Output]:
-        """Note what changed; all times are since boot."""
+        """Note what changed, with times since boot; the message every `INTERVAL`, which MAVSDK waits for."""
         armed, airborne = self._vehicle.armed, telemetry.landed_state(self._vehicle) in _AIRBORNE
         if armed and not self._armed:
             self._armed_us, self._flight = self._vehicle.time_us, self._flight + 1
@@ -44,4 +49,7 @@ class FlightInformation:
         if self._airborne and not airborne:
             self._landing_ms = telemetry.boot_ms(self._vehicle.time_us)
         self._armed, self._airborne = armed, airborne
-        return []
+        if now < self._due:
+            return []
+        self._due = now + INTERVAL
+        return [Reply(self.build())]

@@ -233,7 +233,8 @@ class MissionService:
         reason = self.current_refusal(sequence) or self._vehicle.refusal(command)
         if reason:
             return list(refusal_text(reason, sender))
-        return [command, Reply(telemetry.mission_current(self._vehicle, self._first))]
+        # The flight core takes the item at its next tick; MAVSDK sends the message again until the number is its own.
+        return [command, Reply(telemetry.mission_current(self._vehicle, self._first, sequence))]
 
     def item(self, sequence: int) -> int:
         """Which item of the mission has this number on the wire; home stands for the first."""
