@@ -15,6 +15,7 @@ from avionics.quantities import BadInput
 from groundstation.command import (
     gcs_calibrate,
     gcs_excite,
+    gcs_joystick,
     gcs_listen,
     gcs_mission,
     gcs_monitor,
@@ -41,17 +42,21 @@ EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550 excite multisine --elevator 3 --rudder 5 --period 10 --low 0.3 --high 2.5"
     " --loops active",
     "wingbeat gcs udpin:0.0.0.0:14550 calibrate battery --voltage 7.82",
+    "wingbeat gcs udpin:0.0.0.0:14550 joystick --calibrate",
+    "wingbeat gcs udpin:0.0.0.0:14550 joystick",
 )
 URL_HELP = (
     "udpin:HOST:PORT or tcpin: waits for a vehicle that calls, udpout: or tcp: calls one that waits;"
     " serial:DEVICE,BAUD is a radio"
 )
 GROUPS: tuple[ModuleType, ...] = (
-    gcs_monitor, gcs_status, gcs_order, gcs_param, gcs_mission, gcs_excite, gcs_calibrate, gcs_listen,
+    gcs_monitor, gcs_status, gcs_order, gcs_param, gcs_mission, gcs_excite, gcs_calibrate, gcs_joystick,
+    gcs_listen,
 )  # fmt: skip
 """modules with ``add_verbs(verbs)``, a table ``VERBS`` and ``JSON_KEYS``; ``prepare(chosen)`` where files are read"""
 PREPARATIONS = (
-    gcs_order.prepare, gcs_param.prepare, gcs_mission.prepare, gcs_excite.prepare, gcs_listen.prepare,
+    gcs_order.prepare, gcs_param.prepare, gcs_mission.prepare, gcs_excite.prepare, gcs_joystick.prepare,
+    gcs_listen.prepare,
 )  # fmt: skip
 """what is checked before the vehicle is spoken to"""
 
@@ -90,6 +95,8 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     for prepare in PREPARATIONS:
         prepare(chosen)
+    if gcs_joystick.is_offline(chosen):
+        return gcs_joystick.run_offline(chosen)
     recording = _recording(chosen)
     quiet = chosen.json or chosen.verb == "record" or not sys.stderr.isatty()
     connection = Connection(chosen.url, stays=_stays(chosen), signing=_signing(chosen))
@@ -124,7 +131,7 @@ def _stays(chosen: argparse.Namespace) -> bool:
     """
     if chosen.verb in gcs_listen.VERBS:
         return gcs_listen.is_endless(chosen)
-    return chosen.verb in gcs_monitor.VERBS
+    return chosen.verb in gcs_monitor.VERBS or chosen.verb in gcs_joystick.VERBS
 
 
 def _recording(chosen: argparse.Namespace) -> Recording | None:

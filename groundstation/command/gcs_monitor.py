@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from groundstation.command import ending
 from groundstation.command.gcs_session import Session, Verb
@@ -12,6 +12,9 @@ from groundstation.link.fields import parse_field
 from groundstation.link.station import Station
 from groundstation.views import monitor
 from groundstation.views.terminal import open_console
+
+if TYPE_CHECKING:
+    from textual.app import App
 
 JSON_KEYS = {"monitor": "one object a line, as status"}
 
@@ -37,7 +40,11 @@ def show(session: Session) -> int:
     # Textual takes a third of a second to import, which only who looks at the screen pays.
     from groundstation.screen.monitor import Monitor
 
-    screen = Monitor(station, plots)
+    return run_screen(Monitor(station, plots))
+
+
+def run_screen(screen: App[None]) -> int:
+    """Run a screen until it is left or the process is ended; return the exit code."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         screen.exit(return_code=128 + number)

@@ -24,6 +24,24 @@ def mode_numbers(state: VehicleState) -> dict[str, int]:
     return {**{name: number for name, number in _table(state).items() if number in there}, **known}
 
 
+EQUIVALENT = (
+    ("STABILIZED", "FBWA", "STABILIZE"),
+    ("ALTITUDE_HOLD", "ALTITUDE", "ALTCTL", "FBWB", "ALT_HOLD"),
+    ("AUTO", "MISSION"),
+    ("RETURN", "RTL"),
+    ("LAND", "AUTOLAND"),
+    ("LOITER", "HOLD"),
+)
+"""names of the same mode with different autopilots, in the order in which they are tried"""
+
+
+def equivalent(state: VehicleState, name: str) -> str:
+    """Return the name under which the vehicle offers a mode, as `mode_numbers` spells it; ``name`` if it has none."""
+    available, name = mode_numbers(state), canonical(name)
+    names = next((group for group in EQUIVALENT if name in group), ())
+    return next((one for one in (name, *names) if one in available), name)
+
+
 def canonical(name: str) -> str:
     """A mode's name as the tables spell it."""
     return name.upper().replace(" ", "_").replace("-", "_")

@@ -87,8 +87,12 @@ class Monitor(App[None]):
 
     async def _listen(self) -> None:
         while True:
-            self.station.poll()
+            self.poll()
             await asyncio.sleep(POLL)
+
+    def poll(self) -> None:
+        """Receive what has arrived and send what is due."""
+        self.station.poll()
 
     def draw(self) -> None:
         """Draw the tab that is looked at, and the line above it."""

@@ -1,0 +1,1 @@
+"""Joysticks, gamepads and RC transmitters on USB: devices, calibration, settings and MANUAL_CONTROL."""
