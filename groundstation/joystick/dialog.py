@@ -112,6 +112,10 @@ def calibrate(device: Device, terminal: Terminal, previous: Settings | None) -> 
     for number, (stick, step) in enumerate(STICK_STEPS.items(), 2):
         terminal.print(f"{number}. {step}, and press Enter.")
         _assign(device, terminal, stick, ranges, center, assignments)
+    used = [assignment.axis for assignment in assignments.values()]
+    free = ", ".join(str(axis) for axis in ranges.moved() if axis not in used)
+    if free:
+        terminal.print(f"   axes with travel and no stick: {free}; switches on them go to [device.switches]")
     buttons = _assign_buttons(device, terminal, len(STICK_STEPS) + 2)
     settings = build_settings(device.info, ranges, center, assignments, previous)
     if not buttons:
