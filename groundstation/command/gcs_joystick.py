@@ -85,6 +85,8 @@ def prepare(chosen: argparse.Namespace) -> None:
         return
     if chosen.list and chosen.calibrate:
         raise BadInput("--list and --calibrate exclude each other")
+    if chosen.calibrate and chosen.json:
+        raise BadInput("--calibrate is a dialog on the terminal: leave --json out")
     creates = chosen.list or chosen.calibrate or chosen.config is None
     chosen.config = chosen.config or default_path()
     chosen.entries = load_settings(chosen.config, must_exist=not creates)

@@ -135,6 +135,7 @@ def test_several_devices_without_settings_have_to_be_chosen(
     ("words", "problem"),
     [
         (("--list", "--calibrate"), "--list and --calibrate exclude each other"),
+        (("--calibrate", "--json"), "--calibrate is a dialog on the terminal"),
         (("--rate", "0.5"), "0.5 is outside 1 to 100 Hz"),
         (("--rate", "fast"), "fast is not a number"),
         (("--config", "no_such.toml"), "cannot read joystick settings no_such.toml: there is no such file"),
