@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from pathlib import Path
 from typing import NamedTuple
 
 from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import options
-from sim_bridge.bridge.foreign import ardupilot, px4
+from sim_bridge.bridge.foreign import ardupilot, launch, px4
 from sim_bridge.bridge.foreign.flight import Rig
+from sim_bridge.bridge.foreign.launch import Launch
 from sim_bridge.bridge.foreign.outputs import Channels, Pulses, parse_channels, parse_pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage
 from sim_bridge.flight.world import Scenario
@@ -22,26 +24,21 @@ REST_TIME = 20.0
 HOST = "127.0.0.1"
 
 SETUP = """
-PX4 (--px4): the world is the simulator that its simulator_mavlink module connects to.
-  start    PX4_SYS_AUTOSTART=1030 PX4_SIM_MODEL=gazebo-classic_plane build/px4_sitl_default/bin/px4
-  outputs  of airframe 1030 as they are: --channels aileron=7,elevator=8,throttle=5,rudder=3; or ours:
-           PWM_MAIN_FUNC1 201, FUNC2 202, FUNC3 101, FUNC4 203 with CA_SV_CS_COUNT 3, CA_SV_CS0_TYPE 15,
-           CA_SV_CS0_TRQ_R 1, CA_SV_CS1_TYPE 3, CA_SV_CS1_TRQ_P 1, CA_SV_CS2_TYPE 4, CA_SV_CS2_TRQ_Y 1
-  speeds   FW_AIRSPD_STALL 4, FW_AIRSPD_MIN 5.5, FW_AIRSPD_TRIM 7, FW_AIRSPD_MAX 11
-  throw    RWTO_TKOFF 0, FW_LAUN_DETCN_ON 0 (the launcher waits for the throttle, not it for the throw)
-  power    FW_THR_TRIM 0.28, FW_THR_MAX 1, FW_T_CLMB_MAX 2.3, FW_T_SINK_MAX 3.2, FW_R_LIM 28
-ArduPlane (--ardupilot): the world is the physics of its JSON model.
-  start    arduplane --model JSON:127.0.0.1 --home LATITUDE,LONGITUDE,ALTITUDE,HEADING
-  outputs  SERVO1 to SERVO4 aileron, elevator, throttle, rudder, 1100 to 1900 us (else --channels, --pwm)
-  speeds   AIRSPEED_MIN 5.5, AIRSPEED_CRUISE 7, AIRSPEED_MAX 11 (older: ARSPD_FBW_MIN, TRIM_ARSPD_CM, ARSPD_FBW_MAX)
-  throw    mode TAKEOFF with TKOFF_THR_MINACC 0, TKOFF_THR_MINSPD 0; or throttle up in any mode
-  power    TRIM_THROTTLE 28, THR_MAX 100, TECS_CLMB_MAX 2.3, TECS_SINK_MAX 3.2, ROLL_LIMIT_DEG 28
-  step     SIM_RATE_HZ 400 is enough, and lighter than the usual 1200
+flying PX4 (--px4) or ArduPlane (--ardupilot), step by step in docs/sitl.md:
+  1  wingbeat sim --ardupilot --launch throw --write-parameters raven.parm    (--px4: raven.px4.sh)
+  2  start the two programs that it prints, then a ground station on ArduPlane's or PX4's own link
+  3  wait for its position estimate; mode TAKEOFF, arm; afterwards LOITER, or AUTO with a mission
 Throttle is flapping; the aileron is the roll command of the vehicle's own tail mixer: a plane's roll loop banks
-it by the rudder (aileron=0 leaves it out); speeds and powers are those of robo_raven_ii_d. The launcher throws when
-the autopilot is armed with the throttle of level flight for half a second. An autopilot that starts over finds a new
-vehicle in the hand, and a new recording.
+it by the rudder (--channels aileron=0 leaves it out). PX4's airframe 1030 without the file needs --channels
+aileron=7,elevator=8,throttle=5,rudder=3. An autopilot that starts over finds a new vehicle in the hand, and a new
+recording. What a person has to set: altitude of the takeoff (TKOFF_ALT; MIS_TAKEOFF_ALT), failsafes, the mission.
 """
+
+
+LAUNCHES = {
+    Launch.THROTTLE: "the vehicle is thrown when it is armed with the throttle of level flight for half a second",
+    Launch.THROW: f"launch by throw: {launch.ARMED_TIME:g} s after arming, for the autopilot's launch detection",
+}
 
 
 class Foreign(NamedTuple):
@@ -73,6 +70,18 @@ def add_foreign(parser: argparse.ArgumentParser) -> None:
         "--channels", metavar="NAME=N,...", help=f"outputs of PX4 or ArduPilot, -N reversed, 0 none ({Channels()})"
     )
     parser.add_argument("--pwm", metavar="LOW:HIGH", help="ends of ArduPilot's pulses in us (1100:1900)")
+    parser.add_argument(
+        "--launch",
+        choices=[one.value for one in Launch],
+        help=f"throttle: launch after {launch.Gains(0.0).time:g} s with the throttle of level flight (default);"
+        f" throw: launch {launch.ARMED_TIME:g} s after arming, for its own launch detection",
+    )
+    parser.add_argument(
+        "--write-parameters",
+        type=Path,
+        metavar="FILE",
+        help="write the parameters with which ArduPlane or PX4 flies the vehicle to a new file, and exit",
+    )
     parser.epilog = f"{parser.epilog or ''}\n{SETUP}"
 
 
@@ -84,8 +93,8 @@ def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | 
             its flight computer.
     """
     if not (chosen.px4 or chosen.ardupilot):
-        if chosen.instance or chosen.channels or chosen.pwm:
-            raise BadInput("--instance, --channels and --pwm are for --px4 and --ardupilot")
+        if chosen.instance or chosen.channels or chosen.pwm or chosen.launch:
+            raise BadInput("--instance, --channels, --pwm and --launch are for --px4 and --ardupilot")
         return None
     if chosen.px4 and chosen.pwm:
         raise BadInput("--pwm is for --ardupilot: PX4 sends shares of the travel")
@@ -95,9 +104,9 @@ def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | 
     pulses = parse_pulses(chosen.pwm) if chosen.pwm else Pulses()
     speed = None if math.isinf(chosen.speed) else chosen.speed
     interface = Interface(listen or default_url(chosen.px4, chosen.instance), speed)
-    return Foreign(
-        chosen.px4, interface, Rig(load_vehicle(options.vehicle_files(chosen.vehicle)[1]), channels), pulses
-    )
+    vehicle = load_vehicle(options.vehicle_files(chosen.vehicle)[1])
+    rig = Rig(vehicle, channels, Launch(chosen.launch) if chosen.launch else Launch.THROTTLE)
+    return Foreign(chosen.px4, interface, rig, pulses)
 
 
 def default_url(of_px4: bool, instance: int) -> str:
@@ -153,8 +162,8 @@ class Service:
         fast = "as fast as it answers; --speed 1 is real time"
         pace = fast if interface.speed is None else f"{interface.speed:g} times real time"
         tell(f"{rig.vehicle.title}, waiting for {who} on {interface.url} ({pace})")
-        tell(f"outputs: {rig.channels}; wingbeat sim --help says which parameters make it fly")
-        tell("the vehicle is thrown when it is armed with the throttle of level flight for half a second")
+        tell(f"outputs: {rig.channels}; parameters of the autopilot: --write-parameters FILE")
+        tell(LAUNCHES[rig.launch])
 
 
 def tell(text: str) -> None:

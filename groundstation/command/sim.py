@@ -15,7 +15,7 @@ from avionics.isolation import Isolation, fault_events
 from avionics.messages import Severity
 from avionics.quantities import BadInput, name_by_path
 from avionics.topics import Publish, Topic
-from groundstation.command import foreign, options
+from groundstation.command import foreign, foreign_parameters, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
 from groundstation.command.recordings import begin_recording, put_right, told_paths
 from logs.names import RECORDINGS, STICKS
@@ -42,7 +42,8 @@ EXAMPLES = (
     "wingbeat sim --listen pty",
     "wingbeat sim --fault pitot_blocked@30 --fault gps_lost@40-50",
     "wingbeat sim --px4 --speed 1",
-    "wingbeat sim --ardupilot --channels aileron=0",
+    "wingbeat sim --ardupilot --launch throw --channels aileron=0",
+    "wingbeat sim --ardupilot --launch throw --write-parameters raven.parm",
 )
 WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
 REAL_TIME = 1.0
@@ -81,7 +82,10 @@ def run(arguments: Sequence[str]) -> int:
         BadInput: unknown vehicle, aerodynamic model or fault, bad table of sticks, port in use, existing log, a
             flight computer that does not come or answer.
     """
-    chosen = build_parser().parse_args(arguments)
+    parser = build_parser()
+    chosen = parser.parse_args(arguments)
+    if chosen.write_parameters is not None:
+        foreign_parameters.check_options(chosen, parser)
     vehicle = simulated(options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics)
     alone = chosen.epoch_ns is None
     if alone:
@@ -90,6 +94,9 @@ def run(arguments: Sequence[str]) -> int:
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = _scenario(chosen)._replace(waits_for_arming=True, pilot=None if sticks is None else sticks.pilot())
     theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
+    if theirs is not None and chosen.write_parameters is not None:
+        foreign_parameters.write_parameters(chosen, theirs, vehicle)
+        return 0
     if theirs is not None:
         serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))
         return 0

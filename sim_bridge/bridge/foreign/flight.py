@@ -12,6 +12,7 @@ from avionics.topics import Topic
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch, mixer
+from sim_bridge.bridge.foreign.launch import Launch
 from sim_bridge.bridge.foreign.outputs import Channels, Outputs
 from sim_bridge.bridge.foreign.world import ForeignWorld, Stage, Tell
 from sim_bridge.observation import Observation
@@ -46,6 +47,7 @@ class Rig(NamedTuple):
 
     vehicle: FlightVehicle
     channels: Channels = Channels()
+    launch: Launch = Launch.THROTTLE
 
 
 class ForeignFlight:
@@ -56,7 +58,8 @@ class ForeignFlight:
         self._publish = stage.publish
         self._tell = tell
         self._gains = mixer.gains_of(rig.vehicle)
-        self._launch = launch.Gains(rig.vehicle.gains.altitude.throttle_trim)
+        self._by_throw = rig.launch is Launch.THROW
+        self._launch = launch.gains_of(rig.launch, rig.vehicle.gains.altitude.throttle_trim)
         self._mixed = mixer.State()
         self._ready = launch.State()
         self._told = Told.HELD
@@ -91,7 +94,10 @@ class ForeignFlight:
     def _step(self, outputs: Outputs, dt: float) -> Observation:
         start_us = self.world.time_us
         self._mixed, flap, command = mixer.step(self._gains, self._mixed, start_us, dt, outputs)
+        waited = self._ready.ready
         self._ready, ready = launch.step(self._launch, self._ready, dt, outputs)
+        if self._by_throw and not self.world.thrown and (waited > 0.0) != (self._ready.ready > 0.0):
+            self.say(f"armed: launch in {self._launch.time:g} s" if waited <= 0.0 else "disarmed: no launch")
         if ready:
             self.world.release()
         observation = self.world.advance(command, dt)

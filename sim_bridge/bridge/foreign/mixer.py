@@ -51,6 +51,14 @@ def step(
     return State(flap_state, tail_state), flap, command
 
 
+def elevator_output(gains: Gains, elevator: float) -> float:
+    """Output, -1 to 1, that sets the elevator to an angle in rad: the inverse of the mixer."""
+    travel = (
+        gains.tail.elevator_max if elevator > gains.elevator_trim else gains.tail.elevator_min
+    ) - gains.elevator_trim
+    return min(max((elevator - gains.elevator_trim) / abs(travel), -1.0), 1.0)
+
+
 def _elevator(gains: Gains, control: float) -> float:
     """Rad; from the trim to the end of the travel on either side."""
     end = gains.tail.elevator_max if control > 0.0 else gains.tail.elevator_min
