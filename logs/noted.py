@@ -11,7 +11,7 @@ from avionics import parameters
 from avionics.guidance.mission import Mission
 from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle
-from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, MISSION, PARAMETERS, WORLD, WORLD_VEHICLE
+from logs.names import AERODYNAMICS, AUTOPILOT, FLIGHT_VEHICLE, MISSION, PARAMETERS, WORLD, WORLD_VEHICLE
 from logs.settings import mission_document
 from sim_bridge.flight.faults import Fault
 
@@ -47,6 +47,12 @@ def note_scenario(recorder: Recorder, vehicle: SimulatedVehicle, scenario: Scena
         "home_altitude": repr(scenario.home.altitude),
     }
     recorder.note(WORLD, values)
+
+
+def note_autopilot(recorder: Recorder, vehicle: FlightVehicle, values: dict[str, str]) -> None:
+    """Store which other autopilot flies, how its outputs are assigned, and the flight vehicle's file."""
+    recorder.note(AUTOPILOT, {"version": version("wingbeat"), "vehicle": vehicle.name, **values})
+    recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
 
 
 def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:

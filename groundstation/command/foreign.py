@@ -55,6 +55,14 @@ class Foreign(NamedTuple):
         """Hz; of the sensors' ticks."""
         return px4.IMU_RATE if self.of_px4 else TICK_RATE
 
+    @property
+    def description(self) -> dict[str, str]:
+        """For the recording: the autopilot, the kind of launch and its outputs."""
+        outputs = {"channels": str(self.rig.channels), "launch": self.rig.launch.value}
+        if self.of_px4:
+            return {"autopilot": "PX4", **outputs}
+        return {"autopilot": "ArduPilot", **outputs, "pwm": f"{self.pulses.low:g}:{self.pulses.high:g}"}
+
 
 def add_foreign(parser: argparse.ArgumentParser) -> None:
     """Offer ``--px4``, ``--ardupilot`` and how their outputs are wired."""

@@ -19,7 +19,7 @@ from groundstation.command import foreign, foreign_parameters, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
 from groundstation.command.recordings import begin_recording, put_right, told_paths
 from logs.names import RECORDINGS, STICKS
-from logs.noted import note_scenario
+from logs.noted import note_autopilot, note_scenario
 from logs.outline import shape_of
 from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
@@ -98,7 +98,7 @@ def run(arguments: Sequence[str]) -> int:
         foreign_parameters.write_parameters(chosen, theirs, vehicle)
         return 0
     if theirs is not None:
-        serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs.rate))
+        serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs))
         return 0
     with contextlib.ExitStack() as stack:
         server = _server(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
@@ -158,16 +158,21 @@ class Flights:
     """A vehicle in the launcher's hand and a recording, for each start of an autopilot that is not ours."""
 
     def __init__(
-        self, vehicle: SimulatedVehicle, scenario: Scenario, sticks: Script | None, log: Path | None, rate: float
+        self,
+        vehicle: SimulatedVehicle,
+        scenario: Scenario,
+        sticks: Script | None,
+        log: Path | None,
+        autopilot: foreign.Foreign,
     ) -> None:
-        """Prepare; ``rate`` in Hz is that of the sensors' ticks.
+        """Prepare; the sensors tick at the rate of the ``autopilot``.
 
         Raises:
             BadInput: ``log`` exists.
         """
         if log is not None and log.exists():
             raise BadInput(f"{log} exists already")
-        self._vehicle, self._sticks, self._log, self._rate = vehicle, sticks, log, rate
+        self._vehicle, self._sticks, self._log, self._autopilot = vehicle, sticks, log, autopilot
         self._scenario = foreign.unhurried(scenario)
         self._recorder: McapRecorder | None = None
 
@@ -178,6 +183,7 @@ class Flights:
         self._recorder = begin_recording(log, f"{_recording_name(self._vehicle)}-world", WRITING)
         foreign.tell(f"recording in {self._recorder.path}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
+        note_autopilot(self._recorder, self._autopilot.rig.vehicle, self._autopilot.description)
         if self._sticks is not None:
             self._recorder.attach(STICKS, "text/csv", self._sticks.text.encode())
         isolation = Isolation()
@@ -185,7 +191,7 @@ class Flights:
             self._recorder, shape_of(self._vehicle), self._recorder.start_epoch_ns, guard=isolation.guard("scene")
         )
         outputs = IsolatedOutputs({"recorder": scene.record, "terminal": print_events}, isolation)
-        world = SimulatedWorld(self._vehicle, self._scenario, outputs, self._rate)
+        world = SimulatedWorld(self._vehicle, self._scenario, outputs, self._autopilot.rate)
         return Stage(world, IsolatedOutputs({"recorder": scene.record}, isolation))
 
     def compile(self) -> None:

@@ -33,6 +33,7 @@ from pymavlink import mavutil
 from avionics import topics
 from avionics.messages import ReceiverSample
 from avionics.quantities import BadInput
+from groundstation.command.main import main
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import ardupilot_wire as wire
 from sim_bridge.bridge.foreign.ardupilot import ArduPilotServer, Order, Patience, Tally, order_of
@@ -317,28 +318,6 @@ TAKEOFF = 13
 """ArduPlane's custom mode"""
 IN_THE_HAND_FOR_LONG = Scenario(duration=240.0, launch_time=math.inf, rest_time=1.0)
 """Its filter wants half a minute before it believes in a place."""
-SETTINGS = """
-SIM_RATE_HZ 400
-AIRSPEED_MIN 5.5
-AIRSPEED_CRUISE 7
-AIRSPEED_MAX 11
-ARSPD_FBW_MIN 5.5
-TRIM_ARSPD_CM 700
-ARSPD_FBW_MAX 11
-TRIM_THROTTLE 28
-THR_MAX 100
-THR_FAILSAFE 0
-FS_SHORT_ACTN 3
-FS_LONG_ACTN 0
-TECS_CLMB_MAX 2.3
-TECS_SINK_MAX 3.2
-ROLL_LIMIT_DEG 28
-TKOFF_ALT 30
-TKOFF_THR_MINACC 0
-TKOFF_THR_MINSPD 0
-"""
-"""What ``wingbeat sim --help`` says, by the names of old and new versions: what it lacks it passes over.
-No radio is heard here, and none is to be missed."""
 
 
 @contextmanager
@@ -348,11 +327,13 @@ def real_plane(stages: Stages, port: int, folder: Path) -> Iterator[Any]:
     ground = mavutil.mavlink_connection(f"udpin:127.0.0.1:{heard}", dialect="ardupilotmega")
     home = stages.scenario.home
     where = f"{math.degrees(home.latitude)},{math.degrees(home.longitude)},{home.altitude},0"
-    (folder / "settings.parm").write_text(SETTINGS.lstrip())
+    settings = folder / "settings.parm"
+    assert main(["sim", "--ardupilot", "--write-parameters", str(settings)]) == 0
+    settings.write_text(f"{settings.read_text()}TKOFF_ALT {IN_THE_AIR:g}\n")
     words = [
         os.environ["WINGBEAT_ARDUPLANE"], "--model", "JSON:127.0.0.1", "--home", where, "--wipe", "--speedup", "5",
         "--sim-port-out", str(port), "--serial0", f"udpclient:127.0.0.1:{heard}",
-        "--defaults", str(folder / "settings.parm"),
+        "--defaults", str(settings),
     ]  # fmt: skip
     plane = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
@@ -12,11 +13,13 @@ from foreign_bench import RAVEN, PlanePilot, ScriptedArduPlane, ScriptedPx4
 from ports import free_port
 
 from avionics import topics
-from groundstation.command.foreign import default_url
+from groundstation.command.foreign import REST_TIME, default_url, unhurried
 from groundstation.command.main import main
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign.outputs import Outputs
+from sim_bridge.bridge.world import NEUTRAL
+from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle
 
@@ -59,6 +62,22 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert main(["sim", *words]) == 2
     captured = capsys.readouterr()
     assert complaint in captured.err and captured.err.count("\n") == 1 and captured.out == ""
+
+
+def test_a_landing_leaves_time_to_disarm_and_a_mission_has_the_whole_duration() -> None:
+    """Not the end of the flight: the launch of another autopilot, and a landing of less than `REST_TIME`."""
+    scenario = unhurried(Scenario(duration=60.0))
+    assert scenario.launch_time == math.inf and scenario.duration == 60.0
+    world = SimulatedWorld(load_vehicle(RAVEN), scenario)
+    for _ in range(200):
+        world.advance(NEUTRAL, 0.005)
+    world.release()
+    landed = math.inf
+    while not world.finished:
+        world.advance(NEUTRAL, 0.005)
+        if landed == math.inf and world.thrown and world.plant.touching:
+            landed = world.time_us * 1e-6
+    assert REST_TIME <= world.time_us * 1e-6 - landed < REST_TIME + 5.0
 
 
 def test_each_instance_has_the_port_at_which_it_looks_for_its_simulator() -> None:

@@ -87,7 +87,9 @@ class Flight:
         self.height = -np.array([one.down for one in self.truth])
         flap = log[topics.FLAP.name]
         self.flapping_from = next((one.time_us * 1e-6 for one in flap if one.amplitude > 0.0), math.inf)
-        launches = [one.time_us * 1e-6 for one in log.get(truth_topics.EVENTS.name, []) if one.text.startswith("thrown")]
+        launches = [
+            one.time_us * 1e-6 for one in log.get(truth_topics.EVENTS.name, []) if one.text.startswith("thrown")
+        ]
         self.launched_at = launches[0] if launches else math.inf
 
 

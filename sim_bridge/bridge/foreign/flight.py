@@ -7,14 +7,17 @@ from enum import Enum
 from typing import NamedTuple
 
 from avionics import topics
-from avionics.messages import Event, SensorFrame, Severity
+from avionics.isolation import Isolation, fault_events
+from avionics.messages import Event, FlapCommand, SensorFrame, Severity
 from avionics.topics import Topic
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch, mixer
 from sim_bridge.bridge.foreign.launch import Launch
+from sim_bridge.bridge.foreign.observer import Observer
 from sim_bridge.bridge.foreign.outputs import Channels, Outputs
 from sim_bridge.bridge.foreign.world import ForeignWorld, Stage, Tell
+from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.observation import Observation
 
 LONGEST_STEP = 0.005
@@ -64,6 +67,10 @@ class ForeignFlight:
         self._ready = launch.State()
         self._told = Told.HELD
         self._next_record_us = 0
+        self._flap, self._command = FlapCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0), NEUTRAL
+        self._isolation = Isolation()
+        self._guard = self._isolation.guard("observer")
+        self._observer = Observer(rig.vehicle, stage.publish)
 
     def advance(self, outputs: Outputs, duration: float) -> Observation:
         """Advance ``duration`` s with ``outputs`` held, in steps short enough for the stroke.
@@ -84,7 +91,16 @@ class ForeignFlight:
             reading = getattr(frame, field)
             if reading is not None:
                 self._publish(topic, reading)
+        self._observe(frame)
         return frame
+
+    def _observe(self, frame: SensorFrame) -> None:
+        """Estimate the motion for the recording; an error in it is recorded and does not end the flight."""
+        self._isolation.advance(frame.time_us * 1e-6)
+        self._guard.run(self._observer.update, frame, self._flap, self._command, self.world.thrown)
+        for fault in self._isolation.take_faults():
+            for event in fault_events(fault, frame.time_us):
+                self._publish(truth_topics.EVENTS, event)
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Tell the terminal and the recording."""
@@ -100,6 +116,7 @@ class ForeignFlight:
             self.say(f"armed: launch in {self._launch.time:g} s" if waited <= 0.0 else "disarmed: no launch")
         if ready:
             self.world.release()
+        self._flap, self._command = flap, command
         observation = self.world.advance(command, dt)
         self.world.record()
         if observation.time_us >= self._next_record_us:
