@@ -25,6 +25,7 @@ from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import SceneRecorder
 from sim_bridge import topics
+from sim_bridge.bridge.foreign.launch import Launch
 from sim_bridge.bridge.foreign.world import Stage
 from sim_bridge.bridge.microcontroller import PTY, SerialPeer
 from sim_bridge.bridge.server import DEFAULT_URL, BridgeServer, FlightComputerSilent
@@ -182,6 +183,10 @@ class Flights:
         log = None if self._log is None else next(path for path in numbered(self._log) if not path.exists())
         self._recorder = begin_recording(log, f"{_recording_name(self._vehicle)}-world", WRITING)
         foreign.tell(f"recording in {self._recorder.path}")
+        if self._autopilot.rig.launch is Launch.THROW:
+            push, speed = foreign_parameters.push_of(self._vehicle), self._vehicle.launch.speed
+            text = f"{push.acceleration:.3g} m/s^2 along body x for {push.duration:g} s, to {speed:g} m/s"
+            foreign.tell(f"throw: {text}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
         note_autopilot(self._recorder, self._autopilot.rig.vehicle, self._autopilot.description)
         if self._sticks is not None:

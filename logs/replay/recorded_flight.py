@@ -14,7 +14,7 @@ from avionics.tasks.intake import RECORDED
 from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from logs.attached import flight_vehicle
-from logs.names import MISSION
+from logs.names import AUTOPILOT, MISSION
 from logs.reader import Log
 
 SENSORS = RECORDED
@@ -55,9 +55,11 @@ def recorded_flight(log: Log) -> RecordedFlight:
     """Everything that a log holds of what entered a flight.
 
     Raises:
-        BadInput: the log has no raw sensors or no vehicle file (it is not our flight computer's), begins in flight
-            without a snapshot of the memory, or is damaged.
+        BadInput: another autopilot flew, the log has no raw sensors or no vehicle file (it is not our flight
+            computer's), begins in flight without a snapshot of the memory, or is damaged.
     """
+    if AUTOPILOT in log.metadata:
+        raise BadInput(f"{log.path}: flown by {log.metadata[AUTOPILOT]['autopilot']}, no Wingbeat flight to replay")
     vehicle = flight_vehicle(log)
     if vehicle is None or topics.IMU.name not in log.topics:
         raise BadInput(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")

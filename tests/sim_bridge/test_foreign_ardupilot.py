@@ -37,6 +37,8 @@ from groundstation.command.main import main
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import ardupilot_wire as wire
 from sim_bridge.bridge.foreign.ardupilot import ArduPilotServer, Order, Patience, Tally, order_of
+from sim_bridge.bridge.foreign.flight import Rig
+from sim_bridge.bridge.foreign.launch import Launch
 from sim_bridge.bridge.foreign.outputs import Pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.bridge.world import NEUTRAL
@@ -48,10 +50,10 @@ MIDDLE = (1500, 1500, 1100, 1500)
 UP = (1500, 1500, 1900, 1500)
 
 
-def served(stages: Any, patience: Patience = BRIEF) -> tuple[Serving, list[str]]:
+def served(stages: Any, patience: Patience = BRIEF, rig: Rig = RIG) -> tuple[Serving, list[str]]:
     told: list[str] = []
     url = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
-    return Serving(ArduPilotServer(Interface(url), RIG, Pulses(), told.append, patience), stages), told
+    return Serving(ArduPilotServer(Interface(url), rig, Pulses(), told.append, patience), stages), told
 
 
 # --- packets ----------------------------------------------------------------------------------------------
@@ -321,14 +323,14 @@ IN_THE_HAND_FOR_LONG = Scenario(duration=240.0, launch_time=math.inf, rest_time=
 
 
 @contextmanager
-def real_plane(stages: Stages, port: int, folder: Path) -> Iterator[Any]:
+def real_plane(stages: Stages, port: int, folder: Path, launch: Launch = Launch.THROTTLE) -> Iterator[Any]:
     """The binary on our world, and a ground station's connection to it; ended when left."""
     heard = free_port(socket.SOCK_DGRAM)
     ground = mavutil.mavlink_connection(f"udpin:127.0.0.1:{heard}", dialect="ardupilotmega")
     home = stages.scenario.home
     where = f"{math.degrees(home.latitude)},{math.degrees(home.longitude)},{home.altitude},0"
     settings = folder / "settings.parm"
-    assert main(["sim", "--ardupilot", "--write-parameters", str(settings)]) == 0
+    assert main(["sim", "--ardupilot", "--launch", launch.value, "--write-parameters", str(settings)]) == 0
     settings.write_text(f"{settings.read_text()}TKOFF_ALT {IN_THE_AIR:g}\n")
     words = [
         os.environ["WINGBEAT_ARDUPLANE"], "--model", "JSON:127.0.0.1", "--home", where, "--wipe", "--speedup", "5",
@@ -361,11 +363,13 @@ def test_a_real_arduplane_reads_the_attitude_in_the_hand(tmp_path: Path) -> None
 
 
 @REAL
-def test_a_real_arduplane_takes_off_is_thrown_and_climbs(tmp_path: Path) -> None:
-    """GIVEN it in the hand WHEN it arms in mode TAKEOFF THEN it is thrown for its throttle, and climbs as it says."""
+@pytest.mark.parametrize("launch", list(Launch))
+def test_a_real_arduplane_takes_off_is_thrown_and_climbs(launch: Launch, tmp_path: Path) -> None:
+    """GIVEN it in the hand WHEN it arms in mode TAKEOFF THEN it is thrown, for its throttle or for its detection of
+    the launch, and climbs as it says."""
     stages = Stages(IN_THE_HAND_FOR_LONG)
-    serving, told = served(stages, Patience(stall=1.0, connect=20.0))
-    with real_plane(stages, serving.server.port, tmp_path) as ground:
+    serving, told = served(stages, Patience(stall=1.0, connect=20.0), RIG._replace(launch=launch))
+    with real_plane(stages, serving.server.port, tmp_path, launch) as ground:
         settled_attitude(ground)
         settled_place(ground)
         take_off(ground)

@@ -120,6 +120,13 @@ def test_the_recording_identifies(recording: Path, capsys: pytest.CaptureFixture
     assert found["modes"]["manoeuvres"] == len(MANEUVERS)
 
 
+def test_a_replay_of_another_autopilots_flight_is_refused(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(recording)]) == 2
+    assert "flown by ArduPilot, no Wingbeat flight to replay" in capsys.readouterr().err
+
+
 def test_the_estimates_run_at_px4s_rate_too() -> None:
     stages = Stages(Scenario(duration=6.0, launch_time=float("inf"), rest_time=1.0), 250.0)
     url = f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"
