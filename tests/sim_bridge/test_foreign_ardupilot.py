@@ -50,10 +50,10 @@ MIDDLE = (1500, 1500, 1100, 1500)
 UP = (1500, 1500, 1900, 1500)
 
 
-def served(stages: Any, patience: Patience = BRIEF, rig: Rig = RIG) -> tuple[Serving, list[str]]:
+def served(stages: Any, timeouts: Patience = BRIEF, rig: Rig = RIG) -> tuple[Serving, list[str]]:
     told: list[str] = []
     url = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
-    return Serving(ArduPilotServer(Interface(url), rig, Pulses(), told.append, patience), stages), told
+    return Serving(ArduPilotServer(Interface(url), rig, Pulses(), told.append, timeouts), stages), told
 
 
 # --- packets ----------------------------------------------------------------------------------------------
