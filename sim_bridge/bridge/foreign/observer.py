@@ -11,9 +11,9 @@ from typing import Any
 from avionics import timebase, topics
 from avionics.guidance.mission import Mission
 from avionics.messages import ActuatorCommand, FlapCommand, SensorFrame, Stage
-from avionics.sensing import inertial, plausibility
 from avionics.state import initial_state
 from avionics.tasks import estimate, sense
+from avionics.tasks.intake import accept
 from avionics.topics import Publish, Topic
 from avionics.vehicles.loader import FlightVehicle
 
@@ -48,9 +48,7 @@ class Observer:
         state.modes = state.modes._replace(armed=command.armed, stage=stage)
         state.flapping = state.flapping._replace(frequency=flap.frequency, phase=flap.phase)
         state.actuators = command
-        gains = state.gains
-        state.plausibility, frame, _ = plausibility.step(gains.plausibility, state.plausibility, frame)
-        state.frame = frame._replace(imu=inertial.correct(gains.imu, frame.imu))
+        accept(state, self._record, frame)
         for task in TASKS:
             task(state, self._record)
 
