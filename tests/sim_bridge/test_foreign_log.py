@@ -26,9 +26,9 @@ from sim_bridge.flight.world import Scenario
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle
 
-DURATION = 32.0
+DURATION = 28.0
 """s"""
-MANEUVERS = (12.0, 18.5, 25.0)
+MANEUVERS = (11.0, 17.0, 23.0)
 """s; each is a pause in the loops, a 3-2-1-1 of the elevator, and a pause"""
 PAUSE, UNIT, AMPLITUDE, LENGTH = 1.0, 0.15, 0.2, 3.3
 ESTIMATED = (
@@ -68,7 +68,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plane = ScriptedArduPlane(port)
     reach(plane)
     drain(plane)
-    plane.fly(ExcitingPilot(20.0), DURATION - 1e-6)
+    plane.fly(ExcitingPilot(15.0), DURATION - 1e-6)
     command.join(60.0)
     plane.close()
     assert exit_codes == [0]
