@@ -22,8 +22,9 @@ from flown_vehicle import (
     rally,
     say,
 )
-from ground_links import TRANSPORTS
+from ground_links import TRANSPORTS, Addresses
 from mavsdk_station import Station, action, first, from_wire, param, station, telemetry, to_wire
+from radio import radio
 
 from avionics.link.dialect import mavlink
 from sim_bridge.environment.home import COLLEGE_PARK
@@ -145,6 +146,22 @@ def test_how_long_from_the_first_connect_to_the_last_parameter(transport: str, t
     with TRANSPORTS[transport]() as link, aircraft(link, PROFILES["generic"], tmp_path, speed=1.0):
         took = asyncio.run(time_parameters(link.mavsdk))
     say(f"\nMAVSDK over {transport}: all parameters {took:.2f} s after it began to connect, asked within {HURRY:g} s")
+
+
+SLOW_BAUD = 57_600
+"""of a telemetry radio"""
+PATIENT = 15.0
+"""s; from the beginning of the connection to the last parameter over it"""
+
+
+@pytest.mark.bench
+def test_how_long_to_the_last_parameter_over_a_slow_radio(tmp_path: Path) -> None:
+    with radio(SLOW_BAUD / 10.0) as ends:
+        link = Addresses(f"serial:{ends.vehicle},{SLOW_BAUD}", f"serial://{ends.ground}:{SLOW_BAUD}", ())
+        with aircraft(link, PROFILES["ardupilot"], tmp_path, speed=1.0):
+            took = asyncio.run(time_parameters(link.mavsdk))
+    say(f"\nMAVSDK at {SLOW_BAUD} baud: all parameters after {took:.2f} s, asked within {PATIENT:g} s")
+    assert took < PATIENT
 
 
 async def time_parameters(url: str) -> float:
