@@ -1,4 +1,4 @@
-"""What QGroundControl asks when it connects and flies, in its order (InitialConnectStateMachine); each step is checked."""
+"""QGroundControl's requests when it connects (order of InitialConnectStateMachine) and its guided actions."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class QGroundControl:
             self.wire.take()
         return received
 
-    def ask(self, message: Any, kind: str) -> Any:
+    def answer(self, message: Any, kind: str) -> Any:
         """The first answer of a kind."""
         self.wire.say(self.voice.frame(message))
         return next(each for each in self.read() if each.get_type() == kind)
@@ -70,9 +70,9 @@ class QGroundControl:
         return next(each for each in answers if each.get_type() == kind)
 
     def plan(self, mission_type: int) -> list[Any]:
-        count = self.ask(mavlink.MAVLink_mission_request_list_message(1, 1, mission_type), "MISSION_COUNT").count
+        count = self.answer(mavlink.MAVLink_mission_request_list_message(1, 1, mission_type), "MISSION_COUNT").count
         return [
-            self.ask(mavlink.MAVLink_mission_request_int_message(1, 1, number, mission_type), "MISSION_ITEM_INT")
+            self.answer(mavlink.MAVLink_mission_request_int_message(1, 1, number, mission_type), "MISSION_ITEM_INT")
             for number in range(count)
         ]
 
@@ -108,7 +108,7 @@ def test_first_connection(station: QGroundControl) -> None:
 
 
 def test_guided_actions(station: QGroundControl) -> None:
-    """Arm, take off, pause, go there, orbit, change the altitude, continue, return, land: QGroundControl's buttons."""
+    """Arm, take off, hold, mission, return, land, go to, orbit, change altitude: QGroundControl's buttons."""
     vehicle, identity = station.vehicle, station.identity
     navigation = vehicle.topics[topics.NAVIGATION.name]
     vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=Stage.WAIT_LAUNCH, item=0)
@@ -128,9 +128,9 @@ def test_guided_actions(station: QGroundControl) -> None:
         (mavlink.MAV_CMD_DO_ORBIT, (40.0, float("nan"), 0.0, 0.0)),
     ):
         message = mavlink.MAVLink_command_int_message(1, 1, 0, number, 0, 0, *params, *place, HOME.altitude + 40.0)
-        assert station.ask(message, "COMMAND_ACK").result == ACCEPTED
+        assert station.answer(message, "COMMAND_ACK").result == ACCEPTED
     assert station.result(mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, 50.0, 3.0) == ACCEPTED
     assert station.result(mavlink.MAV_CMD_MISSION_START) == ACCEPTED and vehicle.mode is Mode.AUTO
     chosen = 1 + identity.first_item
-    answer = station.ask(mavlink.MAVLink_mission_set_current_message(1, 1, chosen), "MISSION_CURRENT")
+    answer = station.answer(mavlink.MAVLink_mission_set_current_message(1, 1, chosen), "MISSION_CURRENT")
     assert answer.seq == chosen
