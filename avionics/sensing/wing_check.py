@@ -120,7 +120,10 @@ def _judged(gains: Gains, state: State, dt: float) -> State:
     still = (LEFT if state.still_left >= gains.still_time else 0) | (
         RIGHT if state.still_right >= gains.still_time else 0
     )
-    stalled = state.current > max(gains.stall_ratio * state.usual, gains.stall_current)
+    # The usual current is learned with both wings moving. Without it a strong current may be that of the climb,
+    # unless both wings stand still: two encoders do not fail at once.
+    comparable = state.usual > 0.0 or still == LEFT | RIGHT
+    stalled = comparable and state.current > max(gains.stall_ratio * state.usual, gains.stall_current)
     fresh = still & ~state.lost
     if fresh and (stalled or state.rocking > gains.rocking):
         return state._replace(jammed=state.jammed | fresh)

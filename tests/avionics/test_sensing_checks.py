@@ -182,6 +182,16 @@ def test_a_wing_that_jams_after_its_encoder_died_is_told_by_the_rocking(still: d
     assert jammed.jammed == flag
 
 
+@pytest.mark.parametrize(("encoder", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
+def test_encoder_lost_before_the_first_stroke_is_no_jam(encoder: dict[str, float], flag: int) -> None:
+    """GIVEN no usual current WHEN a climb draws a strong one THEN one wing is not jammed, two are."""
+    climb = BEATING._replace(current=5.0, valid=3 - flag, **encoder)
+    state = watch(wing_check.State(), climb, 10.0)
+    assert (state.lost, state.jammed) == (flag, 0)
+    both = watch(wing_check.State(), climb._replace(rate_left=0.0, rate_right=0.0, valid=0), 1.5)
+    assert both.jammed == 3
+
+
 def test_wings_that_were_not_told_to_flap_may_rest() -> None:
     state = watch(wing_check.State(), wing_check.Seen(0.0, 0.0, 9.0, 3.0, 0), 10.0)
     assert (state.lost, state.jammed) == (0, 0)

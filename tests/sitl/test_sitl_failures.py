@@ -226,6 +226,15 @@ def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
     check_flight(flight, promise, at)
 
 
+def test_encoder_lost_in_the_hand_does_not_stop_the_flight() -> None:
+    """GIVEN an encoder that fails before the throw WHEN it climbs THEN the wing is not taken for jammed."""
+    scenario = Scenario(seed=1, duration=30.0, faults=(parse_fault("encoder_left_lost@3"),))
+    flight = flown(RAVEN, scenario, STRAIGHT)
+    check_upright(flight)
+    assert flight.altitude()[-1] == pytest.approx(15.0, abs=2.0)
+    flight.event_time("failsafe: left wing encoder lost")
+
+
 def test_with_a_frozen_imu_the_altitude_is_the_barometers() -> None:
     """The last acceleration before it, of somewhere in a stroke, told 400 m of a bird at 29 m."""
     flight = failed(RAVEN, "imu_frozen")
