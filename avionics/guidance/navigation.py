@@ -160,6 +160,8 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Si
     item = mission[state.item]
     if item.here:
         item = item._replace(north=state.from_north, east=state.from_east)
+        if item.kind == ItemKind.LAND and item.heading == 0.0:
+            item = item._replace(heading=state.heading)
     state, target, done = ITEMS[item.kind](gains, state, dt, item, seen)
     if item.kind in CHOOSING:
         target = below_ceiling(target, seen)
@@ -181,8 +183,11 @@ def _finish(state: State, item: MissionItem, target: Target) -> State:
 def _jump(state: State, mission: Mission) -> State:
     """Follow jump items until there is one to fly; a mission of nothing but jumps is at its end."""
     for _ in mission:
-        while state.item < len(mission) and mission[state.item].kind == ItemKind.SKIP:
-            state = state._replace(item=state.item + 1, begun=0)
+        item = state.item
+        while item < len(mission) and mission[item].kind == ItemKind.SKIP:
+            item += 1
+        if item != state.item:
+            state = state._replace(item=item, begun=0)
         if state.item >= len(mission) or mission[state.item].kind != ItemKind.JUMP:
             return state
         jump, counts = mission[state.item], dict(state.jumps)

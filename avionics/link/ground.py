@@ -160,7 +160,7 @@ class GroundLink:
             ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._rooms())),
             ServiceRow("missions", missions),
             ServiceRow("setpoints", lambda: setpoints, keeps_memory=True),
-            ServiceRow("modes", lambda: ModeService(vehicle, identity, shown, setpoints), vital=True),
+            ServiceRow("modes", lambda: ModeService(shown), vital=True),
             ServiceRow("stream requests", requests),
             ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
             ServiceRow("time synchronization", lambda: TimesyncService(vehicle)),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from avionics.guidance.mission import Fence, ItemKind, MissionItem, Rally, RallyPoint, Zone
+from avionics.guidance.path import Place
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation, encode_excitation
@@ -97,14 +98,15 @@ LOCAL_FRAMES = frozenset((1, 4, 7, 8, 9, 12, 20, 21))
 def to_metres(home: Home, latitude: float, longitude: float) -> tuple[float, float]:
     """North and east of ``home`` in m, for a place in degrees."""
     north = (math.radians(latitude) - home.latitude) * EARTH_RADIUS
-    east = (math.radians(longitude) - home.longitude) * EARTH_RADIUS * math.cos(home.latitude)
+    eastward = math.remainder(math.radians(longitude) - home.longitude, math.tau)
+    east = eastward * EARTH_RADIUS * math.cos(home.latitude)
     return north, east
 
 
 def to_degrees(home: Home, north: float, east: float) -> tuple[float, float]:
     """Latitude and longitude in degrees of a place in m from ``home``."""
     latitude = home.latitude + north / EARTH_RADIUS
-    longitude = home.longitude + east / (EARTH_RADIUS * math.cos(home.latitude))
+    longitude = math.remainder(home.longitude + east / (EARTH_RADIUS * math.cos(home.latitude)), math.tau)
     return math.degrees(latitude), math.degrees(longitude)
 
 
@@ -126,8 +128,8 @@ def read_message(message: Any) -> WireItem:
     return WireItem(message.frame, message.command, params, x, y, message.z)
 
 
-def decode_item(item: WireItem, home: Home | None) -> MissionItem:
-    """The item in metres from home.
+def decode_item(item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
+    """The item in metres from home; ``earlier`` items give a landing without a heading its course.
 
     Raises:
         ItemRefused: unknown command or frame, a number that is not finite, an input outside its range, or a
@@ -153,6 +155,8 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     north, east = _place(item, home) if placed else (0.0, 0.0)
     altitude = _altitude(item, home) if kind in _WITH_ALTITUDE else 0.0
     heading = {ItemKind.HOLD: item.params[1], ItemKind.LAND: item.params[3]}.get(kind, 0.0)
+    if kind is ItemKind.LAND and not here and (not math.isfinite(heading) or heading == 0.0):
+        heading = math.degrees(_landing_course((north, east), home, earlier))
     held = kind is ItemKind.HOLD or (kind is ItemKind.WAYPOINT and item.params[0] > 0.0)
     duration = item.params[0] if held else 0.0
     if not math.isfinite(duration) or duration < 0.0:
@@ -160,18 +164,43 @@ def decode_item(item: WireItem, home: Home | None) -> MissionItem:
     return MissionItem(kind, north, east, altitude, _heading(heading), duration, here=int(here))
 
 
+def _landing_course(place: Place, home: Home | None, earlier: Sequence[WireItem]) -> float:
+    """Course (rad) of a landing without a heading: from the last position before it, as ArduPlane and PX4 fly it.
+
+    QGroundControl sends 0 for "none"; north is 360 degrees.
+    """
+    flown = (mavlink.MAV_CMD_NAV_WAYPOINT, *_CIRCLES)
+    before = [_place(each, home) for each in earlier if each.command in flown and not _is_here(each)]
+    for north, east in (*reversed(before), (0.0, 0.0)):
+        if math.hypot(place[0] - north, place[1] - east) > 1.0:
+            return math.atan2(place[1] - east, place[0] - north)
+    return 0.0
+
+
 def skipped_item(item: WireItem) -> MissionItem:
-    """The item in its place, passed over in flight."""
+    """The item in its place, passed over in flight.
+
+    Raises:
+        ItemRefused: its fifth or sixth parameter does not fit into a MISSION_ITEM_INT.
+    """
+    scale = wire_scale(item.frame)
+    if any(math.isfinite(value) and abs(value * scale) >= 2**31 for value in (item.x, item.y)):
+        raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM5_X, "a parameter is out of range")
     numbers = (item.frame, item.command, *item.params, item.x, item.y, item.z)
     return MissionItem(
         ItemKind.SKIP, skipped=tuple(float(value) if math.isfinite(value) else 0.0 for value in numbers)
     )
 
 
-def notes(items: Sequence[WireItem]) -> tuple[str, ...]:
-    """What of a mission is flown in another way than it was sent, a line for each kind; for people."""
+def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
+    """What of a mission is flown in another way than it was sent, a line for each kind; for people.
+
+    Home is at its beginning where ``first_item`` is 1.
+    """
     names = dict.fromkeys(command_name(item.command) for item in items if item.command in SKIPPED)
     lines = [f"passed over in flight: {', '.join(names)}"] if names else []
+    if first_item and items[0].command != mavlink.MAV_CMD_NAV_WAYPOINT:
+        lines.append(f"item 0 is home and not flown: it was {command_name(items[0].command)}")
     if any(item.frame in _TERRAIN for item in items):
         lines.append("altitudes above terrain are taken as above home")
     return tuple(lines)
@@ -193,7 +222,8 @@ def with_altitude(item: WireItem, earlier: Sequence[WireItem]) -> WireItem:
     """The item, with the altitude of the last one before it where its own is NaN (null in a plan)."""
     if math.isfinite(item.z) or item.frame not in GLOBES:
         return item
-    last = next((each for each in reversed(earlier) if each.frame in GLOBES and each.z), None)
+    flown = (*_WITH_ALTITUDE, *_CIRCLES)
+    last = next((e for e in reversed(earlier) if e.frame in GLOBES and e.z and e.command in flown), None)
     return item if last is None else item._replace(frame=last.frame, z=last.z)
 
 
@@ -325,6 +355,7 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     if item.kind in (ItemKind.CIRCLE, ItemKind.LOITER):
         return _encode_circle(item, home)
     heading = math.degrees(item.heading) % 360.0
+    heading = heading if item.kind is ItemKind.HOLD else heading or 360.0
     if item.kind is ItemKind.HOLD:
         return WireItem(frame, item.kind, (item.duration, heading, 0.0, 0.0), 0.0, 0.0, item.altitude)
     hold_time = item.duration if item.kind is ItemKind.WAYPOINT else 0.0
@@ -350,7 +381,7 @@ def _circle_command(item: MissionItem) -> tuple[int, tuple[float, float, float, 
         return item.kind, (item.turns, 0.0, item.radius, 1.0)
     if item.duration > 0.0:
         return mavlink.MAV_CMD_NAV_LOITER_TIME, (item.duration, 0.0, item.radius, 1.0)
-    return mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (0.0, item.radius, 0.0, 1.0)
+    return mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (1.0, item.radius, 0.0, 1.0)
 
 
 def _placed(
@@ -376,6 +407,7 @@ def decode_fence(items: Sequence[WireItem], home: Home | None) -> Fence:
     """
     zones: list[Zone] = []
     corners: list[tuple[float, float]] = []
+    first = WireItem(0, 0, (0.0,) * 4, 0.0, 0.0, 0.0)
     for number, item in enumerate(items):
         if item.params[1]:
             raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM2, f"item {number}: there is one group of zones, 0")
@@ -385,6 +417,11 @@ def decode_fence(items: Sequence[WireItem], home: Home | None) -> Fence:
         if item.command not in (_KEEP_IN, _KEEP_OUT):
             text = f"item {number}: {command_name(item.command)} is no fence of ours"
             raise ItemRefused(mavlink.MAV_MISSION_UNSUPPORTED, text)
+        if not corners:
+            first = item
+        elif (item.command, item.params[0]) != (first.command, first.params[0]):
+            text = f"item {number}: the corners of a polygon have one command and one count"
+            raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, text)
         corners.append(_place(item, home))
         if len(corners) == item.params[0]:
             zones.append(Zone(int(item.command == _KEEP_IN), tuple(corners)))

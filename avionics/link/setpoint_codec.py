@@ -94,8 +94,8 @@ def _local_position(message: Any, origin: Origin) -> tuple[tuple[float, float] |
     offset = frame == mavlink.MAV_FRAME_LOCAL_OFFSET_NED
     placed = _used(mask, _X | _Y, message.x + message.y)
     if frame in _BODY:
-        if placed or _used(mask, _Z, message.z):
-            raise ItemRefused(_UNSUPPORTED_FRAME, f"setpoint: no position in frame {frame}")
+        if placed or _used(mask, _Z, message.z) or _used(mask, _YAW, message.yaw):
+            raise ItemRefused(_UNSUPPORTED_FRAME, f"setpoint: no position and no yaw in frame {frame}")
         return None, None
     if frame != mavlink.MAV_FRAME_LOCAL_NED and not offset:
         raise ItemRefused(_UNSUPPORTED_FRAME, f"setpoint: frame {frame} is not supported")

@@ -15,6 +15,8 @@ from avionics.link.stream_table import STREAMS, StreamEntry
 from avionics.link.telemetry import boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
 
+_LONGEST_US = 2**31 - 1
+"""us; that MESSAGE_INTERVAL can hold"""
 FASTEST = 0.005
 """s; no message is sent more often"""
 LONGEST_WAIT = 5.0
@@ -112,7 +114,7 @@ class Streams:
         schedule = self._links[link].get(message_id)
         if schedule is None:
             return 0
-        return round(schedule.interval * 1e6) if schedule.interval < float("inf") else -1
+        return min(round(schedule.interval * 1e6), _LONGEST_US) if schedule.interval < float("inf") else -1
 
     def set_group(self, link: int, group: int, rate: float) -> bool:
         """A whole group of REQUEST_DATA_STREAM to ``rate`` Hz, 0 for never; False for a group without messages."""

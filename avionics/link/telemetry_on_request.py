@@ -220,7 +220,7 @@ def actuator_outputs(vehicle: VehicleView) -> Any:
         return None
     outputs = (now.wing_left, now.wing_right, now.elevator, now.rudder, now.throttle)
     return mavlink.MAVLink_actuator_output_status_message(
-        now.time_us, len(outputs), [*outputs, *([0.0] * (32 - len(outputs)))]
+        now.time_us, (1 << len(outputs)) - 1, [*outputs, *([0.0] * (32 - len(outputs)))]
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from avionics.guidance.mission import FlightPlan, Mission, MissionItem
-from avionics.link.mission_codec import GLOBES, decode_fence, decode_item, decode_rally, notes, with_altitude
+from avionics.link.mission_codec import GLOBES, SKIPPED, decode_fence, decode_item, decode_rally, notes, with_altitude
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.missions import plan_file, reader, waypoint_file
@@ -38,11 +38,10 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
 
 def _from_plan(path: Path) -> FlightPlan:
     file = plan_file.read(path)
-    kept, note = plan_file.without_cameras(file.mission)
-    if not kept:
+    if all(planned.item.command in SKIPPED for planned in file.mission):
         raise BadInput(f"{path}: no mission item to fly, only {_rest(file)}")
     try:
-        items = plan_file.numbered(kept)
+        items = plan_file.numbered(file.mission)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     mission = _mission(path, ((planned.where, planned.item) for planned in items), file.home)
@@ -51,15 +50,14 @@ def _from_plan(path: Path) -> FlightPlan:
         rally = decode_rally(file.rally, file.home)
     except ItemRefused as refused:
         raise BadInput(f"{path}: fence or rally points: {refused}") from None
-    lines = notes([planned.item for planned in items])
-    return FlightPlan(mission, fence, rally, (note, *lines) if note else lines)
+    return FlightPlan(mission, fence, rally, notes([planned.item for planned in items]))
 
 
 def _rest(file: plan_file.PlanFile) -> str:
     """What a plan without a mission holds, and the command that sends it."""
     parts = [name for name, items in (("a fence", file.fence), ("rally points", file.rally)) if items]
     hint = "; upload it with: wingbeat gcs URL mission upload FILE" if parts else ""
-    return " and ".join(parts + ["camera commands"] * bool(file.mission)) + hint
+    return " and ".join(parts + ["commands that are passed over"] * bool(file.mission)) + hint
 
 
 def _from_list(path: Path) -> FlightPlan:
@@ -78,9 +76,9 @@ def _mission(path: Path, items: Iterable[tuple[str, WireItem]], home: Home | Non
     earlier: list[WireItem] = []
     for where, sent in items:
         item = with_altitude(sent, earlier)
-        earlier.append(item)
         try:
-            made.append(decode_item(item, home))
+            made.append(decode_item(item, home, earlier))
         except ItemRefused as refused:
             raise BadInput(f"{path}: {where}: {refused}") from None
+        earlier.append(item)
     return tuple(made)

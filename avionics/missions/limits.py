@@ -96,7 +96,21 @@ def check_jumps(mission: Mission) -> str:
             return f"item {number}: JUMP leads to item {item.jump_to + 1} of {len(mission)}"
         if not -1 <= item.repeats <= 1000:
             return f"item {number}: JUMP repeats must be -1 (for ever) to 1000"
+        if _leads_back(mission, number - 1):
+            return f"item {number}: JUMP leads back to itself, with no item to fly between"
     return ""
+
+
+def _leads_back(mission: Mission, jump: int) -> bool:
+    """Whether a jump is followed by itself without an item that takes time; jumps on the way are followed as well."""
+    at, passed = mission[jump].jump_to, set[int]()
+    while at < len(mission) and at not in passed and mission[at].kind in (ItemKind.SKIP, ItemKind.JUMP):
+        if at == jump:
+            return True
+        passed.add(at)
+        onward = mission[at].kind == ItemKind.JUMP and 0 <= mission[at].jump_to < len(mission)
+        at = mission[at].jump_to if onward else at + 1
+    return False
 
 
 def check_rally(rally: Rally) -> str:

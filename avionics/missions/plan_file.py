@@ -1,7 +1,7 @@
 """QGroundControl's ``.plan``: a JSON document with a mission, a geofence and rally points.
 
-Surveys and corridor scans hold the simple items that they were laid out to; a fixed-wing landing pattern becomes a
-LAND item on the course from its approach to its landing place.
+Surveys and corridor scans hold the simple items that they were laid out to; a fixed-wing landing pattern becomes the
+items that QGroundControl sends for it.
 """
 
 from __future__ import annotations
@@ -13,26 +13,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
+from avionics.link.mission_codec import to_metres
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
 from avionics.quantities import BadInput, DocumentError, parse_json, why_unread
 
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-CAMERA = frozenset(
-    (
-        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
-        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
-        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
-        mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
-        mavlink.MAV_CMD_DO_MOUNT_CONTROL,
-        mavlink.MAV_CMD_SET_CAMERA_MODE,
-        mavlink.MAV_CMD_IMAGE_START_CAPTURE,
-        mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
-        mavlink.MAV_CMD_VIDEO_START_CAPTURE,
-        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
-    )
-)
-"""commands for a camera, which a survey is full of"""
 
 
 class PlannedItem(NamedTuple):
@@ -109,7 +95,7 @@ def _items(table: Any, where: str) -> list[PlannedItem]:
         raise _Malformed(f"{where}: type must be SimpleItem or ComplexItem, not {table.get('type')!r}")
     kind = str(table.get("complexItemType", ""))
     if kind == "fwLandingPattern":
-        return [_landing(table, f"{where} ({kind})")]
+        return _landing(table, f"{where} ({kind})")
     laid_out = table.get("TransectStyleComplexItem")
     if not isinstance(laid_out, dict):
         raise _Malformed(f"{where}: a {kind or 'complex item'} cannot be flown")
@@ -131,17 +117,32 @@ def _simple(table: Mapping[str, Any], where: str) -> PlannedItem:
     return PlannedItem(item, where, _whole(table, "doJumpId", where, 65535, 0))
 
 
-def _landing(table: Mapping[str, Any], where: str) -> PlannedItem:
-    """LAND at the pattern's landing place, on the course from its approach point."""
+def _landing(table: Mapping[str, Any], where: str) -> list[PlannedItem]:
+    """A fixed-wing landing pattern as QGroundControl sends it: a circle or a position to descend at, and LAND.
+
+    The course of the LAND is that of the line from where the circle is left, or from the position.
+    """
     key = next((key for key in ("landingApproachCoordinate", "loiterCoordinate") if key in table), None)
     if key is None:
         raise _Malformed(f"{where}: landingApproachCoordinate is missing")
     approach, place = (_numbers(table, name, 3, where) for name in (key, "landCoordinate"))
-    north = place[0] - approach[0]
-    east = (place[1] - approach[1]) * math.cos(math.radians(place[0]))
-    heading = math.degrees(math.atan2(east, north)) % 360.0
-    item = WireItem(RELATIVE, mavlink.MAV_CMD_NAV_LAND, (0.0, 0.0, 0.0, heading), place[0], place[1], 0.0)
-    return PlannedItem(item, where, 0)
+    radius = _number(table.get("loiterRadius", 0.0), f"{where}: loiterRadius")
+    circling = table.get("useLoiterToAlt", True) and radius > 0.0
+    radius = radius if table.get("loiterClockwise", True) else -radius
+    north, east = to_metres(Home(math.radians(approach[0]), math.radians(approach[1]), 0.0), *place[:2])
+    course, distance = math.atan2(east, north), math.hypot(north, east)
+    if circling:
+        course += math.asin(max(-1.0, min(1.0, radius / max(distance, 1e-3))))
+    heading = math.degrees(course) % 360.0 or 360.0
+    command, params = mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, math.nan)
+    if circling:
+        command, params = mavlink.MAV_CMD_NAV_LOITER_TO_ALT, (1.0, radius, 0.0, 1.0)
+    items = (
+        WireItem(mavlink.MAV_FRAME_MISSION, mavlink.MAV_CMD_DO_LAND_START, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
+        WireItem(RELATIVE, command, params, *approach),
+        WireItem(RELATIVE, mavlink.MAV_CMD_NAV_LAND, (0.0, 0.0, 0.0, heading), place[0], place[1], 0.0),
+    )
+    return [PlannedItem(item, where, 0) for item in items]
 
 
 # --- fence and rally points --------------------------------------------------------------------------------
@@ -252,13 +253,6 @@ def _jump_to(planned: PlannedItem, places: Mapping[int, int]) -> PlannedItem:
     if target not in places:
         raise BadInput(f"{planned.where}: DO_JUMP (177) leads to item {target:g}, which is not flown")
     return planned._replace(item=item._replace(params=(float(places[int(target)]), *item.params[1:])))
-
-
-def without_cameras(mission: Sequence[PlannedItem]) -> tuple[tuple[PlannedItem, ...], str]:
-    """The items but for a camera's, and a line about them; empty when there were none."""
-    kept = tuple(planned for planned in mission if planned.item.command not in CAMERA)
-    left = len(mission) - len(kept)
-    return kept, f"{left} camera commands are passed over: there is no camera" if left else ""
 
 
 # --- writing -----------------------------------------------------------------------------------------------

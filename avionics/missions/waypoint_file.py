@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import wire_scale
+from avionics.link.mission_codec import GLOBES, wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
 from avionics.quantities import BadInput, why_unread
@@ -65,10 +65,16 @@ def _line(where: str, words: Sequence[str]) -> Line:
 
 
 def home_of(lines: Sequence[Line]) -> Home | None:
-    """Home where the list begins with it, as ArduPilot's lists do: a waypoint with its altitude above the sea."""
+    """Home where the list begins with it, as ArduPilot's lists do: a waypoint with its altitude above the sea.
+
+    A home of zeros is not known: the first position of the list stands for it.
+    """
     first = lines[0].item
     if (first.frame, first.command) != (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT):
         return None
+    if (first.x, first.y) == (0.0, 0.0):
+        placed = (line.item for line in lines[1:] if line.item.frame in GLOBES and (line.item.x or line.item.y))
+        first = next(placed, first)._replace(z=first.z)
     return Home(math.radians(first.x), math.radians(first.y), first.z)
 
 

@@ -40,8 +40,6 @@ class Convention(NamedTuple):
 
     home_first: bool
     """-; item 0 is home, as ArduPilot has it: it is sent for the count's sake, and the vehicle puts its own there"""
-    cameras: bool
-    """-; it knows what to do with a camera's commands"""
     local: bool
     """-; it takes places in metres from home"""
 
@@ -52,7 +50,7 @@ def convention_of(autopilot: int | None, ours: bool = False) -> Convention:
     ``ours`` for our own vehicle, whatever it calls itself; what is generic is taken for it.
     """
     ours = ours or autopilot == mavlink.MAV_AUTOPILOT_GENERIC
-    return Convention(home_first=autopilot == ARDUPILOT, cameras=not ours, local=ours)
+    return Convention(home_first=autopilot == ARDUPILOT, local=ours)
 
 
 def read(path: Path) -> tuple[Item, ...]:
@@ -62,7 +60,7 @@ def read(path: Path) -> tuple[Item, ...]:
         BadInput: as of `read_upload`.
     """
     if _is_own(path) or path.suffix == ".plan":
-        return read_upload(path, Convention(home_first=False, cameras=True, local=True)).mission
+        return read_upload(path, Convention(home_first=False, local=True)).mission
     return tuple(item_of(line.item, line.autocontinue) for line in waypoint_file.read(path))
 
 
@@ -78,8 +76,8 @@ def _is_own(path: Path) -> bool:
 def read_upload(path: Path, convention: Convention, home: Home | None = None) -> Upload:
     """Mission, fence and rally points of a file, as a vehicle of this ``convention`` takes them.
 
-    Left out is what it has no use for: the home that a plain list begins with, a camera's commands. ``home`` is the
-    vehicle's, for the metres of our own files where places have to be on the globe.
+    The home that a plain list begins with is left out where the vehicle has no use for it. ``home`` is the vehicle's,
+    for the metres of our own files where places have to be on the globe.
 
     Raises:
         BadInput: unreadable, not such a list or plan, or a part that is malformed; the text says which.
@@ -124,14 +122,12 @@ def without_first(content: Upload, convention: Convention) -> Upload:
 
 def _planned(path: Path, convention: Convention) -> Upload:
     file = plan_file.read(path)
-    mission, note = (file.mission, "") if convention.cameras else plan_file.without_cameras(file.mission)
-    items = tuple(item_of(planned.item) for planned in plan_file.numbered(mission))
+    items = tuple(item_of(planned.item) for planned in plan_file.numbered(file.mission))
     fence, rally = (tuple(map(item_of, part)) for part in (file.fence, file.rally))
     return Upload(
         _behind(file.home, items) if convention.home_first and items else items,
         fence,
         rally,
-        (note,) if note else (),
     )
 
 

@@ -9,11 +9,15 @@ import pytest
 from link_vehicle import HOME, FakeVehicle
 from link_wires import Voice, Wire
 
-from avionics.guidance.mission import ItemKind
+from avionics import topics
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
-from avionics.link.mission_codec import to_degrees
-from avionics.link.vehicle import PROFILES, Identity
+from avionics.link.mission_codec import decode_fence, to_degrees, to_metres
+from avionics.link.vehicle import PROFILES, Home, Identity
+from avionics.link.wire_item import ItemRefused, WireItem
+from avionics.messages import CommandKind, Mode, Stage
+from avionics.missions.reader import check_mission
 
 ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
 GLOBAL, RELATIVE = mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
@@ -183,3 +187,124 @@ def test_first_waypoint_in_the_air_is_flown() -> None:
     bench = Bench(PROFILES["px4"])
     assert bench.upload(waypoint(PLACE_OF_HOME, HOME.altitude + 40.0, GLOBAL)) == [ACCEPTED]
     assert bench.vehicle.mission[0].kind is ItemKind.WAYPOINT
+
+
+@identities
+@pytest.mark.parametrize("heading", [0.0, NAN])
+def test_landing_without_a_heading_continues_from_the_position_before(identity: Identity, heading: float) -> None:
+    bench = Bench(identity)
+    west = to_degrees(HOME, 60.0, -140.0)
+    land = (RELATIVE, 21, (0.0, 0.0, 0.0, heading), west, 0.0)
+    assert bench.upload(TAKEOFF, waypoint(NEAR, 40.0), land) == [ACCEPTED]
+    assert bench.vehicle.mission[-1].heading == pytest.approx(-math.pi / 2, abs=1e-3)
+    north = (RELATIVE, 21, (0.0, 0.0, 0.0, 360.0), west, 0.0)
+    assert bench.upload(TAKEOFF, waypoint(NEAR, 40.0), north) == [ACCEPTED]
+    assert bench.vehicle.mission[-1].heading == pytest.approx(0.0, abs=1e-9)
+    assert bench.download()[-1].param4 == 360.0
+
+
+def test_parameter_that_no_message_can_carry_is_refused() -> None:
+    bench = Bench(PROFILES["px4"])
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    roi = mavlink.MAVLink_mission_item_message(1, 1, 0, 2, 201, 0, 1, 0.0, 0.0, 0.0, 0.0, 3e9, 0.0, 0.0, 0)
+    acks = [each.type for each in bench.send(roi) if each.get_type() == "MISSION_ACK"]
+    assert acks == [mavlink.MAV_MISSION_INVALID_PARAM5_X]
+
+
+def test_fence_that_waits_for_home_does_not_stop_a_mission_upload() -> None:
+    bench = Bench(PROFILES["px4"], home=False)
+    fence = [mavlink.MAVLink_mission_item_int_message(
+        1, 1, number, 3, 5001, 0, 1, 3.0, 0, 0, 0, round((NEAR[0] + north) * 1e7), round((NEAR[1] + east) * 1e7), 0, 1
+    ) for number, (north, east) in enumerate(((-0.01, -0.01), (0.01, 0.0), (-0.01, 0.01)))]  # fmt: skip
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, 3, 1))
+    for item in fence:
+        bench.send(item)
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
+    bench.send(integer(0, *TAKEOFF))
+    bench.vehicle.home = HOME
+    bench.pass_time()
+    assert len(bench.vehicle.fence.zones) == 1
+    answers = bench.send(integer(1, *waypoint(NEAR, 40.0)))
+    assert [each.type for each in answers if each.get_type() == "MISSION_ACK"] == [ACCEPTED]
+
+
+def test_clearing_everything_clears_what_waits_for_home() -> None:
+    bench = Bench(PROFILES["px4"], home=False)
+    bench.upload(TAKEOFF, waypoint(NEAR, 40.0))
+    bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 255))
+    bench.vehicle.home = HOME
+    bench.pass_time()
+    assert bench.vehicle.mission == ()
+
+
+def test_takeoff_in_the_place_of_home_is_named() -> None:
+    bench = Bench(PROFILES["ardupilot"]._replace(first_item=1))
+    bench.identity = PROFILES["px4"]  # so that the station sends no home
+    assert bench.upload(TAKEOFF, waypoint(NEAR, 40.0)) == [ACCEPTED]
+    assert "item 0 is home and not flown: it was NAV_TAKEOFF (22)" in "".join(bench.texts)
+
+
+def test_position_across_the_date_line_is_near() -> None:
+    fiji = Home(math.radians(-17.0), math.radians(179.9995), 5.0)
+    north, east = to_metres(fiji, -17.0, -179.9995)
+    assert (north, east) == pytest.approx((0.0, 106.5), abs=1.0)
+    assert to_degrees(fiji, north, east)[1] == pytest.approx(-179.9995)
+
+
+@pytest.mark.parametrize("change", [(5002, 4.0), (5001, 3.0)])
+def test_corners_of_one_polygon_have_one_command_and_one_count(change: tuple[int, float]) -> None:
+    corners = [WireItem(3, 5001, (4.0, 0.0, 0.0, 0.0), NEAR[0] + n, NEAR[1] + e, 0.0)
+               for n, e in ((-0.01, -0.01), (0.01, -0.01), (0.01, 0.01), (-0.01, 0.01))]  # fmt: skip
+    assert len(decode_fence(corners, HOME).zones) == 1
+    corners[2] = corners[2]._replace(command=change[0], params=(change[1], 0.0, 0.0, 0.0))
+    with pytest.raises(ItemRefused, match="one command and one count"):
+        decode_fence(corners, HOME)
+
+
+def test_jump_loop_without_an_item_to_fly_is_refused() -> None:
+    skip, takeoff = MissionItem(ItemKind.SKIP), MissionItem(ItemKind.TAKEOFF, altitude=20.0)
+    jump = MissionItem(ItemKind.JUMP, jump_to=1, repeats=-1)
+    assert "leads back to itself" in check_mission((takeoff, *[skip] * 497, jump._replace(repeats=-1)))
+    assert "leads back to itself" in check_mission((takeoff, jump._replace(jump_to=2), jump))
+    assert check_mission((takeoff, MissionItem(ItemKind.WAYPOINT, altitude=20.0), skip, jump)) == ""
+
+
+@identities
+def test_takeoff_by_set_mode_and_standard_mode(identity: Identity) -> None:
+    bench = Bench(identity)
+    bench.upload(TAKEOFF, waypoint(NEAR, 40.0))
+    for message in (
+        mavlink.MAVLink_set_mode_message(1, 1, identity.takeoff.custom_mode),
+        mavlink.MAVLink_command_long_message(1, 1, 262, 0, 8.0, 0, 0, 0, 0, 0, 0),
+    ):
+        bench.vehicle.mode = Mode.MANUAL
+        answers = bench.send(message)
+        assert [each.result for each in answers if each.get_type() == "COMMAND_ACK"] == [mavlink.MAV_RESULT_ACCEPTED]
+        assert bench.vehicle.mode is Mode.AUTO
+
+
+def test_hold_mode_is_denied_to_a_vehicle_armed_for_its_mission() -> None:
+    bench = Bench(PROFILES["px4"])
+    vehicle = bench.vehicle
+    navigation = vehicle.topics[topics.NAVIGATION.name]
+    vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=Stage.WAIT_LAUNCH)
+    vehicle.refusals[CommandKind.SET_MODE] = "not in flight"
+    hold = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1.0, 4.0, 3.0, 0, 0, 0, 0)
+    for armed, mode, accepted in ((True, Mode.AUTO, False), (False, Mode.AUTO, True), (True, Mode.MANUAL, True)):
+        vehicle.armed, vehicle.mode = armed, mode
+        result = next(each.result for each in bench.send(hold) if each.get_type() == "COMMAND_ACK")
+        assert (result == mavlink.MAV_RESULT_ACCEPTED) is accepted
+
+
+def test_interval_beyond_the_field_is_answered() -> None:
+    bench = Bench(PROFILES["px4"])
+    bench.send(mavlink.MAVLink_command_long_message(1, 1, 511, 0, 30.0, 1e10, 0, 0, 0, 0, 0))
+    answers = bench.send(mavlink.MAVLink_command_long_message(1, 1, 510, 0, 30.0, 0, 0, 0, 0, 0, 0))
+    assert next(each.interval_us for each in answers if each.get_type() == "MESSAGE_INTERVAL") == 2**31 - 1
+
+
+def test_reposition_in_the_local_frame_is_in_its_unit() -> None:
+    bench = Bench(PROFILES["px4"])
+    bench.send(mavlink.MAVLink_command_int_message(1, 1, 1, 192, 0, 0, -1.0, 1.0, 0, NAN, 500_000, -200_000, -30.0))
+    (circle,) = [each for each in bench.vehicle.inputs if getattr(each, "kind", None) is CommandKind.LOITER_AT]
+    assert (circle.payload.north, circle.payload.east) == pytest.approx((50.0, -20.0))

@@ -98,25 +98,40 @@ def test_a_plan_is_flown_from_its_own_home(tmp_path: Path) -> None:
     plan = load_flight_plan(written(tmp_path, PLAN))
     kinds = [item.kind for item in plan.mission]
     assert kinds == [
-        ItemKind.TAKEOFF, ItemKind.CIRCLE, ItemKind.WAYPOINT, ItemKind.WAYPOINT, ItemKind.JUMP, ItemKind.WAYPOINT,
-        ItemKind.LAND,
+        ItemKind.TAKEOFF, ItemKind.CIRCLE, ItemKind.WAYPOINT, ItemKind.SKIP, ItemKind.WAYPOINT, ItemKind.SKIP,
+        ItemKind.JUMP, ItemKind.WAYPOINT, ItemKind.SKIP, ItemKind.CIRCLE, ItemKind.LAND,
     ]  # fmt: skip
     circle = plan.mission[1]
     assert (circle.north, circle.east) == (pytest.approx(100.0, abs=1e-3), pytest.approx(50.0, abs=1e-3))
     assert (circle.turns, circle.radius, circle.altitude) == (2.0, -30.0, 45.0)
-    assert plan.mission[5].altitude == pytest.approx(55.0)
-    assert plan.mission[6].heading == pytest.approx(0.0, abs=1e-6)
+    assert plan.mission[7].altitude == pytest.approx(55.0)
+
+
+@pytest.mark.parametrize(
+    ("circling", "clockwise", "course"),
+    [(True, True, math.asin(0.25)), (True, False, -math.asin(0.25)), (False, True, 0.0)],
+)
+def test_landing_pattern_is_flown_down_the_tangent_of_its_circle(
+    circling: bool, clockwise: bool, course: float, tmp_path: Path
+) -> None:
+    """The course of a landing 100 m north of a circle of 25 m, as QGroundControl has it."""
+    pattern = {**LANDING, "useLoiterToAlt": circling, "loiterClockwise": clockwise}
+    plan = load_flight_plan(written(tmp_path, changed([*ITEMS, 5], pattern)))
+    start, approach, landing = plan.mission[8:]
+    assert start.kind is ItemKind.SKIP and (approach.altitude, landing.kind) == (40.0, ItemKind.LAND)
+    assert approach.radius == (25.0 if clockwise else -25.0) * circling
+    assert landing.heading == pytest.approx(course, abs=1e-6)
 
 
 def test_a_survey_is_its_legs_without_the_camera(tmp_path: Path) -> None:
     plan = load_flight_plan(written(tmp_path, PLAN))
-    assert plan.notes == ("2 camera commands are passed over: there is no camera",)
-    ends = [(item.north, item.east, item.altitude) for item in plan.mission[2:4]]
+    assert plan.notes == ("passed over in flight: DO_SET_CAM_TRIGG_DIST (206), DO_LAND_START (189)",)
+    ends = [(item.north, item.east, item.altitude) for item in plan.mission[2:5:2]]
     assert ends == [pytest.approx((100.0, 0.0, 30.0), abs=1e-3), pytest.approx((100.0, 50.0, 30.0), abs=1e-3)]
 
 
 def test_a_jump_leads_to_the_item_of_that_name_wherever_it_stands(tmp_path: Path) -> None:
-    jump = load_flight_plan(written(tmp_path, PLAN)).mission[4]
+    jump = load_flight_plan(written(tmp_path, PLAN)).mission[6]
     assert (jump.jump_to, jump.repeats) == (2, 2)
 
 
@@ -180,7 +195,7 @@ def test_a_plan_that_cannot_be_flown_is_refused_in_one_line(plan: Any, words: st
 
 
 def test_hold_time_of_a_waypoint_is_kept(tmp_path: Path) -> None:
-    held = load_flight_plan(written(tmp_path, changed([*ITEMS, 4, "params", 0], 12))).mission[5]
+    held = load_flight_plan(written(tmp_path, changed([*ITEMS, 4, "params", 0], 12))).mission[7]
     assert (held.kind, held.duration) == (ItemKind.WAYPOINT, 12.0)
     assert encode_item(held, HOME).params[0] == 12.0
 
@@ -217,16 +232,15 @@ def test_decorated_list_is_the_same_mission(tmp_path: Path, decorate: Any) -> No
 # --- the ground's side ---------------------------------------------------------------------------------------
 
 
-def test_a_plan_for_another_vehicle_keeps_its_camera(tmp_path: Path) -> None:
+def test_upload_of_a_plan_is_the_same_for_every_vehicle(tmp_path: Path) -> None:
     path = written(tmp_path, PLAN)
     ours, theirs = (
         waypoints.read_upload(path, waypoints.convention_of(0)),
         waypoints.read_upload(path, waypoints.convention_of(12)),
     )
-    assert (len(ours.mission), len(theirs.mission)) == (7, 9)
+    assert ours == theirs and len(ours.mission) == 11
     assert [item.command for item in theirs.mission].count(206) == 2
-    # The jump leads to the survey's first waypoint in both.
-    assert (ours.mission[4].parameters[0], theirs.mission[6].parameters[0]) == (2.0, 2.0)
+    assert ours.mission[6].parameters[0] == 2.0, "the jump leads to the survey's first waypoint"
     assert [item.command for item in ours.fence] == [5001] * 3 + [5002] * 3 + [5003]
     assert [item.command for item in ours.rally] == [5100]
     assert ours.mission[1].x == round(NORTH_100 * 1e7)

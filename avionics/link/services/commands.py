@@ -1,4 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: each gets exactly one COMMAND_ACK, and a refusal says why."""
+"""COMMAND_LONG, COMMAND_INT and the old SET_MODE: each gets one COMMAND_ACK; a denial comes with its reason."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Answer = Callable[[Request], Verdict]
 class CommandService:
     """Answers commands by a table from MAV_CMD to a method."""
 
-    takes = frozenset({"COMMAND_LONG", "COMMAND_INT"})
+    takes = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 
     def __init__(
         self,
@@ -142,6 +142,8 @@ class CommandService:
 
     def _set_standard_mode(self, request: Request) -> Verdict:
         wanted = request.params[0]
+        if wanted == self._identity.takeoff.standard_mode:
+            return self._takeoff(request._replace(params=(math.nan,) * 7))
         known = self._identity.by_standard_mode(int(wanted)) if 0 <= wanted <= 255 else None
         return self._mode(request, known)
 
@@ -270,6 +272,9 @@ def _whole(value: float) -> int:
 
 
 def _read(message: Any, sender: Sender) -> Request:
+    if message.get_type() == "SET_MODE":
+        mode = (float(message.base_mode), float(message.custom_mode), *(0.0,) * 5)
+        return Request(mavlink.MAV_CMD_DO_SET_MODE, mode, sender)
     first = (message.param1, message.param2, message.param3, message.param4)
     if message.get_type() == "COMMAND_INT":
         params = (*first, float(message.x), float(message.y), message.z)

@@ -162,11 +162,11 @@ class MissionService:
         return [_request(upload)] if len(upload.items) < upload.count else self._complete(upload, now)
 
     def _refuse(self, upload: _Upload, refused: ItemRefused, text: str) -> list[Output]:
-        self._upload = None
+        self._upload = None if self._upload is upload else self._upload
         return [_ack(upload.sender, refused.result, upload.part.mission_type), *refusal_text(text, upload.sender)]
 
     def _complete(self, upload: _Upload, now: float) -> list[Output]:
-        self._upload = None
+        self._upload = None if self._upload is upload else self._upload
         part, items = upload.part, upload.items
         try:
             content = part.decode(items, self._vehicle.home)
@@ -174,7 +174,7 @@ class MissionService:
             return self._wait_for_home(upload)
         except ItemRefused as refused:
             return self._refuse(upload, refused, str(refused))
-        lines = notes(items) if part.mission_type == _MISSION else ()
+        lines = notes(items, self._first) if part.mission_type == _MISSION else ()
         deadline = self._deadline(now)
         return self._install(_Pending(upload.sender, part, content, len(items), part.mission_type, deadline, lines))
 
@@ -224,6 +224,7 @@ class MissionService:
         cleared = self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
         if mission_type != _ALL or isinstance(cleared[0], Reply):
             return cleared
+        self._without_home.clear()
         others = [part for part in self._parts.values() if part.mission_type != _MISSION]
         return [*(self._command(part, part.none, sender) for part in others), *cleared]
 

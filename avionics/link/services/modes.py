@@ -1,4 +1,4 @@
-"""Modes: what AVAILABLE_MODES and CURRENT_MODE say, SET_MODE, and the mode a command asks for."""
+"""Modes: AVAILABLE_MODES, CURRENT_MODE, and the mode that a command requests."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from avionics.guidance.mission import ItemKind
 from avionics.guidance.setpoint import Setpoint
 from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
-from avionics.link.services.setpoints import SetpointService
-from avionics.link.services.statustext import refusal_text
-from avionics.link.services.verdict import refusal_result
-from avionics.link.vehicle import NO_FRAMES, Identity, ModeNumbers, VehicleView, px4_mode
+from avionics.link.vehicle import Identity, ModeNumbers, VehicleView, px4_mode
 from avionics.messages import Command, CommandKind, Mode, Stage
 
 ON_GROUND = (Stage.ON_GROUND, Stage.WAIT_LAUNCH, Stage.LANDED)
@@ -84,8 +81,12 @@ class ShownMode:
         return self._identity.numbers(mode) if self._standby is None else self._standby[1]
 
     def waits(self, custom_mode: float) -> bool:
-        """Whether a hold mode is set on the ground, which takes no command: the vehicle waits there in any mode."""
-        return custom_mode in self._identity.standby_modes and self.on_ground
+        """Whether a hold mode is set on the ground, which takes no command: the vehicle waits there in any mode.
+
+        Not where it is armed in AUTO: thrown, it would fly the mission although the client set a hold mode.
+        """
+        flies_mission = self._vehicle.armed and self._vehicle.mode == Mode.AUTO
+        return custom_mode in self._identity.standby_modes and self.on_ground and not flies_mission
 
     def accepted(self, custom_mode: float) -> None:
         """A client set this mode, and gets it."""
@@ -122,33 +123,18 @@ def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender, entry: Setpoi
 
 
 class ModeService:
-    """The old SET_MODE message, and CURRENT_MODE."""
+    """CURRENT_MODE."""
 
-    takes = frozenset({"SET_MODE"})
+    takes: frozenset[str] = frozenset()
 
-    def __init__(
-        self, vehicle: VehicleView, identity: Identity, shown: ShownMode, setpoints: SetpointService
-    ) -> None:
-        self._vehicle = vehicle
-        self._setpoints = setpoints
-        self._identity = identity
+    def __init__(self, shown: ShownMode) -> None:
         self._shown = shown
         self._due = -float("inf")
         self._said: ModeNumbers | None = None
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """SET_MODE, answered with an acknowledgement of DO_SET_MODE."""
-        custom = bool(message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
-        mode = requested_mode(self._identity, message.custom_mode, 0) if custom else None
-        if mode is None:
-            return [Reply(_ack(mavlink.MAV_RESULT_DENIED, sender), sender), *refusal_text("no such mode", sender)]
-        command = mode_command(self._vehicle, mode, sender, self._setpoints.entry(mode))
-        reason, waits = self._vehicle.refusal(command), self._shown.waits(message.custom_mode)
-        if reason == NO_FRAMES or (reason and not waits):
-            return [Reply(_ack(refusal_result(reason), sender), sender), *refusal_text(reason, sender)]
-        self._shown.accepted(message.custom_mode)
-        accepted = Reply(_ack(mavlink.MAV_RESULT_ACCEPTED, sender), sender)
-        return [accepted] if waits else [command, accepted]
+        """Takes no message."""
+        return []
 
     def step(self, now: float) -> list[Output]:
         """CURRENT_MODE, at once when the mode changes."""
@@ -158,9 +144,3 @@ class ModeService:
         self._due = now + CURRENT_MODE_INTERVAL
         self._said = numbers
         return [Reply(current_mode(numbers))]
-
-
-def _ack(result: int, sender: Sender) -> Any:
-    return mavlink.MAVLink_command_ack_message(
-        mavlink.MAV_CMD_DO_SET_MODE, result, 0, 0, sender.system, sender.component
-    )

@@ -50,12 +50,12 @@ def assumed_home(items: Sequence[WireItem]) -> Home:
 
 
 def _decode_mission(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
-    return tuple(_decode_numbered(number, item, home) for number, item in enumerate(items))
+    return tuple(_decode_numbered(number, item, home, items[:number]) for number, item in enumerate(items))
 
 
-def _decode_numbered(number: int, item: WireItem, home: Home | None) -> MissionItem:
+def _decode_numbered(number: int, item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
     """Home, where a client sends it first although this identity's list begins with the mission, is not flown."""
-    return skipped_item(item) if number == 0 and is_home(item, home) else decode_item(item, home)
+    return skipped_item(item) if number == 0 and is_home(item, home) else decode_item(item, home, earlier)
 
 
 def _encode_mission(mission: tuple[MissionItem, ...], home: Home | None) -> tuple[WireItem, ...]:
@@ -115,15 +115,15 @@ def _shifted(item: MissionItem, by: int) -> MissionItem:
 
 def _decode_from_home(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
     """The items after home, which is the vehicle's to know."""
-    return tuple(_decode_after_home(item, home) for item in items[1:])
+    return tuple(_decode_after_home(item, home, items[1:number]) for number, item in enumerate(items) if number)
 
 
 def _probe_from_home(number: int, item: WireItem, home: Home | None) -> MissionItem | None:
     return _decode_after_home(item, home) if number > 0 else None
 
 
-def _decode_after_home(item: WireItem, home: Home | None) -> MissionItem:
-    decoded = _shifted(decode_item(item, home), -1)
+def _decode_after_home(item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
+    decoded = _shifted(decode_item(item, home, earlier), -1)
     if decoded.kind is ItemKind.JUMP and decoded.jump_to < 0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "DO_JUMP: item 0 is home, which is not flown")
     return decoded

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from avionics import topics
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import decode_altitude, decode_item
+from avionics.link.mission_codec import decode_altitude, decode_item, wire_scale
 from avionics.link.services.modes import ShownMode, mode_command
 from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import VehicleView
@@ -121,7 +121,7 @@ def _position(request: Request) -> tuple[float, float] | None:
     if request.is_int:
         if max(abs(latitude), abs(longitude)) >= _NO_PLACE:
             return None
-        latitude, longitude = latitude * 1e-7, longitude * 1e-7
+        latitude, longitude = latitude / wire_scale(request.frame), longitude / wire_scale(request.frame)
     if not math.isfinite(latitude + longitude) or (latitude, longitude) == (0.0, 0.0):
         return None
     return latitude, longitude
