@@ -197,7 +197,8 @@ def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
 
     Home is at its beginning where ``first_item`` is 1.
     """
-    names = dict.fromkeys(command_name(item.command) for item in items if item.command in SKIPPED)
+    skipped = [item.command for item in items if item.command in SKIPPED - {mavlink.MAV_CMD_DO_LAND_START}]
+    names = dict.fromkeys(map(command_name, skipped))
     lines = [f"passed over in flight: {', '.join(names)}"] if names else []
     if first_item and items[0].command != mavlink.MAV_CMD_NAV_WAYPOINT:
         lines.append(f"item 0 is home and not flown: it was {command_name(items[0].command)}")

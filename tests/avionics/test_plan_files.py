@@ -125,7 +125,7 @@ def test_landing_pattern_is_flown_down_the_tangent_of_its_circle(
 
 def test_a_survey_is_its_legs_without_the_camera(tmp_path: Path) -> None:
     plan = load_flight_plan(written(tmp_path, PLAN))
-    assert plan.notes == ("passed over in flight: DO_SET_CAM_TRIGG_DIST (206), DO_LAND_START (189)",)
+    assert plan.notes == ("passed over in flight: DO_SET_CAM_TRIGG_DIST (206)",)
     ends = [(item.north, item.east, item.altitude) for item in plan.mission[2:5:2]]
     assert ends == [pytest.approx((100.0, 0.0, 30.0), abs=1e-3), pytest.approx((100.0, 50.0, 30.0), abs=1e-3)]
 
