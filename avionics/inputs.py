@@ -100,8 +100,8 @@ def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> Non
             piloting.take_sticks(s, publish, entry._replace(time_us=time_us))
     for entry in inputs:
         if isinstance(entry, ChannelOverride):
-            asked = piloting.take_override(s, publish, entry._replace(time_us=time_us))
-            act(s, publish, asked, "override")
+            requested = piloting.take_override(s, publish, entry._replace(time_us=time_us))
+            act(s, publish, requested, "override")
     for entry in inputs:
         if isinstance(entry, Command):
             command = _plain(entry._replace(time_us=time_us))
@@ -115,13 +115,15 @@ def refusal(s: AutopilotState, command: Command) -> str:
     It is tried on a copy of the memory, unheard.
     """
     try:
-        APPLY[command.kind](copy.copy(s), _unheard, _plain(command._replace(time_us=max(s.clock.time_us, 0))))
+        APPLY[command.kind](
+            copy.copy(s), _manual_control_lost, _plain(command._replace(time_us=max(s.clock.time_us, 0)))
+        )
     except Refused as refused:
         return refused.text
     return ""
 
 
-def _unheard(topic: Topic, message: Any) -> None:
+def _manual_control_lost(topic: Topic, message: Any) -> None:
     pass
 
 
@@ -129,24 +131,24 @@ def _apply(s: AutopilotState, publish: Publish, command: Command) -> None:
     try:
         APPLY[command.kind](s, publish, command)
     except Refused as refused:
-        say(s, publish, Severity.WARNING, refused.source, refused.text)
+        publish_event(s, publish, Severity.WARNING, refused.source, refused.text)
 
 
-def act(s: AutopilotState, publish: Publish, asked: Sequence[Act], source: str) -> None:
+def act(s: AutopilotState, publish: Publish, requested: Sequence[Act], source: str) -> None:
     """Do what switches ask for: it is logged with the channels it follows from, not as an input of its own."""
-    for each in asked:
+    for each in requested:
         _apply(s, publish, Command(s.clock.time_us, each.kind, each.name, source=source))
 
 
-def say(s: AutopilotState, publish: Publish, severity: Severity, source: str, text: str) -> None:
+def publish_event(s: AutopilotState, publish: Publish, severity: Severity, source: str, text: str) -> None:
     """Publish one event at the time of the tick."""
     publish(topics.EVENTS, Event(max(s.clock.time_us, 0), severity, source, text))
 
 
-def tell(s: AutopilotState, publish: Publish, notices: tuple[modes.Notice, ...]) -> None:
+def publish_notices(s: AutopilotState, publish: Publish, notices: tuple[modes.Notice, ...]) -> None:
     """Publish what the modes have to say."""
     for notice in notices:
-        say(s, publish, notice.severity, "modes", notice.text)
+        publish_event(s, publish, notice.severity, "modes", notice.text)
 
 
 def _plain(command: Command) -> Command:
@@ -184,18 +186,18 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
         s.throttle_descent = throttle_descent.State()
         if landed:
             s.navigation = navigation.choose_item(s.navigation, 0)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def _disarm(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.modes, notices = _taken(arming.disarm(s.modes, command.value == FORCED_DISARM), s.modes)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def _kill(s: AutopilotState, publish: Publish, command: Command) -> None:
     by = {"receiver": "kill switch", "override": "kill switch"}.get(command.source, "flight termination")
     s.modes, notices = arming.kill(s.modes, by)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -210,7 +212,7 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     except Refused:
         s.offboard = before
         raise
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -221,7 +223,7 @@ def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> Non
     if not change.accepted:
         raise Refused("parameters", change.text)
     s.gains = change.gains
-    say(s, publish, Severity.INFO, "parameters", change.text)
+    publish_event(s, publish, Severity.INFO, "parameters", change.text)
 
 
 def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -233,7 +235,7 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("mission", f"mission refused: {refusal}")
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
-    say(s, publish, Severity.INFO, "mission", f"mission of {counted(len(mission), 'item')}")
+    publish_event(s, publish, Severity.INFO, "mission", f"mission of {counted(len(mission), 'item')}")
 
 
 def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -242,7 +244,7 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"fence refused: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
-    say(s, publish, Severity.INFO, "mission", f"fence of {counted(len(fence.zones), 'zone')}")
+    publish_event(s, publish, Severity.INFO, "mission", f"fence of {counted(len(fence.zones), 'zone')}")
 
 
 def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -251,7 +253,7 @@ def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"rally points refused: {refusal}")
     s.rally = rally
-    say(s, publish, Severity.INFO, "mission", counted(len(rally), "rally point"))
+    publish_event(s, publish, Severity.INFO, "mission", counted(len(rally), "rally point"))
 
 
 def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -262,9 +264,9 @@ def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("navigation", f"circling there refused: {refusal}")
     s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
     s.navigation = navigation.loiter_at(s.gains.navigation, s.navigation, item, surroundings(s))
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
     text = f"circling {item.north:.0f} m north, {item.east:.0f} m east at {item.altitude:.0f} m"
-    say(s, publish, Severity.INFO, "navigation", text)
+    publish_event(s, publish, Severity.INFO, "navigation", text)
 
 
 def _place_refusal(s: AutopilotState, item: MissionItem) -> str:
@@ -316,11 +318,11 @@ def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> N
         raise Refused("navigation", f"altitude change refused: {refusal}")
     if not circling:
         s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
-        tell(s, publish, notices)
+        publish_notices(s, publish, notices)
     if s.modes.mode == Mode.OFFBOARD and s.offboard.setpoint is not None:
         s.offboard = s.offboard._replace(setpoint=s.offboard.setpoint._replace(altitude=command.value))
     s.navigation = navigation.change_altitude(s.gains.navigation, s.navigation, command.value, surroundings(s))
-    say(s, publish, Severity.INFO, "navigation", f"altitude {command.value:.0f} m")
+    publish_event(s, publish, Severity.INFO, "navigation", f"altitude {command.value:.0f} m")
 
 
 def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -329,7 +331,7 @@ def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> 
         text = f"item {number:g} refused: the mission has items 0 to {len(s.mission) - 1}"
         raise Refused("mission", text)
     s.navigation = navigation.choose_item(s.navigation, int(number))
-    say(s, publish, Severity.INFO, "mission", f"item {int(number)}")
+    publish_event(s, publish, Severity.INFO, "mission", f"item {int(number)}")
 
 
 def _excite(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -337,29 +339,29 @@ def _excite(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("excitation", f"excitation refused: {refusal}")
     s.navigation = navigation.excite(s.navigation, command.payload, surroundings(s))
-    say(s, publish, Severity.INFO, "excitation", f"excitation of {_channels(command.payload)}")
+    publish_event(s, publish, Severity.INFO, "excitation", f"excitation of {_channels(command.payload)}")
 
 
-def _channels(asked: Excitation) -> str:
-    used = zip(Channel, asked.amplitudes(), strict=True)
+def _channels(requested: Excitation) -> str:
+    used = zip(Channel, requested.amplitudes(), strict=True)
     return " and ".join(channel.name.lower() for channel, amplitude in used if amplitude)
 
 
-def _excitation_refusal(s: AutopilotState, asked: Any) -> str:
+def _excitation_refusal(s: AutopilotState, requested: Any) -> str:
     if s.modes.mode not in (Mode.AUTO, Mode.ALTITUDE_HOLD):
         return "mode must be AUTO or ALTITUDE_HOLD"
     if s.modes.stage != Stage.EN_ROUTE:
         return "not en route"
     if s.excitation.phase != excitation.Phase.IDLE or s.navigation.extra is not None:
         return "one is being flown"
-    return check_excitation(asked if isinstance(asked, Excitation) else None)
+    return check_excitation(requested if isinstance(requested, Excitation) else None)
 
 
 def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
     """Begin a calibration; without a name end the one that runs."""
     if not command.name:
         if s.calibration.kind:
-            say(s, publish, Severity.NOTICE, "calibration", f"{s.calibration.kind.name} cancelled as asked")
+            publish_event(s, publish, Severity.NOTICE, "calibration", f"{s.calibration.kind.name} cancelled as asked")
         s.calibration = calibration.stop(s.calibration)
         publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))
         return
@@ -371,18 +373,18 @@ def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
     if reason:
         raise Refused("calibration", f"calibration refused: {reason}")
     s.calibration = calibration.start(s.calibration, kind, command.value)
-    say(s, publish, Severity.INFO, "calibration", calibration.WORDS[kind])
+    publish_event(s, publish, Severity.INFO, "calibration", calibration.WORDS[kind])
     publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))
 
 
 def _lose_link(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.modes, notices = failsafes.set_link(s.modes, lost=True)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def _regain_link(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.modes, notices = failsafes.set_link(s.modes, lost=False)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 APPLY: dict[CommandKind, Callable[[AutopilotState, Publish, Command], None]] = {

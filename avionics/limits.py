@@ -16,13 +16,13 @@ def clip(value: float, low: float, high: float) -> float:
     return value if value > low else low
 
 
-def slew(previous: float, wanted: float, rate: float, dt: float) -> float:
-    """Move from ``previous`` toward ``wanted`` by at most ``rate`` per second over ``dt`` s."""
+def slew(previous: float, target: float, rate: float, dt: float) -> float:
+    """Move from ``previous`` toward ``target`` by at most ``rate`` per second over ``dt`` s."""
     step = rate * dt
     low, high = previous - step, previous + step
-    if wanted > high:
+    if target > high:
         return high
-    return wanted if wanted > low else low
+    return target if target > low else low
 
 
 def wrap(angle: float) -> float:

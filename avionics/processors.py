@@ -194,7 +194,7 @@ class Stopwatch:
         self._worst = [0] * (WHOLE_TICK + 1)
         self._overruns = [0] * (WHOLE_TICK + 1)
         self._ticks = 0
-        self._began_us = -1
+        self._start_us = -1
         self._arrived: int | None = None
         self.schedule = build_schedule(PROCESSORS, self._timed)
 
@@ -229,9 +229,9 @@ class Stopwatch:
             self._overruns[i] += spent > period_ns
             self._spent[i] = 0
         self._ticks += 1
-        if self._began_us < 0:
-            self._began_us = time_us
-        if time_us - self._began_us >= 1_000_000:
+        if self._start_us < 0:
+            self._start_us = time_us
+        if time_us - self._start_us >= 1_000_000:
             self._publish(time_us, publish)
 
     def _publish(self, time_us: int, publish: Publish) -> None:
@@ -239,4 +239,4 @@ class Stopwatch:
             mean, worst = self._total[i] / self._ticks * 1e-3, self._worst[i] * 1e-3
             publish(topics.TIMING, TaskTiming(time_us, i, mean, worst, self._overruns[i]))
             self._total[i] = self._worst[i] = self._overruns[i] = 0
-        self._ticks, self._began_us = 0, time_us
+        self._ticks, self._start_us = 0, time_us

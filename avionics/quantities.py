@@ -207,8 +207,8 @@ def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple
     if below.resolve() in [one.resolve() for one in chain]:
         raise BadInput(f"{chain[0]}: a circle of bases: {' -> '.join(one.stem for one in (*chain, below))}")
     inherited, _ = _document(below, folder, chain)
-    for own in ("name", "title"):
-        inherited.pop(own, None)
+    for overrides in ("name", "title"):
+        inherited.pop(overrides, None)
     merged = _laid_over(inherited, document)
     return merged, f"# {path.name}, its base {below.name} merged in\n" + toml_text(merged)
 
@@ -231,10 +231,10 @@ def _base(path: Path, base: Any, folder: Path | None) -> Path:
     return found
 
 
-def _laid_over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Both tables in one, ``own`` where both have a value; a value is taken whole, with its unit and source."""
+def _laid_over(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Both tables in one, ``overrides`` where both have a value; a value is taken whole, with its unit and source."""
     merged = dict(base)
-    for key, entry in own.items():
+    for key, entry in overrides.items():
         below = merged.get(key)
         tables = isinstance(entry, dict) and isinstance(below, dict)
         merged[key] = _laid_over(below, entry) if tables and "value" not in entry else entry  # type: ignore[arg-type]

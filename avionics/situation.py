@@ -84,7 +84,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         imu_fault=int(imu_age > s.gains.plausibility.fault_time),
         items=len(s.mission),
         throttle_stick=s.pilot.throttle,
-        wanted_stage=s.target.stage,
+        requested_stage=s.target.stage,
         above_flare=int(s.altitude.altitude > s.gains.navigation.flare_altitude),
         fence_clearance=s.fence_clearance if s.fence.zones and position_usable(s) else math.inf,
         fence_floor=s.fence.floor,

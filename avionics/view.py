@@ -129,7 +129,7 @@ class FlightView:
         """The events since boot but for the first ``after``."""
         return self._events[after:]
 
-    def tell(self, severity: Severity, source: str, text: str) -> None:
+    def send_statustext(self, severity: Severity, source: str, text: str) -> None:
         """Something that happened outside the flight core, for the ground and for the log."""
         event = Event(self.time_us, severity, source, text)
         self._events.append(event)
@@ -143,11 +143,11 @@ class FlightView:
 
     def stops(self, override: ChannelOverride) -> list[Command]:
         """What a switch among overridden channels asks for that stops the wings."""
-        acts = piloting.take_override(copy.copy(self.autopilot.memory), _unheard, override)
+        acts = piloting.take_override(copy.copy(self.autopilot.memory), _manual_control_lost, override)
         return [
             Command(self.time_us, each.kind, each.name, source="override") for each in acts if each.kind in PATIENT
         ]
 
 
-def _unheard(topic: Topic, message: Any) -> None:
+def _manual_control_lost(topic: Topic, message: Any) -> None:
     pass

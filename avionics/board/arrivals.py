@@ -12,7 +12,7 @@ LATE = 0.02
 """s; behind the promptest frames from which one is late: four ticks"""
 
 
-class Tally(NamedTuple):
+class FrameCounters(NamedTuple):
     """What came over the line since the start."""
 
     frames: int = 0
@@ -29,7 +29,7 @@ class Arrivals:
     """Counts; knows nothing of what the frames mean but their number and time."""
 
     def __init__(self) -> None:
-        self.tally = Tally()
+        self.counters = FrameCounters()
         self._sequence = -1
         self._missing = 0
         self._time_us = -1
@@ -44,7 +44,7 @@ class Arrivals:
 
     def tick(self, time_us: int, now: float) -> None:
         """A sensor frame of the board's ``time_us`` was closed at ``now`` (s, our clock)."""
-        frames, lost, late, restarts = self.tally
+        frames, lost, late, restarts = self.counters
         behind = now - time_us * 1e-6
         if time_us <= self._time_us:
             restarts += 1  # its numbering began anew too, so the gap in it says nothing
@@ -54,7 +54,7 @@ class Arrivals:
             self._prompt = behind if self._time_us < 0 else self._promptest(time_us, behind)
         late += behind - self._prompt > LATE
         self._missing, self._time_us = 0, time_us
-        self.tally = Tally(frames + 1, lost, late, restarts)
+        self.counters = FrameCounters(frames + 1, lost, late, restarts)
 
     def _promptest(self, time_us: int, behind: float) -> float:
         """Offset of the clocks in s by the promptest frame; it creeps up, so that a slow clock is followed."""

@@ -32,7 +32,7 @@ class Board(Protocol):
         """Release the hardware."""
 
 
-def say_nothing(severity: Severity, text: str) -> None:
+def discard_report(severity: Severity, text: str) -> None:
     """Nobody is told."""
 
 
@@ -43,7 +43,7 @@ def wait_idly() -> None:
 class Surroundings(NamedTuple):
     """What a board calls while it is read; both return at once."""
 
-    say: Callable[[Severity, str], None] = say_nothing
+    report: Callable[[Severity, str], None] = discard_report
     """something to tell people: the device is gone, is back, loses messages"""
     idle: Callable[[], None] = wait_idly
     """called while no frame comes, so that ground links do not fall silent with it: some twenty times a second on a

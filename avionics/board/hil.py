@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from avionics.board.arrivals import Arrivals, Tally
+from avionics.board.arrivals import Arrivals, FrameCounters
 from avionics.board.board import IDLE_EVERY, BoardSilent, Surroundings
 from avionics.board.line_watch import LineWatch, Losses
 from avionics.link import codec
@@ -33,7 +33,7 @@ ENDINGS: dict[int, str] = {
 Connect = Callable[[LinkUrl, float], Stream | None]
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long the board waits for the other side before it says that nobody answers."""
 
     connect: float = 30.0
@@ -46,27 +46,27 @@ class Patience(NamedTuple):
     """s; for the rest of something that began like a message"""
 
 
-SERIAL_PATIENCE = Patience(first=10.0, frame=30.0)
+SERIAL_PATIENCE = Timeouts(first=10.0, frame=30.0)
 """of a microcontroller: it has nothing to get ready, but somebody may have to put the plug back"""
 IDLE = Surroundings()
 
 
-def open_line(url: LinkUrl, patience: float) -> Stream | None:
-    """Reach the other side; None when it did not answer for ``patience`` s.
+def open_line(url: LinkUrl, timeouts: float) -> Stream | None:
+    """Reach the other side; None when it did not answer for ``timeouts`` s.
 
     Raises:
         BadInput: no address of a board, or the device is missing.
     """
-    return SerialLine(url.host, url.port) if url.kind == "serial" else open_stream(url, patience)
+    return SerialLine(url.host, url.port) if url.kind == "serial" else open_stream(url, timeouts)
 
 
 class HilBoard:
-    """A `Board` behind a bridge; ``tally``, ``bad_bytes`` and ``frames`` count what came over it."""
+    """A `Board` behind a bridge; ``counters``, ``bad_bytes`` and ``frames`` count what came over it."""
 
     def __init__(
         self,
         url: str,
-        patience: Patience | None = None,
+        timeouts: Timeouts | None = None,
         connect: Connect = open_line,
         clock: Callable[[], float] = time.monotonic,
         around: Surroundings = IDLE,
@@ -79,17 +79,17 @@ class HilBoard:
         """
         parsed = parse_url(url.removeprefix("hil:"))
         serial = parsed.kind == "serial"
-        self._patience = patience or (SERIAL_PATIENCE if serial else Patience())
+        self._timeouts = timeouts or (SERIAL_PATIENCE if serial else Timeouts())
         self._clock = clock
         self._around = around
         self._name = f"the {'board' if serial else 'world'} at {parsed}"
-        stream = connect(parsed, self._patience.connect)
+        stream = connect(parsed, self._timeouts.connect)
         if stream is None:
-            raise BoardSilent(f"{self._name} did not answer for {self._patience.connect:g} s")
+            raise BoardSilent(f"{self._name} did not answer for {self._timeouts.connect:g} s")
         self._stream = stream
         self._line = stream if isinstance(stream, SerialLine) else None
         self._replugged = 0
-        self._watch = LineWatch(self._name, around.say)
+        self._watch = LineWatch(self._name, around.report)
         self._arrivals = Arrivals()
         self._reader = FrameReader(version_1=False)
         self._writer = codec.FrameWriter(1, 1)
@@ -100,7 +100,7 @@ class HilBoard:
         self._over = False
         self.ended = ""
         """why `read` gave None, one line"""
-        self._say_hello()
+        self._send_heartbeat()
 
     @property
     def bad_bytes(self) -> int:
@@ -113,20 +113,20 @@ class HilBoard:
         return self._reader.frames
 
     @property
-    def tally(self) -> Tally:
+    def counters(self) -> FrameCounters:
         """Frames received, messages lost, frames late, of a board on a serial line; a lockstep loses nothing."""
-        return self._arrivals.tally
+        return self._arrivals.counters
 
     @property
     def losses(self) -> Losses:
         """What the line lost since the start."""
         dropped = 0 if self._line is None else self._line.dropped
-        return Losses(self.tally.lost, self.tally.late, self.bad_bytes, dropped)
+        return Losses(self.counters.lost, self.counters.late, self.bad_bytes, dropped)
 
-    def hurry(self) -> None:
-        """Wait for the world without sleeping: see `SocketStream.hurry`."""
+    def enable_busy_poll(self) -> None:
+        """Wait for the world without sleeping: see `SocketStream.enable_busy_poll`."""
         if isinstance(self._stream, SocketStream):
-            self._stream.hurry()
+            self._stream.enable_busy_poll()
 
     def read(self) -> SensorFrame | None:
         """Wait for the next sensor frame; None when the world ended or hung up.
@@ -136,23 +136,23 @@ class HilBoard:
         Raises:
             BoardSilent: no sensor frame within the bounded wait.
         """
-        limit = self._patience.first if self._last_time_us is None else self._patience.frame
-        began = self._idled_at = self._clock()
+        limit = self._timeouts.first if self._last_time_us is None else self._timeouts.frame
+        started = self._idled_at = self._clock()
         while True:
             while self._waiting:
                 frame = self._take(self._waiting.popleft())
                 if frame is not None:
-                    self._note(frame.time_us, began)
+                    self._note(frame.time_us, started)
                     return frame
             if self._over:
                 return None
             now = self._clock()
-            if now - began >= limit:
+            if now - started >= limit:
                 raise self._silent(limit)
             if now - self._idled_at >= IDLE_EVERY:
                 self._idle()
             self._receive()
-            self._look_after(began)
+            self._look_after(started)
 
     def _take(self, frame: Frame) -> SensorFrame | None:
         if frame.message_id == codec.END:
@@ -163,20 +163,20 @@ class HilBoard:
         self._arrivals.message(frame)
         return self._assembler.add(frame)
 
-    def _note(self, time_us: int, began: float) -> None:
-        """Count a frame of the board's ``time_us``, waited for since ``began`` (s)."""
+    def _note(self, time_us: int, started: float) -> None:
+        """Count a frame of the board's ``time_us``, waited for since ``started`` (s)."""
         self._last_time_us = time_us
         if self._line is None:
             return
-        now, restarts = self._clock(), self.tally.restarts
+        now, restarts = self._clock(), self.counters.restarts
         self._arrivals.tick(time_us, now)
-        self._watch.heard(now - began)
-        if self.tally.restarts > restarts:
-            self._watch.began_anew()
+        self._watch.received(now - started)
+        if self.counters.restarts > restarts:
+            self._watch.restarted()
         self._watch.report(now, self.losses)
 
     def _receive(self) -> None:
-        data = self._stream.read(self._patience.noise)
+        data = self._stream.read(self._timeouts.noise)
         if data is None:
             self._over = True
             self.ended = self.ended or "the world hung up"
@@ -190,18 +190,18 @@ class HilBoard:
         self._around.idle()
         self._idled_at = self._clock()
 
-    def _look_after(self, began: float) -> None:
-        """A serial device without frames since ``began`` (s): say so, and begin anew when it is plugged in again."""
+    def _look_after(self, started: float) -> None:
+        """Report a serial device without frames since ``started`` (s); restart when it is plugged in again."""
         line = self._line
         if line is None:
             return
         if not self._waiting:
-            self._watch.waiting(line.plugged, self._clock() - began)
+            self._watch.waiting(line.plugged, self._clock() - started)
         if line.replugged != self._replugged:
             self._replugged = line.replugged
             self._assembler = codec.FrameAssembler()
             self._arrivals.resume()
-            self._say_hello()
+            self._send_heartbeat()
 
     def _silent(self, limit: float) -> BoardSilent:
         since = ": it never sent one"
@@ -213,9 +213,9 @@ class HilBoard:
         """Send the actuators, which releases the next frame; a world that hung up is noticed by `read`."""
         self._stream.write(self._writer.actuators(command))
         if self._clock() - self._last_heartbeat >= 1.0:
-            self._say_hello()
+            self._send_heartbeat()
 
-    def _say_hello(self) -> None:
+    def _send_heartbeat(self) -> None:
         self._last_heartbeat = self._clock()
         heartbeat = mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_FLAPPING_WING, mavlink.MAV_AUTOPILOT_GENERIC, 0, 0, mavlink.MAV_STATE_ACTIVE, 3

@@ -30,11 +30,11 @@ class Losses(NamedTuple):
 class LineWatch:
     """Remembers what has been said."""
 
-    def __init__(self, name: str, say: Callable[[Severity, str], None], unit: str = "message") -> None:
+    def __init__(self, name: str, publish: Callable[[Severity, str], None], unit: str = "message") -> None:
         """``name`` is whom the words are about, ``unit`` what is lost one by one."""
         self._unit = unit
         self._name = name
-        self._say = say
+        self._publish = publish
         self._plugged = True
         self._silent = False
         self._reported = Losses(0, 0, 0, 0)
@@ -43,23 +43,23 @@ class LineWatch:
     def waiting(self, plugged: bool, silence: float) -> None:
         """No frame for ``silence`` s."""
         if self._plugged and not plugged:
-            self._say(Severity.ERROR, f"{self._name} is gone: unplugged?")
+            self._publish(Severity.ERROR, f"{self._name} is gone: unplugged?")
         elif plugged and not self._plugged:
-            self._say(Severity.NOTICE, f"{self._name} is plugged in again")
+            self._publish(Severity.NOTICE, f"{self._name} is plugged in again")
         elif plugged and silence >= SILENCE and not self._silent:
             self._silent = True
-            self._say(Severity.ERROR, f"{self._name} sends no sensor frame for {silence:.0f} s")
+            self._publish(Severity.ERROR, f"{self._name} sends no sensor frame for {silence:.0f} s")
         self._plugged = plugged
 
-    def heard(self, after: float) -> None:
+    def received(self, after: float) -> None:
         """A frame came ``after`` s without one."""
         if self._silent:
             self._silent = False
-            self._say(Severity.NOTICE, f"{self._name} sends sensor frames again, after {after:.1f} s")
+            self._publish(Severity.NOTICE, f"{self._name} sends sensor frames again, after {after:.1f} s")
 
-    def began_anew(self) -> None:
+    def restarted(self) -> None:
         """The board restarted."""
-        self._say(Severity.WARNING, f"{self._name} began anew")
+        self._publish(Severity.WARNING, f"{self._name} began anew")
 
     def report(self, now: float, losses: Losses) -> None:
         """Say what was lost since the last report, at most every `REPORT` seconds."""
@@ -73,5 +73,5 @@ class LineWatch:
             (dropped, "write", "refused"),
         )
         told = ", ".join(f"{counted(number, what)} {how}" for number, what, how in parts if number)
-        self._say(Severity.WARNING, f"{self._name}: {told}")
+        self._publish(Severity.WARNING, f"{self._name}: {told}")
         self._reported, self._report_at = losses, now + REPORT

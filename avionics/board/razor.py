@@ -40,20 +40,20 @@ class RazorUrl(NamedTuple):
     """-; one of `WITH_SENSORS`"""
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long the board waits."""
 
     first: float = 6.0
     """s; for the first frame: opening the device restarts some boards, and their boot loader takes 2 s"""
     frame: float = 5.0
     """s; for every later one"""
-    ask: float = 0.5
+    request_interval: float = 0.5
     """s; without a frame until the output is asked for again"""
     token: float = 0.03
     """s; for a synch token until the next request"""
     look: float = 0.02
     """s; of one look at the line"""
-    gone: float = 0.0
+    loss: float = 0.0
     """s; for a device that was pulled out to be plugged in again"""
 
 
@@ -92,15 +92,15 @@ class FrameClock:
     """steps; by which an arrival may differ from its raster"""
 
     def __init__(self) -> None:
-        self._began: float | None = None
+        self._started: float | None = None
         self._time = 0.0
 
     def time_us(self, arrival: float, skipped: int = 0) -> int:
         """Sensor time (us) of the next frame, which came at ``arrival`` (s), ``skipped`` damaged ones before it."""
-        if self._began is None:
-            self._began = arrival - self.step
+        if self._started is None:
+            self._started = arrival - self.step
         expected = self._time + (1 + skipped) * self.step
-        error = arrival - self._began - expected
+        error = arrival - self._started - expected
         if error > self.slip * self.step:
             self._time = expected + error
         else:
@@ -116,7 +116,7 @@ class RazorBoard:
     def __init__(
         self,
         address: str,
-        patience: Patience = Patience(),  # noqa: B008  # immutable
+        timeouts: Timeouts = Timeouts(),  # noqa: B008  # immutable
         clock: Callable[[], float] = time.monotonic,
         around: Surroundings = IDLE,
     ) -> None:
@@ -126,15 +126,15 @@ class RazorBoard:
             BadInput: not such an address, or the device cannot be opened.
         """
         device, baud, output = parse_address(address)
-        self._patience, self._clock, self._around = patience, clock, around
+        self._timeouts, self._clock, self._around = timeouts, clock, around
         self._name = f"the Razor at {device}"
         self._line = SerialLine(device, baud)
-        self._watch = LineWatch(self._name, around.say, "frame")
+        self._watch = LineWatch(self._name, around.report, "frame")
         self._reader = Reader(OUTPUTS[output])
         self._frame_clock = FrameClock()
         self._waiting: deque[tuple[Reading, float, int]] = deque()
         self._number = 0
-        self._asked_at = self._heard_at = self._token_at = self._idled_at = -float("inf")
+        self._requested_at = self._received_at = self._token_at = self._idled_at = -float("inf")
         self._strange = 0
         self._last_time_us: int | None = None
         self.angles: Angles | None = None
@@ -168,7 +168,7 @@ class RazorBoard:
         began = self._idled_at = self._clock()
         while not self._waiting:
             now = self._clock()
-            self._ask(now)
+            self._request(now)
             if now - self._idled_at >= IDLE_EVERY:
                 self._idle()
             self._receive()
@@ -176,22 +176,22 @@ class RazorBoard:
                 self._look_after(self._clock() - began)
         reading, arrival, skipped = self._waiting.popleft()
         now = self._clock()
-        self._watch.heard(now - began)
+        self._watch.received(now - began)
         self._watch.report(now, self.losses)
         return self._sensor_frame(reading, self._frame_clock.time_us(arrival, skipped))
 
-    def _ask(self, now: float) -> None:
+    def _request(self, now: float) -> None:
         """Ask for the output where none comes, and for a token behind each binary frame."""
         reader = self._reader
-        began_anew = reader.count.strange > self._strange and self._heard_at > self._asked_at
-        if began_anew or now - max(self._asked_at, self._heard_at) >= self._patience.ask:
+        began_anew = reader.count.strange > self._strange and self._received_at > self._requested_at
+        if began_anew or now - max(self._requested_at, self._received_at) >= self._timeouts.request_interval:
             if began_anew:
-                self._watch.began_anew()
-            self._strange, self._asked_at, self._token_at = reader.count.strange, now, now
+                self._watch.restarted()
+            self._strange, self._requested_at, self._token_at = reader.count.strange, now, now
             self.restarts += began_anew
-            reader.forget()
+            reader.clear()
             self._line.write(protocol.start_request(reader.output, self._next()))
-        elif reader.waiting >= reader.output.size > 0 and now - self._token_at >= self._patience.token:
+        elif reader.waiting >= reader.output.size > 0 and now - self._token_at >= self._timeouts.token:
             self._token_at = now
             self._line.write(protocol.synch_request(self._next()))
 
@@ -200,7 +200,7 @@ class RazorBoard:
         return self._number
 
     def _receive(self) -> None:
-        data = self._line.read(self._patience.look)
+        data = self._line.read(self._timeouts.look)
         if not data:
             self._idle()
             return
@@ -211,7 +211,7 @@ class RazorBoard:
             self._token_at = -float("inf")
         skipped = after.lost - before.lost
         for reading in readings:
-            self._heard_at = arrival
+            self._received_at = arrival
             self._waiting.append((reading, arrival, skipped))
             skipped = 0
 
@@ -220,12 +220,12 @@ class RazorBoard:
         self._idled_at = self._clock()
 
     def _look_after(self, silence: float) -> None:
-        patience = self._patience
-        if not self._line.plugged and silence >= patience.gone:
+        timeouts = self._timeouts
+        if not self._line.plugged and silence >= timeouts.loss:
             raise BoardSilent(f"{self._name} is gone: unplugged?")
         self._watch.waiting(self._line.plugged, silence)
-        limit = patience.first if self._last_time_us is None else patience.frame
-        if silence >= max(limit, patience.gone):
+        limit = timeouts.first if self._last_time_us is None else timeouts.frame
+        if silence >= max(limit, timeouts.loss):
             raise BoardSilent(f"{self._name} sent no frame for {silence:.0f} s: {self._why()}")
 
     def _why(self) -> str:
@@ -234,7 +234,7 @@ class RazorBoard:
             return f"the last was of t = {self._last_time_us * 1e-6:.3f} s"
         if self.count.tokens:
             return "it answers, but does not know this output, or streams nothing"
-        if self._reader.heard:
+        if self._reader.received:
             return "something comes, but no answer to #s: is its receive line connected, the baud rate right?"
         return "it never said anything: is it a Razor, the baud rate right?"
 

@@ -152,16 +152,16 @@ class Reader:
         self.output = output
         self.count = Count()
         self.synched = False
-        """a token was seen since the start, or since `forget`"""
+        """a token was seen since the start, or since `clear`"""
         self.waiting = 0
         """bytes of binary frames that wait for a token to confirm them"""
-        self.heard = 0
+        self.received = 0
         """bytes"""
         self._pending = b""
         self._values: list[tuple[float, ...]] = []
         self._step: Callable[[], list[Reading]] = self._binary if output.size else self._text
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin anew: the next token opens the stream."""
         self.synched = False
         self.waiting = 0
@@ -170,7 +170,7 @@ class Reader:
 
     def feed(self, data: bytes) -> list[Reading]:
         """All frames that are whole, and confirmed, with ``data``."""
-        self.heard += len(data)
+        self.received += len(data)
         self._pending += data
         if not self.synched and not self._opened():
             return []

@@ -44,7 +44,7 @@ class State(NamedTuple):
     """gauss; readings"""
     coverage: float = 0.0
     """-; share of all directions"""
-    told: int = 0
+    reported: int = 0
     """-; tenths of the coverage that were told"""
 
 
@@ -58,9 +58,9 @@ def step(state: State, field: Vector) -> tuple[State, Took]:
     points = (*state.points, field)[:MOST]
     covered = coverage(np.array(points))
     tenths = int(10.0 * covered)
-    note = f"{100.0 * covered:.0f} % of all directions seen" if tenths > state.told else ""
+    note = f"{100.0 * covered:.0f} % of all directions seen" if tenths > state.reported else ""
     complete = covered >= COMPLETE and len(points) >= ENOUGH
-    return State(points, covered, max(tenths, state.told)), Took(note, complete or len(points) >= MOST)
+    return State(points, covered, max(tenths, state.reported)), Took(note, complete or len(points) >= MOST)
 
 
 def progress(state: State) -> float:

@@ -55,9 +55,9 @@ class State(NamedTuple):
     """rad or V; angle of the wings or voltage of the battery"""
     elapsed: float = 0.0
     """s; since the start, or since the last pose"""
-    told: float = 0.0
+    reported: float = 0.0
     """s; since the status was published"""
-    begun: int = 0
+    started: int = 0
     """-; since boot"""
     last: Calibration = Calibration.NONE
     """-; that began last"""
@@ -74,12 +74,12 @@ class State(NamedTuple):
 
 def start(state: State, kind: Calibration, argument: float) -> State:
     """Begin gathering for ``kind``."""
-    return State(kind, argument, begun=state.begun + 1, last=kind, succeeded=state.succeeded)
+    return State(kind, argument, started=state.started + 1, last=kind, succeeded=state.succeeded)
 
 
 def stop(state: State, succeeded: bool = False, residual: float = 0.0) -> State:
     """End it; what was gathered is forgotten."""
-    return State(begun=state.begun, last=state.last, succeeded=int(succeeded), residual=residual)
+    return State(started=state.started, last=state.last, succeeded=int(succeeded), residual=residual)
 
 
 def refusal(state: State, kind: Calibration, argument: float, armed: bool, flying: bool) -> str:
@@ -122,7 +122,7 @@ def status(state: State, time_us: int) -> CalibrationStatus:
     """What is told of it."""
     running = int(state.kind != Calibration.NONE)
     return CalibrationStatus(
-        time_us, state.last, running, progress(state), state.begun, state.succeeded, state.residual
+        time_us, state.last, running, progress(state), state.started, state.succeeded, state.residual
     )
 
 

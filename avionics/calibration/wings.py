@@ -36,10 +36,10 @@ def step(state: State, sample: EncoderSample) -> tuple[State, Took]:
     return state, Took(complete=state.samples >= AT_REST)
 
 
-def _add(seen: tuple[int, int, int], counts: int, number: int) -> tuple[int, int, int]:
+def _add(raw_counts: tuple[int, int, int], counts: int, number: int) -> tuple[int, int, int]:
     if number == 0:
         return counts, counts, counts
-    return min(seen[0], counts), max(seen[1], counts), seen[2] + counts
+    return min(raw_counts[0], counts), max(raw_counts[1], counts), raw_counts[2] + counts
 
 
 def progress(state: State) -> float:

@@ -176,7 +176,7 @@ class Correction(NamedTuple):
     """m/s; mean velocity through the air over the last block, earth axes"""
     age: float = 0.0
     """s; in closed blocks since the start"""
-    doubt: float = 0.0
+    quality_suspect: float = 0.0
     """s; for which the disagreement has exceeded its limit"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force over all blocks, earth axes"""
@@ -352,12 +352,12 @@ def step(
     correction, aid = state.correction, state.aid
     angles = _angles(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt)
     r = multiply(state.r, rotation(*angles))
-    force, velocity, field = seen = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
+    force, velocity, field = vectors = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     if state.block.span + dt < length:
         block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
     else:
-        full, block = _divided(state, length, dt, seen, rates)
+        full, block = _divided(state, length, dt, vectors, rates)
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
     if fix is not None:
@@ -379,10 +379,10 @@ def _in_earth_axes(
 
 
 def _divided(
-    state: AhrsState, length: float, dt: float, seen: tuple[Vector, Vector, Vector], rates: Vector
+    state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector
 ) -> tuple[Block, Block]:
     """The block filled up to its ``length`` (s), and the next with what is left of the interval ``dt`` (s)."""
-    force, velocity, field = seen
+    force, velocity, field = vectors
     share = max(0.0, (length - state.block.span) / dt)
     before_end = _between(state.force, force, 0.5 * share)
     after_end = _between(state.force, force, 0.5 + 0.5 * share)
@@ -520,7 +520,7 @@ def _corrected(
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
-    corrected = _remembered(gains, last.doubt, view, turn, (limited, impulse, sure))
+    corrected = _cached(gains, last.quality_suspect, view, turn, (limited, impulse, sure))
     return (
         orthonormalised(multiply(turn, r)),
         corrected._replace(
@@ -543,7 +543,7 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
     age = last.age + length
     rising, velocity = _scaled(block.force_moment, 1.0 / length), _scaled(block.travel, 1.0 / length)
     time = gains.flapping_tilt_time if flight.flapping else gains.tilt_time
-    trusting = age > gains.settling and last.doubt < time
+    trusting = age > gains.settling and last.quality_suspect < time
     x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
     gain = 0.0 if flight.aided else trust * _gain(length, time, age)
     tilt = rotation(gain * x, gain * y, 0.0)
@@ -578,35 +578,40 @@ def _by_view(
     tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
     error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
     bias = _sum(last.bias, _scaled(rotate_back(multiply(turn, r), error), -1.0))
-    doubt = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    quality_suspect = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
     rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
     return (
         turn,
         bias,
         velocity_aiding.relaxed(
-            p, r, _compass(gains, view.reference), shares, rates, (doubt, doubt, gains.field_noise)
+            p,
+            r,
+            _compass(gains, view.reference),
+            shares,
+            rates,
+            (quality_suspect, quality_suspect, gains.field_noise),
         ),
     )
 
 
-def _remembered(
+def _cached(
     gains: AhrsGains,
-    doubt: float,
+    quality_suspect: float,
     view: View,
     turn: Matrix,
     known: tuple[Vector, Vector, tuple[float, float, int, int]],
 ) -> Correction:
-    """What the next block needs of this one, in axes after its correction; ``doubt`` is the last one's.
+    """What the next block needs of this one, in axes after its correction; ``quality_suspect`` is the last one's.
 
     ``known`` are bias, impulse, and what `Correction` ends with: the sigmas, whether disturbed, whether aided.
     """
     size, (bias, impulse, sure) = hypot(view.north, view.east), known
-    doubt = doubt + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
+    quality_suspect = quality_suspect + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # A block seen through a grossly wrong matrix cannot be joined to the next one.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
     return Correction(
-        bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, doubt, impulse,
+        bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, quality_suspect, impulse,
         view.reference, view.refused, size, view.heading_error, view.length, *sure,
     )  # fmt: skip
 
@@ -655,19 +660,19 @@ def _field_test(gains: AhrsGains, last: Correction, field: Vector, length: float
         return last.field, (0.0, 0.0, 1.0)
     level = hypot(field[0], field[1])
     strength, dip = hypot(level, field[2]), atan2(field[2], level)
-    if _alike(gains, strength, dip, last.field):
+    if _is_consistent(gains, strength, dip, last.field):
         gain = _gain(length, gains.field_time, last.age + length)
         reference = _between(last.field, (strength, dip, 0.0), gain)
         return reference, (strength, dip, 0.0)
     gain = 1.0 - exp(-length / gains.field_time)
     settled = _between(last.refused, (strength, dip, 0.0), gain)
     refused = last.refused[2] + length
-    if refused > gains.field_patience and _alike(gains, strength, dip, settled):
+    if refused > gains.field_patience and _is_consistent(gains, strength, dip, settled):
         return (settled[0], settled[1], 0.0), (strength, dip, 0.0)
     return last.field, (settled[0], settled[1], refused)
 
 
-def _alike(gains: AhrsGains, strength: float, dip: float, reference: Vector) -> bool:
+def _is_consistent(gains: AhrsGains, strength: float, dip: float, reference: Vector) -> bool:
     return (
         abs(strength - reference[0]) < gains.field_tolerance * reference[0]
         and abs(dip - reference[1]) < gains.dip_tolerance

@@ -160,11 +160,11 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
 
 
 def _kept(
-    state: State, time_us: int, dt: float, estimate: tuple[Array, Array], seen: tuple[float, float, float]
+    state: State, time_us: int, dt: float, estimate: tuple[Array, Array], measurements: tuple[float, float, float]
 ) -> State:
-    """The state with an estimate in it, and what was ``seen``: s refused, innovation, variance expected of it."""
+    """The state with an estimate and the pressure's time without an accepted sample (s), innovation, variance."""
     altitude, climb_rate, bias = estimate[0].tolist()
-    (refused, innovation, expected), keep = seen, round(LONGEST_MEMORY / dt)
+    (refused, innovation, expected), keep = measurements, round(LONGEST_MEMORY / dt)
     return new(State, (
         time_us, (altitude, climb_rate, bias), _symmetric(estimate[1]), 0.0, 0, refused, innovation,
         (*state.climbs[-keep:], climb_rate), expected, state.since_us,
@@ -190,9 +190,9 @@ def _motion(dt: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=32)
-def _noise(bias_walk: float, dt: float, doubt: float) -> Array:
+def _noise(bias_walk: float, dt: float, quality_suspect: float) -> Array:
     """Covariance of one step: an acceleration (m/s^2, one sigma) constant over it, and the walk of its bias."""
-    way, variance = 0.5 * dt * dt, doubt**2
+    way, variance = 0.5 * dt * dt, quality_suspect**2
     tied = way * dt * variance
     return constant([
         [way * way * variance, tied, 0.0],

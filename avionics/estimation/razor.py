@@ -37,7 +37,7 @@ class Gains(NamedTuple):
 
 
 def step(
-    gains: Gains, r: Matrix, bias: Vector, rates: Vector, seen: tuple[Vector, Vector], dt: float
+    gains: Gains, r: Matrix, bias: Vector, rates: Vector, vectors: tuple[Vector, Vector], dt: float
 ) -> tuple[Matrix, Vector]:
     """Matrix and gyro bias one sample on.
 
@@ -49,7 +49,7 @@ def step(
         seen: specific force in m/s^2 and magnetic field in gauss, body axes.
         dt: s; since the last sample.
     """
-    force, field = seen
+    force, field = vectors
     tx, ty, tz = _tilt_error(r, force)
     heading = _heading_error(gains, r, field)
     yx, yy, yz = heading * r[6], heading * r[7], heading * r[8]

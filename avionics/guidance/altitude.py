@@ -145,7 +145,9 @@ def _pitch_setpoint(gains: Gains, state: State, dt: float, climb: tuple[float, f
     return slew(state.pitch_setpoint, clip(wanted, gains.pitch_min, gains.pitch_max), gains.pitch_rate, dt)
 
 
-def hold(state: State, time_us: int, altitude_setpoint: float, measured: Measured) -> tuple[State, AltitudeStatus]:
+def hold_trim(
+    state: State, time_us: int, altitude_setpoint: float, measured: Measured
+) -> tuple[State, AltitudeStatus]:
     """Frozen for an excitation: the mean throttle, the last pitch setpoint, the integral kept."""
     held = state._replace(throttle=state.throttle_mean)
     return held, AltitudeStatus(
@@ -220,7 +222,7 @@ def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
     )
 
 
-class Asked(NamedTuple):
+class DirectCommand(NamedTuple):
     """Throttle and pitch setpoint that come from a stick or from the ground."""
 
     throttle: float
@@ -229,9 +231,11 @@ class Asked(NamedTuple):
     """rad; nose up is positive"""
 
 
-def follow(gains: Gains, state: State, time_us: int, dt: float, asked: Asked) -> tuple[State, AltitudeStatus]:
+def follow(
+    gains: Gains, state: State, time_us: int, dt: float, direct: DirectCommand
+) -> tuple[State, AltitudeStatus]:
     """Pass on what was asked, so that the loops take over from there without a jump."""
-    throttle = slew(state.throttle, clip(asked.throttle, 0.0, 1.0), gains.throttle_rate, dt)
-    pitch_setpoint = slew(state.pitch_setpoint, asked.pitch_setpoint, gains.pitch_rate, dt)
+    throttle = slew(state.throttle, clip(direct.throttle, 0.0, 1.0), gains.throttle_rate, dt)
+    pitch_setpoint = slew(state.pitch_setpoint, direct.pitch_setpoint, gains.pitch_rate, dt)
     followed = State(0.0, 0.0, throttle, pitch_setpoint, gains.throttle_trim)
     return followed, AltitudeStatus(time_us, 0.0, 0.0, 0.0, 0.0, throttle, pitch_setpoint, 0)

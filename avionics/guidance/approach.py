@@ -40,44 +40,49 @@ def aim_point(gains: Gains, state: State, item: MissionItem) -> Place:
     return item.north - reach * math.cos(item.heading), item.east - reach * math.sin(item.heading)
 
 
-def land(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> tuple[State, Target, bool]:
+def land(
+    gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation
+) -> tuple[State, Target, bool]:
     """Fly to the head of the approach, then down its line; the touchdown ends it (`modes`)."""
     if not state.final:
-        state, target = _to_approach(gains, state, item, seen)
+        state, target = _to_approach(gains, state, item, situation)
     else:
-        state, target = down_the_line(gains, state, item.heading, seen)
+        state, target = down_the_line(gains, state, item.heading, situation)
     return state, target, False
 
 
-def land_ahead(gains: Gains, state: State, seen: Situation) -> State:
+def land_ahead(gains: Gains, state: State, situation: Situation) -> State:
     """Begin the line down here, on the present course, at the usual angle."""
-    length = slope_length(gains, state, seen.heading)
-    reach = length * max(seen.altitude, 0.0) / gains.approach_altitude
+    length = slope_length(gains, state, situation.heading)
+    reach = length * max(situation.altitude, 0.0) / gains.approach_altitude
     return state._replace(
         final=1,
         flare=0,
         slope_length=length,
-        heading=seen.heading,
-        touch_north=seen.north + reach * math.cos(seen.heading),
-        touch_east=seen.east + reach * math.sin(seen.heading),
+        heading=situation.heading,
+        touch_north=situation.north + reach * math.cos(situation.heading),
+        touch_east=situation.east + reach * math.sin(situation.heading),
     )
 
 
-def _to_approach(gains: Gains, state: State, item: MissionItem, seen: Situation) -> tuple[State, Target]:
+def _to_approach(gains: Gains, state: State, item: MissionItem, situation: Situation) -> tuple[State, Target]:
     """To the head of the line, then around a circle there until the line can be joined, from above or from aside."""
     length, aim = slope_length(gains, state, item.heading), aim_point(gains, state, item)
     head = (aim[0] - length * math.cos(item.heading), aim[1] - length * math.sin(item.heading))
-    line = leg((state.from_north, state.from_east), head, here(seen))
-    joined, low = in_funnel(gains, aim, length, item.heading, seen), _low(gains, aim, length, item.heading, seen)
+    line = leg((state.from_north, state.from_east), head, here(situation))
+    joined, low = (
+        in_funnel(gains, aim, length, item.heading, situation),
+        _low(gains, aim, length, item.heading, situation),
+    )
     if state.arrived:
-        course = _circle_at_head(gains, head, item.heading, seen)
+        course = _circle_at_head(gains, head, item.heading, situation)
     else:
-        course = course_to_leg(line, lookahead(gains, seen))
+        course = course_to_leg(line, lookahead(gains, situation))
         state = state._replace(arrived=int(joined or reached(line, gains.acceptance)))
-    if not seen.valid or (low and joined):
+    if not situation.valid or (low and joined):
         state = state._replace(final=1, slope_length=length, touch_north=aim[0], touch_east=aim[1])
-    course = course if seen.valid else state.heading
-    distance = math.hypot(item.north - seen.north, item.east - seen.east)
+    course = course if situation.valid else state.heading
+    distance = math.hypot(item.north - situation.north, item.east - situation.east)
     return state, Target(Stage.APPROACH, gains.approach_altitude, course, distance, line.cross)
 
 
@@ -87,39 +92,41 @@ def in_funnel(gains: Gains, aim: Place, length: float, heading: float, now: Situ
     The funnel opens backward from the end of the line to a lookahead before its head, by `FUNNEL` to each side;
     inside it the course must be within `JOINING_TURN` of the line's.
     """
-    to_go, cross = _to_go(aim, heading, now)
+    to_go, cross = _distance_to_go(aim, heading, now)
     along = 0.0 < to_go <= length + gains.lookahead and abs(cross) <= FUNNEL * to_go
     return along and abs(wrap(heading - now.heading)) <= JOINING_TURN
 
 
 def _low(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
     """Whether the altitude is that of the line here, or above it by no more than the margin."""
-    to_go, _ = _to_go(aim, heading, now)
+    to_go, _ = _distance_to_go(aim, heading, now)
     return now.altitude <= gains.approach_altitude * clip(to_go / length, 0.0, 1.0) + gains.approach_margin
 
 
-def _to_go(place: Place, heading: float, seen: Situation) -> tuple[float, float]:
+def _distance_to_go(place: Place, heading: float, situation: Situation) -> tuple[float, float]:
     """Way to go (m) along the line that reaches ``place`` at ``heading``, and distance (m) to the right of it."""
     c, s = math.cos(heading), math.sin(heading)
-    dn, de = seen.north - place[0], seen.east - place[1]
+    dn, de = situation.north - place[0], situation.east - place[1]
     return -(dn * c + de * s), de * c - dn * s
 
 
-def _circle_at_head(gains: Gains, head: Place, heading: float, seen: Situation) -> float:
+def _circle_at_head(gains: Gains, head: Place, heading: float, situation: Situation) -> float:
     """Course of a clockwise circle that touches the approach line at its head: to lose altitude on."""
     north = head[0] - gains.loiter_radius * math.sin(heading)
     east = head[1] + gains.loiter_radius * math.cos(heading)
-    return circle_course(gains.loiter_radius, lookahead(gains, seen), seen.north - north, seen.east - east)
+    return circle_course(
+        gains.loiter_radius, lookahead(gains, situation), situation.north - north, situation.east - east
+    )
 
 
-def down_the_line(gains: Gains, state: State, heading: float, seen: Situation) -> tuple[State, Target]:
+def down_the_line(gains: Gains, state: State, heading: float, situation: Situation) -> tuple[State, Target]:
     """Altitude falls with the way to go; without a position straight down at the loop's greatest sink."""
-    if state.flare or seen.altitude <= gains.flare_altitude:
+    if state.flare or situation.altitude <= gains.flare_altitude:
         return state._replace(flare=1), Target(Stage.FLARE, 0.0, heading)
-    if not seen.valid:
+    if not situation.valid:
         return state, Target(Stage.APPROACH, -gains.approach_altitude, heading)
-    to_go, cross = _to_go((state.touch_north, state.touch_east), heading, seen)
+    to_go, cross = _distance_to_go((state.touch_north, state.touch_east), heading, situation)
     length = state.slope_length or gains.approach_length
     altitude = clip(gains.approach_altitude * to_go / length, -gains.approach_altitude, gains.approach_altitude)
-    course = wrap(heading - math.atan2(cross, lookahead(gains, seen)))
+    course = wrap(heading - math.atan2(cross, lookahead(gains, situation)))
     return state, Target(Stage.APPROACH, altitude, course, abs(to_go), cross)

@@ -8,38 +8,38 @@ from avionics.guidance.stages import without_push
 from avionics.messages import Mode, Severity, Stage
 
 
-def refusals(gains: Gains, state: State, seen: Conditions) -> tuple[str, ...]:
+def refusals(gains: Gains, state: State, conditions: Conditions) -> tuple[str, ...]:
     """Why the vehicle must not be armed now; empty when it may."""
     automatic = state.mode in GUIDED
     checks = (
-        (not seen.settled, "attitude is not known yet"),
-        (seen.imu_fault, "the IMU's samples are refused"),
-        (seen.turn_rate > gains.arm_turn, "the vehicle is being turned"),
-        (max(abs(seen.roll), abs(seen.pitch)) > gains.arm_tilt, "tilted too far"),
-        (seen.battery < gains.arm_battery, f"battery at {100.0 * seen.battery:.0f} %"),
-        (seen.kill_switch, "the kill switch is on"),
+        (not conditions.settled, "attitude is not known yet"),
+        (conditions.imu_fault, "the IMU's samples are refused"),
+        (conditions.turn_rate > gains.arm_turn, "the vehicle is being turned"),
+        (max(abs(conditions.roll), abs(conditions.pitch)) > gains.arm_tilt, "tilted too far"),
+        (conditions.battery < gains.arm_battery, f"battery at {100.0 * conditions.battery:.0f} %"),
+        (conditions.kill_switch, "the kill switch is on"),
         (state.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER), "mode is RETURN or LAND or LOITER"),
         (state.mode == Mode.OFFBOARD, "mode is OFFBOARD"),
-        (automatic and seen.items == 0, "no mission"),
-        (automatic and seen.fix_age > gains.gps_loss_delay, "no GPS position"),
-        (state.mode in PILOTED and seen.throttle_stick > 0.05, "throttle stick is not at zero"),
+        (automatic and conditions.items == 0, "no mission"),
+        (automatic and conditions.fix_age > gains.gps_loss_delay, "no GPS position"),
+        (state.mode in PILOTED and conditions.throttle_stick > 0.05, "throttle stick is not at zero"),
     )
-    hindering = seen.sensed | state.failsafe & ANSWERED
+    hindering = conditions.sensed | state.failsafe & ANSWERED
     sensed = tuple(failure.text for failure in FAILURES if failure.flag & hindering)
-    return tuple(text for failed, text in checks if failed) + sensed + seen.unready
+    return tuple(text for failed, text in checks if failed) + sensed + conditions.unready
 
 
-def arm(gains: Gains, state: State, seen: Conditions) -> Outcome:
+def arm(gains: Gains, state: State, conditions: Conditions) -> Outcome:
     """Arm, or say why not."""
     if state.armed:
         return state, (Notice(Severity.INFO, "already armed"),)
-    reasons = refusals(gains, state, seen)
+    reasons = refusals(gains, state, conditions)
     if reasons:
         return state, (Notice(Severity.WARNING, f"arming refused: {'; '.join(reasons)}"),)
     armed = state._replace(
         armed=1,
         stage=int(Stage.WAIT_LAUNCH),
-        still_time=0.0,
+        stationary_time=0.0,
         answered=0,
         critical=0,
         cut=0,

@@ -16,9 +16,9 @@ BLIND_TURN = 0.4
 """rad; heading asked ahead of the present one to circle without a position: a steady bank, drifting with the wind"""
 
 
-def centre_beside(state: State, radius: float, seen: Situation) -> State:
+def tangent_circle_center(state: State, radius: float, situation: Situation) -> State:
     """A circle that the present course touches: to the right for a positive ``radius`` (m), else to the left."""
-    return centre_at(state, *tangent_center(radius, seen), radius, seen)
+    return centre_at(state, *tangent_center(radius, situation), radius, situation)
 
 
 def tangent_center(radius: float, situation: Situation) -> Place:
@@ -27,20 +27,20 @@ def tangent_center(radius: float, situation: Situation) -> Place:
     return situation.north - radius * math.sin(heading), situation.east + radius * math.cos(heading)
 
 
-def centre_at(state: State, north: float, east: float, radius: float, seen: Situation) -> State:
+def centre_at(state: State, north: float, east: float, radius: float, situation: Situation) -> State:
     """A circle about a place in m, not joined yet."""
-    bearing = math.atan2(seen.east - east, seen.north - north)
+    bearing = math.atan2(situation.east - east, situation.north - north)
     return state._replace(
         centre_north=north, centre_east=east, radius=radius, bearing=bearing, swept=0.0, arrived=0, elapsed=0.0
     )
 
 
-def around(gains: Gains, state: State, dt: float, altitude: float, seen: Situation) -> tuple[State, Target]:
+def around(gains: Gains, state: State, dt: float, altitude: float, situation: Situation) -> tuple[State, Target]:
     """One step on the circle of ``state``: turns and time count from where it is joined."""
-    if not seen.valid:
-        heading = wrap(seen.heading + math.copysign(BLIND_TURN, state.radius))
+    if not situation.valid:
+        heading = wrap(situation.heading + math.copysign(BLIND_TURN, state.radius))
         return state, Target(Stage.EN_ROUTE, altitude, heading)
-    north, east = seen.north - state.centre_north, seen.east - state.centre_east
+    north, east = situation.north - state.centre_north, situation.east - state.centre_east
     distance, size = math.hypot(north, east), abs(state.radius)
     outside, bearing = distance - size, math.atan2(east, north)
     joined = state.arrived or abs(outside) <= max(JOINED * size, gains.acceptance)
@@ -48,26 +48,28 @@ def around(gains: Gains, state: State, dt: float, altitude: float, seen: Situati
         moved = wrap(bearing - state.bearing) if state.arrived else 0.0
         swept = state.swept + math.copysign(1.0, state.radius) * moved
         state = state._replace(arrived=1, elapsed=state.elapsed + dt, swept=swept)
-    ahead = lookahead(gains, seen)
+    ahead = lookahead(gains, situation)
     course = circle_course(state.radius, ahead, north, east)
     on_it = clip(1.0 - abs(outside) / ahead, 0.0, 1.0)
     target = Target(Stage.EN_ROUTE, altitude, course, distance, outside, on_it / state.radius)
     return state._replace(bearing=bearing, heading=course), target
 
 
-def item(gains: Gains, state: State, dt: float, wanted: MissionItem, seen: Situation) -> tuple[State, Target, bool]:
+def item(
+    gains: Gains, state: State, dt: float, requested: MissionItem, situation: Situation
+) -> tuple[State, Target, bool]:
     """A CIRCLE, a LOITER or a waypoint with a hold time; ``state.radius`` is 0 until it begins."""
     if state.radius == 0.0:
-        state = centre_at(state, wanted.north, wanted.east, wanted.radius or gains.loiter_radius, seen)
-    state, target = around(gains, state, dt, wanted.altitude, seen)
-    return state, target, wanted.kind != ItemKind.LOITER and _flown(gains, state, wanted, seen)
+        state = centre_at(state, requested.north, requested.east, requested.radius or gains.loiter_radius, situation)
+    state, target = around(gains, state, dt, requested.altitude, situation)
+    return state, target, requested.kind != ItemKind.LOITER and _is_complete(gains, state, requested, situation)
 
 
-def _flown(gains: Gains, state: State, wanted: MissionItem, seen: Situation) -> bool:
+def _is_complete(gains: Gains, state: State, requested: MissionItem, situation: Situation) -> bool:
     if not state.arrived:
         return False
-    if wanted.turns > 0.0:
-        return state.swept >= math.tau * wanted.turns
-    if wanted.duration > 0.0:
-        return state.elapsed >= wanted.duration
-    return abs(wanted.altitude - seen.altitude) <= gains.capture_altitude
+    if requested.turns > 0.0:
+        return state.swept >= math.tau * requested.turns
+    if requested.duration > 0.0:
+        return state.elapsed >= requested.duration
+    return abs(requested.altitude - situation.altitude) <= gains.capture_altitude

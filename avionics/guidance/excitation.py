@@ -89,13 +89,13 @@ class State(NamedTuple):
     """-; 1 when the last manoeuvre was aborted"""
     finished: int = 0
     """-; excitations finished or aborted since boot"""
-    asked: Excitation | None = None
+    requested_input: Excitation | None = None
     """-; what is flown, None while idle"""
     lines: tuple[multisine.Lines, ...] = ()
     """rad/s, rad, rad or -; the sines of a multisine on elevator, throttle and rudder"""
 
 
-class Flown(NamedTuple):
+class EnvelopeState(NamedTuple):
     """What the envelope looks at."""
 
     pitch: float
@@ -194,17 +194,21 @@ def running(state: State) -> int:
 
 def recovering(state: State) -> bool:
     """Whether the loops seek the trim that the manoeuvre to come will freeze."""
-    return state.asked is not None and state.phase == Phase.RECOVER and not state.asked.loops
+    return state.requested_input is not None and state.phase == Phase.RECOVER and not state.requested_input.loops
 
 
 def frozen(state: State) -> int:
     """1 while the altitude and pitch loops are to hold their trim."""
-    return int(state.asked is not None and state.phase >= SETTLE and not state.asked.loops)
+    return int(state.requested_input is not None and state.phase >= SETTLE and not state.requested_input.loops)
 
 
 def roll_frozen(state: State) -> int:
     """1 while the roll loop is to hold its trim: the rudder is excited, and a loop would fight it."""
-    return int(frozen(state) and state.asked is not None and state.asked.amplitudes()[Channel.RUDDER] != 0.0)
+    return int(
+        frozen(state)
+        and state.requested_input is not None
+        and state.requested_input.amplitudes()[Channel.RUDDER] != 0.0
+    )
 
 
 def start(state: State, excitation: Excitation) -> State:
@@ -214,7 +218,7 @@ def start(state: State, excitation: Excitation) -> State:
         elapsed=0.0,
         repeats_left=excitation.repeats,
         aborted=0,
-        asked=excitation,
+        requested_input=excitation,
         lines=spectrum(excitation),
     )
 
@@ -231,20 +235,20 @@ def _finish(state: State, aborted: int) -> State:
         repeats_left=0,
         aborted=aborted,
         finished=state.finished + 1,
-        asked=None,
+        requested_input=None,
         lines=(),
     )
 
 
 def step(
-    gains: Gains, state: State, time_us: int, dt: float, wanted: bool, flown: Flown
+    gains: Gains, state: State, time_us: int, dt: float, requested: bool, envelope: EnvelopeState
 ) -> tuple[State, ExcitationStatus]:
-    """One step; what `start` began ends at once when it is no longer ``wanted``."""
-    if state.asked is None or not wanted:
+    """One step; what `start` began ends at once when it is no longer ``requested``."""
+    if state.requested_input is None or not requested:
         state = stop(state)
         return state, new(ExcitationStatus, (time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted))
-    state = _advance(gains, state._replace(elapsed=state.elapsed + dt), state.asked, flown)
-    if outside(gains, state, flown):
+    state = _advance(gains, state._replace(elapsed=state.elapsed + dt), state.requested_input, envelope)
+    if outside(gains, state, envelope):
         state = _finish(state, aborted=1)
     elevator, throttle, rudder = inputs(gains, state)
     return state, ExcitationStatus(
@@ -254,30 +258,34 @@ def step(
 
 def inputs(gains: Gains, state: State) -> Inputs:
     """What is added to elevator, throttle and rudder now."""
-    asked, elapsed = state.asked, state.elapsed
-    if state.phase != Phase.INPUT or asked is None:
+    requested_input, elapsed = state.requested_input, state.elapsed
+    if state.phase != Phase.INPUT or requested_input is None:
         return NOTHING
-    if asked.shape == Shape.MULTISINE:
+    if requested_input.shape == Shape.MULTISINE:
         elevator, throttle, rudder = (multisine.value(lines, elapsed) for lines in state.lines)
         return elevator, throttle, rudder
-    swept = asked.shape in SWEEPS
-    unit = sweep(asked, gains.fade, elapsed) if swept else steps(asked.shape, asked.width, elapsed)
-    elevator, throttle, rudder = asked.amplitudes()
+    swept = requested_input.shape in SWEEPS
+    unit = (
+        sweep(requested_input, gains.fade, elapsed)
+        if swept
+        else steps(requested_input.shape, requested_input.width, elapsed)
+    )
+    elevator, throttle, rudder = requested_input.amplitudes()
     return elevator * unit, throttle * unit, rudder * unit
 
 
-def outside(gains: Gains, state: State, flown: Flown) -> bool:
+def outside(gains: Gains, state: State, envelope: EnvelopeState) -> bool:
     """Whether a manoeuvre has left its envelope; a value that is not a number is outside."""
     return running(state) == 1 and not (
-        abs(flown.pitch - state.pitch) <= gains.pitch_max
-        and abs(flown.roll) <= gains.roll_max
-        and gains.airspeed_min <= flown.airspeed <= gains.airspeed_max
-        and abs(flown.altitude - state.altitude) <= gains.altitude_max
-        and flown.altitude >= gains.altitude_floor
+        abs(envelope.pitch - state.pitch) <= gains.pitch_max
+        and abs(envelope.roll) <= gains.roll_max
+        and gains.airspeed_min <= envelope.airspeed <= gains.airspeed_max
+        and abs(envelope.altitude - state.altitude) <= gains.altitude_max
+        and envelope.altitude >= gains.altitude_floor
     )
 
 
-def _advance(gains: Gains, state: State, excitation: Excitation, flown: Flown) -> State:
+def _advance(gains: Gains, state: State, excitation: Excitation, envelope: EnvelopeState) -> State:
     """Go to the next phase when the present one is over."""
     length = _phase_length(gains, state, excitation)
     if state.elapsed < length - RESOLUTION:
@@ -287,8 +295,8 @@ def _advance(gains: Gains, state: State, excitation: Excitation, flown: Flown) -
             phase=int(Phase.SETTLE),
             elapsed=0.0,
             manoeuvre=state.manoeuvre + 1,
-            pitch=flown.pitch,
-            altitude=flown.altitude,
+            pitch=envelope.pitch,
+            altitude=envelope.altitude,
         )
     if state.phase in (Phase.SETTLE, Phase.INPUT):
         return state._replace(phase=state.phase + 1, elapsed=0.0)

@@ -60,7 +60,7 @@ FAILURES = (
     Failure(Failsafe.ACCEL_SATURATED, "accelerometer saturated", Action.LAND, Severity.ERROR, 2.0),
     Failure(Failsafe.BATTERY_CRITICAL, "battery nearly empty", Action.LAND, Severity.CRITICAL, 2.0),
     Failure(Failsafe.BARO_LOST, "barometer lost", Action.LAND, Severity.ERROR, 3.0),
-    Failure(Failsafe.POSITION_GONE, "no position", Action.LAND, Severity.ERROR),
+    Failure(Failsafe.POSITION_LOST, "no position", Action.LAND, Severity.ERROR),
     Failure(Failsafe.LINK_LOST, "ground link lost", Action.RETURN),
     Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
     Failure(Failsafe.FENCE, "outside the fence", Action.RETURN, clear=2.0),
@@ -78,7 +78,7 @@ FAILURES = (
 
 ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
 """flags of the failures about which something is done"""
-NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_GONE
+NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_LOST
 BATTERY_RECOVERY = 0.05
 """-; of the battery, by which it must be above a threshold before that is over: a voltage under load flickers"""
 
@@ -93,44 +93,44 @@ def set_link(state: State, lost: bool) -> Outcome:
     return state._replace(link_lost=int(lost), link_time=0.0), notices
 
 
-def present(gains: Gains, state: State, seen: Conditions) -> int:
+def present(gains: Gains, state: State, conditions: Conditions) -> int:
     """Flags of the failures that are present now."""
-    room = fence.room(gains, state, seen)
+    room = fence.least_clearance(gains, state, conditions)
     return (
-        seen.sensed
+        conditions.sensed
         | (Failsafe.LINK_LOST if state.link_lost and state.link_time >= gains.link_loss_delay else 0)
-        | (_position_missed(gains, state, seen) if seen.fix_age > gains.gps_loss_delay else 0)
-        | (_battery(gains, state, seen) if seen.battery < gains.battery_return + BATTERY_RECOVERY else 0)
-        | (Failsafe.IMU_FAULT if seen.imu_fault else 0)
+        | (_position_missed(gains, state, conditions) if conditions.fix_age > gains.gps_loss_delay else 0)
+        | (_battery(gains, state, conditions) if conditions.battery < gains.battery_return + BATTERY_RECOVERY else 0)
+        | (Failsafe.IMU_FAULT if conditions.imu_fault else 0)
         | (Failsafe.FENCE if room < 0.0 else Failsafe.FENCE_NEAR if room < gains.fence_margin else 0)
         | (Failsafe.PILOT_LOST if state.pilot_time > 0.0 else 0)
     )
 
 
-def _battery(gains: Gains, state: State, seen: Conditions) -> int:
+def _battery(gains: Gains, state: State, conditions: Conditions) -> int:
     """What came at a threshold stays until the battery is `BATTERY_RECOVERY` above it."""
     low = gains.battery_return + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_LOW else 0.0)
     critical = gains.battery_land + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_CRITICAL else 0.0)
-    return (Failsafe.BATTERY_LOW if seen.battery < low else 0) | (
-        Failsafe.BATTERY_CRITICAL if seen.battery < critical else 0
+    return (Failsafe.BATTERY_LOW if conditions.battery < low else 0) | (
+        Failsafe.BATTERY_CRITICAL if conditions.battery < critical else 0
     )
 
 
-def _position_missed(gains: Gains, state: State, seen: Conditions) -> int:
+def _position_missed(gains: Gains, state: State, conditions: Conditions) -> int:
     """A position that was there is gone; without a first fix only a guided flight misses it."""
     guided = state.armed == 1 and state.mode in GUIDED
-    if math.isinf(seen.fix_age) and not guided:
+    if math.isinf(conditions.fix_age) and not guided:
         return 0
-    gone = guided and seen.fix_age > gains.gps_loss_delay + gains.gps_land_delay
-    return Failsafe.GPS_LOST | (Failsafe.POSITION_GONE if gone else 0)
+    gone = guided and conditions.fix_age > gains.gps_loss_delay + gains.gps_land_delay
+    return Failsafe.GPS_LOST | (Failsafe.POSITION_LOST if gone else 0)
 
 
-def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
     """Watch for failures, say those that come and go, do what they ask for; ``dt`` in s."""
     if state.link_lost:
         state = state._replace(link_time=state.link_time + dt)
-    state = fence.watch_floor(gains, _watch_pilot(state, dt, seen), seen)
-    now = int(present(gains, state, seen))
+    state = fence.watch_floor(gains, _watch_pilot(state, dt, conditions), conditions)
+    now = int(present(gains, state, conditions))
     if not (now or state.failsafe):
         return state, ()
     flags, pending = _settled(state, dt, now)
@@ -138,39 +138,39 @@ def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
     state = state._replace(failsafe=flags, answered=state.answered & flags, pending=pending)
     if not flags or not state.armed or state.stage not in AIRBORNE:
         return state, notices
-    state, done = _answer(gains, state, flags, seen)
-    state, circled = _leave_the_pilots_modes(gains, state, seen)
-    state, stranded = _watch_stranded(gains, state, dt, seen)
+    state, done = _answer(gains, state, flags, conditions)
+    state, circled = _leave_the_pilots_modes(gains, state, conditions)
+    state, stranded = _watch_stranded(gains, state, dt, conditions)
     return state, notices + done + circled + stranded
 
 
-def pilot_missed(state: State, seen: Conditions) -> bool:
+def pilot_missed(state: State, conditions: Conditions) -> bool:
     """Whether sticks are missing that the flight needs, or needed until they were lost."""
-    if not seen.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
+    if not conditions.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
         return False
-    by_receiver = state.mode == Mode.ALTITUDE_HOLD and seen.sensed & RECEIVER_LOST != 0
+    by_receiver = state.mode == Mode.ALTITUDE_HOLD and conditions.sensed & RECEIVER_LOST != 0
     return state.mode in PILOTED or by_receiver or state.pilot_time > 0.0
 
 
-def _watch_pilot(state: State, dt: float, seen: Conditions) -> State:
-    if pilot_missed(state, seen):
+def _watch_pilot(state: State, dt: float, conditions: Conditions) -> State:
+    if pilot_missed(state, conditions):
         return state._replace(pilot_time=state.pilot_time + dt)
     return state if state.pilot_time == 0.0 else state._replace(pilot_time=0.0)
 
 
-def _leave_the_pilots_modes(gains: Gains, state: State, seen: Conditions) -> Outcome:
+def _leave_the_pilots_modes(gains: Gains, state: State, conditions: Conditions) -> Outcome:
     """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level.
 
     Whoever was to land lands. The modes flown by throttle stick are left whatever was chosen before.
     """
     if state.pilot_time == 0.0:
         return state, ()
-    placed = seen.fix_age <= gains.gps_loss_delay
+    placed = conditions.fix_age <= gains.gps_loss_delay
     if state.mode in PILOTED:
         return _rescue(state, Mode.LOITER if placed else Mode.ALTITUDE_HOLD)
     if (
         state.mode == Mode.ALTITUDE_HOLD
-        and seen.sensed & RECEIVER_LOST & ~state.answered
+        and conditions.sensed & RECEIVER_LOST & ~state.answered
         and (placed or _doomed(state))
     ):
         return _rescue(state._replace(answered=state.answered | RECEIVER_LOST), Mode.LOITER)
@@ -192,9 +192,9 @@ def _rescue(state: State, mode: Mode) -> Outcome:
     return enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, pilot's sticks lost")
 
 
-def _watch_stranded(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+def _watch_stranded(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
     """A return that no position allows becomes a landing, unless somebody flies by stick."""
-    if not _stranded(gains, state, seen):
+    if not _stranded(gains, state, conditions):
         return (state if state.stranded_time == 0.0 else state._replace(stranded_time=0.0)), ()
     state = state._replace(stranded_time=state.stranded_time + dt)
     if state.stranded_time < gains.gps_land_delay:
@@ -205,9 +205,9 @@ def _watch_stranded(gains: Gains, state: State, dt: float, seen: Conditions) -> 
     return enter(state, Mode.LAND, Severity.CRITICAL, "failsafe: landing, no position to return by")
 
 
-def _stranded(gains: Gains, state: State, seen: Conditions) -> bool:
+def _stranded(gains: Gains, state: State, conditions: Conditions) -> bool:
     """Whether there is a reason to return that waits for a position, and nobody's stick."""
-    if seen.fix_age <= gains.gps_loss_delay or not seen.pilot_lost or state.mode == Mode.LAND:
+    if conditions.fix_age <= gains.gps_loss_delay or not conditions.pilot_lost or state.mode == Mode.LAND:
         return False
     fresh = state.failsafe & ~state.answered
     return fresh & Failsafe.PILOT_LOST != 0 or any(f.action == Action.RETURN and f.flag & fresh for f in FAILURES)
@@ -241,21 +241,21 @@ def _announce(before: int, after: int) -> tuple[Notice, ...]:
     )
 
 
-def _answer(gains: Gains, state: State, flags: int, seen: Conditions) -> Outcome:
+def _answer(gains: Gains, state: State, flags: int, conditions: Conditions) -> Outcome:
     """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
     if not flags & ~state.answered & ANSWERED:
         return state, ()
     fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
-    if _by_receiver(state, seen):
+    if _by_receiver(state, conditions):
         fresh = [f for f in fresh if f.flag != Failsafe.LINK_LOST]
-    if _returns_later(gains, state, flags, seen):
+    if _returns_later(gains, state, flags, conditions):
         fresh = [f for f in fresh if f.action != Action.RETURN]
     if not fresh:
         return state, ()
     gravest = max(fresh, key=lambda failure: failure.action)
     state = state._replace(answered=state.answered | sum(f.flag for f in fresh))
     if gravest.action == Action.RETURN:
-        return _answer_by_return(state, gravest, seen)
+        return _answer_by_return(state, gravest, conditions)
     text = f"failsafe: {DOING[gravest.action]}, {gravest.text}"
     if gravest.action == Action.LAND:
         return enter(state._replace(critical=1, rescued=1), Mode.LAND, Severity.CRITICAL, text)
@@ -263,21 +263,21 @@ def _answer(gains: Gains, state: State, flags: int, seen: Conditions) -> Outcome
     return entered, (Notice(Severity.CRITICAL, text),)
 
 
-def _by_receiver(state: State, seen: Conditions) -> bool:
+def _by_receiver(state: State, conditions: Conditions) -> bool:
     """A pilot who is heard by the receiver flies on without the ground's link."""
-    return seen.by_receiver == 1 and state.mode in BY_STICK
+    return conditions.by_receiver == 1 and state.mode in BY_STICK
 
 
-def _returns_later(gains: Gains, state: State, flags: int, seen: Conditions) -> bool:
+def _returns_later(gains: Gains, state: State, flags: int, conditions: Conditions) -> bool:
     """A return waits for a position and, after the throw, for room below; who is doomed to land needs no position."""
-    low = state.stage == Stage.CLIMB_OUT and seen.altitude < seen.return_floor
-    blind = flags & NO_RETURN != 0 or seen.fix_age > gains.gps_loss_delay
+    low = state.stage == Stage.CLIMB_OUT and conditions.altitude < conditions.return_floor
+    blind = flags & NO_RETURN != 0 or conditions.fix_age > gains.gps_loss_delay
     return low or (blind and not _doomed(state))
 
 
-def _answer_by_return(state: State, failure: Failure, seen: Conditions) -> Outcome:
+def _answer_by_return(state: State, failure: Failure, conditions: Conditions) -> Outcome:
     """RETURN, or LAND where that was asked before; neither on the line down, which is the shorter way."""
-    on_the_line = state.stage == Stage.FLARE or (state.stage == Stage.APPROACH and seen.final == 1)
+    on_the_line = state.stage == Stage.FLARE or (state.stage == Stage.APPROACH and conditions.final == 1)
     action = Action.LAND if _doomed(state) else Action.RETURN
     if on_the_line or state.mode == Mode.LAND or state.mode == Mode[action.name]:
         return state, ()

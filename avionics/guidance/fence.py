@@ -53,32 +53,34 @@ def altitude_refusal(gains: Gains, fence: Fence, altitude: float) -> str:
     return f"{altitude:.0f} m is below the fence's floor of {floor:g} m" if altitude < floor else ""
 
 
-def room(gains: Gains, state: State, seen: Conditions) -> float:
+def least_clearance(gains: Gains, state: State, conditions: Conditions) -> float:
     """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
-    return min(_rooms(gains, state, seen)) if state.stage in AIRBORNE else math.inf
+    return min(_clearances(gains, state, conditions)) if state.stage in AIRBORNE else math.inf
 
 
-def breach(gains: Gains, state: State, seen: Conditions) -> Breach:
+def breach(gains: Gains, state: State, conditions: Conditions) -> Breach:
     """What of the fence is passed furthest."""
-    rooms = dict(zip((Breach.FLOOR, Breach.CEILING, Breach.BORDER), _rooms(gains, state, seen), strict=True))
-    return min(rooms, key=rooms.__getitem__) if room(gains, state, seen) < 0.0 else Breach.NONE
+    rooms = dict(
+        zip((Breach.FLOOR, Breach.CEILING, Breach.BORDER), _clearances(gains, state, conditions), strict=True)
+    )
+    return min(rooms, key=rooms.__getitem__) if least_clearance(gains, state, conditions) < 0.0 else Breach.NONE
 
 
-def watch_floor(gains: Gains, state: State, seen: Conditions) -> State:
+def watch_floor(gains: Gains, state: State, conditions: Conditions) -> State:
     """The fence's floor begins to hold when it was passed by the margin, and ends with the flight."""
-    floor = max(gains.fence_floor, seen.fence_floor)
+    floor = max(gains.fence_floor, conditions.fence_floor)
     up = state.stage in AIRBORNE and floor > 0.0
-    passed = int(up and (state.above_floor == 1 or seen.altitude > floor + gains.fence_margin))
+    passed = int(up and (state.above_floor == 1 or conditions.altitude > floor + gains.fence_margin))
     return state if passed == state.above_floor else state._replace(above_floor=passed)
 
 
-def _rooms(gains: Gains, state: State, seen: Conditions) -> tuple[float, float, float]:
+def _clearances(gains: Gains, state: State, conditions: Conditions) -> tuple[float, float, float]:
     """m; above the floor, below the ceiling, inside of the border."""
-    ceiling = min(gains.fence_altitude, seen.fence_ceiling or math.inf) - seen.altitude
-    border = min(gains.fence_radius - seen.home_distance, seen.fence_clearance)
+    ceiling = min(gains.fence_altitude, conditions.fence_ceiling or math.inf) - conditions.altitude
+    border = min(gains.fence_radius - conditions.home_distance, conditions.fence_clearance)
     if not state.above_floor or state.stage in LANDING:
         return math.inf, ceiling, border
-    return seen.altitude - max(gains.fence_floor, seen.fence_floor), ceiling, border
+    return conditions.altitude - max(gains.fence_floor, conditions.fence_floor), ceiling, border
 
 
 def _edges(corners: tuple[Place, ...]) -> zip[tuple[Place, Place]]:

@@ -80,8 +80,8 @@ def step(
 
 
 def follow(
-    gains: Gains, state: State, time_us: int, dt: float, roll_asked: float, measured: Measured
+    gains: Gains, state: State, time_us: int, dt: float, commanded_roll: float, measured: Measured
 ) -> tuple[State, HeadingStatus]:
     """Pass on a bank (rad) from the stick or from the flare, at the loop's own rate."""
-    roll_setpoint = slew(state.roll_setpoint, roll_asked, gains.roll_rate, dt)
+    roll_setpoint = slew(state.roll_setpoint, commanded_roll, gains.roll_rate, dt)
     return State(0.0, roll_setpoint), HeadingStatus(time_us, course(gains, measured), 0.0, roll_setpoint, 0)

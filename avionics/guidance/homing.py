@@ -23,50 +23,50 @@ CALM = 1.0
 """m/s; mean wind below which the landing keeps the present course"""
 
 
-def begin(gains: Gains, state: State, seen: Situation) -> State:
+def begin(gains: Gains, state: State, situation: Situation) -> State:
     """Choose where to return to: the nearest rally point, or home where there is none."""
-    goal = min(seen.rally, key=lambda point: math.dist((point.north, point.east), here(seen)), default=None)
+    goal = min(situation.rally, key=lambda point: math.dist((point.north, point.east), here(situation)), default=None)
     north, east, altitude = (0.0, 0.0, gains.return_altitude) if goal is None else goal
     return state._replace(goal_north=north, goal_east=east, goal_altitude=altitude)
 
 
 def return_home(
-    gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation
+    gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation
 ) -> tuple[State, Target, bool]:
     """Climb straight ahead where it is too low, fly to the goal, circle there; blind, hold the heading."""
     altitude = gains.return_altitude
-    if not seen.valid:
+    if not situation.valid:
         return state, Target(Stage.EN_ROUTE, altitude, state.heading), False
     if state.arrived:
-        state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
+        state, target = circle.around(gains, state, dt, state.goal_altitude, situation)
         return state, target, state.elapsed >= gains.loiter_time
-    if seen.altitude < least_altitude(gains, seen.ceiling) and not state.via:
-        return state, climb_ahead(gains, state, altitude, seen), False
+    if situation.altitude < least_altitude(gains, situation.ceiling) and not state.via:
+        return state, climb_ahead(gains, state, altitude, situation), False
     goal = (state.goal_north, state.goal_east)
-    state, line = _straight_home(state, goal, seen)
-    distance = math.dist(goal, here(seen))
+    state, line = _straight_home(state, goal, situation)
+    distance = math.dist(goal, here(situation))
     if distance <= max(gains.acceptance, gains.loiter_radius):
-        state = circle.centre_at(state, *goal, gains.loiter_radius, seen)._replace(arrived=1)
-        state, target = circle.around(gains, state, dt, state.goal_altitude, seen)
+        state = circle.centre_at(state, *goal, gains.loiter_radius, situation)._replace(arrived=1)
+        state, target = circle.around(gains, state, dt, state.goal_altitude, situation)
         return state, target, state.elapsed >= gains.loiter_time
-    course = course_to_leg(line, lookahead(gains, seen))
+    course = course_to_leg(line, lookahead(gains, situation))
     return state._replace(heading=course), Target(Stage.EN_ROUTE, altitude, course, distance, line.cross), False
 
 
-def _straight_home(state: State, goal: Place, seen: Situation) -> tuple[State, Leg]:
+def _straight_home(state: State, goal: Place, situation: Situation) -> tuple[State, Leg]:
     """The line home; a new one from here where the wind has carried it past the goal, whose old line leads away."""
-    line = leg((state.from_north, state.from_east), goal, here(seen))
+    line = leg((state.from_north, state.from_east), goal, here(situation))
     if state.via and line.along < line.length:
         return state, line
-    state = state._replace(via=1, from_north=seen.north, from_east=seen.east, radius=0.0)
-    return state, leg(here(seen), goal, here(seen))
+    state = state._replace(via=1, from_north=situation.north, from_east=situation.east, radius=0.0)
+    return state, leg(here(situation), goal, here(situation))
 
 
 def begin_landing(state: State, now: Situation) -> State:
     """Plan the landing at the goal, into the mean wind: from the circle there to the one at the approach's head."""
     wind = math.hypot(state.wind_north, state.wind_east)
     heading = math.atan2(-state.wind_east, -state.wind_north) if wind >= CALM else now.heading
-    return state._replace(begun=1, landing=1, final=0, flare=0, arrived=1, heading=heading)
+    return state._replace(started=1, landing=1, final=0, flare=0, arrived=1, heading=heading)
 
 
 def land(gains: Gains, state: State, dt: float, now: Situation) -> tuple[State, Target]:

@@ -19,46 +19,46 @@ Outcome = tuple[State, Target, bool]
 ItemFunction = Callable[[Gains, State, float, MissionItem, Situation], Outcome]
 
 
-def take_off(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+def take_off(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
     """Straight ahead on the heading of the launch, climbing."""
-    done = seen.altitude >= item.altitude - gains.capture_altitude
+    done = situation.altitude >= item.altitude - gains.capture_altitude
     return state, Target(Stage.CLIMB_OUT, item.altitude, state.heading), done
 
 
-def hold(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+def hold_heading(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
     """Hold altitude and heading for a time that begins when both have been captured."""
     captured = (
         state.elapsed > 0.0
         or state.waiting >= gains.capture_limit
         or (
-            abs(item.altitude - seen.altitude) <= gains.capture_altitude
-            and abs(wrap(item.heading - seen.heading)) <= gains.capture_heading
+            abs(item.altitude - situation.altitude) <= gains.capture_altitude
+            and abs(wrap(item.heading - situation.heading)) <= gains.capture_heading
         )
     )
     state = state._replace(elapsed=state.elapsed + dt) if captured else state._replace(waiting=state.waiting + dt)
     return state, Target(Stage.EN_ROUTE, item.altitude, item.heading), state.elapsed >= item.duration
 
 
-def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
     """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading.
 
     The next leg is turned into before the waypoint, by up to half of this one. A waypoint with a hold time is
     circled for that time, which begins on the circle.
     """
     if item.duration > 0.0:
-        return circle.item(gains, state, dt, item, seen)
-    if not seen.valid:
+        return circle.item(gains, state, dt, item, situation)
+    if not situation.valid:
         return state, Target(Stage.EN_ROUTE, item.altitude, state.heading), False
-    line = leg((state.from_north, state.from_east), (item.north, item.east), here(seen))
-    course = course_to_leg(line, lookahead(gains, seen))
-    distance = math.hypot(item.north - seen.north, item.east - seen.east)
+    line = leg((state.from_north, state.from_east), (item.north, item.east), here(situation))
+    course = course_to_leg(line, lookahead(gains, situation))
+    distance = math.hypot(item.north - situation.north, item.east - situation.east)
     target = Target(Stage.EN_ROUTE, item.altitude, course, distance, line.cross)
-    early = min(turning_distance(gains, state, seen), 0.5 * line.length)
+    early = min(turning_distance(gains, state, situation), 0.5 * line.length)
     return state._replace(heading=course), target, reached(line, max(gains.acceptance, early))
 
 
-def excite(gains: Gains, state: State, dt: float, item: MissionItem, seen: Situation) -> Outcome:
+def excite(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
     """Hold what was held at the start until the excitation has finished or was aborted."""
-    done = seen.excitations > state.excitations
+    done = situation.excitations > state.excitations
     asked = None if done else item.excitation
     return state, Target(Stage.EN_ROUTE, state.altitude, state.heading, excitation=asked), done

@@ -99,7 +99,7 @@ class State(NamedTuple):
     """m; way at that speed since a throw may have begun"""
     force_time: float = 0.0
     """s; for which the force has been a throw's"""
-    thrown: int = 0
+    launch_state: int = 0
     """-; 1 once the force lasted, in this push"""
     above_floor: int = 0
     """-; 1 once the flight was above the fence's floor"""
@@ -107,9 +107,9 @@ class State(NamedTuple):
     """-; 1 from a kill to the next arming"""
     pilot_time: float = 0.0
     """s; since the pilot's sticks were lost in a mode that is flown by them"""
-    still_time: float = 0.0
+    stationary_time: float = 0.0
     """s; for which the touchdown condition has held"""
-    still_altitude: float = 0.0
+    stationary_altitude: float = 0.0
     """m; where that began"""
     link_lost: int = 0
     """-; 1 while the ground link is lost"""
@@ -166,7 +166,7 @@ class Conditions(NamedTuple):
     """-; length of the mission"""
     throttle_stick: float
     """-; 0 to 1"""
-    wanted_stage: int
+    requested_stage: int
     """-; stage the navigation is in"""
     fence_clearance: float = math.inf
     """m; inside of the plan's fence, negative outside, infinite without one"""
@@ -193,7 +193,7 @@ class Conditions(NamedTuple):
     final: int = 0
     """-; 1 while the navigation is on the straight line down"""
     navigated: int = ANY_MODE
-    """-; mode that ``wanted_stage`` belongs to"""
+    """-; mode that ``requested_stage`` belongs to"""
     setpoint_valid: int = 0
     """-; 1 while there is a setpoint for OFFBOARD that has not expired"""
 
@@ -201,24 +201,24 @@ class Conditions(NamedTuple):
 Outcome = tuple[State, tuple[Notice, ...]]
 
 
-def mode_refusal(gains: Gains, state: State, mode: Mode, seen: Conditions) -> str:
+def mode_refusal(gains: Gains, state: State, mode: Mode, conditions: Conditions) -> str:
     """Why ``mode`` cannot be flown now; empty when it can."""
-    if mode == Mode.AUTO and seen.items == 0:
+    if mode == Mode.AUTO and conditions.items == 0:
         return "no mission"
-    if mode == Mode.RETURN and seen.fix_age > gains.gps_loss_delay:
+    if mode == Mode.RETURN and conditions.fix_age > gains.gps_loss_delay:
         return "no GPS position"
     if mode in (Mode.RETURN, Mode.LAND, Mode.LOITER) and state.armed and state.stage not in AIRBORNE:
         return "not in flight"
     if mode == Mode.OFFBOARD and state.stage not in AIRBORNE:
         return "not in flight"
-    if mode == Mode.OFFBOARD and not seen.setpoint_valid:
+    if mode == Mode.OFFBOARD and not conditions.setpoint_valid:
         return "no recent setpoint"
     return ""
 
 
-def set_mode(gains: Gains, state: State, mode: Mode, seen: Conditions) -> Outcome:
+def set_mode(gains: Gains, state: State, mode: Mode, conditions: Conditions) -> Outcome:
     """Change the mode, or say why not."""
-    reason = mode_refusal(gains, state, mode, seen)
+    reason = mode_refusal(gains, state, mode, conditions)
     if reason:
         return state, (Notice(Severity.WARNING, f"mode {mode.name} refused: {reason}"),)
     if state.pilot_time > 0.0:
@@ -231,4 +231,4 @@ def enter(state: State, mode: Mode, severity: Severity, text: str) -> Outcome:
     if state.mode == mode:
         return state, ()
     stage = Stage.EN_ROUTE if state.stage in AIRBORNE else state.stage
-    return state._replace(mode=int(mode), stage=int(stage), still_time=0.0), (Notice(severity, text),)
+    return state._replace(mode=int(mode), stage=int(stage), stationary_time=0.0), (Notice(severity, text),)

@@ -38,7 +38,7 @@ __all__ = [
 
 ITEMS: dict[ItemKind, items.ItemFunction] = {
     ItemKind.TAKEOFF: items.take_off,
-    ItemKind.HOLD: items.hold,
+    ItemKind.HOLD: items.hold_heading,
     ItemKind.WAYPOINT: items.waypoint,
     ItemKind.EXCITE: items.excite,
     ItemKind.LOITER: circle.item,
@@ -51,26 +51,26 @@ CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
 GO_HOME = MissionItem(ItemKind.RETURN)
 
 
-def step(gains: Gains, state: State, dt: float, mission: Mission, seen: Situation) -> tuple[State, Target]:
+def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
     """One step; ``dt`` in s. A change of mode takes the present place, course and altitude as its start.
 
     What a mission's items or a stick ask for may be above the fence, what is chosen here may not.
     """
-    state = _with_wind(state, dt, seen)
-    if seen.mode != state.mode:
-        state = _enter_mode(gains, state, seen)
-    if seen.mode == Mode.AUTO:
-        return _automatic(gains, state, dt, mission, seen)
-    if seen.mode == Mode.RETURN:
-        return _going_home(gains, state, dt, seen)
-    if seen.mode == Mode.LAND:
-        state, target = approach.down_the_line(gains, state, state.heading, seen)
-        return state, below_ceiling(target, seen)
-    if seen.mode == Mode.LOITER:
-        return _loiter(gains, state, dt, seen)
-    if seen.mode == Mode.OFFBOARD and seen.setpoint is not None:
-        return offboard.fly(gains, state, dt, seen.setpoint, seen)
-    return _piloted(gains, state, dt, seen)
+    state = _with_wind(state, dt, situation)
+    if situation.mode != state.mode:
+        state = _enter_mode(gains, state, situation)
+    if situation.mode == Mode.AUTO:
+        return _automatic(gains, state, dt, mission, situation)
+    if situation.mode == Mode.RETURN:
+        return _return_to_launch(gains, state, dt, situation)
+    if situation.mode == Mode.LAND:
+        state, target = approach.down_the_line(gains, state, state.heading, situation)
+        return state, below_ceiling(target, situation)
+    if situation.mode == Mode.LOITER:
+        return _loiter(gains, state, dt, situation)
+    if situation.mode == Mode.OFFBOARD and situation.setpoint is not None:
+        return offboard.fly(gains, state, dt, situation.setpoint, situation)
+    return _piloted(gains, state, dt, situation)
 
 
 def _with_wind(state: State, dt: float, now: Situation) -> State:
@@ -79,46 +79,52 @@ def _with_wind(state: State, dt: float, now: Situation) -> State:
     return state._replace(wind_north=north, wind_east=low_pass(state.wind_east, now.wind_east, WIND_TIME, dt))
 
 
-def begin_item(gains: Gains, state: State, item: int, seen: Situation) -> State:
+def begin_item(gains: Gains, state: State, item: int, situation: Situation) -> State:
     """Make ``item`` the present one, starting here, on the course flown, at the altitude flown."""
-    start = (state.from_north, state.from_east) if state.via else (seen.north, seen.east)
-    begun = state._replace(
+    start = (state.from_north, state.from_east) if state.via else (situation.north, situation.east)
+    started = state._replace(
         item=item,
-        begun=1,
+        started=1,
         elapsed=0.0,
         waiting=0.0,
         from_north=start[0],
         from_east=start[1],
         via=0,
-        heading=seen.heading,
-        altitude=seen.altitude,
+        heading=situation.heading,
+        altitude=situation.altitude,
         radius=0.0,
         final=0,
         flare=0,
         arrived=0,
         landing=0,
-        excitations=seen.excitations,
+        excitations=situation.excitations,
     )
-    return homing.begin(gains, begun, seen)
+    return homing.begin(gains, started, situation)
 
 
 def choose_item(state: State, item: int) -> State:
     """Make ``item`` the next one to be begun, from wherever it is then; jumps are counted anew."""
-    return state._replace(item=item, begun=0, via=0, jumps=())
+    return state._replace(item=item, started=0, via=0, jumps=())
 
 
-def excite(state: State, excitation: Excitation | None, seen: Situation) -> State:
+def excite(state: State, excitation: Excitation | None, situation: Situation) -> State:
     """Fly an identification input now, on the present heading and at the present altitude."""
     return state._replace(
-        extra=excitation, heading=seen.heading, altitude=seen.altitude, excitations=seen.excitations, elapsed=0.0
+        extra=excitation,
+        heading=situation.heading,
+        altitude=situation.altitude,
+        excitations=situation.excitations,
+        elapsed=0.0,
     )
 
 
-def loiter_at(gains: Gains, state: State, wanted: MissionItem, seen: Situation) -> State:
-    """Circle at the place, altitude and radius of ``wanted`` from now on, in the mode LOITER."""
-    begun = begin_item(gains, state._replace(via=0), state.item, seen)
-    begun = begun._replace(mode=int(Mode.LOITER), extra=None, altitude=wanted.altitude)
-    return circle.centre_at(begun, wanted.north, wanted.east, wanted.radius or gains.loiter_radius, seen)
+def loiter_at(gains: Gains, state: State, requested: MissionItem, situation: Situation) -> State:
+    """Circle at the place, altitude and radius of ``requested`` from now on, in the mode LOITER."""
+    started = begin_item(gains, state._replace(via=0), state.item, situation)
+    started = started._replace(mode=int(Mode.LOITER), extra=None, altitude=requested.altitude)
+    return circle.centre_at(
+        started, requested.north, requested.east, requested.radius or gains.loiter_radius, situation
+    )
 
 
 def change_altitude(gains: Gains, state: State, altitude: float, situation: Situation) -> State:
@@ -128,53 +134,57 @@ def change_altitude(gains: Gains, state: State, altitude: float, situation: Situ
     return state._replace(altitude=altitude)
 
 
-def _enter_mode(gains: Gains, state: State, seen: Situation) -> State:
-    state = begin_item(gains, state._replace(via=0), state.item, seen)._replace(mode=seen.mode, extra=None)
-    if seen.mode == Mode.LAND:
-        return approach.land_ahead(gains, state, seen)
-    if seen.mode == Mode.LOITER and not (seen.rescued and seen.altitude < least_altitude(gains, seen.ceiling)):
-        return circle.centre_beside(state, gains.loiter_radius, seen)
+def _enter_mode(gains: Gains, state: State, situation: Situation) -> State:
+    state = begin_item(gains, state._replace(via=0), state.item, situation)._replace(mode=situation.mode, extra=None)
+    if situation.mode == Mode.LAND:
+        return approach.land_ahead(gains, state, situation)
+    if situation.mode == Mode.LOITER and not (
+        situation.rescued and situation.altitude < least_altitude(gains, situation.ceiling)
+    ):
+        return circle.tangent_circle_center(state, gains.loiter_radius, situation)
     return state
 
 
-def _loiter(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
+def _loiter(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
     """Circle; where a failsafe found it low (no circle was laid, radius 0) climb straight ahead first."""
     if state.radius != 0.0:
-        state, target = circle.around(gains, state, dt, state.altitude, seen)
-        return state, below_ceiling(target, seen) if seen.rescued else target
-    floor = least_altitude(gains, seen.ceiling)
+        state, target = circle.around(gains, state, dt, state.altitude, situation)
+        return state, below_ceiling(target, situation) if situation.rescued else target
+    floor = least_altitude(gains, situation.ceiling)
     state = state._replace(altitude=floor + gains.capture_altitude)
-    if seen.altitude < floor:
-        return state, climb_ahead(gains, state, state.altitude, seen)
-    return circle.around(gains, circle.centre_beside(state, gains.loiter_radius, seen), dt, state.altitude, seen)
+    if situation.altitude < floor:
+        return state, climb_ahead(gains, state, state.altitude, situation)
+    return circle.around(
+        gains, circle.tangent_circle_center(state, gains.loiter_radius, situation), dt, state.altitude, situation
+    )
 
 
-def _automatic(gains: Gains, state: State, dt: float, mission: Mission, seen: Situation) -> tuple[State, Target]:
+def _automatic(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
     if state.extra is not None:
-        return _extra_excitation(gains, state, dt, seen)
+        return _extra_excitation(gains, state, dt, situation)
     state = _jump(state, mission)
     if state.item >= len(mission):
-        return _going_home(gains, state, dt, seen)
-    if not state.begun or seen.stage == Stage.WAIT_LAUNCH:
-        state = _begin_keeping_setpoints(gains, state, mission, seen)
+        return _return_to_launch(gains, state, dt, situation)
+    if not state.started or situation.stage == Stage.WAIT_LAUNCH:
+        state = _begin_keeping_setpoints(gains, state, mission, situation)
     item = mission[state.item]
     if item.here:
         item = item._replace(north=state.from_north, east=state.from_east)
         if item.kind == ItemKind.LAND and item.heading == 0.0:
             item = item._replace(heading=state.heading)
-    state, target, done = ITEMS[item.kind](gains, state, dt, item, seen)
+    state, target, done = ITEMS[item.kind](gains, state, dt, item, situation)
     if item.kind in CHOOSING:
-        target = below_ceiling(target, seen)
-    if done and seen.stage != Stage.WAIT_LAUNCH:
+        target = below_ceiling(target, situation)
+    if done and situation.stage != Stage.WAIT_LAUNCH:
         state = _finish(state, item, target)
         if item.kind == ItemKind.RETURN and state.item >= len(mission):
-            state = homing.begin_landing(state, seen)
+            state = homing.begin_landing(state, situation)
     return state, target
 
 
 def _finish(state: State, item: MissionItem, target: Target) -> State:
     """Go on with the next item; the leg after a waypoint begins at the waypoint, not at the cut corner."""
-    state = state._replace(heading=target.heading, altitude=target.altitude, begun=0, item=state.item + 1, via=0)
+    state = state._replace(heading=target.heading, altitude=target.altitude, started=0, item=state.item + 1, via=0)
     if item.kind != ItemKind.WAYPOINT or item.duration > 0.0:
         return state
     return state._replace(via=1, from_north=item.north, from_east=item.east)
@@ -187,7 +197,7 @@ def _jump(state: State, mission: Mission) -> State:
         while item < len(mission) and mission[item].kind == ItemKind.SKIP:
             item += 1
         if item != state.item:
-            state = state._replace(item=item, begun=0)
+            state = state._replace(item=item, started=0)
         if state.item >= len(mission) or mission[state.item].kind != ItemKind.JUMP:
             return state
         jump, counts = mission[state.item], dict(state.jumps)
@@ -196,15 +206,15 @@ def _jump(state: State, mission: Mission) -> State:
             state = state._replace(item=state.item + 1)
             continue
         counts[state.item] = done + 1
-        state = state._replace(item=jump.jump_to, begun=0, jumps=tuple(counts.items()))
+        state = state._replace(item=jump.jump_to, started=0, jumps=tuple(counts.items()))
     return state._replace(item=len(mission))
 
 
-def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, seen: Situation) -> State:
+def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, situation: Situation) -> State:
     """An excitation holds the setpoints of the item before it, so that no error is frozen into its trim."""
-    begun = _with_corner(begin_item(gains, state, state.item, seen), mission)
+    started = _with_corner(begin_item(gains, state, state.item, situation), mission)
     after_another = state.item > 0 and mission[state.item].kind == ItemKind.EXCITE and state.altitude > 0.0
-    return begun._replace(heading=state.heading, altitude=state.altitude) if after_another else begun
+    return started._replace(heading=state.heading, altitude=state.altitude) if after_another else started
 
 
 def _with_corner(state: State, mission: Mission) -> State:
@@ -220,31 +230,31 @@ def _with_corner(state: State, mission: Mission) -> State:
     return state._replace(corner=wrap(onward - course), onward=onward)
 
 
-def _extra_excitation(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
+def _extra_excitation(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
     item = MissionItem(ItemKind.EXCITE, excitation=state.extra)
-    state, target, done = items.excite(gains, state, dt, item, seen)
+    state, target, done = items.excite(gains, state, dt, item, situation)
     if done:
-        state = begin_item(gains, state, state.item, seen)._replace(extra=None)
+        state = begin_item(gains, state, state.item, situation)._replace(extra=None)
     return state, target
 
 
-def _going_home(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
+def _return_to_launch(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
     """Home, a loiter, then the landing there."""
-    if not (state.begun or state.final):
-        state = begin_item(gains, state._replace(via=0), state.item, seen)
+    if not (state.started or state.final):
+        state = begin_item(gains, state._replace(via=0), state.item, situation)
     if state.landing:
-        state, target = homing.land(gains, state, dt, seen)
-        return state, below_ceiling(target, seen)
-    state, target, done = homing.return_home(gains, state, dt, GO_HOME, seen)
+        state, target = homing.land(gains, state, dt, situation)
+        return state, below_ceiling(target, situation)
+    state, target, done = homing.return_home(gains, state, dt, GO_HOME, situation)
     if done:
-        state = homing.begin_landing(state, seen)
-    return state, below_ceiling(target, seen)
+        state = homing.begin_landing(state, situation)
+    return state, below_ceiling(target, situation)
 
 
-def _piloted(gains: Gains, state: State, dt: float, seen: Situation) -> tuple[State, Target]:
+def _piloted(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
     """Altitude hold: the pitch stick moves the altitude that is held; other modes use their sticks directly."""
     if state.extra is not None:
-        return _extra_excitation(gains, state, dt, seen)
-    stick = seen.stick_pitch if abs(seen.stick_pitch) > gains.stick_dead_band else 0.0
+        return _extra_excitation(gains, state, dt, situation)
+    stick = situation.stick_pitch if abs(situation.stick_pitch) > gains.stick_dead_band else 0.0
     state = state._replace(altitude=state.altitude + gains.stick_climb * stick * dt)
     return state, Target(Stage.EN_ROUTE, state.altitude, state.heading)

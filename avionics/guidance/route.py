@@ -79,7 +79,7 @@ class State(NamedTuple):
     """-; mode of the last step"""
     item: int = 0
     """-; mission item being flown"""
-    begun: int = 0
+    started: int = 0
     """-; 1 once the item's start has been taken"""
     elapsed: float = 0.0
     """s; in the item, from its capture if it has one"""
@@ -199,9 +199,9 @@ class Target(NamedTuple):
     """-; identification input to fly now"""
 
 
-def here(seen: Situation) -> Place:
+def here(situation: Situation) -> Place:
     """North and east of the aircraft."""
-    return seen.north, seen.east
+    return situation.north, situation.east
 
 
 def least_altitude(gains: Gains, ceiling: float) -> float:
@@ -209,28 +209,28 @@ def least_altitude(gains: Gains, ceiling: float) -> float:
     return min(gains.return_floor, ceiling - gains.capture_altitude)
 
 
-def climb_ahead(gains: Gains, state: State, altitude: float, seen: Situation) -> Target:
+def climb_ahead(gains: Gains, state: State, altitude: float, situation: Situation) -> Target:
     """Up to ``altitude`` (m) straight on along the heading held: at a metre above ground a bank is a wing in it."""
-    return Target(Stage.EN_ROUTE, min(altitude, seen.ceiling), state.heading)
+    return Target(Stage.EN_ROUTE, min(altitude, situation.ceiling), state.heading)
 
 
-def below_ceiling(target: Target, seen: Situation) -> Target:
+def below_ceiling(target: Target, situation: Situation) -> Target:
     """``target``, no higher than where the fence lets it be."""
-    return target if target.altitude <= seen.ceiling else target._replace(altitude=seen.ceiling)
+    return target if target.altitude <= situation.ceiling else target._replace(altitude=situation.ceiling)
 
 
-def lookahead(gains: Gains, seen: Situation) -> float:
+def lookahead(gains: Gains, situation: Situation) -> float:
     """How far ahead (m) a path is aimed at: longer with the ground speed V of a following wind.
 
     The heading loop turns the course at a rate k that it keeps in any wind (`heading.step`); the cross-track error is
     then a second-order mode of frequency sqrt(k V / L) and damping sqrt(k L / V) / 2, both kept when L grows as V.
     """
-    if seen.airspeed <= 1.0:
+    if situation.airspeed <= 1.0:
         return gains.lookahead
-    return gains.lookahead * clip(seen.ground_speed / seen.airspeed, 1.0, FASTEST_DRIFT)
+    return gains.lookahead * clip(situation.ground_speed / situation.airspeed, 1.0, FASTEST_DRIFT)
 
 
-def turning_distance(gains: Gains, state: State, seen: Situation) -> float:
+def turning_distance(gains: Gains, state: State, situation: Situation) -> float:
     """Way (m) before the end of a leg at which the turn into the next one begins: R tan(turn / 2).
 
     The radius is that of the greater ground speed, before or after the turn: into a following wind it is wide.
@@ -238,11 +238,11 @@ def turning_distance(gains: Gains, state: State, seen: Situation) -> float:
     """
     if state.corner == 0.0:
         return 0.0
-    after = seen.airspeed + tailwind(seen, state.onward)
-    radius = max(seen.ground_speed, after) ** 2 / (STANDARD_GRAVITY * math.tan(TURN_BANK))
+    after = situation.airspeed + tailwind(situation, state.onward)
+    radius = max(situation.ground_speed, after) ** 2 / (STANDARD_GRAVITY * math.tan(TURN_BANK))
     return min(radius * math.tan(0.5 * min(abs(state.corner), SHARPEST)), gains.loiter_radius)
 
 
-def tailwind(seen: Situation, course: float) -> float:
+def tailwind(situation: Situation, course: float) -> float:
     """Wind (m/s) along ``course`` (rad), positive from behind."""
-    return seen.wind_north * math.cos(course) + seen.wind_east * math.sin(course)
+    return situation.wind_north * math.cos(course) + situation.wind_east * math.sin(course)

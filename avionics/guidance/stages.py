@@ -29,74 +29,76 @@ SLOW = 0.5
 BLIND_REACH = 1.2
 """-; in units of `Gains.launch_reach`: a way that tells a throw also without an airspeed"""
 FAST = 2
-"""-; of `State.thrown`: it was as fast as a throw, whatever drag takes off a weak one on the way out of reach"""
+"""-; of `State.launch_state`: the speed of a throw was reached, whatever drag takes off later"""
 STILL_TRAVEL = 0.4
 """m; up or down within the time of standing still: twice what the altitude's noise makes of it"""
 NEAR_GROUND = 0.5
 """-; of the return's floor, below which a standstill may be one on the ground: a dead pitot tells one too"""
 
 
-def step(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
     """Wait for the launch, follow the navigation, watch for the touchdown; ``dt`` in s."""
     if state.stage == WAIT_LAUNCH:
-        return _watch_launch(gains, state, dt, seen)
+        return _watch_launch(gains, state, dt, conditions)
     if state.stage in AIRBORNE:
-        return _watch_touchdown(gains, state, dt, seen)
+        return _watch_touchdown(gains, state, dt, conditions)
     return state, ()
 
 
-def _watch_launch(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+def _watch_launch(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
     """A throw pushes for a while and its speed is kept; a hand takes back what it gave within its reach."""
-    state = _pushed(gains, state, dt, seen)
-    upright = max(abs(seen.roll), abs(seen.pitch)) <= gains.launch_tilt
+    state = _pushed(gains, state, dt, conditions)
+    upright = max(abs(conditions.roll), abs(conditions.pitch)) <= gains.launch_tilt
     far = state.push_way >= gains.launch_reach
-    flown = seen.airspeed >= gains.launch_airspeed or state.push_way >= BLIND_REACH * gains.launch_reach
-    if not (state.thrown == FAST and upright and far and flown):
+    flown = conditions.airspeed >= gains.launch_airspeed or state.push_way >= BLIND_REACH * gains.launch_reach
+    if not (state.launch_state == FAST and upright and far and flown):
         return state, ()
     stage = Stage.CLIMB_OUT if state.mode == Mode.AUTO else Stage.EN_ROUTE
     return without_push(state)._replace(stage=int(stage)), (Notice(Severity.NOTICE, "launched"),)
 
 
-def _pushed(gains: Gains, state: State, dt: float, seen: Conditions) -> State:
+def _pushed(gains: Gains, state: State, dt: float, conditions: Conditions) -> State:
     """Speed along the body from the force, gravity's share taken off; its way counts from where a throw may begin."""
-    accel = seen.forward_force - STANDARD_GRAVITY * math.sin(seen.pitch)
+    accel = conditions.forward_force - STANDARD_GRAVITY * math.sin(conditions.pitch)
     push = (state.push + accel * dt) * (1.0 - dt / PUSH_MEMORY)
-    force_time = state.force_time + dt if seen.forward_force > gains.launch_force else 0.0
+    force_time = state.force_time + dt if conditions.forward_force > gains.launch_force else 0.0
     if force_time == 0.0 and push < SLOW * gains.launch_push:
-        return state._replace(push=push, push_way=0.0, force_time=0.0, thrown=0)
-    thrown = max(state.thrown, int(force_time >= gains.launch_time))
-    if thrown and push >= gains.launch_push:
-        thrown = FAST
+        return state._replace(push=push, push_way=0.0, force_time=0.0, launch_state=0)
+    launch_state = max(state.launch_state, int(force_time >= gains.launch_time))
+    if launch_state and push >= gains.launch_push:
+        launch_state = FAST
     way = max(state.push_way + push * dt, 0.0) if force_time > 0.0 or state.push_way > 0.0 else 0.0
-    return state._replace(push=push, push_way=way, force_time=force_time, thrown=thrown)
+    return state._replace(push=push, push_way=way, force_time=force_time, launch_state=launch_state)
 
 
 def without_push(state: State) -> State:
     """As before any push of a hand or a throw."""
-    return state._replace(push=0.0, push_way=0.0, force_time=0.0, thrown=0)
+    return state._replace(push=0.0, push_way=0.0, force_time=0.0, launch_state=0)
 
 
-def _watch_touchdown(gains: Gains, state: State, dt: float, seen: Conditions) -> Outcome:
+def _watch_touchdown(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
     landing = state.stage in LANDING
-    slow = seen.airspeed < gains.touchdown_airspeed
-    placed = seen.fix_age <= gains.gps_loss_delay
-    if (landing or seen.sensed & PITOT_BLOCKED) and placed:
-        slow = slow or seen.ground_speed < gains.touchdown_airspeed
-    near_ground = seen.altitude <= NEAR_GROUND * seen.return_floor or (
-        placed and seen.ground_speed < gains.touchdown_airspeed
+    slow = conditions.airspeed < gains.touchdown_airspeed
+    placed = conditions.fix_age <= gains.gps_loss_delay
+    if (landing or conditions.sensed & PITOT_BLOCKED) and placed:
+        slow = slow or conditions.ground_speed < gains.touchdown_airspeed
+    near_ground = conditions.altitude <= NEAR_GROUND * conditions.return_floor or (
+        placed and conditions.ground_speed < gains.touchdown_airspeed
     )
     slow = slow and (landing or near_ground)
     # Against the wind a float above the ground is slow over it too.
-    still = slow and abs(seen.climb_rate) < gains.touchdown_climb and not (landing and seen.above_flare)
+    still = slow and abs(conditions.climb_rate) < gains.touchdown_climb and not (landing and conditions.above_flare)
     # A float sinks slowly, but it sinks.
-    still = still and (state.still_time == 0.0 or abs(seen.altitude - state.still_altitude) < STILL_TRAVEL)
-    since = seen.altitude if state.still_time == 0.0 else state.still_altitude
-    lasted = state.still_time + dt if still else 0.0
-    if lasted != state.still_time:
-        state = state._replace(still_time=lasted, still_altitude=since)
+    still = still and (
+        state.stationary_time == 0.0 or abs(conditions.altitude - state.stationary_altitude) < STILL_TRAVEL
+    )
+    since = conditions.altitude if state.stationary_time == 0.0 else state.stationary_altitude
+    lasted = state.stationary_time + dt if still else 0.0
+    if lasted != state.stationary_time:
+        state = state._replace(stationary_time=lasted, stationary_altitude=since)
     if lasted < (gains.touchdown_time if landing else gains.crash_time):
-        return _follow_navigation(state, seen)
-    landed = state._replace(stage=int(Stage.LANDED), armed=0, still_time=0.0)
+        return _follow_navigation(state, conditions)
+    landed = state._replace(stage=int(Stage.LANDED), armed=0, stationary_time=0.0)
     return landed, (_on_the_ground(landing, state.mode),)
 
 
@@ -108,11 +110,11 @@ def _on_the_ground(landing: bool, mode: int) -> Notice:
     return Notice(Severity.CRITICAL, "on the ground outside an approach, disarmed")
 
 
-def _follow_navigation(state: State, seen: Conditions) -> Outcome:
+def _follow_navigation(state: State, conditions: Conditions) -> Outcome:
     """In a guided mode the airborne stage is the navigation's, else it is EN_ROUTE."""
-    if state.mode in GUIDED and seen.navigated not in (ANY_MODE, state.mode):
+    if state.mode in GUIDED and conditions.navigated not in (ANY_MODE, state.mode):
         return state, ()
-    wanted = seen.wanted_stage if state.mode in GUIDED else EN_ROUTE
+    wanted = conditions.requested_stage if state.mode in GUIDED else EN_ROUTE
     if wanted == state.stage or wanted not in AIRBORNE:
         return state, ()
     return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {Stage(wanted).name}"),)

@@ -55,7 +55,7 @@ class Budget:
         self._named = USED * baud / BITS_PER_BYTE if baud else math.inf
         self._nominal = self._named
         self._share = 1.0
-        self._heard_radio = -math.inf
+        self._radio_received = -math.inf
         self._filled_at: float | None = None
         self._sent = 0.0
         self._measured = 0.0
@@ -80,7 +80,7 @@ class Budget:
         weight = min(elapsed, 1.0)
         self._measured += weight * (self._sent / elapsed - self._measured)
         self._sent = 0.0
-        if now - self._heard_radio > STALE:
+        if now - self._radio_received > STALE:
             self._share, self._nominal = 1.0, self._named
         self._level = self.depth if math.isinf(self.rate) else min(self._level + elapsed * self.rate, self.depth)
 
@@ -89,7 +89,7 @@ class Budget:
         self._sent += size
         self._level -= size
 
-    def room(self, kept: float) -> float:
+    def available_bytes(self, kept: float) -> float:
         """Bytes that may be sent while the share ``kept`` of the depth is left; negative for none."""
         return math.inf if math.isinf(self.rate) else self._level - kept * self.depth
 
@@ -103,7 +103,7 @@ class Budget:
         Below half the rate goes down, near the end faster, and above nine tenths up again; a link whose rate nobody
         named begins at what is sent now.
         """
-        self._heard_radio = now
+        self._radio_received = now
         if free < 50 and math.isinf(self._nominal):
             self._nominal = max(self._measured, SHALLOWEST)
             self._level = min(self._level, self.depth)

@@ -87,7 +87,7 @@ class ProtocolVersions:
         return peer in self._version_1
 
 
-class Complaint(NamedTuple):
+class LinkFault(NamedTuple):
     """What is wrong on a link, for people."""
 
     kind: str
@@ -119,17 +119,17 @@ class Channel:
         self.sent = 0
         self._waiting: deque[tuple[Frame, Peer]] = deque()
         self._number = number
-        self._ours = (identity.system, identity.component)
+        self._address = (identity.system, identity.component)
         self._signing = signing
         self._writers: dict[Peer | None, FrameWriter] = {}
         self._versions = ProtocolVersions()
-        self._packer = FrameWriter(*self._ours)
+        self._packer = FrameWriter(*self._address)
         self._readers: dict[Peer, FrameReader] = {}
         self._shared = FrameReader(foreign=True)
         self._last_data = 0.0
         self._settled = True
         self._findings: Counter[Finding] = Counter()
-        self._told: Counter[str] = Counter()
+        self._reported: Counter[str] = Counter()
         self._noise_due = 0.0
         self._dropped = self._forwarded = self._withheld = 0
 
@@ -138,7 +138,7 @@ class Channel:
     def receive(self, now: float) -> None:
         """Queue the frames that have arrived and count; while any waits to be taken, the rest waits in the kernel."""
         if not self._waiting:
-            self._waiting.extend(self.guard.run(self._heard, now) or ())
+            self._waiting.extend(self.guard.run(self._on_received, now) or ())
 
     def take(self) -> tuple[Frame, Peer] | None:
         """The oldest frame that waits, with its sender's address."""
@@ -148,10 +148,10 @@ class Channel:
         """Forget what was received in part."""
         self._waiting.clear()
         for peer in tuple(self._readers):
-            self._shared.bad_bytes += self._forget(peer)
+            self._shared.bad_bytes += self._drop_peer(peer)
         self._shared.reset()
 
-    def _heard(self, now: float) -> list[tuple[Frame, Peer]]:
+    def _on_received(self, now: float) -> list[tuple[Frame, Peer]]:
         heard: list[tuple[Frame, Peer]] = []
         packets = self.transport.receive(now)
         if not packets:
@@ -160,7 +160,7 @@ class Channel:
         for packet in packets:
             frames = [frame for frame in self._cut(packet) if self._admits(frame)]
             if frames:
-                self.transport.welcome(packet.peer)
+                self.transport.register_peer(packet.peer)
                 self._versions.note(self._key(packet.peer), frames, now)
                 heard += [(frame, packet.peer) for frame in frames]
         return heard
@@ -174,15 +174,15 @@ class Channel:
     def _cut(self, packet: Packet) -> list[Frame]:
         if self.transport.datagrams:
             frames = self._shared.feed(packet.data)
-            return frames if packet.goes_on else frames + self._shared.give_up()
+            return frames if packet.continues else frames + self._shared.give_up()
         if not packet.data:
-            self._shared.bad_bytes += self._forget(packet.peer)
+            self._shared.bad_bytes += self._drop_peer(packet.peer)
             return []
         if packet.peer not in self._readers:
             self._readers[packet.peer] = FrameReader(foreign=True)
         return self._readers[packet.peer].feed(packet.data)
 
-    def _forget(self, peer: Peer) -> int:
+    def _drop_peer(self, peer: Peer) -> int:
         reader = self._readers.pop(peer, None)
         if reader is None:
             return 0
@@ -192,7 +192,7 @@ class Channel:
 
     def _admits(self, frame: Frame) -> bool:
         """Not our own voice, echoed by a loop of links, and signed where it must be."""
-        if (frame.system, frame.component) == self._ours:
+        if (frame.system, frame.component) == self._address:
             return False
         if not self._signing.active:
             return True
@@ -247,7 +247,7 @@ class Channel:
             if len(self._writers) >= 2 * MOST_PEERS:
                 present = self.transport.peers or ()
                 self._writers = {each: writer for each, writer in self._writers.items() if each in present}
-            self._writers[peer] = FrameWriter(*self._ours)
+            self._writers[peer] = FrameWriter(*self._address)
         writer = self._writers[peer]
         writer.version_1 = self._versions.is_version_1(peer)
         return writer
@@ -271,7 +271,7 @@ class Channel:
 
     def forward(self, raw: bytes, peer: Peer | None) -> None:
         """Pass a frame of another link on as it is, while there is room."""
-        if self.budget.room(BULK) < len(raw):
+        if self.budget.available_bytes(BULK) < len(raw):
             self._withheld += 1
             return
         self._forwarded += 1
@@ -281,18 +281,18 @@ class Channel:
 
     # --- what is to be said of it
 
-    def complaints(self, now: float) -> list[Complaint]:
+    def faults(self, now: float) -> list[LinkFault]:
         """What has gone wrong since this was last said: the first at once, then at most once in `NOISE_EVERY`."""
         if now < self._noise_due:
             return []
         noise = self._bad_bytes()
-        if noise + self._findings.total() == self._told.total():
+        if noise + self._findings.total() == self._reported.total():
             return []
         self._noise_due = now + NOISE_EVERY
         present = Counter({"noise": noise})
         present.update({finding.value: number for finding, number in self._findings.items()})
-        news, self._told = present - self._told, present
-        return [Complaint(kind, self._words(kind, number)) for kind, number in news.items()]
+        news, self._reported = present - self._reported, present
+        return [LinkFault(kind, self._words(kind, number)) for kind, number in news.items()]
 
     def _words(self, kind: str, number: int) -> str:
         if kind == "noise":
@@ -303,7 +303,7 @@ class Channel:
         return self._shared.bad_bytes + sum(reader.bad_bytes for reader in self._readers.values())
 
     @property
-    def heard_anything(self) -> bool:
+    def has_received_frames(self) -> bool:
         """Whether any byte has come."""
         counts = self.counts()
         return bool(counts.frames or counts.bad_bytes)

@@ -36,11 +36,11 @@ def decode_excitation(item: WireItem) -> Excitation:
     """
     if not all(math.isfinite(value) for value in (*item.params, item.x, item.y, item.z)):
         raise ItemRefused(mavlink.MAV_MISSION_INVALID, "EXCITE: a parameter is not a number")
-    asked = DECODERS[item.command](item, _repeats(item.x))
-    refusal = check_excitation(asked)
+    requested = DECODERS[item.command](item, _repeats(item.x))
+    refusal = check_excitation(requested)
     if refusal:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID, f"EXCITE: {refusal}")
-    return asked._replace(loops=int(item.x >= LOOPS_FLY_ON))
+    return requested._replace(loops=int(item.x >= LOOPS_FLY_ON))
 
 
 def _repeats(coded: float) -> int:
@@ -73,28 +73,30 @@ def _multisine(item: WireItem, repeats: int) -> Excitation:
     if not period > 0.0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM4, "EXCITE: the period must be above 0 s")
     first, last = divmod(int(item.y), LOWEST)
-    asked = Excitation(Channel.ELEVATOR, Shape.MULTISINE, 0.0, period, item.z, repeats, first / period, last / period)
-    return on_channels(asked, dict(zip(Channel, amplitudes, strict=True)))
+    requested = Excitation(
+        Channel.ELEVATOR, Shape.MULTISINE, 0.0, period, item.z, repeats, first / period, last / period
+    )
+    return on_channels(requested, dict(zip(Channel, amplitudes, strict=True)))
 
 
 DECODERS: dict[int, Callable[[WireItem, int], Excitation]] = {STEPS: _steps, SWEEP: _sweep, MULTISINE: _multisine}
 """The commands that ask for an identification input."""
 
 
-def encode_excitation(asked: Excitation) -> WireItem:
+def encode_excitation(requested: Excitation) -> WireItem:
     """The input as a mission item of the command that says its shape."""
-    repeats = float(asked.repeats + LOOPS_FLY_ON * asked.loops)
-    if asked.shape == Shape.MULTISINE:
-        first, last = harmonics(asked)
-        params = (*asked.amplitudes(), asked.width)
+    repeats = float(requested.repeats + LOOPS_FLY_ON * requested.loops)
+    if requested.shape == Shape.MULTISINE:
+        first, last = harmonics(requested)
+        params = (*requested.amplitudes(), requested.width)
         return WireItem(
-            mavlink.MAV_FRAME_MISSION, MULTISINE, params, repeats, float(LOWEST * first + last), asked.settle
+            mavlink.MAV_FRAME_MISSION, MULTISINE, params, repeats, float(LOWEST * first + last), requested.settle
         )
-    if asked.shape in SWEEPS:
-        code = float(asked.channel + (LOGARITHMIC if asked.shape == Shape.LOGARITHMIC_SWEEP else 0))
-        params = (code, asked.amplitude, asked.low, asked.high)
+    if requested.shape in SWEEPS:
+        code = float(requested.channel + (LOGARITHMIC if requested.shape == Shape.LOGARITHMIC_SWEEP else 0))
+        params = (code, requested.amplitude, requested.low, requested.high)
         return WireItem(
-            mavlink.MAV_FRAME_MISSION, SWEEP, params, repeats, float(round(asked.width * 1e3)), asked.settle
+            mavlink.MAV_FRAME_MISSION, SWEEP, params, repeats, float(round(requested.width * 1e3)), requested.settle
         )
-    params = (float(asked.channel), float(asked.shape), asked.amplitude, asked.width)
-    return WireItem(mavlink.MAV_FRAME_MISSION, STEPS, params, repeats, 0.0, asked.settle)
+    params = (float(requested.channel), float(requested.shape), requested.amplitude, requested.width)
+    return WireItem(mavlink.MAV_FRAME_MISSION, STEPS, params, repeats, 0.0, requested.settle)

@@ -117,30 +117,30 @@ class FrameReader:
     def feed(self, data: bytes) -> list[Frame]:
         """All frames that are complete with ``data``; the tail waits for the next call."""
         buffer = self._pending + data if self._pending else data
-        found: list[Frame] = []
-        position = self._scan(buffer, found)
+        parsed: list[Frame] = []
+        position = self._scan(buffer, parsed)
         self._pending = buffer[position:]
-        self.frames += len(found)
-        return found
+        self.frames += len(parsed)
+        return parsed
 
     def give_up(self) -> list[Frame]:
         """Take what looks like the beginning of a frame for noise, and look for frames behind it.
 
         For a lockstep partner whose wait ran out, and for the end of a datagram.
         """
-        found: list[Frame] = []
+        parsed: list[Frame] = []
         while self._pending:
             self.bad_bytes += 1
             rest, self._pending = self._pending[1:], b""
-            found += self.feed(rest)
-        return found
+            parsed += self.feed(rest)
+        return parsed
 
     def reset(self) -> None:
         """Forget what was received in part."""
         self.bad_bytes += len(self._pending)
         self._pending = b""
 
-    def _scan(self, buffer: bytes, found: list[Frame]) -> int:
+    def _scan(self, buffer: bytes, parsed: list[Frame]) -> int:
         position = 0
         end = len(buffer)
         while position < end:
@@ -151,13 +151,13 @@ class FrameReader:
             if not found_at:
                 break
             read = self._version_2 if buffer[position] == MARKER_V2 else self._version_1
-            size = read(buffer, position, found)
+            size = read(buffer, position, parsed)
             if not size:
                 break
             position += size
         return position
 
-    def _version_2(self, buffer: bytes, position: int, found: list[Frame]) -> int:
+    def _version_2(self, buffer: bytes, position: int, parsed: list[Frame]) -> int:
         """Size taken at ``position``: of a frame, 1 for a false marker, 0 to wait for more."""
         if len(buffer) - position < HEADER_V2:
             return 0
@@ -174,10 +174,10 @@ class FrameReader:
             return self._bad_byte()
         payload = buffer[position + HEADER_V2 : body]
         raw = buffer[position:stop]
-        found.append(Frame(message_id, buffer[position + 5], buffer[position + 6], payload, raw))
+        parsed.append(Frame(message_id, buffer[position + 5], buffer[position + 6], payload, raw))
         return stop - position
 
-    def _version_1(self, buffer: bytes, position: int, found: list[Frame]) -> int:
+    def _version_1(self, buffer: bytes, position: int, parsed: list[Frame]) -> int:
         if len(buffer) - position < _HEADER_V1:
             return 0
         message_id = buffer[position + 5]
@@ -194,7 +194,7 @@ class FrameReader:
             return self._bad_byte()
         payload = buffer[position + _HEADER_V1 : body]
         raw = buffer[position:stop]
-        found.append(Frame(message_id, buffer[position + 3], buffer[position + 4], payload, raw))
+        parsed.append(Frame(message_id, buffer[position + 3], buffer[position + 4], payload, raw))
         return stop - position
 
     def _unknown(self, buffer: bytes, position: int, stop: int) -> int:

@@ -18,6 +18,7 @@ from avionics.link.budget import TELEMETRY_FRAMES
 from avionics.link.channel import PORTION, SMALLEST_PORTION, Channel, LinkCounts
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, decode
+from avionics.link.ftp_files import FtpFileSystem
 from avionics.link.metadata import component_metadata
 from avionics.link.routing import Router
 from avionics.link.services.commands import CommandService
@@ -37,7 +38,6 @@ from avionics.link.services.signing import SigningService
 from avionics.link.services.silence import SilenceService
 from avionics.link.services.statustext import StatustextService
 from avionics.link.services.timesync import TimesyncService
-from avionics.link.shelf import Shelf
 from avionics.link.signing import Signing
 from avionics.link.streams import Streams
 from avionics.link.transport import Peer, Transport, open_transport
@@ -115,7 +115,7 @@ class GroundLink:
         self._router = Router([link.transport.url.forward for link in self._links], ours)
         self._routing = self._isolation.guard("routing")
         self._telemetry = self._isolation.guard("telemetry")
-        self._streams = Streams(vehicle, self._rooms(), unix_time, self._isolation, self._identity.first_item)
+        self._streams = Streams(vehicle, self._capacities(), unix_time, self._isolation, self._identity.first_item)
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._texts = StatustextService(vehicle, unix_time)
         self._unsent: deque[Event] = deque(maxlen=64)
@@ -129,8 +129,8 @@ class GroundLink:
         self.announced: list[Event] = []
         """what the links have said to the ground of their own troubles, each once; on UDP perhaps to nobody"""
 
-    def _rooms(self) -> list[Room]:
-        return [link.budget.room for link in self._links]
+    def _capacities(self) -> list[Room]:
+        return [link.budget.available_bytes for link in self._links]
 
     def _table(self, gains: LinkGains, files: Files) -> tuple[ServiceRow, ...]:
         """The services, in the order in which they are served."""
@@ -152,20 +152,20 @@ class GroundLink:
         def note_radio(link: int, free: int, now: float) -> None:
             self._links[link].budget.note_radio(free, now)
 
-        shelf = Shelf(vehicle, files.storage, files.logs, metadata)
+        ftp_files = FtpFileSystem(vehicle, files.storage, files.logs, metadata)
         return (
             ServiceRow("heartbeat", lambda: HeartbeatService(vehicle, identity, gains, shown), vital=True),
             ServiceRow("link loss", lambda: self._silence, keeps_memory=True, vital=True),
             ServiceRow("commands", commands, vital=True),
-            ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._rooms())),
+            ServiceRow("parameters", lambda: ParameterService(vehicle, gains, self._capacities())),
             ServiceRow("missions", missions),
             ServiceRow("setpoints", lambda: setpoints, keeps_memory=True),
             ServiceRow("modes", lambda: ModeService(shown), vital=True),
             ServiceRow("stream requests", requests),
             ServiceRow("status text", lambda: self._texts, keeps_memory=True, vital=True),
             ServiceRow("time synchronization", lambda: TimesyncService(vehicle)),
-            ServiceRow("FTP", lambda: FtpService(shelf, self._rooms())),
-            ServiceRow("log download", lambda: LogService(shelf, self._rooms())),
+            ServiceRow("FTP", lambda: FtpService(ftp_files, self._capacities())),
+            ServiceRow("log download", lambda: LogService(ftp_files, self._capacities())),
             ServiceRow("flight information", lambda: flights, keeps_memory=True),
             ServiceRow("manual control", lambda: ManualService(vehicle, identity.system), vital=True),
             ServiceRow("signing setup", lambda: SigningService(vehicle, self._signing, self._confidential)),
@@ -206,7 +206,7 @@ class GroundLink:
             link.receive(now)
         self._take_turns(now, inputs)
         for link in self._links:
-            link.guard.run(self._complain, link, now)
+            link.guard.run(self._report_link_faults, link, now)
         for hosted in self._services.values():
             hosted.guard.run(self._step, hosted.service, now, inputs)
         self._report_faults()
@@ -227,20 +227,20 @@ class GroundLink:
                 empty += 1
             else:
                 empty = 0
-                self._hear(*heard, number, now, inputs)
+                self._handle_frame(*heard, number, now, inputs)
 
     def _work(self, inputs: list[Input]) -> int:
         """What was done so far, in frames."""
         return self._taken + sum(link.sent for link in self._links) + WORK_OF_INPUT * len(inputs)
 
-    def _hear(self, frame: Frame, peer: Peer, number: int, now: float, inputs: list[Input]) -> None:
+    def _handle_frame(self, frame: Frame, peer: Peer, number: int, now: float, inputs: list[Input]) -> None:
         self._taken += 1
         self._routing.run(self._pass_on, frame, number, peer, now)
         sender = Sender(frame.system, frame.component, number, peer, self._links[number].name)
         message = self._links[number].guard.run(self._decoded, frame, number)
         if message is None:
             return
-        self._services["link loss"].guard.run(self._silence.heard, sender, now)
+        self._services["link loss"].guard.run(self._silence.received, sender, now)
         if self._is_for_us(message):
             for hosted in self._by_message.get(message.get_type(), ()):
                 hosted.guard.run(self._answer, hosted.service, message, sender, now, inputs)
@@ -252,9 +252,9 @@ class GroundLink:
         for hop in self._router.hops(frame, number, peer, now):
             self._links[hop.link].forward(frame.raw, hop.peer)
 
-    def _complain(self, link: Channel, now: float) -> None:
+    def _report_link_faults(self, link: Channel, now: float) -> None:
         """What goes wrong on a link, into the log; what is no mere noise also to the ground, once."""
-        for complaint in link.complaints(now):
+        for complaint in link.faults(now):
             self._journal.append(self._event(Severity.WARNING, complaint.text))
             if complaint.kind != "noise":
                 self._announce(Severity.WARNING, f"{complaint.kind} frames are refused on {link.name}")
@@ -275,7 +275,7 @@ class GroundLink:
     def _send_events(self) -> None:
         guard = self._services["status text"].guard
         while self._unsent and guard.enabled:
-            guard.run(self._texts.tell, self._unsent.popleft())
+            guard.run(self._texts.send_statustext, self._unsent.popleft())
 
     def _report_faults(self) -> None:
         """Report what the guards caught: in one line to the ground, with the traceback to the log."""
@@ -317,7 +317,7 @@ class GroundLink:
         self._services["signing setup"].guard.run(self._signing.close)
         for link in self._links:
             link.guard.run(link.transport.close)
-            if link.heard_anything:
+            if link.has_received_frames:
                 self._journal.append(self._event(Severity.INFO, link.summary()))
         self._report_faults()
 

@@ -81,7 +81,7 @@ class KeyFile:
     def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
         """Write the time stamps; ``settle`` waits for the disk, which takes several ticks and is not for a flight."""
         streams = [[*stream, stamp] for stream, stamp in stamps.streams.items()]
-        document = {"ours": stamps.ours, "streams": streams, "clock": stamps.clock}
+        document = {"ours": stamps.local, "streams": streams, "clock": stamps.clock}
         _write(self._stamps, json.dumps(document) + "\n", settle)
 
 

@@ -33,7 +33,7 @@ class Route(NamedTuple):
     """Where somebody was heard."""
 
     peer: Peer
-    heard: float
+    received_at: float
     """s; wall-clock time"""
 
 
@@ -58,10 +58,10 @@ def _byte(payload: bytes, offset: int) -> int:
 class Router:
     """The tables of all links."""
 
-    def __init__(self, open_links: list[bool], ours: Address) -> None:
-        """``open_links`` says which links take part, ``ours`` who we are."""
+    def __init__(self, open_links: list[bool], local: Address) -> None:
+        """``open_links`` says which links take part, ``local`` who we are."""
         self._open = open_links
-        self._ours = ours
+        self._local = local
         self._known: list[dict[Address, Route]] = [{} for _ in open_links]
         self._passed: deque[tuple[float, bytes]] = deque(maxlen=MOST_REMEMBERED)
 
@@ -82,7 +82,7 @@ class Router:
     def _learn(self, sender: Address, link: int, route: Route) -> None:
         table = self._known[link]
         if sender not in table and len(table) >= MOST_KNOWN:
-            del table[min(table, key=lambda known: table[known].heard)]
+            del table[min(table, key=lambda known: table[known].received_at)]
         table[sender] = route
 
     def _others(self, sender: Address, link: int, now: float) -> list[int]:
@@ -94,13 +94,13 @@ class Router:
         ]
 
     def _fresh(self, route: Route | None, now: float) -> bool:
-        return route is not None and now - route.heard <= FORGET
+        return route is not None and now - route.received_at <= FORGET
 
     def _to(self, target: Address, link: int, now: float) -> list[Hop]:
         system, component = target
         if system == 0:
             return [Hop(link, None)]
-        if target == self._ours:
+        if target == self._local:
             return []
         peers = {
             route.peer

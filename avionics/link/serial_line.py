@@ -64,7 +64,7 @@ class SerialLine:
             first = bytes(self._port.read(1))
             return first + bytes(self._port.read(min(self._port.in_waiting, most - 1))) if first else b""
         except _READ_FAILURES:
-            self._let_go()
+            self._close()
             return b""
 
     def write(self, data: bytes) -> bool:
@@ -75,21 +75,21 @@ class SerialLine:
 
     def _sent(self, data: bytes) -> bool:
         try:
-            return self._has_room() and bool(self._port.write(data) == len(data))
+            return self._has_tx_space() and bool(self._port.write(data) == len(data))
         except serial.SerialTimeoutException:
             return False
         except _FAILURES:
-            self._let_go()
+            self._close()
             return False
 
-    def _has_room(self) -> bool:
+    def _has_tx_space(self) -> bool:
         """Whether a write would be taken: pyserial spins on a full buffer until there is room, on POSIX."""
         return os.name != "posix" or bool(select.select([], [self._port.fileno()], [], 0.0)[1])
 
     def close(self) -> None:
         """Release the device."""
         if self._port is not None:
-            self._let_go()
+            self._close()
 
     def _opened(self) -> Any:
         exclusive = True if os.name == "posix" else None
@@ -102,7 +102,7 @@ class SerialLine:
             return True
         return False
 
-    def _let_go(self) -> None:
+    def _close(self) -> None:
         with contextlib.suppress(*_FAILURES):
             self._port.close()
         self._port = None

@@ -48,7 +48,7 @@ Stream = tuple[int, int, int]
 class Stamps(NamedTuple):
     """The time stamps that were used, our own and each sender's last."""
 
-    ours: int = 0
+    local: int = 0
     streams: Mapping[Stream, int] = {}
     clock: int = 0
     """ticks; latest plausible reading of the vehicle's own clock"""
@@ -99,10 +99,10 @@ class Signing:
         self._unix_time = unix_time
         self._monotonic = monotonic
         self._key = key
-        self._last = stamps.ours
+        self._last = stamps.local
         self._streams = dict(stamps.streams)
         self._clock_kept = stamps.clock
-        self._anchor = (self._clock() if self._is_set() else stamps.ours, monotonic())
+        self._anchor = (self._clock() if self._is_set() else stamps.local, monotonic())
         """ticks, s; a time stamp and the monotonic clock then: what the vehicle's clock was set to at the start, or
         what a key holder set it up to. It goes on when the system's clock is set meanwhile"""
         self._awaits_first = True
@@ -159,7 +159,7 @@ class Signing:
 
     def _next_stamp(self) -> int:
         self._last = max(self._last + 1, self._now())
-        if self._last > self._reserved.ours:
+        if self._last > self._reserved.local:
             self._reserve()
         return self._last
 
@@ -220,7 +220,7 @@ class Signing:
         for stream in sorted(self._streams, key=self._streams.__getitem__)[:-MAX_STREAMS]:
             del self._streams[stream]
         ahead = {stream: stamp + RESERVE for stream, stamp in self._streams.items()}
-        self._reserved = self._stamps()._replace(ours=max(self._last, self._now()) + RESERVE, streams=ahead)
+        self._reserved = self._stamps()._replace(local=max(self._last, self._now()) + RESERVE, streams=ahead)
         self._keep(self._reserved)
 
     def _stamps(self) -> Stamps:

@@ -134,7 +134,7 @@ class Streams:
         No more than `TELEMETRY_FRAMES` over all links and peers, but for the message that passes it. The links take
         turns, message by message, so that none uses up what another needs; on each the lowest rank comes first.
         """
-        self._hurry(now)
+        self._is_on_change(now)
         if now < self._next:
             return
         waiting = [
@@ -172,7 +172,7 @@ class Streams:
     def _emit(self, entry: StreamEntry, link: int, send: Send) -> int:
         return sum(send(link, message) for message in _as_list(entry.build(self._vehicle)))
 
-    def _hurry(self, now: float) -> None:
+    def _is_on_change(self, now: float) -> None:
         """What says something new is due now, on every link that has it at all."""
         before, self._known = self._known, self._prompt_values()
         for message_id, value in self._known.items():

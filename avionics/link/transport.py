@@ -36,7 +36,7 @@ class Packet(NamedTuple):
 
     data: bytes
     peer: Peer
-    goes_on: bool = False
+    continues: bool = False
     """the rest of a long datagram comes in the next packet"""
 
 
@@ -60,7 +60,7 @@ class Transport(Protocol):
     def receive(self, now: float) -> list[Packet]:
         """All that has arrived; ``now`` is wall-clock time in s."""
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """A valid frame came from ``peer``: it may be sent to from now on."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
@@ -121,7 +121,7 @@ class UdpServer:
         self.url = url
         self.dropped = 0
         self.portion = _CHUNK
-        self._heard: dict[Any, float] = {}
+        self._received_at: dict[Any, float] = {}
         self._now = 0.0
         self._socket = _bound(url, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -130,31 +130,31 @@ class UdpServer:
     def receive(self, now: float) -> list[Packet]:
         """All datagrams that have arrived."""
         self._now = now
-        self._forget_silent()
+        self._drop_stale_peers()
         return self._mailbox.receive(self.portion)
 
-    def _forget_silent(self) -> None:
+    def _drop_stale_peers(self) -> None:
         """Who was heard last stays: it may be that only his own words are lost."""
-        if len(self._heard) > 1:
-            last = max(self._heard.values())
-            self._heard = {
-                peer: heard for peer, heard in self._heard.items() if heard == last or self._now - heard <= GONE
+        if len(self._received_at) > 1:
+            last = max(self._received_at.values())
+            self._received_at = {
+                peer: heard for peer, heard in self._received_at.items() if heard == last or self._now - heard <= GONE
             }
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """Remember where a valid frame came from."""
-        if peer not in self._heard and len(self._heard) >= MOST_PEERS:
-            del self._heard[min(self._heard, key=lambda known: self._heard[known])]
-        self._heard[peer] = self._now
+        if peer not in self._received_at and len(self._received_at) >= MOST_PEERS:
+            del self._received_at[min(self._received_at, key=lambda known: self._received_at[known])]
+        self._received_at[peer] = self._now
 
     @property
     def peers(self) -> tuple[Peer, ...]:
         """Who was heard."""
-        return tuple(self._heard)
+        return tuple(self._received_at)
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to one ground station, or to all that were heard."""
-        for address in tuple(self._heard) if peer is None else (peer,):
+        for address in tuple(self._received_at) if peer is None else (peer,):
             self.dropped += not _sent(self._socket, data, address)
 
     def close(self) -> None:
@@ -181,7 +181,7 @@ class UdpClient:
         """All datagrams that have arrived."""
         return self._mailbox.receive(self.portion)
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """Nothing to remember: there is one ground station."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
@@ -209,7 +209,7 @@ class _Mailbox:
             data, peer, _ = self._rest
             self._rest = Packet(data[portion:], peer)
             if data:
-                packets.append(Packet(data[:portion], peer, goes_on=len(data) > portion))
+                packets.append(Packet(data[:portion], peer, continues=len(data) > portion))
                 taken += len(packets[-1].data)
         return packets
 
@@ -241,18 +241,18 @@ class _Connection:
         connected.setblocking(False)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket = connected
-        self.gone = False
+        self.disconnected = False
         self._queue = bytearray()
 
     def receive(self, portion: int) -> bytes:
-        """At most so much of what has arrived; sets ``gone`` when the peer closed."""
+        """At most so much of what has arrived; sets ``disconnected`` when the peer closed."""
         try:
             data = self.socket.recv(portion)
         except (BlockingIOError, InterruptedError):
             return b""
         except OSError:
             data = b""
-        self.gone = not data
+        self.disconnected = not data
         return data
 
     def send(self, data: bytes) -> bool:
@@ -273,7 +273,7 @@ class _Connection:
         except (BlockingIOError, InterruptedError):
             pass
         except OSError:
-            self.gone = True
+            self.disconnected = True
             self._queue.clear()
 
 
@@ -290,7 +290,7 @@ class TcpServer:
         self._socket.setblocking(False)
         self._connections: dict[Any, _Connection] = {}
         self._reached = 0
-        self._heard: dict[Any, float] = {}
+        self._received_at: dict[Any, float] = {}
         self._now = 0.0
 
     def receive(self, now: float) -> list[Packet]:
@@ -307,16 +307,16 @@ class TcpServer:
             self._reached += 1
             data = connection.receive(left)
             left -= len(data)
-            if connection.gone:
+            if connection.disconnected:
                 self._hang_up(peer)
-            if data or connection.gone:
+            if data or connection.disconnected:
                 packets.append(Packet(data, peer))
         self._reached %= max(len(waiting), 1)
         return packets
 
     def _let_in(self) -> list[Packet]:
         """Who waits, as far as there is room; says who had to go for it."""
-        gone: list[Packet] = []
+        disconnected: list[Packet] = []
         with contextlib.suppress(OSError):
             for _ in range(MOST_PEERS):
                 full = len(self._connections) >= MOST_PEERS
@@ -326,26 +326,26 @@ class TcpServer:
                 connected, address = self._socket.accept()
                 if spare is not None:
                     self._hang_up(spare)
-                    gone.append(Packet(b"", spare))
+                    disconnected.append(Packet(b"", spare))
                 self._connections[address] = _Connection(connected)
-        return gone
+        return disconnected
 
     def _spare(self) -> Any:
         """Who makes room: the oldest that never said a valid word, else who has been silent for long; or None."""
-        strangers = [peer for peer in self._connections if peer not in self._heard]
+        strangers = [peer for peer in self._connections if peer not in self._received_at]
         if strangers:
             return strangers[0]
-        quietest = min(self._heard, key=lambda peer: self._heard[peer])
-        return quietest if self._now - self._heard[quietest] > HALF_OPEN else None
+        quietest = min(self._received_at, key=lambda peer: self._received_at[peer])
+        return quietest if self._now - self._received_at[quietest] > HALF_OPEN else None
 
     def _hang_up(self, peer: Any) -> None:
         self._connections.pop(peer).socket.close()
-        self._heard.pop(peer, None)
+        self._received_at.pop(peer, None)
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """Remember who said a valid word, and when: who only holds the door open makes room for others."""
         if peer in self._connections:
-            self._heard[peer] = self._now
+            self._received_at[peer] = self._now
 
     @property
     def peers(self) -> tuple[Peer, ...]:
@@ -363,7 +363,7 @@ class TcpServer:
         for connection in self._connections.values():
             connection.socket.close()
         self._connections.clear()
-        self._heard.clear()
+        self._received_at.clear()
         self._socket.close()
 
 
@@ -393,7 +393,7 @@ class TcpClient:
             return []
         self._connection.flush()
         data = self._connection.receive(self.portion)
-        if self._connection.gone:
+        if self._connection.disconnected:
             self._connection.socket.close()
             self._connection = None
             return [Packet(b"", self._address)]
@@ -414,7 +414,7 @@ class TcpClient:
             else:
                 attempt.close()
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """Nothing to remember: there is one ground station."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
@@ -471,7 +471,7 @@ class SerialTransport:
         data = self._line.read(0.0, self.portion)
         return [Packet(data, self.url.host)] if data else []
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         """Nothing to remember: there is one wire."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
@@ -523,7 +523,7 @@ class SocketStream:
         self._writable.register(connected, select.POLLOUT)
         self._credit = self._in_time = 0
 
-    def hurry(self) -> None:
+    def enable_busy_poll(self) -> None:
         """Wait without sleeping from now on: for a partner who answers at once, on a core of its own.
 
         Where answers are late time and again, the cores are wanted by others, and this end sleeps as before.
@@ -618,8 +618,8 @@ class Listener:
         self._socket.close()
 
 
-def open_stream(url: str | LinkUrl, patience: float) -> Stream | None:
-    """Reach a lockstep partner; None when it did not answer for ``patience`` s.
+def open_stream(url: str | LinkUrl, timeout_s: float) -> Stream | None:
+    """Reach a lockstep partner; None when it did not answer for ``timeout_s`` s.
 
     ``tcp`` connects and tries again while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
 
@@ -632,17 +632,17 @@ def open_stream(url: str | LinkUrl, patience: float) -> Stream | None:
     if parsed.kind == "tcpin":
         listener = Listener(parsed)
         try:
-            return listener.accept(patience)
+            return listener.accept(timeout_s)
         finally:
             listener.close()
     if parsed.kind != "tcp":
         raise BadInput(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
-    return _connect_stream(parsed, patience)
+    return _connect_stream(parsed, timeout_s)
 
 
-def _connect_stream(url: LinkUrl, patience: float) -> SocketStream | None:
+def _connect_stream(url: LinkUrl, timeout_s: float) -> SocketStream | None:
     family, address = _resolve(url, socket.SOCK_STREAM)
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout_s
     while True:
         attempt = socket.socket(family, socket.SOCK_STREAM)
         attempt.settimeout(max(0.05, deadline - time.monotonic()))

@@ -290,7 +290,7 @@ class LinkGains(NamedTuple):
     """s; without a word from any ground station after one was heard, until the link counts as lost"""
     acquaintance: float = 3.0
     """s; for which a ground station must have been heard before its silence is a loss"""
-    ask_again: float = 1.0
+    retry_interval: float = 1.0
     """s; until an unanswered request of a mission transfer is repeated"""
     give_up: int = 15
     """-; requests without an answer until a mission transfer is abandoned: where three of ten frames are lost on each

@@ -48,25 +48,25 @@ def read_excitation(where: str, table: Mapping[str, Any]) -> Excitation:
     shape = choice(where, table, "shape", SHAPES)
     loops = choice(where, {"loops": "frozen", **table}, "loops", LOOPS)
     read = _multisine if shape == Shape.MULTISINE else _single
-    asked = read(where, table, shape)._replace(loops=loops)
-    refusal = check_excitation(asked)
+    requested = read(where, table, shape)._replace(loops=loops)
+    refusal = check_excitation(requested)
     if refusal:
         raise BadInput(f"{where}: {refusal}")
-    return asked
+    return requested
 
 
 def _single(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
     channel = choice(where, table, "channel", {channel.name.lower(): channel for channel in Channel})
     name, key = AMPLITUDES[channel]
     keys = SWEEP if shape in excitation_input.SWEEPS else PULSE
-    found = numbers(where, table, {name: key, **keys}, ("kind", "channel", "shape", "loops"))
-    width = found["duration"] if "duration" in found else found["width"]
-    band = (found.get("start", 0.0), found.get("end", 0.0))
-    return Excitation(channel, shape, found[name], width, found["settle"], _repeats(where, found), *band)
+    entries = numbers(where, table, {name: key, **keys}, ("kind", "channel", "shape", "loops"))
+    width = entries["duration"] if "duration" in entries else entries["width"]
+    band = (entries.get("start", 0.0), entries.get("end", 0.0))
+    return Excitation(channel, shape, entries[name], width, entries["settle"], _repeats(where, entries), *band)
 
 
 def _multisine(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
-    found = numbers(where, table, MULTISINE, ("kind", "shape", "loops", *BESIDE))
+    entries = numbers(where, table, MULTISINE, ("kind", "shape", "loops", *BESIDE))
     amplitudes = {
         channel: number(where, table, name, AMPLITUDES[channel][1])
         for name, channel in BESIDE.items()
@@ -74,70 +74,76 @@ def _multisine(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation
     }
     if not amplitudes:
         raise BadInput(f"{where}: a multisine needs {', '.join(BESIDE)}, one or more of them")
-    asked = Excitation(
-        Channel.ELEVATOR, shape, 0.0, found["period"], found["settle"], _repeats(where, found),
-        found["low"], found["high"],
+    requested = Excitation(
+        Channel.ELEVATOR, shape, 0.0, entries["period"], entries["settle"], _repeats(where, entries),
+        entries["low"], entries["high"],
     )  # fmt: skip
-    return on_channels(asked, amplitudes)
+    return on_channels(requested, amplitudes)
 
 
-def on_channels(asked: Excitation, amplitudes: Mapping[Channel, float]) -> Excitation:
-    """``asked`` with these amplitudes (rad, -, rad), that of the first used channel as its own."""
-    own = min((channel for channel, amplitude in amplitudes.items() if amplitude), default=asked.channel)
+def on_channels(requested: Excitation, amplitudes: Mapping[Channel, float]) -> Excitation:
+    """``requested`` with these amplitudes (rad, -, rad), that of the first used channel as its own."""
+    own = min((channel for channel, amplitude in amplitudes.items() if amplitude), default=requested.channel)
     elevator, throttle, rudder = (0.0 if c == own else amplitudes.get(c, 0.0) for c in Channel)
-    return asked._replace(channel=own, amplitude=amplitudes.get(own, 0.0), beside=(elevator, throttle, rudder))
+    return requested._replace(channel=own, amplitude=amplitudes.get(own, 0.0), beside=(elevator, throttle, rudder))
 
 
-def _repeats(where: str, found: Mapping[str, float]) -> int:
-    if found["repeats"] != int(found["repeats"]):
-        raise BadInput(f"{where}: repeats must be a whole number, not {found['repeats']:g}")
-    return int(found["repeats"])
+def _repeats(where: str, entries: Mapping[str, float]) -> int:
+    if entries["repeats"] != int(entries["repeats"]):
+        raise BadInput(f"{where}: repeats must be a whole number, not {entries['repeats']:g}")
+    return int(entries["repeats"])
 
 
-def check_excitation(asked: Excitation | None) -> str:
+def check_excitation(requested: Excitation | None) -> str:
     """Why an identification input cannot be flown; empty when it can, and then its phases are known too."""
-    if asked is None:
+    if requested is None:
         return "EXCITE without an excitation"
-    for word, value, key in _numbers_of(asked):
+    for word, value, key in _numbers_of(requested):
         if not key.low * (1.0 - 1e-6) <= value <= key.high * (1.0 + 1e-6):
             return f"{word} = {value:g} is outside {key.low:g} to {key.high:g} {key.unit}".removesuffix(" -")
-    refusal = _amplitude_refusal(asked) or (_multisine_refusal(asked) if asked.shape == Shape.MULTISINE else "")
+    refusal = _amplitude_refusal(requested) or (
+        _multisine_refusal(requested) if requested.shape == Shape.MULTISINE else ""
+    )
     if not refusal:
-        excitation_input.spectrum(asked)
+        excitation_input.spectrum(requested)
     return refusal
 
 
-def _numbers_of(asked: Excitation) -> list[tuple[str, float, Key]]:
+def _numbers_of(requested: Excitation) -> list[tuple[str, float, Key]]:
     """Name, value and range of what the shape uses."""
-    found = [("settle", asked.settle, PACING["settle"]), ("repeats", float(asked.repeats), PACING["repeats"])]
-    if asked.shape in excitation_input.SEGMENTS:
-        return [("width", asked.width, PULSE["width"]), *found]
-    words = ("duration", "start", "end") if asked.shape in excitation_input.SWEEPS else ("period", "low", "high")
+    entries = [
+        ("settle", requested.settle, PACING["settle"]),
+        ("repeats", float(requested.repeats), PACING["repeats"]),
+    ]
+    if requested.shape in excitation_input.SEGMENTS:
+        return [("width", requested.width, PULSE["width"]), *entries]
+    words = ("duration", "start", "end") if requested.shape in excitation_input.SWEEPS else ("period", "low", "high")
     keys = SWEEP | MULTISINE
-    values = (asked.width, asked.low, asked.high)
-    return [*((word, value, keys[word]) for word, value in zip(words, values, strict=True)), *found]
+    values = (requested.width, requested.low, requested.high)
+    return [*((word, value, keys[word]) for word, value in zip(words, values, strict=True)), *entries]
 
 
-def _amplitude_refusal(asked: Excitation) -> str:
-    if any(asked.beside) and asked.shape != Shape.MULTISINE:
+def _amplitude_refusal(requested: Excitation) -> str:
+    if any(requested.beside) and requested.shape != Shape.MULTISINE:
         return "only a multisine is flown on several channels at once"
-    for channel, amplitude in zip(Channel, asked.amplitudes(), strict=True):
+    for channel, amplitude in zip(Channel, requested.amplitudes(), strict=True):
         name, key = AMPLITUDES[channel]
         low, high = key.si(key.low), key.si(key.high)
-        unused = channel != asked.channel and amplitude == 0.0
+        unused = channel != requested.channel and amplitude == 0.0
         if not unused and not low * (1.0 - 1e-6) <= amplitude <= high * (1.0 + 1e-6):
             outside = f"{channel.name.lower()}: {name} is outside {key.low:g} to {key.high:g} {key.unit}"
             return outside.removesuffix(" -")
     return ""
 
 
-def _multisine_refusal(asked: Excitation) -> str:
-    first, last = excitation_input.harmonics(asked)
-    channels = sum(amplitude != 0.0 for amplitude in asked.amplitudes())
+def _multisine_refusal(requested: Excitation) -> str:
+    first, last = excitation_input.harmonics(requested)
+    channels = sum(amplitude != 0.0 for amplitude in requested.amplitudes())
     count = last - first + 1
     if not channels * LEAST_HARMONICS <= count <= MOST_HARMONICS:
         return (
-            f"a band from {asked.low:g} to {asked.high:g} Hz holds {max(count, 0)} harmonics of {asked.width:g} s;"
+            f"a band from {requested.low:g} to {requested.high:g} Hz holds {max(count, 0)} harmonics"
+            f" of {requested.width:g} s;"
             f" {channels * LEAST_HARMONICS} to {MOST_HARMONICS} are flown"
         )
     return ""

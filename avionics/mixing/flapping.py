@@ -92,11 +92,11 @@ def step(
 ) -> tuple[State, FlapCommand, Stroke]:
     """One step; ``throttle`` 0 to 1, ``asymmetry`` the share by which the left stroke is larger, ``dt`` in s."""
     flapping = throttle >= gains.throttle_cut and throttle > 0.0
-    wanted = between_points(throttle, gains.throttle_points, gains.frequency_points) if flapping else 0.0
+    requested = between_points(throttle, gains.throttle_points, gains.frequency_points) if flapping else 0.0
     if gains.drive == "motor":
-        return _motor(state, time_us, dt, throttle if flapping else 0.0, wanted)
+        return _motor(state, time_us, dt, throttle if flapping else 0.0, requested)
     envelope = slew(state.envelope, 1.0 if flapping else 0.0, 1.0 / gains.start_time, dt)
-    frequency = _frequency(gains, state, dt, wanted, envelope)
+    frequency = _frequency(gains, state, dt, requested, envelope)
     phase = (state.phase + TWO_PI * frequency * dt) % TWO_PI if envelope > 0.0 else 0.0
     mean = gains.glide_angle + (gains.mean_angle - gains.glide_angle) * envelope
     full = between_points(throttle, gains.throttle_points, gains.amplitude_points) if flapping else state.amplitude
@@ -108,13 +108,13 @@ def step(
     return new(State, (phase, frequency, envelope, full)), flap, new(Stroke, (left, right, 0.0))
 
 
-def _frequency(gains: Gains, state: State, dt: float, wanted: float, envelope: float) -> float:
+def _frequency(gains: Gains, state: State, dt: float, requested: float, envelope: float) -> float:
     """Slewed frequency; it starts at what is asked and keeps turning while the stroke shrinks."""
     if envelope <= 0.0:
         return 0.0
     if state.envelope <= 0.0:
-        return wanted
-    return slew(state.frequency, wanted, gains.frequency_rate, dt) if wanted > 0.0 else state.frequency
+        return requested
+    return slew(state.frequency, requested, gains.frequency_rate, dt) if requested > 0.0 else state.frequency
 
 
 def _motor(

@@ -37,7 +37,7 @@ class State(NamedTuple):
     """rad; last commanded"""
 
 
-class Asked(NamedTuple):
+class TailCommand(NamedTuple):
     """What the loops, the pilot and the excitation ask of the tail."""
 
     elevator: float
@@ -69,15 +69,15 @@ class Tail(NamedTuple):
     """rad; of the excitation, after limits and rate"""
 
 
-def step(gains: Gains, state: State, dt: float, asked: Asked) -> tuple[State, Tail]:
+def step(gains: Gains, state: State, dt: float, command: TailCommand) -> tuple[State, Tail]:
     """One step; ``dt`` in s."""
-    rudder_alone = gains.rudder_share * asked.roll_command + gains.yaw_share * asked.yaw_stick
-    wanted_elevator = clip(asked.elevator + asked.added_elevator, gains.elevator_min, gains.elevator_max)
-    wanted_rudder = clip(rudder_alone + asked.added_rudder, -gains.rudder_max, gains.rudder_max)
+    rudder_alone = gains.rudder_share * command.roll_command + gains.yaw_share * command.yaw_stick
+    wanted_elevator = clip(command.elevator + command.added_elevator, gains.elevator_min, gains.elevator_max)
+    wanted_rudder = clip(rudder_alone + command.added_rudder, -gains.rudder_max, gains.rudder_max)
     elevator = slew(state.elevator, wanted_elevator, gains.servo_rate, dt)
     rudder = slew(state.rudder, wanted_rudder, gains.servo_rate, dt)
-    applied_elevator = elevator - asked.elevator if asked.exciting else 0.0
-    applied_rudder = rudder - rudder_alone if asked.added_rudder else 0.0
-    asymmetry = gains.asymmetry_share * asked.roll_command
+    applied_elevator = elevator - command.elevator if command.exciting else 0.0
+    applied_rudder = rudder - rudder_alone if command.added_rudder else 0.0
+    asymmetry = gains.asymmetry_share * command.roll_command
     tail = new(Tail, (elevator, rudder, asymmetry, applied_elevator, applied_rudder))
     return new(State, (elevator, rudder)), tail

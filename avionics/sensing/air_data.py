@@ -53,7 +53,7 @@ class Gate(IntEnum):
     """every one: on the ground, in the hand and in the throw"""
     WATCHED = 1
     """one that departs is refused, for `Gains.gate_patience` at most"""
-    DOUBTED = 2
+    SUSPECT = 2
     """the same for `Gains.doubt_patience` at most, within which `airspeed_check` decides"""
 
 
@@ -119,7 +119,7 @@ class State(NamedTuple):
     """m/s; filtered once more, for its rate"""
     airspeed_rate: float = 0.0
     """m/s^2"""
-    told: float = 0.0
+    ungated: float = 0.0
     """Pa; filtered without the gate"""
     spread: float = -1.0
     """Pa^2; mean square of the innovations, negative before the first sample"""
@@ -171,9 +171,9 @@ def step(
     return state, new(AirData, (*measured, variance, innovation, expected))
 
 
-def told(state: State, density: float) -> float:
+def ungated(state: State, density: float) -> float:
     """Airspeed (m/s) that the pitot tells, whatever the gate refused, in air of a density (kg/m^3)."""
-    return _speed(state.told, density)
+    return _speed(state.ungated, density)
 
 
 def calibrated(gains: Gains, counts: int) -> float:
@@ -215,7 +215,7 @@ def _pressure(gains: Gains, state: State, reading: float, dt: float, gate: Gate)
     """Dynamic pressure behind the gate (Pa), the innovation (Pa), and what the State remembers of both."""
     if state.time_us < 0:
         return reading, 0.0, (reading, START_SPREAD * gains.pressure_noise**2, 0.0, 0.0, 0.0)
-    follow = _follow(state.told, reading, dt, gains.pressure_time, False)
+    follow = _follow(state.ungated, reading, dt, gains.pressure_time, False)
     innovation = reading - state.dynamic_pressure
     if dt == 0.0:
         return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, state.refused)

@@ -63,9 +63,9 @@ class State(NamedTuple):
     """m/s"""
     span: float = 0.0
     """s; over which the wind has been learned"""
-    still: float = 0.0
+    is_stationary: float = 0.0
     """s; for which it has stood still in motion"""
-    apart: float = 0.0
+    differs: float = 0.0
     """s; for which it has differed from the expected airspeed"""
     agreeing: float = 0.0
     """s; for which a blocked pitot has agreed"""
@@ -107,15 +107,15 @@ def step(
         return state, gains.cruise if state.blocked else airspeed
     known = state.span >= gains.difference_time
     likely = expected(gains, state, motion)
-    still = airspeed < gains.standstill
+    is_stationary = airspeed < gains.standstill
     away = abs(airspeed - likely)
     if state.blocked:
-        state = _recovering(gains, state, dt, agrees=not still and away <= AGREEMENT * gains.difference)
+        state = _recovering(gains, state, dt, agrees=not is_stationary and away <= AGREEMENT * gains.difference)
     else:
-        still = still and _moving(gains, known, likely, motion)
-        apart = known and away > gains.difference
-        state = _watched(gains, state, dt, still, apart)
-        if not (still or apart):
+        is_stationary = is_stationary and _moving(gains, known, likely, motion)
+        differs = known and away > gains.difference
+        state = _watched(gains, state, dt, is_stationary, differs)
+        if not (is_stationary or differs):
             state = _learned(gains, state, dt, airspeed, motion)
     return state, likely if state.blocked else airspeed
 
@@ -127,9 +127,9 @@ def expected(gains: Gains, state: State, motion: Motion | None) -> float:
     return hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east)
 
 
-def doubted(state: State) -> bool:
+def is_suspect(state: State) -> bool:
     """Whether the pitot is about to be called blocked, or is."""
-    return state.blocked == 1 or state.still > 0.0 or state.apart > 0.0
+    return state.blocked == 1 or state.is_stationary > 0.0 or state.differs > 0.0
 
 
 def variance(gains: Gains) -> float:
@@ -144,9 +144,9 @@ def _moving(gains: Gains, known: bool, likely: float, motion: Motion) -> bool:
     return hypot(motion.v_north, motion.v_east) > gains.standstill
 
 
-def _watched(gains: Gains, state: State, dt: float, still: bool, apart: bool) -> State:
-    still_time = state.still + dt if still else 0.0
-    apart_time = state.apart + dt if apart else 0.0
+def _watched(gains: Gains, state: State, dt: float, is_stationary: bool, differs: bool) -> State:
+    still_time = state.is_stationary + dt if is_stationary else 0.0
+    apart_time = state.differs + dt if differs else 0.0
     blocked = still_time >= gains.standstill_time or apart_time >= gains.difference_time
     return State(state.wind_north, state.wind_east, state.span, still_time, apart_time, 0.0, int(blocked))
 
@@ -154,7 +154,7 @@ def _watched(gains: Gains, state: State, dt: float, still: bool, apart: bool) ->
 def _recovering(gains: Gains, state: State, dt: float, agrees: bool) -> State:
     agreeing = state.agreeing + dt if agrees else 0.0
     blocked = int(agreeing < gains.recovery_time)
-    return state._replace(still=0.0, apart=0.0, agreeing=agreeing, blocked=blocked)
+    return state._replace(is_stationary=0.0, differs=0.0, agreeing=agreeing, blocked=blocked)
 
 
 def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Motion) -> State:
@@ -165,4 +165,4 @@ def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Mot
     if state.span:
         north = low_pass(state.wind_north, north, span, dt)
         east = low_pass(state.wind_east, east, span, dt)
-    return State(north, east, span, state.still, state.apart, state.agreeing, state.blocked)
+    return State(north, east, span, state.is_stationary, state.differs, state.agreeing, state.blocked)

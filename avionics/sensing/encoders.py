@@ -16,7 +16,7 @@ from avionics.messages import EncoderSample, Severity, WingState
 from avionics.quantities import Quantity
 from avionics.records import new
 
-STILL = 2
+STUCK = 2
 """counts; a disc that rests on an edge trembles by less"""
 LONGEST_SILENCE_US = 250_000
 """us; without a sample after which the last says nothing of the wings"""
@@ -47,7 +47,7 @@ class Fault(IntEnum):
     """What is wrong with an encoder."""
 
     NONE = 0
-    STILL = 1
+    STUCK = 1
     OPPOSED = 2
 
 
@@ -58,7 +58,7 @@ class Side(NamedTuple):
     """-; index pulses seen"""
     target: float = 0.0
     """counts; by which the counter is too high, as the index tells"""
-    told: float = 0.0
+    index_count: float = 0.0
     """counts; the same, as the last pulse told it, believed or not"""
     missed: int = 0
     """counts; by which the index has moved since boot, all moves added"""
@@ -85,9 +85,9 @@ class State(NamedTuple):
     """counts; where the left encoder last moved"""
     right_anchor: int = 0
     """counts; where the right encoder last moved"""
-    left_still: int = 0
+    left_stuck_time: int = 0
     """counts; travel of the right wing since then"""
-    right_still: int = 0
+    right_stuck_time: int = 0
     """counts; travel of the left wing since then"""
     opposed: int = 0
     """counts; travel of the wings against each other, less that with each other"""
@@ -127,8 +127,8 @@ def step(
         parity: above 0 where both counters rise with the wings up or both fall, below 0 where one does.
     """
     time_us, left, right, _, _, left_pulses, right_pulses = sample
-    (last_us, left_last, right_last, left_slip, right_slip, left_anchor, right_anchor, left_still, right_still,
-     opposed, moving_us, left_side, right_side) = state  # fmt: skip
+    (last_us, left_last, right_last, left_slip, right_slip, left_anchor, right_anchor,
+     left_stuck_time, right_stuck_time, opposed, moving_us, left_side, right_side) = state  # fmt: skip
     if time_us <= last_us or last_us < 0:
         state = state if last_us >= 0 else _started(sample)
         return state, _counts(state)
@@ -141,20 +141,20 @@ def step(
         right_slip, right_side, moved_right = right_slip + moved_right, _jumped(right_side, moved_right), 0
 
     if commanded <= 0.0:
-        moving_us, left_still, right_still = time_us, 0, 0
-    if -STILL <= left - left_anchor <= STILL:
-        left_still += abs(moved_right)
+        moving_us, left_stuck_time, right_stuck_time = time_us, 0, 0
+    if -STUCK <= left - left_anchor <= STUCK:
+        left_stuck_time += abs(moved_right)
     else:
-        left_anchor, left_still, moving_us = left, 0, time_us
-    if -STILL <= right - right_anchor <= STILL:
-        right_still += abs(moved_left)
+        left_anchor, left_stuck_time, moving_us = left, 0, time_us
+    if -STUCK <= right - right_anchor <= STUCK:
+        right_stuck_time += abs(moved_left)
     else:
-        right_anchor, right_still, moving_us = right, 0, time_us
+        right_anchor, right_stuck_time, moving_us = right, 0, time_us
     if opposed or moved_left * moved_right * parity < 0.0:
         opposed = _opposed(opposed, moved_left, moved_right if parity > 0.0 else -moved_right)
 
     state = new(State, (
-        time_us, left, right, left_slip, right_slip, left_anchor, right_anchor, left_still, right_still,
+        time_us, left, right, left_slip, right_slip, left_anchor, right_anchor, left_stuck_time, right_stuck_time,
         opposed, moving_us, left_side, right_side,
     ))  # fmt: skip
     passed = left_pulses != left_side.pulses or right_pulses != right_side.pulses
@@ -162,7 +162,7 @@ def step(
         state = _indexed(gains, state, sample, dt)
         left_side, right_side = state.left_side, state.right_side
     limit = gains.still_travel
-    if left_still > limit or right_still > limit or opposed > limit or left_side.fault or right_side.fault:
+    if left_stuck_time > limit or right_stuck_time > limit or opposed > limit or left_side.fault or right_side.fault:
         state = _judge(gains, state, abs(moved_left), abs(moved_right))
     if (time_us - moving_us) * commanded > PATIENCE * 1e6:
         state = _both_dead(state)
@@ -196,7 +196,9 @@ def _counts(state: State) -> Counts:
 
 def _jumped(side: Side, moved: int) -> Side:
     """The counter jumped: the wing is taken to have stood still, until the index tells better."""
-    return side._replace(target=side.target + moved, told=side.told + moved, missed=side.missed + abs(moved))
+    return side._replace(
+        target=side.target + moved, index_count=side.index_count + moved, missed=side.missed + abs(moved)
+    )
 
 
 def _opposed(opposed: int, moved_left: int, moved_right: int) -> int:
@@ -215,11 +217,13 @@ def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> St
         state.right_slip,
     )
     if left_pulses != left_side.pulses:
-        told = left_latched - gains.index_left
-        left_side, left_slip = _index_passed(gains, left_side, left_slip, left_pulses, told, state.opposed)
+        index_count = left_latched - gains.index_left
+        left_side, left_slip = _index_passed(gains, left_side, left_slip, left_pulses, index_count, state.opposed)
     if right_pulses != right_side.pulses:
-        told = right_latched - gains.index_right
-        right_side, right_slip = _index_passed(gains, right_side, right_slip, right_pulses, told, state.opposed)
+        index_count = right_latched - gains.index_right
+        right_side, right_slip = _index_passed(
+            gains, right_side, right_slip, right_pulses, index_count, state.opposed
+        )
     return state._replace(
         left_slip=slew(left_slip, left_side.target, gains.rezero_rate, dt),
         right_slip=slew(right_slip, right_side.target, gains.rezero_rate, dt),
@@ -229,18 +233,18 @@ def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> St
 
 
 def _index_passed(
-    gains: Gains, side: Side, slip: float, pulses: int, told: float, opposed: int
+    gains: Gains, side: Side, slip: float, pulses: int, index_count: float, opposed: int
 ) -> tuple[Side, float]:
     """What an index pulse changes: the slip to be reached, and at once the slip of an encoder that comes back."""
-    side, before = side._replace(pulses=pulses, told=told), side
-    if side.fault == Fault.STILL:
-        return (side._replace(target=told, fault=0), told) if side.woken else (side, slip)
-    error = abs(told - side.target)
+    side, before = side._replace(pulses=pulses, index_count=index_count), side
+    if side.fault == Fault.STUCK:
+        return (side._replace(target=index_count, fault=0), index_count) if side.woken else (side, slip)
+    error = abs(index_count - side.target)
     if error <= gains.index_tolerance or opposed > gains.index_trust:
         return side, slip
-    if error > gains.index_trust and abs(told - before.told) > gains.index_trust:
+    if error > gains.index_trust and abs(index_count - before.index_count) > gains.index_trust:
         return side, slip
-    return side._replace(target=told, missed=side.missed + round(error)), slip
+    return side._replace(target=index_count, missed=side.missed + round(error)), slip
 
 
 def _judge(gains: Gains, state: State, travel_left: int, travel_right: int) -> State:
@@ -248,41 +252,41 @@ def _judge(gains: Gains, state: State, travel_left: int, travel_right: int) -> S
     limit = gains.still_travel
     left = _woken(limit, state.left_side, travel_left if state.left == state.left_anchor else 0)
     right = _woken(limit, state.right_side, travel_right if state.right == state.right_anchor else 0)
-    if left.fault != Fault.STILL and right.fault != Fault.STILL:
-        if state.left_still > limit:
+    if left.fault != Fault.STUCK and right.fault != Fault.STUCK:
+        if state.left_stuck_time > limit:
             left = _dead(left)
-        elif state.right_still > limit:
+        elif state.right_stuck_time > limit:
             right = _dead(right)
         elif state.opposed == 0 or state.opposed > limit:
-            left, right = _told_apart(gains, state.opposed > 0, left, right)
+            left, right = _distinguish(gains, state.opposed > 0, left, right)
     return state._replace(left_side=left, right_side=right)
 
 
 def _woken(limit: float, side: Side, travel: int) -> Side:
     """A dead encoder after some travel: it counts again once it has moved as far as it missed, index or not."""
-    if side.fault != Fault.STILL or not travel:
+    if side.fault != Fault.STUCK or not travel:
         return side
     woken = side.woken + travel
     return side._replace(woken=woken, fault=0 if woken > limit else side.fault)
 
 
 def _dead(side: Side) -> Side:
-    return side if side.fault == Fault.STILL else side._replace(fault=int(Fault.STILL), woken=0)
+    return side if side.fault == Fault.STUCK else side._replace(fault=int(Fault.STUCK), woken=0)
 
 
 def _both_dead(state: State) -> State:
     return state._replace(left_side=_dead(state.left_side), right_side=_dead(state.right_side))
 
 
-def _told_apart(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[Side, Side]:
+def _distinguish(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[Side, Side]:
     """Which of two encoders that count against each other is wrong: the one whose index is not at its place.
 
     Both, when the indices cannot tell.
     """
     if not opposed:
         return left._replace(fault=0), right._replace(fault=0)
-    off_left = abs(left.told - left.target) > gains.index_trust
-    off_right = abs(right.told - right.target) > gains.index_trust
+    off_left = abs(left.index_count - left.target) > gains.index_trust
+    off_right = abs(right.index_count - right.target) > gains.index_trust
     wrong = int(Fault.OPPOSED)
     return (
         left._replace(fault=wrong if off_left or not off_right else 0),

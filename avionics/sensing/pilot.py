@@ -64,17 +64,17 @@ def take_override(gains: Gains, state: State, override: ChannelOverride) -> Stat
     state = state._replace(channels=channels)
     if not any(channels) or not receiver.usable(gains, flown, 0):
         return state._replace(override=receiver.State())
-    taken = receiver.step(gains, state.override, override.time_us, flown, patience=1)
+    taken = receiver.step(gains, state.override, override.time_us, flown, timeout=1)
     killing = gains.kill_channel and channels[gains.kill_channel - 1]
     return state._replace(override=taken if killing else taken._replace(kill=receiver.Switch()))
 
 
-def _overridden(place: int, before: int, asked: int) -> int:
+def _overridden(place: int, before: int, requested: int) -> int:
     if place < PLAIN:
-        return before if asked == IGNORED else asked
-    if asked in (0, IGNORED):
+        return before if requested == IGNORED else requested
+    if requested in (0, IGNORED):
         return before
-    return 0 if asked == RELEASED else asked
+    return 0 if requested == RELEASED else requested
 
 
 def _idle(gains: Gains) -> float:
@@ -117,11 +117,11 @@ def acts(gains: Gains, before: receiver.State, after: receiver.State, disarmed: 
 
     An arm switch that is on when it is first heard arms nothing: it has to be moved.
     """
-    asked: list[Act] = []
+    requested: list[Act] = []
     if after.mode.position != before.mode.position and (before.mode.position >= 0 or disarmed):
         number = (gains.mode_low, gains.mode_middle, gains.mode_high)[after.mode.position]
-        asked.append(Act(CommandKind.SET_MODE, Mode(number).name))
+        requested.append(Act(CommandKind.SET_MODE, Mode(number).name))
     was, now = before.arm.position, after.arm.position
     if was >= 0 and (was == 2) != (now == 2):
-        asked.append(Act(CommandKind.ARM if now == 2 else CommandKind.DISARM))
-    return tuple(asked)
+        requested.append(Act(CommandKind.ARM if now == 2 else CommandKind.DISARM))
+    return tuple(requested)

@@ -78,7 +78,7 @@ class Switch(NamedTuple):
 
     position: int = -1
     """-; 0 low, 1 middle, 2 high, -1 before it was heard"""
-    seen: int = -1
+    received: int = -1
     """-; position of the last frame"""
     frames: int = 0
     """-; frames in a row with that position"""
@@ -104,17 +104,17 @@ def usable(gains: Gains, pulses: Sequence[int], lost: int) -> bool:
     )
 
 
-def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], patience: int = SETTLED) -> State:
+def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], timeout: int = SETTLED) -> State:
     """Take a good frame; a channel beyond those that came, or of 0 us, leaves its switch as it was.
 
-    ``patience`` is the number of frames for which a switch must stay before it counts.
+    ``timeout`` is the number of frames for which a switch must stay before it counts.
     """
     return State(
         time_us,
         sticks(gains, pulses),
-        _settled(state.mode, gains.mode_channel, pulses, patience),
-        _settled(state.arm, gains.arm_channel, pulses, patience),
-        _settled(state.kill, gains.kill_channel, pulses, patience),
+        _settled(state.mode, gains.mode_channel, pulses, timeout),
+        _settled(state.arm, gains.arm_channel, pulses, timeout),
+        _settled(state.kill, gains.kill_channel, pulses, timeout),
     )
 
 
@@ -145,10 +145,10 @@ def _flap(gains: Gains, pulses: Sequence[int]) -> float:
     return clip((share - dead) / (1.0 - dead), 0.0, 1.0)
 
 
-def _settled(switch: Switch, channel: int, pulses: Sequence[int], patience: int) -> Switch:
+def _settled(switch: Switch, channel: int, pulses: Sequence[int], timeout: int) -> Switch:
     if not 1 <= channel <= len(pulses) or pulses[channel - 1] == 0:
         return switch
     pulse = pulses[channel - 1]
-    seen = 0 if pulse < SWITCH_LOW else 2 if pulse > SWITCH_HIGH else 1
-    count = min(switch.frames + 1, patience) if seen == switch.seen else 1
-    return Switch(seen if count >= patience else switch.position, seen, count)
+    received = 0 if pulse < SWITCH_LOW else 2 if pulse > SWITCH_HIGH else 1
+    count = min(switch.frames + 1, timeout) if received == switch.received else 1
+    return Switch(received if count >= timeout else switch.position, received, count)

@@ -84,7 +84,7 @@ class State(NamedTuple):
     filters: Filters = Filters()
 
 
-class Seen(NamedTuple):
+class CheckInputs(NamedTuple):
     """What the check looks at."""
 
     pitch_error: float
@@ -97,12 +97,12 @@ class Seen(NamedTuple):
     """m/s"""
 
 
-def step(gains: Gains, state: State, dt: float, seen: Seen, closed: bool) -> State:
+def step(gains: Gains, state: State, dt: float, inputs: CheckInputs, closed: bool) -> State:
     """One look; ``dt`` in s, ``closed`` while the pitch loop flies."""
     if not closed:
         return State(jammed=state.jammed)
     time = state.closed + dt
-    filters, moment, response = respond(gains, state.filters, dt, seen)
+    filters, moment, response = respond(gains, state.filters, dt, inputs)
     if time <= gains.grace:
         return State(0.0, time, state.jammed, 0.0, 0.0, filters)
     jammed_residual, working_residual = response, response - gains.effect * moment
@@ -110,12 +110,12 @@ def step(gains: Gains, state: State, dt: float, seen: Seen, closed: bool) -> Sta
     variance = low_pass(state.variance, min(squares), gains.time, dt)
     ratio = (squares[1] - squares[0]) / (2.0 * max(variance, LEAST_VARIANCE))
     cusum = max(0.0, state.cusum + ratio * dt / CORRELATION)
-    error = low_pass(state.error, abs(seen.pitch_error), gains.time, dt)
+    error = low_pass(state.error, abs(inputs.pitch_error), gains.time, dt)
     jammed = state.jammed or (cusum > gains.threshold and error > gains.error)
     return State(error, time, 1 if jammed else 0, variance, cusum, filters)
 
 
-def respond(gains: Gains, before: Filters, dt: float, sample: Seen) -> tuple[Filters, float, float]:
+def respond(gains: Gains, before: Filters, dt: float, sample: CheckInputs) -> tuple[Filters, float, float]:
     """Filter the signals; returns the quick parts of moment (rad (m/s)^2) and response (rad/s^2) too.
 
     The response is the pitch acceleration plus damping times the pitch rate.

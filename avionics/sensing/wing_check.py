@@ -17,7 +17,7 @@ LEFT, RIGHT = 1, 2
 """flags of the wings"""
 
 
-UNSEEN = 2.0
+WITHOUT_ENCODER = 2.0
 """-; in units of `Gains.rocking`, what it takes where no encoder tells of a standstill: gusts make one for seconds"""
 
 
@@ -51,13 +51,13 @@ class State(NamedTuple):
     """rad/s; mean speed"""
     speed_right: float = 0.0
     """rad/s; mean speed"""
-    told: float = 0.0
+    commanded: float = 0.0
     """s; for which the wings have been told to flap"""
-    still_left: float = 0.0
+    stationary_left: float = 0.0
     """s; for which the left wing has stood still"""
-    still_right: float = 0.0
+    stationary_right: float = 0.0
     """s; for which the right wing has stood still"""
-    doubted: float = 0.0
+    suspect_time: float = 0.0
     """s; for which an encoder has not been believed"""
     rocking: float = 0.0
     """rad/s; mean size of the roll rate"""
@@ -75,7 +75,7 @@ class State(NamedTuple):
     """s; for which the vehicle has been rocked while an encoder was lost"""
 
 
-class Seen(NamedTuple):
+class CheckInputs(NamedTuple):
     """What the check looks at."""
 
     rate_left: float
@@ -86,7 +86,7 @@ class Seen(NamedTuple):
     """A; of both drives"""
     roll_rate: float
     """rad/s"""
-    told: int
+    commanded: int
     """-; 1 while the wings are told to flap"""
     valid: int = LEFT | RIGHT
     """-; flags of the encoders that are believed"""
@@ -94,31 +94,31 @@ class Seen(NamedTuple):
     """rad; left and right by the encoder, kept for the next rates"""
 
 
-def step(gains: Gains, state: State, dt: float, seen: Seen) -> State:
+def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
     """One look; ``dt`` in s."""
-    left = low_pass(state.speed_left, abs(seen.rate_left), gains.activity_time, dt)
-    right = low_pass(state.speed_right, abs(seen.rate_right), gains.activity_time, dt)
-    rocking = low_pass(state.rocking, abs(seen.roll_rate), gains.activity_time, dt)
-    current = low_pass(state.current, seen.current, gains.current_time, dt)
-    told = state.told + dt if seen.told else 0.0
-    judged = told > 2.0 * gains.activity_time + gains.still_time
-    still_left = state.still_left + dt if judged and left < gains.least_rate else 0.0
-    still_right = state.still_right + dt if judged and right < gains.least_rate else 0.0
-    both_move = judged and still_left == 0.0 and still_right == 0.0
+    left = low_pass(state.speed_left, abs(inputs.rate_left), gains.activity_time, dt)
+    right = low_pass(state.speed_right, abs(inputs.rate_right), gains.activity_time, dt)
+    rocking = low_pass(state.rocking, abs(inputs.roll_rate), gains.activity_time, dt)
+    current = low_pass(state.current, inputs.current, gains.current_time, dt)
+    commanded = state.commanded + dt if inputs.commanded else 0.0
+    judged = commanded > 2.0 * gains.activity_time + gains.still_time
+    stationary_left = state.stationary_left + dt if judged and left < gains.least_rate else 0.0
+    stationary_right = state.stationary_right + dt if judged and right < gains.least_rate else 0.0
+    both_move = judged and stationary_left == 0.0 and stationary_right == 0.0
     usual = low_pass(state.usual or current, current, gains.usual_time, dt) if both_move else state.usual
-    doubted = state.doubted + dt if seen.valid != LEFT | RIGHT else 0.0
-    lost = (LEFT | RIGHT) & ~(seen.valid | state.jammed) if doubted >= gains.verdict_time else 0
+    suspect_time = state.suspect_time + dt if inputs.valid != LEFT | RIGHT else 0.0
+    lost = (LEFT | RIGHT) & ~(inputs.valid | state.jammed) if suspect_time >= gains.verdict_time else 0
     state = new(State, (
-        left, right, told, still_left, still_right, doubted, rocking, current, usual, lost, state.jammed,
-        seen.angles, state.rocked,
+        left, right, commanded, stationary_left, stationary_right, suspect_time, rocking, current, usual, lost,
+        state.jammed, inputs.angles, state.rocked,
     ))  # fmt: skip
     return _judged(gains, state, dt) if judged and not both_move else state
 
 
 def _judged(gains: Gains, state: State, dt: float) -> State:
     """The state with the wings that stand still while their drives pull, or while the other rocks the vehicle."""
-    still = (LEFT if state.still_left >= gains.still_time else 0) | (
-        RIGHT if state.still_right >= gains.still_time else 0
+    still = (LEFT if state.stationary_left >= gains.still_time else 0) | (
+        RIGHT if state.stationary_right >= gains.still_time else 0
     )
     # The usual current is learned with both wings moving. Without it a strong current may be that of the climb,
     # unless both wings stand still: two encoders do not fail at once.
@@ -127,13 +127,13 @@ def _judged(gains: Gains, state: State, dt: float) -> State:
     fresh = still & ~state.lost
     if fresh and (stalled or state.rocking > gains.rocking):
         return state._replace(jammed=state.jammed | fresh)
-    return _unseen(gains, state, dt) if state.lost and not state.jammed else state
+    return _without_encoder(gains, state, dt) if state.lost and not state.jammed else state
 
 
-def _unseen(gains: Gains, state: State, dt: float) -> State:
+def _without_encoder(gains: Gains, state: State, dt: float) -> State:
     """A wing of a lost encoder: jammed when the other rocks the vehicle for longer than a gust.
 
     The current alone would mistake a climb for a stall: what is usual is not learned without both encoders.
     """
-    rocked = state.rocked + dt if state.rocking > UNSEEN * gains.rocking else 0.0
+    rocked = state.rocked + dt if state.rocking > WITHOUT_ENCODER * gains.rocking else 0.0
     return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.verdict_time else 0)

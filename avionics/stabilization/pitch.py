@@ -109,7 +109,7 @@ def step(
     return new(State, (grown, mean, rate, pitch, pitch_notch, rate_notch, bridge)), status
 
 
-def hold(
+def hold_trim(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
     """Frozen for an excitation: the mean elevator; the filters go on, the integral is kept.

@@ -68,7 +68,9 @@ def step(
     return new(State, (grown, bridge)), status
 
 
-def hold(gains: Gains, state: State, time_us: int, setpoint: float, measured: Measured) -> tuple[State, RollStatus]:
+def hold_trim(
+    gains: Gains, state: State, time_us: int, setpoint: float, measured: Measured
+) -> tuple[State, RollStatus]:
     """Frozen for an excitation of the rudder: the integral, which is the trim, and nothing else.
 
     What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.

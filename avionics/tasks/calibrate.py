@@ -8,7 +8,7 @@ from avionics import topics
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, procedure, wings
 from avionics.calibration.result import NOTHING_NEW, Took
 from avionics.guidance.modes import AIRBORNE
-from avionics.inputs import say
+from avionics.inputs import publish_event
 from avionics.messages import Calibration, Severity
 from avionics.quantities import BadInput
 from avionics.sensing import air_data, encoders, inertial, preflight
@@ -26,20 +26,20 @@ def calibrate(s: AutopilotState, publish: Publish) -> None:
     cancelled = reason_to_stop(s)
     took = Took(cancelled=cancelled) if cancelled else gather(s)
     state = s.calibration
-    s.calibration = state._replace(elapsed=state.elapsed + s.clock.dt, told=state.told + s.clock.dt)
+    s.calibration = state._replace(elapsed=state.elapsed + s.clock.dt, reported=state.reported + s.clock.dt)
     if took.note:
-        say(s, publish, Severity.INFO, "calibration", took.note)
-        s.calibration = _noted(s.calibration)
+        publish_event(s, publish, Severity.INFO, "calibration", took.note)
+        s.calibration = _recorded(s.calibration)
     if took.cancelled:
         give_up(s, publish, f"cancelled: {took.cancelled}")
     elif took.complete or state.elapsed >= procedure.PATIENCE[state.kind]:
         _solve(s, publish)
-    elif took.note or s.calibration.told >= TELL_EVERY:
-        s.calibration = s.calibration._replace(told=0.0)
+    elif took.note or s.calibration.reported >= TELL_EVERY:
+        s.calibration = s.calibration._replace(reported=0.0)
         publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 
 
-def _noted(state: procedure.State) -> procedure.State:
+def _recorded(state: procedure.State) -> procedure.State:
     """On six sides the patience is for each."""
     return state._replace(elapsed=0.0) if state.kind == Calibration.ACCELEROMETER else state
 
@@ -66,7 +66,7 @@ def gather(s: AutopilotState) -> Took:
         gathered, took = airspeed.step_zero(state.airspeed, pressure)
         s.calibration = state._replace(airspeed=gathered)
     elif kind == Calibration.AIRSPEED and frame.gps is not None and frame.gps.fix_type >= 2:
-        gathered, took = airspeed.step_scale(state.airspeed, _flown(s))
+        gathered, took = airspeed.step_scale(state.airspeed, _is_airborne(s))
         s.calibration = state._replace(airspeed=gathered)
     elif kind == Calibration.WINGS and frame.encoder is not None:
         at_rest, took = wings.step(state.wings, encoders.without_missed(s.encoders, frame.encoder))
@@ -91,7 +91,7 @@ def _gather_imu(s: AutopilotState) -> Took:
     return took
 
 
-def _flown(s: AutopilotState) -> airspeed.Sample:
+def _is_airborne(s: AutopilotState) -> airspeed.Sample:
     """Heading, horizontal airspeed and ground velocity at a fix."""
     fix, climb, speed = s.frame.gps, s.altitude.climb_rate, s.air.airspeed
     assert fix is not None
@@ -103,7 +103,7 @@ def give_up(s: AutopilotState, publish: Publish, reason: str) -> None:
     """End the calibration without a result, and say why."""
     name = s.calibration.kind.name
     s.calibration = procedure.stop(s.calibration)
-    say(s, publish, Severity.WARNING, "calibration", f"{name} not calibrated: {reason}")
+    publish_event(s, publish, Severity.WARNING, "calibration", f"{name} not calibrated: {reason}")
     publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 
 
@@ -116,13 +116,13 @@ def _solve(s: AutopilotState, publish: Publish) -> None:
         give_up(s, publish, str(refused))
         return
     s.calibration = procedure.stop(s.calibration, succeeded=True, residual=result.residual)
-    _begin_anew(s, kind)
+    _restart(s, kind)
     text = f"{kind.name} calibrated: {result.residual:.3g} {result.unit} RMS left in {result.samples} samples"
-    say(s, publish, Severity.NOTICE, "calibration", text)
+    publish_event(s, publish, Severity.NOTICE, "calibration", text)
     publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 
 
-def _begin_anew(s: AutopilotState, kind: Calibration) -> None:
+def _restart(s: AutopilotState, kind: Calibration) -> None:
     """What was learned with the old values is forgotten."""
     if kind in procedure.RAW_IMU:
         s.ahrs, s.preflight = None, preflight.State()

@@ -13,7 +13,7 @@ from avionics.guidance import navigation as navigator
 from avionics.guidance.modes import AIRBORNE, GUIDED
 from avionics.guidance.setpoint import Path, Setpoint
 from avionics.guidance.stages import FAST
-from avionics.inputs import say, tell
+from avionics.inputs import publish_event, publish_notices
 from avionics.limits import clip
 from avionics.messages import (
     AltitudeStatus,
@@ -44,7 +44,7 @@ def modes(s: AutopilotState, publish: Publish) -> None:
     s.modes, notices = supervisor.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
     if s.modes.failsafe & ~before & OUTSIDE:
         note_breach(s)
-    tell(s, publish, notices)
+    publish_notices(s, publish, notices)
 
 
 def note_breach(s: AutopilotState) -> None:
@@ -62,7 +62,7 @@ def navigation(s: AutopilotState, publish: Publish) -> None:
             s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
         )
         if s.navigation.item != item:
-            say(s, publish, Severity.INFO, "navigation", f"item {item} done")
+            publish_event(s, publish, Severity.INFO, "navigation", f"item {item} done")
         if s.fence.zones:
             s.fence_clearance = fence.clearance(s.fence, s.position.north, s.position.east)
     publish(topics.NAVIGATION, navigation_status(s))
@@ -94,25 +94,27 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
         s.excitation = excitation_input.start(s.excitation, asked)
         period = excitation_input.unfolding_period(asked, s.wing.frequency)
         if period:
-            say(s, publish, Severity.WARNING, "excitation", FOLDS.format(s.wing.frequency, period))
-    flown = new(excitation_input.Flown, (s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude))
+            publish_event(s, publish, Severity.WARNING, "excitation", FOLDS.format(s.wing.frequency, period))
+    flown = new(
+        excitation_input.EnvelopeState, (s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
+    )
     aborted = s.excitation.aborted
     s.excitation, s.excited = excitation_input.step(
         s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
     )
     if s.excitation.aborted and not aborted:
-        say(s, publish, Severity.WARNING, "excitation", "manoeuvre aborted: outside its envelope")
+        publish_event(s, publish, Severity.WARNING, "excitation", "manoeuvre aborted: outside its envelope")
 
 
 def vertical(s: AutopilotState, publish: Publish) -> None:
     """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
-    asked = asked_vertical(s)
+    asked = vertical_command(s)
     measured = new(altitude_loop.Measured, (s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed))
     if asked is not None:
         s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):
-        s.altitude_loop, s.vertical = altitude_loop.hold(state, time_us, s.target.altitude, measured)
+        s.altitude_loop, s.vertical = altitude_loop.hold_trim(state, time_us, s.target.altitude, measured)
     elif s.tail_check.jammed:
         s.altitude_loop, s.vertical = by_throttle_alone(s, measured)
     elif s.modes.stage == FLARE:
@@ -143,31 +145,35 @@ def by_throttle_alone(
     s.throttle_descent, throttle = throttle_descent.step(
         s.gains.throttle_descent, s.throttle_descent, dt, s.altitude_loop.throttle, seen
     )
-    asked = altitude_loop.Asked(throttle, gains.pitch_trim)
+    asked = altitude_loop.DirectCommand(throttle, gains.pitch_trim)
     state, status = altitude_loop.follow(gains, s.altitude_loop, s.clock.time_us, dt, asked)
     sink = s.gains.throttle_descent.sink
     return state, status._replace(climb_setpoint=-sink, climb_error=-sink - measured.climb_rate)
 
 
-def asked_vertical(s: AutopilotState) -> altitude_loop.Asked | None:
+def vertical_command(s: AutopilotState) -> altitude_loop.DirectCommand | None:
     """Throttle and pitch setpoint that bypass the altitude loop; None when the loop flies."""
     trim = s.gains.altitude.pitch_trim
     mode, stage = s.modes.mode, s.modes.stage
     if not s.modes.armed:
-        return altitude_loop.Asked(0.0, trim)
+        return altitude_loop.DirectCommand(0.0, trim)
     if mode == MANUAL:
-        return altitude_loop.Asked(s.pilot.throttle, trim)
+        return altitude_loop.DirectCommand(s.pilot.throttle, trim)
     if mode == STABILIZED:
-        return altitude_loop.Asked(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
+        return altitude_loop.DirectCommand(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
     if stage == WAIT_LAUNCH:
         # A weak throw falls to the ground while the stroke grows: the wings begin on the way out of the hand.
-        leaving = s.modes.thrown == FAST
-        return altitude_loop.Asked(s.gains.altitude.throttle_max if leaving else s.gains.modes.wait_throttle, trim)
+        leaving = s.modes.launch_state == FAST
+        return altitude_loop.DirectCommand(
+            s.gains.altitude.throttle_max if leaving else s.gains.modes.wait_throttle, trim
+        )
     if s.modes.cut and stage != FLARE:
-        return altitude_loop.Asked(0.0, s.gains.modes.glide_pitch)
+        return altitude_loop.DirectCommand(0.0, s.gains.modes.glide_pitch)
     attitude, limits = attitude_setpoint(s), s.gains.altitude
     if attitude is not None:
-        return altitude_loop.Asked(attitude.throttle, clip(attitude.pitch, limits.pitch_min, limits.pitch_max))
+        return altitude_loop.DirectCommand(
+            attitude.throttle, clip(attitude.pitch, limits.pitch_min, limits.pitch_max)
+        )
     return None
 
 
@@ -193,7 +199,7 @@ def flared(s: AutopilotState) -> altitude_loop.Gains:
 def lateral(s: AutopilotState, publish: Publish) -> None:
     """Heading -> roll setpoint, or the stick's, or wings level near the ground."""
     gains, state, time_us, dt = s.gains.heading, s.heading_loop, s.clock.time_us, s.clock.dt_50
-    asked = asked_roll(s)
+    asked = roll_command(s)
     motion = ground_motion(s)
     if asked is None:
         s.heading_loop, s.lateral = heading_loop.step(gains, state, time_us, dt, s.target.heading, motion)
@@ -202,7 +208,7 @@ def lateral(s: AutopilotState, publish: Publish) -> None:
     publish(topics.HEADING_LOOP, s.lateral)
 
 
-def asked_roll(s: AutopilotState) -> float | None:
+def roll_command(s: AutopilotState) -> float | None:
     """Roll setpoint (rad) that bypasses the heading loop; None when the loop flies."""
     if s.modes.stage not in AIRBORNE or s.modes.stage == FLARE or s.modes.mode == MANUAL:
         return 0.0

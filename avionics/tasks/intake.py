@@ -5,7 +5,7 @@ from __future__ import annotations
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
 from avionics.constants import STANDARD_GRAVITY
-from avionics.inputs import say
+from avionics.inputs import publish_event
 from avionics.messages import (
     ActuatorCommand,
     Attitude,
@@ -46,13 +46,15 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
     if s.plausibility.bad & 1:
         frame = frame._replace(imu=s.frame.imu)
     elif s.plausibility.saturated >= plausibility.SATURATED:
-        frame = frame._replace(imu=weighed(frame.imu, s.attitude))
+        frame = frame._replace(imu=gravity_substitute(frame.imu, s.attitude))
     elif s.calibration.kind not in RAW_IMU:
         imu = inertial.correct(s.gains.imu, frame.imu)
         frame = frame if imu is frame.imu else frame._replace(imu=imu)
     s.frame = frame
     for name in gone_bad:
-        say(s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite, out of range or repeated")
+        publish_event(
+            s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite, out of range or repeated"
+        )
 
 
 def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> ActuatorCommand:
@@ -61,18 +63,18 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
     s.plausibility = plausibility.refuse_time(s.plausibility)
     if s.plausibility.time_refused == 1:
         text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames refused"
-        say(s, publish, Severity.ERROR, "sensing", text)
+        publish_event(s, publish, Severity.ERROR, "sensing", text)
     if s.plausibility.time_refused >= plausibility.TIME_PATIENCE:
         step_us = s.clock.time_us + round(TICK * 1e6) - frame.time_us
         offset = s.plausibility.time_offset_us + step_us
         s.plausibility = s.plausibility._replace(time_offset_us=offset)
         way = "back" if offset > 0 else "ahead"
         text = f"sensor clock {abs(offset) * 1e-6:.3f} s {way}: followed from there"
-        say(s, publish, Severity.WARNING, "sensing", text)
+        publish_event(s, publish, Severity.WARNING, "sensing", text)
     return s.actuators._replace(time_us=frame.time_us)
 
 
-def weighed(imu: ImuSample, attitude: Attitude) -> ImuSample:
+def gravity_substitute(imu: ImuSample, attitude: Attitude) -> ImuSample:
     """The sample with the specific force of unaccelerated flight at the present attitude instead of its own."""
     w, x, y, z = attitude[7:11]
     g = STANDARD_GRAVITY

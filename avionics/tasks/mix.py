@@ -27,7 +27,7 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         return
     clock, added = s.clock, s.excited
     yaw_stick = s.pilot.yaw if s.modes.mode == MANUAL and s.modes.armed else 0.0
-    asked = new(tail.Asked, (
+    asked = new(tail.TailCommand, (
         s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
     ))  # fmt: skip
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
@@ -39,7 +39,7 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         s.gains.flapping, s.flapping, clock.time_us, clock.dt, throttle, moved.asymmetry
     )
     if s.modes.cut and s.wing_check.jammed in (wing_check.LEFT, wing_check.RIGHT):
-        stroke = beside_jammed(s, stroke)
+        stroke = match_jammed_wing(s, stroke)
     left, right, motor = stroke
     s.actuators = new(
         ActuatorCommand, (clock.time_us, left, right, motor, moved.elevator, moved.rudder, s.modes.armed)
@@ -57,7 +57,7 @@ def stop(s: AutopilotState, publish: Publish) -> None:
     publish(topics.ACTUATORS, s.actuators)
 
 
-def beside_jammed(s: AutopilotState, stroke: flapping.Stroke) -> flapping.Stroke:
+def match_jammed_wing(s: AutopilotState, stroke: flapping.Stroke) -> flapping.Stroke:
     """The free wing goes where the jammed one is, so that the glide is level."""
     limits, step = s.gains.flapping, BESIDE_RATE * s.clock.dt
     left, right = s.wing_check.angles

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
-from avionics.inputs import act, say
+from avionics.inputs import act, publish_event
 from avionics.messages import AirData, Mode, Severity, Stage
 from avionics.records import new
 from avionics.sensing import (
@@ -45,7 +45,7 @@ def power(s: AutopilotState, publish: Publish) -> None:
         publish(topics.POWER, s.power_state)
         if s.power.clipped and not clipped:
             text = "current beyond its sensor's range: power, energy and charge read too low"
-            say(s, publish, Severity.WARNING, "power", text)
+            publish_event(s, publish, Severity.WARNING, "power", text)
 
 
 def wing(s: AutopilotState, publish: Publish) -> None:
@@ -63,7 +63,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
     publish(topics.WING, s.wing)
     if s.wing[-3:] != before[-3:]:
         for severity, text in encoders.changes(before, s.wing):
-            say(s, publish, severity, "encoders", text)
+            publish_event(s, publish, severity, "encoders", text)
 
 
 def air(s: AutopilotState, publish: Publish) -> None:
@@ -75,7 +75,7 @@ def air(s: AutopilotState, publish: Publish) -> None:
             s.gains.air_data, s.air_data, s.frame.pressures, on_ground, _gate(s, aloft)
         )
         # What the gate refuses must be judged too: the check sees what the pitot tells.
-        told = air_data.told(s.air_data, measured.density)
+        told = air_data.ungated(s.air_data, measured.density)
         s.airspeed_check, airspeed = airspeed_check.step(
             s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, told, _motion(s), aloft
         )
@@ -92,7 +92,7 @@ def _gate(s: AutopilotState, aloft: airspeed_check.Aloft) -> air_data.Gate:
     """How readings of the pitot are taken in: every one until the wings carry, for the throw is no spike."""
     if aloft == GROUND:
         return OPEN
-    return DOUBTED if airspeed_check.doubted(s.airspeed_check) else WATCHED
+    return DOUBTED if airspeed_check.is_suspect(s.airspeed_check) else WATCHED
 
 
 def _without_pitot(s: AutopilotState, air: AirData, airspeed: float) -> AirData:
@@ -143,7 +143,7 @@ def wings(s: AutopilotState, publish: Publish) -> None:
     angles = wing_angle.angles(raw, counts.left_counts, counts.right_counts)
     told = int(s.modes.armed and s.modes.stage in AIRBORNE and s.flapping.frequency > 0.0)
     dt = s.clock.dt_50
-    seen = wing_check.Seen(
+    seen = wing_check.CheckInputs(
         (angles[0] - before[0]) / dt, (angles[1] - before[1]) / dt, s.power_state.current,
         s.attitude.roll_rate, told, s.wing.valid_left + 2 * s.wing.valid_right, angles,
     )  # fmt: skip
@@ -153,7 +153,7 @@ def wings(s: AutopilotState, publish: Publish) -> None:
 def tail(s: AutopilotState, publish: Publish) -> None:
     """Whether the tail answers."""
     closed = s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not s.modes.cut
-    seen = tail_check.Seen(s.elevator.pitch_error, s.elevator.elevator, s.pitch_loop.rate, s.air.airspeed)
+    seen = tail_check.CheckInputs(s.elevator.pitch_error, s.elevator.elevator, s.pitch_loop.rate, s.air.airspeed)
     s.tail_check = tail_check.step(
         s.gains.tail_check, s.tail_check, s.clock.dt_50, seen, closed and not s.excited.active
     )

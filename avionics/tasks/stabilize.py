@@ -36,7 +36,7 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
         elevator = gains.elevator_trim + gains.elevator_max * stick
         s.pitch_loop, s.elevator = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
     elif excitation_input.frozen(s.excitation):
-        s.pitch_loop, s.elevator = pitch_loop.hold(gains, state, time_us, dt, setpoint, measured)
+        s.pitch_loop, s.elevator = pitch_loop.hold_trim(gains, state, time_us, dt, setpoint, measured)
     else:
         s.pitch_loop, s.elevator = pitch_loop.step(gains, state, time_us, dt, setpoint, measured)
     publish(topics.PITCH_LOOP, s.elevator)
@@ -50,7 +50,7 @@ def roll(s: AutopilotState, publish: Publish) -> None:
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
         s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)
     elif excitation_input.roll_frozen(s.excitation):
-        s.roll_loop, s.roll_command = roll_loop.hold(gains, state, time_us, setpoint, measured)
+        s.roll_loop, s.roll_command = roll_loop.hold_trim(gains, state, time_us, setpoint, measured)
     else:
         s.roll_loop, s.roll_command = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
     publish(topics.ROLL_LOOP, s.roll_command)

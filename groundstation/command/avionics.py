@@ -229,7 +229,7 @@ def _tell(onboard: Onboard, loaded: Loaded) -> None:
     """Say which parameters were loaded, or why none were; a damaged file on stderr too."""
     if loaded.text:
         severity = Severity.WARNING if loaded.damaged else Severity.INFO
-        onboard.view.tell(severity, "parameters", loaded.text)
+        onboard.view.send_statustext(severity, "parameters", loaded.text)
     if loaded.damaged:
         print(f"wingbeat: {loaded.text}", file=sys.stderr)
 
@@ -251,14 +251,14 @@ def _fly(
         told.tell_events()
 
     def say(severity: Severity, text: str) -> None:
-        onboard.view.tell(severity, "board", text)
+        onboard.view.send_statustext(severity, "board", text)
 
     try:
         board = boards.open_board(chosen.board, Surroundings(say, idle))
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
-        board.hurry()
+        board.enable_busy_poll()
     # A Razor on the bench has a picture of its own.
     shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
     every, guard = LINE_EVERY if shown else math.inf, isolation.guard("terminal")

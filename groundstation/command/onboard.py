@@ -147,7 +147,7 @@ class Onboard:
         """A recording that has ended is told once, to the ground too; the flight goes on."""
         if self._recorder.failure and not self._unrecorded:
             self._unrecorded = True
-            self.view.tell(Severity.ERROR, "recorder", self._recorder.failure)
+            self.view.send_statustext(Severity.ERROR, "recorder", self._recorder.failure)
 
     def _arrived(self) -> list[Input]:
         """What came from the ground for the tick that begins."""
@@ -165,14 +165,14 @@ class Onboard:
                 self._waiting.add(now, self.view.stops(entry))
         forgotten = list(dict.fromkeys(entry.kind.name for entry in dropped if isinstance(entry, Command)))
         if forgotten:
-            self.view.tell(Severity.WARNING, "link", f"{NO_FRAMES}: {', '.join(forgotten)} not obeyed")
+            self.view.send_statustext(Severity.WARNING, "link", f"{NO_FRAMES}: {', '.join(forgotten)} not obeyed")
 
     def _keep(self, file: ParameterFile, armed: bool) -> None:
         try:
             file.keep(self.view.autopilot.memory.gains, armed)
         except OSError as error:
             text = f"parameters are not kept: {file.path}: {error.strerror}"
-            self.view.tell(Severity.ERROR, "parameters", text)
+            self.view.send_statustext(Severity.ERROR, "parameters", text)
 
     def _due(self, time_us: int) -> list[Command]:
         if self._boot_us is None:
@@ -191,7 +191,7 @@ class Onboard:
         """Report what the guards caught: in one line to the ground, with the traceback to the log."""
         for fault in self._isolation.take_faults():
             event, *details = fault_events(fault, self.view.time_us)
-            self.view.tell(event.severity, event.source, event.text)
+            self.view.send_statustext(event.severity, event.source, event.text)
             for detail in details:
                 self._record(topics.LINK_EVENTS, detail)
 

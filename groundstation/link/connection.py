@@ -157,12 +157,12 @@ class Connection:
         self._heard = self._heard or bool(packet.data)
         reader = self._readers.setdefault(packet.peer, GroundReader())
         frames = reader.feed(packet.data)
-        if (self._transport.datagrams and not packet.goes_on) or not packet.data:
+        if (self._transport.datagrams and not packet.continues) or not packet.data:
             frames += reader.give_up()
         # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
         arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._believed(frame)]
         if any(arrival.message is not None for arrival in arrivals):
-            self._transport.welcome(packet.peer)
+            self._transport.register_peer(packet.peer)
         return arrivals
 
     def _believed(self, frame: Frame) -> bool:

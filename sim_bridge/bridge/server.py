@@ -93,7 +93,7 @@ class BridgeServer:
         self._patience = patience or Patience()
         self._clock = clock
         self.hurried = False
-        """whether to wait for answers without sleeping: see `SocketStream.hurry`"""
+        """whether to wait for answers without sleeping: see `SocketStream.enable_busy_poll`"""
 
     @property
     def port(self) -> int:
@@ -113,7 +113,7 @@ class BridgeServer:
                 f"no flight computer connected to {self._listener.url} for {self._patience.connect:g} s"
             )
         if self.hurried:
-            stream.hurry()
+            stream.enable_busy_poll()
         session = Session(stream, world, self._patience, Pacer(self._speed, self._clock), self._clock)
         try:
             return session.fly()

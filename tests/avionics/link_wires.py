@@ -38,7 +38,7 @@ class Wire:
         packets, self._waiting = self._waiting, []
         return packets
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         self.welcomed.add(peer)
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:

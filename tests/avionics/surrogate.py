@@ -162,7 +162,7 @@ class Bird:
         return GpsFix(self.time_us, latitude, longitude, 300.0 + self.altitude, *v, 2.0, 3.0, 3, 9)
 
 
-class Flown(NamedTuple):
+class EnvelopeState(NamedTuple):
     """One row of a flight."""
 
     time: float

@@ -18,7 +18,7 @@ from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.boards import check_address
-from avionics.board.razor import WITH_SENSORS, FrameClock, Patience, RazorBoard, RazorUrl, parse_address
+from avionics.board.razor import WITH_SENSORS, FrameClock, RazorBoard, RazorUrl, Timeouts, parse_address
 from avionics.board.razor_protocol import OUTPUTS, Reader, start_request
 from avionics.messages import SensorFrame
 from avionics.missions import load_mission
@@ -28,7 +28,7 @@ from avionics.vehicles import load_vehicle
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
 
-QUICK = Patience(look=0.002)
+QUICK = Timeouts(look=0.002)
 
 
 def leaning(time: float) -> Motion:
@@ -38,7 +38,7 @@ def leaning(time: float) -> Motion:
 class Bench:
     """A fake Razor and the board that reads it, on the fake's clock; what the board says is kept."""
 
-    def __init__(self, fake: FakeRazor, options: str = "", patience: Patience = QUICK, address: str = "") -> None:
+    def __init__(self, fake: FakeRazor, options: str = "", patience: Timeouts = QUICK, address: str = "") -> None:
         self.fake = fake
         self.said: list[str] = []
         self.at: dict[int, Callable[[], None]] = {}
@@ -226,7 +226,7 @@ def test_plugged_in_again_it_goes_on(tmp_path: Path) -> None:
     device = tmp_path / "razor"
     first, second = FakeRazor(leaning), FakeRazor(leaning, seed=2)
     device.symlink_to(first.line.device)
-    bench = Bench(first, address=f"razor:{device}", patience=QUICK._replace(gone=20.0))
+    bench = Bench(first, address=f"razor:{device}", patience=QUICK._replace(loss=20.0))
     earlier = bench.read(20)
 
     def put_back() -> None:

@@ -22,18 +22,18 @@ sys.path.insert(0, str(Path(__file__).parent))
 from flapping_airframe import SLOW_HAWK, Motion
 from modelled_sensors import GAINS, STILL, Estimate, Sensed, calibrated, estimated, sensed, shipped
 
-Flown = tuple[Motion, list[Sensed]]
+EnvelopeState = tuple[Motion, list[Sensed]]
 LENGTH = 32.0
 
 
 @cache
-def flight(bank_deg: float, seed: int = 1, units: bool = False) -> Flown:
+def flight(bank_deg: float, seed: int = 1, units: bool = False) -> EnvelopeState:
     """Noise, resolution and gyro bias of the modelled sensors; with ``units`` what calibration leaves as well."""
     spec = shipped() if units else calibrated(shipped())
     return sensed(spec, SLOW_HAWK._replace(bank=math.radians(bank_deg)), LENGTH, seed)
 
 
-def altered(flown: Flown, change: Callable[[float, Sensed], Sensed]) -> Flown:
+def altered(flown: EnvelopeState, change: Callable[[float, Sensed], Sensed]) -> EnvelopeState:
     """Sensors that fail: ``change`` is given the time since the throw."""
     motion, given = flown
     return motion, [change(float(t) - STILL, now) for t, now in zip(motion.time, given, strict=True)]

@@ -29,7 +29,7 @@ GAINS = excitation.Gains(
     altitude_max=8.0,
     altitude_floor=10.0,
 )
-FLOWN = excitation.Flown(0.3, 0.0, 7.5, 40.0)
+FLOWN = excitation.EnvelopeState(0.3, 0.0, 7.5, 40.0)
 DT = 0.01
 SWEEP = Excitation(Channel.ELEVATOR, Shape.LINEAR_SWEEP, 0.1, 10.0, 0.5, 1, 0.5, 3.0)
 THREE = Excitation(Channel.ELEVATOR, Shape.MULTISINE, 0.06, 10.0, 1.0, 1, 0.3, 2.6, beside=(0.0, 0.08, 0.1), loops=1)
@@ -234,7 +234,7 @@ def test_the_climb_loop_is_calm_while_a_trim_is_sought() -> None:
         FLOWN._replace(airspeed=math.nan),
     ],
 )
-def test_leaving_the_envelope_aborts_every_shape(asked: Excitation, outside: excitation.Flown) -> None:
+def test_leaving_the_envelope_aborts_every_shape(asked: Excitation, outside: excitation.EnvelopeState) -> None:
     state, status = excitation.step(GAINS, running(asked), 0, DT, True, outside)
     assert (status.aborted, status.active, state.finished) == (1, 0, 1)
     assert status[3:6] == (0.0, 0.0, 0.0)

@@ -90,7 +90,7 @@ def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
     state, _ = run(state, HIGH, 1.0)
     fallen, _ = run(state, LOW, 0.1)
     assert (fallen.mode, fallen.failsafe) == (Mode.RETURN, Failsafe.FENCE)
-    landing, _ = run(state._replace(stage=Stage.APPROACH), LOW._replace(wanted_stage=Stage.APPROACH), 1.0)
+    landing, _ = run(state._replace(stage=Stage.APPROACH), LOW._replace(requested_stage=Stage.APPROACH), 1.0)
     assert (landing.mode, landing.failsafe) == (Mode.AUTO, 0)
 
 

@@ -15,7 +15,7 @@ from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.limits import low_pass
 from avionics.messages import Mode, Stage
 from avionics.state import AutopilotState
-from avionics.tasks.guide import asked_vertical
+from avionics.tasks.guide import vertical_command
 
 GAINS = VEHICLE.gains.modes
 DT = 0.02
@@ -24,7 +24,7 @@ WAITING = modes.State(mode=Mode.AUTO, stage=Stage.WAIT_LAUNCH, armed=1)
 ON_THE_HAND = modes.Conditions(
     forward_force=0.0, airspeed=0.0, altitude=0.0, climb_rate=0.0, roll=0.0, pitch=0.2, ground_speed=0.0,
     home_distance=0.0, fix_age=0.1, battery=1.0, settled=1, imu_fault=0, items=3, throttle_stick=0.0,
-    wanted_stage=Stage.CLIMB_OUT,
+    requested_stage=Stage.CLIMB_OUT,
 )  # fmt: skip
 Accel = Callable[[float], float]
 PITOT_LAG = 0.25
@@ -100,7 +100,7 @@ def test_the_wings_begin_on_the_way_out_of_the_hand_and_stop_when_it_was_no_thro
 
 
 def throttle_asked(memory: AutopilotState) -> float | None:
-    asked = asked_vertical(memory)
+    asked = vertical_command(memory)
     return None if asked is None else asked.throttle
 
 
@@ -166,4 +166,4 @@ def test_after_the_throw_the_navigation_or_the_pilot_flies(mode: Mode, stage: St
         if "launched" in said:
             break
     assert (state.stage, said) == (stage, ["launched"])
-    assert (state.push, state.push_way, state.thrown) == (0.0, 0.0, 0)
+    assert (state.push, state.push_way, state.launch_state) == (0.0, 0.0, 0)

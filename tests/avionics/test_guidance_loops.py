@@ -179,7 +179,7 @@ def test_calm_gains_keep_every_limit_and_hold_an_altitude() -> None:
 
 def test_frozen_altitude_loop_holds_the_mean_throttle_and_goes_on_without_a_jump() -> None:
     state, _ = fly(41.0, level(), 10.0)
-    held, status = altitude.hold(state, 0, 41.0, level(45.0, 2.0))
+    held, status = altitude.hold_trim(state, 0, 41.0, level(45.0, 2.0))
     assert status.throttle == state.throttle_mean
     assert held.integral == state.integral
     _, resumed = altitude.step(ALTITUDE, held, 0, DT, 41.0, level())
@@ -212,10 +212,10 @@ def test_yaw_is_steered_while_slow_or_without_a_position(speed: float, valid: in
 
 
 DOUBLET = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.2, 0.5, 2)
-FLOWN = excitation.Flown(0.3, 0.0, 7.5, 40.0)
+FLOWN = excitation.EnvelopeState(0.3, 0.0, 7.5, 40.0)
 
 
-def excite(asked: Excitation, seconds: float, flown: excitation.Flown = FLOWN, dt: float = 0.01):
+def excite(asked: Excitation, seconds: float, flown: excitation.EnvelopeState = FLOWN, dt: float = 0.01):
     state, statuses = excitation.start(excitation.State(), asked), []
     for i in range(round(seconds / dt)):
         state, status = excitation.step(EXCITE, state, round(i * dt * 1e6), dt, True, flown)
@@ -273,7 +273,7 @@ def test_starts_are_spread_over_the_stroke() -> None:
         FLOWN._replace(altitude=49.0),
     ],
 )
-def test_leaving_the_envelope_aborts_and_releases(outside: excitation.Flown) -> None:
+def test_leaving_the_envelope_aborts_and_releases(outside: excitation.EnvelopeState) -> None:
     state, _ = excite(DOUBLET, 1.5)
     assert excitation.frozen(state)
     state, status = excitation.step(EXCITE, state, 0, 0.01, True, outside)

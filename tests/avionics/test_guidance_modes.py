@@ -25,7 +25,7 @@ READY = modes.Conditions(
     imu_fault=0,
     items=3,
     throttle_stick=0.0,
-    wanted_stage=Stage.EN_ROUTE,
+    requested_stage=Stage.EN_ROUTE,
 )
 CRUISE = READY._replace(airspeed=7.5, ground_speed=7.5, altitude=40.0, climb_rate=0.1, home_distance=100.0)
 FLYING = modes.State(mode=Mode.AUTO, stage=Stage.EN_ROUTE, armed=1)
@@ -72,7 +72,7 @@ def test_armed_waits_for_the_launch() -> None:
     assert state.stage == Stage.WAIT_LAUNCH
 
 
-DOWN = READY._replace(wanted_stage=Stage.FLARE)
+DOWN = READY._replace(requested_stage=Stage.FLARE)
 
 
 def test_touchdown_disarms_after_its_time() -> None:
@@ -139,7 +139,7 @@ def test_a_pilot_can_break_off_a_landing() -> None:
 
 
 def test_the_stage_follows_the_navigation() -> None:
-    state, said = run(FLYING, CRUISE._replace(wanted_stage=Stage.APPROACH), 0.1)
+    state, said = run(FLYING, CRUISE._replace(requested_stage=Stage.APPROACH), 0.1)
     assert (state.stage, [notice.text for notice in said]) == (Stage.APPROACH, ["stage APPROACH"])
 
 
@@ -208,7 +208,7 @@ def test_a_link_lost_on_the_hand_hinders_arming_and_is_answered_above_the_floor(
     grounded, _ = run(LINKLESS._replace(armed=0, stage=Stage.ON_GROUND), READY, 1.0)
     _, notices = arming.arm(GAINS, grounded, READY)
     assert notices[0].text == "arming refused: ground link lost"
-    low = CRUISE._replace(altitude=2.0, return_floor=15.0, wanted_stage=Stage.CLIMB_OUT)
+    low = CRUISE._replace(altitude=2.0, return_floor=15.0, requested_stage=Stage.CLIMB_OUT)
     state, _ = run(LINKLESS._replace(stage=Stage.CLIMB_OUT), low, 5.0)
     assert (state.mode, state.stage) == (Mode.AUTO, Stage.CLIMB_OUT)
     landing, _ = run(state, low._replace(battery=0.01), 0.1)
@@ -237,7 +237,7 @@ def test_who_was_to_land_does_nothing_else_by_itself(failing, then) -> None:
 
 
 def test_only_the_line_down_keeps_a_return_from_being_flown() -> None:
-    approach = CRUISE._replace(wanted_stage=Stage.APPROACH, battery=GAINS.battery_return - 0.01)
+    approach = CRUISE._replace(requested_stage=Stage.APPROACH, battery=GAINS.battery_return - 0.01)
     state, _ = run(FLYING._replace(stage=Stage.APPROACH), approach, 0.1)
     assert state.mode == Mode.RETURN
     state, _ = run(FLYING._replace(stage=Stage.APPROACH), approach._replace(final=1), 0.1)
@@ -299,7 +299,7 @@ def test_a_dead_pitot_without_a_fix_is_no_crash_in_the_air() -> None:
 
 
 def test_the_stage_of_the_mode_before_is_not_taken() -> None:
-    stale = CRUISE._replace(wanted_stage=Stage.CLIMB_OUT, navigated=int(Mode.AUTO))
+    stale = CRUISE._replace(requested_stage=Stage.CLIMB_OUT, navigated=int(Mode.AUTO))
     state, said = run(FLYING._replace(mode=Mode.RETURN), stale, 0.1)
     assert (state.stage, said) == (Stage.EN_ROUTE, [])
 

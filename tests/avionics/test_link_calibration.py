@@ -9,10 +9,10 @@ from avionics import topics as t
 from avionics.link.budget import Budget
 from avionics.link.dialect import mavlink
 from avionics.link.services.calibration import CalibrationRequests
+from avionics.link.services.command_result import Request
 from avionics.link.services.parameters import ParameterService
 from avionics.link.services.service import Reply, Sender
 from avionics.link.services.storage import StorageRequests
-from avionics.link.services.verdict import Request
 from avionics.link.vehicle import LinkGains
 from avionics.messages import Calibration, CalibrationStatus, CommandKind
 from avionics.quantities import BadInput
@@ -50,15 +50,15 @@ def acks(outputs: list[Any]) -> list[tuple[int, int]]:
     ],
 )
 def test_each_parameter_begins_its_calibration(params: tuple[float, ...], kind: str) -> None:
-    verdict = CalibrationRequests(FakeVehicle()).answer(asked(*params))
-    assert verdict.result == IN_PROGRESS
-    assert [(command.kind, command.name) for command in verdict.outputs] == [(CommandKind.CALIBRATE, kind)]
+    command_result = CalibrationRequests(FakeVehicle()).answer(asked(*params))
+    assert command_result.result == IN_PROGRESS
+    assert [(command.kind, command.name) for command in command_result.outputs] == [(CommandKind.CALIBRATE, kind)]
 
 
 def test_our_own_command_says_kind_and_what_is_given() -> None:
     requests = CalibrationRequests(FakeVehicle())
-    verdict = requests.answer(asked(7, 7.8, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE))
-    assert [(command.name, command.value) for command in verdict.outputs] == [("BATTERY", 7.8)]
+    command_result = requests.answer(asked(7, 7.8, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE))
+    assert [(command.name, command.value) for command in command_result.outputs] == [("BATTERY", 7.8)]
     for wrong in (0.0, 99.0, 1.5, float("nan")):
         other = CalibrationRequests(FakeVehicle())
         assert other.answer(asked(wrong, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE)).result == UNSUPPORTED
@@ -109,8 +109,12 @@ def test_the_success_of_an_earlier_one_is_not_taken_for_this_ones() -> None:
 def test_refusals_are_denied_with_the_cores_reason_and_gyroscopes_are_not_supported() -> None:
     vehicle = FakeVehicle()
     vehicle.refusals[CommandKind.CALIBRATE] = "calibration refused: armed"
-    verdict = CalibrationRequests(vehicle).answer(asked(0, 1))
-    assert (verdict.result, verdict.reason, verdict.outputs) == (DENIED, "calibration refused: armed", ())
+    command_result = CalibrationRequests(vehicle).answer(asked(0, 1))
+    assert (command_result.result, command_result.reason, command_result.outputs) == (
+        DENIED,
+        "calibration refused: armed",
+        (),
+    )
     for params in ((1.0,), (0.0, 0.0, 1.0)):
         assert CalibrationRequests(FakeVehicle()).answer(asked(*params)).result == UNSUPPORTED
     busy = CalibrationRequests(FakeVehicle())
@@ -119,14 +123,14 @@ def test_refusals_are_denied_with_the_cores_reason_and_gyroscopes_are_not_suppor
 
 
 def test_all_zeros_cancel() -> None:
-    verdict = CalibrationRequests(FakeVehicle()).answer(asked())
-    assert verdict.result == ACCEPTED
-    assert [(command.kind, command.name) for command in verdict.outputs] == [(CommandKind.CALIBRATE, "")]
+    command_result = CalibrationRequests(FakeVehicle()).answer(asked())
+    assert command_result.result == ACCEPTED
+    assert [(command.kind, command.name) for command in command_result.outputs] == [(CommandKind.CALIBRATE, "")]
 
 
 def test_a_parameter_that_a_calibration_changed_is_sent_to_everyone_once() -> None:
     vehicle = FakeVehicle()
-    service = ParameterService(vehicle, LinkGains(), [Budget(0).room])
+    service = ParameterService(vehicle, LinkGains(), [Budget(0).available_bytes])
     assert service.step(0.0) == []
     vehicle.parameters = [vehicle.parameters[0], vehicle.parameters[1]._replace(value=0.5), *vehicle.parameters[2:]]
     (sent,) = service.step(0.1)

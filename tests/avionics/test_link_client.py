@@ -362,7 +362,7 @@ def test_a_mission_goes_up_and_comes_down_the_same() -> None:
 
 
 def test_items_lost_on_the_way_are_asked_for_again_and_out_of_order_ones_dropped() -> None:
-    with stock_client(LinkGains(ask_again=0.05)) as (client, vehicle):
+    with stock_client(LinkGains(retry_interval=0.05)) as (client, vehicle):
         item = mavlink.MAVLink_mission_item_int_message(1, 1, 0, 6, 22, 0, 1, 0, 0, 0, math.nan, 0, 0, 30.0)
         late = mavlink.MAVLink_mission_item_int_message(1, 1, 1, 6, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0.0)
         client.mav.mission_count_send(1, 1, 2, 0)

@@ -21,9 +21,9 @@ from ports import free_port
 from pymavlink import mavftp, mavutil
 
 from avionics.link.dialect import mavlink
+from avionics.link.ftp_files import pack_parameters
 from avionics.link.ground import Files, GroundLink
 from avionics.link.services.ftp import BURST, BURST_PER_STEP, MOST_SESSIONS
-from avionics.link.shelf import pack_parameters
 from avionics.link.vehicle import Parameter
 
 LOG = random.Random(3).randbytes(40_000)

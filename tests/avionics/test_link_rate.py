@@ -191,7 +191,9 @@ def test_without_a_rate_there_is_always_room() -> None:
     for budget in (free, slow):
         budget.advance(0.0)
         budget.spend(10_000_000)
-    assert free.room(Rank.LAST.value) > 0.0 > slow.room(0.0) and slow.broke() and not free.broke()
+    assert (
+        free.available_bytes(Rank.LAST.value) > 0.0 > slow.available_bytes(0.0) and slow.broke() and not free.broke()
+    )
 
 
 # --- all links together --------------------------------------------------------------------------------------

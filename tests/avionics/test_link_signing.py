@@ -477,7 +477,7 @@ def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp
             ground.link._signing = Signing(lambda: NOW)  # a crash: nothing is written any more
     if clean:
         kept = file.load_stamps()
-    assert kept.ours >= used and kept.clock == TICKS
+    assert kept.local >= used and kept.clock == TICKS
     # Afterwards the vehicle's clock is years behind: it has no battery.
     again = load_signing(file, lambda: EPOCH)
     with grounded(again) as (ground, port):

@@ -123,7 +123,7 @@ def test_bytes_go_both_ways(ear: str, mouth: str, kind: socket.SocketKind) -> No
         heard = server.receive(0.0)
     assert heard[0].data.startswith(b"up")
     server.send(b"nobody is welcome yet" if ear == "udpin" else b"")
-    server.welcome(heard[0].peer)
+    server.register_peer(heard[0].peer)
     server.send(b"down")
     assert _receive(client)[0].data == b"down"
     client.close()
@@ -134,16 +134,16 @@ def test_a_station_that_left_a_udp_port_is_sent_nothing_more_and_the_last_one_al
     port = free_port(socket.SOCK_DGRAM)
     server = open_transport(f"udpin:127.0.0.1:{port}")
     server.receive(0.0)
-    server.welcome("left")
+    server.register_peer("left")
     server.receive(10.0)
-    server.welcome("stays")
+    server.register_peer("stays")
     server.receive(GONE)
     assert server.peers == ("left", "stays")
     server.receive(GONE + 1.0)
     assert server.peers == ("stays",)
     server.receive(10.0 * GONE)
     assert server.peers == ("stays",), "who hears us may be one whose own words are lost"
-    server.welcome("left")
+    server.register_peer("left")
     assert set(server.peers or ()) == {"left", "stays"}
     server.receive(10.0 * GONE + 0.1)
     assert server.peers == ("left",)
@@ -248,7 +248,7 @@ class Door:
         guest.sendall(b"word")
         heard = [packet for packet in self.look() if packet.peer == guest.getsockname()]
         for packet in heard:
-            self.server.welcome(packet.peer)
+            self.server.register_peer(packet.peer)
         return bool(heard)
 
 
@@ -379,7 +379,7 @@ def test_a_stream_gives_what_comes_waits_no_longer_than_asked_and_knows_who_has_
 ) -> None:
     stream, partner = ends
     if hurried:
-        stream.hurry()
+        stream.enable_busy_poll()
     assert stream.read(0.001) == b""
     partner.sendall(b"tick")
     assert stream.read(PATIENCE) == b"tick"
@@ -414,7 +414,7 @@ def test_who_reads_nothing_is_given_up(
 def test_an_end_in_a_hurry_sleeps_again_when_answers_are_late(ends: tuple[SocketStream, socket.socket]) -> None:
     """GIVEN a partner that does not answer WHEN it was waited for often THEN waiting costs no processor any more."""
     stream, _ = ends
-    stream.hurry()
+    stream.enable_busy_poll()
     for _ in range(CREDIT):
         stream.read(0.0)
     begun = time.thread_time()
@@ -424,7 +424,7 @@ def test_an_end_in_a_hurry_sleeps_again_when_answers_are_late(ends: tuple[Socket
 
 def test_late_answers_are_forgotten_after_many_in_time(ends: tuple[SocketStream, socket.socket]) -> None:
     stream, partner = ends
-    stream.hurry()
+    stream.enable_busy_poll()
     for _ in range(CREDIT - 1):
         stream.read(0.0)
     for _ in range(RENEWED):

@@ -119,27 +119,27 @@ def test_drive_that_makes_no_sense_is_refused(change: dict, word: str) -> None:
         flapping.check(SERVO._replace(**change))
 
 
-def settle(asked: tail.Asked) -> tail.Tail:
+def settle(command: tail.TailCommand) -> tail.Tail:
     state = tail.State()
     for _ in range(200):
-        state, moved = tail.step(TAIL, state, DT, asked)
+        state, moved = tail.step(TAIL, state, DT, command)
     return moved
 
 
 def test_rolling_right_turns_the_rudder_right_and_enlarges_the_left_stroke() -> None:
-    moved = settle(tail.Asked(0.1, 0.5, 0.0, 0.0, 0.0, 0))
+    moved = settle(tail.TailCommand(0.1, 0.5, 0.0, 0.0, 0.0, 0))
     assert moved.rudder == pytest.approx(0.2)
     assert moved.asymmetry == pytest.approx(0.1)
     assert moved.elevator == pytest.approx(0.1)
 
 
 def test_yaw_stick_turns_the_rudder_right() -> None:
-    assert settle(tail.Asked(0.0, 0.0, 0.6, 0.0, 0.0, 0)).rudder == pytest.approx(0.3)
+    assert settle(tail.TailCommand(0.0, 0.0, 0.6, 0.0, 0.0, 0)).rudder == pytest.approx(0.3)
 
 
 @given(elevator=st.floats(-2, 2), roll=st.floats(-1, 1), yaw=st.floats(-1, 1), before=st.floats(-0.4, 0.4))
 def test_tail_respects_travel_and_rate(elevator: float, roll: float, yaw: float, before: float) -> None:
-    _, moved = tail.step(TAIL, tail.State(before, before), DT, tail.Asked(elevator, roll, yaw, 0.0, 0.0, 0))
+    _, moved = tail.step(TAIL, tail.State(before, before), DT, tail.TailCommand(elevator, roll, yaw, 0.0, 0.0, 0))
     assert TAIL.elevator_min <= moved.elevator <= TAIL.elevator_max
     assert abs(moved.rudder) <= TAIL.rudder_max
     assert abs(moved.elevator - before) <= TAIL.servo_rate * DT + 1e-12
@@ -147,8 +147,8 @@ def test_tail_respects_travel_and_rate(elevator: float, roll: float, yaw: float,
 
 
 def test_an_excitation_is_reported_as_applied_not_as_wished() -> None:
-    moved = settle(tail.Asked(0.45, 0.0, 0.0, 0.2, 0.0, 1))
+    moved = settle(tail.TailCommand(0.45, 0.0, 0.0, 0.2, 0.0, 1))
     assert moved.applied_elevator == pytest.approx(0.05)
     state = tail.State(0.1, 0.0)
-    _, moved = tail.step(TAIL, state, DT, tail.Asked(0.1, 0.0, 0.0, 0.2, 0.0, 1))
+    _, moved = tail.step(TAIL, state, DT, tail.TailCommand(0.1, 0.0, 0.0, 0.2, 0.0, 1))
     assert moved.applied_elevator == pytest.approx(TAIL.servo_rate * DT)

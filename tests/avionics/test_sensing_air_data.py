@@ -187,7 +187,7 @@ def test_a_blocked_or_pressurised_pitot_does_not_go_through(pressure: float) -> 
     assert innovation == pytest.approx(pressure - STILL, abs=10.0)
     assert innovation**2 > GAINS.gate**2 * flight.after[-1].innovation_variance
     # What the tube tells is still known to `airspeed_check`.
-    told = air_data.told(flight.state, flight.after[-1].density)
+    told = air_data.ungated(flight.state, flight.after[-1].density)
     assert told == pytest.approx(math.sqrt(2.0 * pressure / DENSITY), abs=2.0)
 
 
@@ -202,7 +202,7 @@ def test_one_spike_leaves_nothing() -> None:
     assert spiked.dynamic_pressure == pytest.approx(clean.dynamic_pressure, abs=0.01)
 
 
-@pytest.mark.parametrize(("gate", "patience"), [(Gate.WATCHED, "gate_patience"), (Gate.DOUBTED, "doubt_patience")])
+@pytest.mark.parametrize(("gate", "patience"), [(Gate.WATCHED, "gate_patience"), (Gate.SUSPECT, "doubt_patience")])
 def test_what_lasts_is_believed_after_the_patience(gate: Gate, patience: str) -> None:
     """GIVEN an airspeed that has really changed THEN it is told when the patience is over, sooner without doubt."""
     faster = 0.5 * DENSITY * 12.0**2

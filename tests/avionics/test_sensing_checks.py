@@ -51,12 +51,12 @@ def test_a_pitot_that_sticks_at_a_speed_is_found_by_its_difference() -> None:
 def test_a_pitot_is_doubted_before_it_is_called_blocked_and_while_it_is() -> None:
     motion = Motion(7.0, 0.0, 0.0)
     good, _ = fly(airspeed_check.State(), 7.0, motion, 20.0)
-    assert not airspeed_check.doubted(good)
+    assert not airspeed_check.is_suspect(good)
     for wrong in (0.0, 8.0 + PITOT.difference):
         doubted, _ = fly(good, wrong, motion, 2 * DT)
-        assert airspeed_check.doubted(doubted) and not doubted.blocked
+        assert airspeed_check.is_suspect(doubted) and not doubted.blocked
         blocked, _ = fly(doubted, wrong, motion, PITOT.difference_time)
-        assert airspeed_check.doubted(blocked) and blocked.blocked
+        assert airspeed_check.is_suspect(blocked) and blocked.blocked
     # One sigma of moderate gusts: what ground velocity and remembered wind do not know.
     assert 2.0 < math.sqrt(airspeed_check.variance(PITOT)) < 3.5
 
@@ -145,10 +145,10 @@ def test_the_attitude_alone_tells_a_disturbed_field(disturbed: int) -> None:
     assert sensed(state) == disturbed * Failsafe.MAG_DISTURBED
 
 
-BEATING = wing_check.Seen(4.0, -4.0, 2.4, 0.02, 1)
+BEATING = wing_check.CheckInputs(4.0, -4.0, 2.4, 0.02, 1)
 
 
-def watch(state: wing_check.State, seen: wing_check.Seen, seconds: float) -> wing_check.State:
+def watch(state: wing_check.State, seen: wing_check.CheckInputs, seconds: float) -> wing_check.State:
     for _ in range(round(seconds / DT)):
         state = wing_check.step(WINGS, state, DT, seen)
     return state
@@ -193,7 +193,7 @@ def test_encoder_lost_before_the_first_stroke_is_no_jam(encoder: dict[str, float
 
 
 def test_wings_that_were_not_told_to_flap_may_rest() -> None:
-    state = watch(wing_check.State(), wing_check.Seen(0.0, 0.0, 9.0, 3.0, 0), 10.0)
+    state = watch(wing_check.State(), wing_check.CheckInputs(0.0, 0.0, 9.0, 3.0, 0), 10.0)
     assert (state.lost, state.jammed) == (0, 0)
 
 
@@ -205,7 +205,9 @@ def pitching(
     for i in range(round(seconds / DT)):
         push += (gust * math.sqrt(2.0 * DT / 0.3) * noise.gauss(0.0, 1.0)) - push * DT / 0.3
         rate += (effect * 49.0 * elevator(i * DT) - TAIL.damping * rate + push) * DT
-        state = tail_check.step(TAIL, state, DT, tail_check.Seen(error, elevator(i * DT), rate, 7.0), closed=True)
+        state = tail_check.step(
+            TAIL, state, DT, tail_check.CheckInputs(error, elevator(i * DT), rate, 7.0), closed=True
+        )
     return state
 
 
@@ -223,7 +225,7 @@ def test_tail_check_after_jam_detects_within_two_seconds() -> None:
     for i in range(round(22.0 / DT)):
         elevator = 0.15 * math.sin(5.0 * i * DT)
         rate += (TAIL.effect * 49.0 * (elevator if i * DT < 20.0 else 0.0) - TAIL.damping * rate) * DT
-        state = tail_check.step(TAIL, state, DT, tail_check.Seen(0.1, elevator, rate, 7.0), closed=True)
+        state = tail_check.step(TAIL, state, DT, tail_check.CheckInputs(0.1, elevator, rate, 7.0), closed=True)
         assert not state.jammed or i * DT > 20.0
     assert state.jammed
 
@@ -232,7 +234,7 @@ def test_tail_check_needs_elevator_motion_error_and_grace() -> None:
     assert not pitching(60.0, 0.0, lambda t: 0.3, gust=3.0, error=0.5).jammed
     assert not pitching(60.0, 0.0, error=0.5 * TAIL.error).jammed
     assert not pitching(TAIL.grace - DT, 0.0).jammed
-    opened = tail_check.step(TAIL, pitching(20.0, 0.0), DT, tail_check.Seen(0.0, 0.0, 0.0, 7.0), closed=False)
+    opened = tail_check.step(TAIL, pitching(20.0, 0.0), DT, tail_check.CheckInputs(0.0, 0.0, 0.0, 7.0), closed=False)
     assert opened == tail_check.State(jammed=1)
 
 

@@ -76,7 +76,7 @@ def test_frozen_pitch_holds_the_mean_elevator_whatever_happens() -> None:
         state, status = pitch.step(PITCH, state, 0, DT, 0.1, still(0.1))
     mean = state.elevator_mean
     for angle in (0.5, -0.5, 0.0):
-        state, status = pitch.hold(PITCH, state, 0, DT, 0.1, still(angle, 3.0))
+        state, status = pitch.hold_trim(PITCH, state, 0, DT, 0.1, still(angle, 3.0))
         assert status.elevator == mean
     assert state.elevator_mean == mean
 
@@ -147,7 +147,7 @@ def test_the_stick_leaves_no_integral_behind() -> None:
 
 def test_a_released_pitch_loop_takes_over_from_the_held_elevator_without_a_jump() -> None:
     state = pitch.initial(PITCH)
-    state, held = pitch.hold(PITCH, state, 0, DT, 0.3, still(0.1))
+    state, held = pitch.hold_trim(PITCH, state, 0, DT, 0.3, still(0.1))
     asked = PITCH.elevator_trim + PITCH.proportional * 0.2
     elevators = []
     for _ in range(200):
@@ -161,7 +161,7 @@ def test_a_released_pitch_loop_takes_over_from_the_held_elevator_without_a_jump(
 
 def test_a_frozen_roll_loop_holds_its_trim_and_is_released_without_a_jump() -> None:
     state = roll.State(integral=0.12)
-    state, held = roll.hold(ROLL, state, 0, 0.0, roll.Measured(-0.2, 0.05))
+    state, held = roll.hold_trim(ROLL, state, 0, 0.0, roll.Measured(-0.2, 0.05))
     assert held.roll_command == 0.12
     _, first = roll.step(ROLL, state, 0, DT, 0.0, roll.Measured(-0.2, 0.05))
     _, at_once = roll.step(ROLL, state._replace(bridge=0.0), 0, DT, 0.0, roll.Measured(-0.2, 0.05))

@@ -37,7 +37,7 @@ def ours_answer(port: int, hasty: bool) -> None:
     stream = open_stream(f"tcp:127.0.0.1:{port}", PATIENCE)
     assert isinstance(stream, SocketStream)
     if hasty:
-        stream.hurry()
+        stream.enable_busy_poll()
     reader, assembler, writer = FrameReader(), FrameAssembler(), FrameWriter(1, 1)
     while (data := stream.read(PATIENCE)) is not None:
         for frame in reader.feed(data):
@@ -107,7 +107,7 @@ def ours(core: int) -> float:
         stream = listener.accept(PATIENCE)
         assert stream is not None
         if hasty:
-            stream.hurry()
+            stream.enable_busy_poll()
         best = min(statistics.median(ours_trips(stream)) for _ in range(ROUNDS))
         stream.close()
         listener.close()

@@ -173,10 +173,10 @@ class Started:
     def hear(self, text: str) -> None:
         """Wait until it says a line with ``text`` in it."""
         assert self._process.stderr is not None
-        hurry = threading.Timer(PATIENCE, self._process.kill)
-        hurry.start()
+        enable_busy_poll = threading.Timer(PATIENCE, self._process.kill)
+        enable_busy_poll.start()
         said = list(itertools.takewhile(lambda line: text not in line, self._process.stderr))
-        hurry.cancel()
+        enable_busy_poll.cancel()
         if self._process.poll() is not None:
             pytest.fail(f"wingbeat {self._words[0]} never said {text!r}, but: {''.join(said)}")
 

@@ -58,7 +58,7 @@ class Air:
         said, self._said = self._said[:1], self._said[1:]
         return [Packet(message.pack(mavlink.MAVLink(None, *who)), ("air", 1)) for *who, message in said]
 
-    def welcome(self, peer: Any) -> None:
+    def register_peer(self, peer: Any) -> None:
         pass
 
     def close(self) -> None:

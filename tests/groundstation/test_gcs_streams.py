@@ -54,7 +54,7 @@ class Wire:
             said.append(mavlink.MAVLink_attitude_message(round(now * 1e3) + 1, 0.2, 0.1, 1.0, 0, 0, 0))
         return [Packet(message.pack(self._packer), ("air", 1)) for message in said]
 
-    def welcome(self, peer: Any) -> None:
+    def register_peer(self, peer: Any) -> None:
         pass
 
     def close(self) -> None:

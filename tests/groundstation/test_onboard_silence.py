@@ -49,7 +49,7 @@ class Ear:
         packets, self._waiting = self._waiting, []
         return packets
 
-    def welcome(self, peer: Peer) -> None:
+    def register_peer(self, peer: Peer) -> None:
         pass
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:

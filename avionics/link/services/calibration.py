@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from avionics import topics
 from avionics.link.dialect import mavlink
+from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.services.service import Output, Reply, Sender
-from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import VehicleView
 from avionics.messages import Calibration, CalibrationStatus, Command, CommandKind
 
@@ -33,10 +33,10 @@ NOT_NEEDED = "neither the gyroscope (learned at rest) nor the barometer (zero at
 
 class _Pending(NamedTuple):
     request: Request
-    begun: int
+    calibration_number: int
     """calibrations since boot once it has begun"""
-    asked_at: float
-    told_at: float
+    requested_at: float
+    acknowledged_at: float
 
 
 class CalibrationRequests:
@@ -47,15 +47,15 @@ class CalibrationRequests:
         self._pending: _Pending | None = None
         self._fresh: Request | None = None
 
-    def answer(self, request: Request) -> Verdict:
+    def answer(self, request: Request) -> CommandResult:
         """Begin, cancel, or say why not; who asks again is told that it is in progress."""
         if self._pending is not None and self._pending.request == request:
-            return Verdict(mavlink.MAV_RESULT_IN_PROGRESS)
+            return CommandResult(mavlink.MAV_RESULT_IN_PROGRESS)
         if request.command == PREFLIGHT and not any(request.params):
             return self._cancel(request)
-        kind, argument = _wanted(request)
+        kind, argument = _requested_kind(request)
         if not kind:
-            return Verdict(mavlink.MAV_RESULT_UNSUPPORTED, (), f"calibration: {NOT_NEEDED}")
+            return CommandResult(mavlink.MAV_RESULT_UNSUPPORTED, (), f"calibration: {NOT_NEEDED}")
         command = Command(
             self._vehicle.time_us, CommandKind.CALIBRATE, kind.name, argument, None, request.sender.name
         )
@@ -63,32 +63,32 @@ class CalibrationRequests:
         if reason:
             return refused(reason)
         self._fresh = request
-        return Verdict(mavlink.MAV_RESULT_IN_PROGRESS, (command,))
+        return CommandResult(mavlink.MAV_RESULT_IN_PROGRESS, (command,))
 
-    def _cancel(self, request: Request) -> Verdict:
+    def _cancel(self, request: Request) -> CommandResult:
         command = Command(self._vehicle.time_us, CommandKind.CALIBRATE, source=request.sender.name)
         reason = self._vehicle.refusal(command)
-        return refused(reason) if reason else Verdict(mavlink.MAV_RESULT_ACCEPTED, (command,))
+        return refused(reason) if reason else CommandResult(mavlink.MAV_RESULT_ACCEPTED, (command,))
 
     def step(self, now: float) -> list[Output]:
         """Acknowledge once a second that it is in progress, and at its end how it ended."""
         if self._fresh is not None:
-            before = _begun(self._vehicle)
+            before = _calibration_count(self._vehicle)
             self._pending, self._fresh = _Pending(self._fresh, before + 1, now, now), None
         pending = self._pending
         if pending is None:
             return []
         status: CalibrationStatus | None = self._vehicle.latest(topics.CALIBRATION)
-        if status is None or status.begun < pending.begun:
-            if now - pending.asked_at < CONFIRM:
+        if status is None or status.begun < pending.calibration_number:
+            if now - pending.requested_at < CONFIRM:
                 return []
             return self._end(pending, mavlink.MAV_RESULT_FAILED)
-        if not status.running or status.begun > pending.begun:
-            done = status.succeeded and status.begun == pending.begun
+        if not status.running or status.begun > pending.calibration_number:
+            done = status.succeeded and status.begun == pending.calibration_number
             return self._end(pending, mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_FAILED)
-        if now - pending.told_at < TELL_EVERY:
+        if now - pending.acknowledged_at < TELL_EVERY:
             return []
-        self._pending = pending._replace(told_at=now)
+        self._pending = pending._replace(acknowledged_at=now)
         return [_ack(pending.request, mavlink.MAV_RESULT_IN_PROGRESS, round(100.0 * status.progress))]
 
     def _end(self, pending: _Pending, result: int) -> list[Output]:
@@ -96,12 +96,12 @@ class CalibrationRequests:
         return [_ack(pending.request, result, 100)]
 
 
-def _begun(vehicle: VehicleView) -> int:
+def _calibration_count(vehicle: VehicleView) -> int:
     status: CalibrationStatus | None = vehicle.latest(topics.CALIBRATION)
     return 0 if status is None else status.begun
 
 
-def _wanted(request: Request) -> tuple[Calibration, float]:
+def _requested_kind(request: Request) -> tuple[Calibration, float]:
     """What is to be calibrated, NONE for nothing that can be, and what is given for it."""
     if request.command == OWN:
         number, argument = request.params[:2]

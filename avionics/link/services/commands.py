@@ -13,6 +13,7 @@ from avionics.link.excitation_codec import decode_excitation
 from avionics.link.mission_codec import decode_item
 from avionics.link.services.calibration import OWN as CALIBRATE
 from avionics.link.services.calibration import PREFLIGHT, CalibrationRequests
+from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.services.mission import MissionService
 from avionics.link.services.modes import ShownMode, custom_mode, mode_command, requested_mode
 from avionics.link.services.reposition import RepositionRequests
@@ -21,7 +22,6 @@ from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.setpoints import SetpointService
 from avionics.link.services.statustext import refusal_text
 from avionics.link.services.storage import StorageRequests
-from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import NO_FRAMES, Identity, Storage, VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
@@ -34,7 +34,7 @@ TURNING_ALTITUDE = "NAV_RETURN_FLOOR"
 """Parameter: m above home, below which a way is flown straight on, wings level."""
 
 
-Answer = Callable[[Request], Verdict]
+Answer = Callable[[Request], CommandResult]
 
 
 class CommandService:
@@ -90,79 +90,79 @@ class CommandService:
         """The acknowledgement first, then what was asked for."""
         request = _read(message, sender)
         answer = self._answers.get(request.command)
-        verdict = Verdict(_UNSUPPORTED) if answer is None else answer(request)
+        command_result = CommandResult(_UNSUPPORTED) if answer is None else answer(request)
         ack = mavlink.MAVLink_command_ack_message(
-            request.command, verdict.result, 0, 0, sender.system, sender.component
+            request.command, command_result.result, 0, 0, sender.system, sender.component
         )
-        return [Reply(ack, sender), *refusal_text(verdict.reason, sender), *verdict.outputs]
+        return [Reply(ack, sender), *refusal_text(command_result.reason, sender), *command_result.outputs]
 
     def step(self, now: float) -> list[Output]:
         """How a calibration goes, and how it ended."""
         return self._calibrations.step(now)
 
-    def _ask_core(self, *commands: Command) -> Verdict:
+    def _forward(self, *commands: Command) -> CommandResult:
         """Accepted when the flight core would take the first of ``commands``; the rest follow from it."""
         reason = self._vehicle.refusal(commands[0])
-        return refused(reason) if reason else Verdict(_ACCEPTED, commands)
+        return refused(reason) if reason else CommandResult(_ACCEPTED, commands)
 
     def _command(self, kind: CommandKind, request: Request, value: float = 0.0, payload: Any = None) -> Command:
         return Command(self._vehicle.time_us, kind, "", value, payload, request.sender.name)
 
-    def _arm(self, request: Request) -> Verdict:
+    def _arm(self, request: Request) -> CommandResult:
         if request.params[0] not in (0.0, 1.0):
-            return Verdict(_DENIED, (), "arm: the first parameter must be 0 or 1")
+            return CommandResult(_DENIED, (), "arm: the first parameter must be 0 or 1")
         kind = CommandKind.ARM if request.params[0] else CommandKind.DISARM
-        return self._ask_core(self._command(kind, request, request.params[1]))
+        return self._forward(self._command(kind, request, request.params[1]))
 
-    def _terminate(self, request: Request) -> Verdict:
+    def _terminate(self, request: Request) -> CommandResult:
         if not request.params[0] > 0.5:  # also what is no number
-            return Verdict(_DENIED, (), "flight termination ends with arming anew")
-        return self._ask_core(self._command(CommandKind.KILL, request))
+            return CommandResult(_DENIED, (), "flight termination ends with arming anew")
+        return self._forward(self._command(CommandKind.KILL, request))
 
-    def _mode(self, request: Request, mode: Mode | None, asked: float = math.nan) -> Verdict:
-        """The change to ``mode``, which was asked for as custom mode ``asked`` or by a command of its own."""
+    def _mode(self, request: Request, mode: Mode | None, requested: float = math.nan) -> CommandResult:
+        """The change to ``mode``, which was asked for as custom mode ``requested`` or by a command of its own."""
         if mode is None:
             names = ", ".join(dict.fromkeys(entry.mode.name for entry in self._identity.modes))
-            return Verdict(_DENIED, (), f"no such mode; there are {names}")
-        verdict = self._ask_core(mode_command(self._vehicle, mode, request.sender, self._setpoints.entry(mode)))
-        waits = self._shown.waits(asked) and verdict.reason != NO_FRAMES
-        if waits or verdict.result == _ACCEPTED:
-            self._shown.accepted(asked)
-        return Verdict(_ACCEPTED) if waits else verdict
+            return CommandResult(_DENIED, (), f"no such mode; there are {names}")
+        command_result = self._forward(mode_command(self._vehicle, mode, request.sender, self._setpoints.entry(mode)))
+        waits = self._shown.waits(requested) and command_result.reason != NO_FRAMES
+        if waits or command_result.result == _ACCEPTED:
+            self._shown.accepted(requested)
+        return CommandResult(_ACCEPTED) if waits else command_result
 
-    def _set_mode(self, request: Request) -> Verdict:
+    def _set_mode(self, request: Request) -> CommandResult:
         base = request.params[0]
         if not (0 <= base <= 255 and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
-            return Verdict(_DENIED, (), "set mode: only custom modes are understood")
+            return CommandResult(_DENIED, (), "set mode: only custom modes are understood")
         _, main, sub = request.params[:3]
-        asked = custom_mode(self._identity, main, sub)
-        if asked == self._identity.takeoff.custom_mode:
+        requested = custom_mode(self._identity, main, sub)
+        if requested == self._identity.takeoff.custom_mode:
             return self._takeoff(request._replace(params=(math.nan,) * 7))
-        return self._mode(request, requested_mode(self._identity, main, sub), asked)
+        return self._mode(request, requested_mode(self._identity, main, sub), requested)
 
-    def _set_standard_mode(self, request: Request) -> Verdict:
+    def _set_standard_mode(self, request: Request) -> CommandResult:
         wanted = request.params[0]
         if wanted == self._identity.takeoff.standard_mode:
             return self._takeoff(request._replace(params=(math.nan,) * 7))
         known = self._identity.by_standard_mode(int(wanted)) if 0 <= wanted <= 255 else None
         return self._mode(request, known)
 
-    def _auto_from(self, request: Request, item: int) -> Verdict:
+    def _auto_from(self, request: Request, item: int) -> CommandResult:
         select = self._command(CommandKind.SET_CURRENT_ITEM, request, float(item))
         auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
         reason = self._vehicle.refusal(auto) or self._vehicle.refusal(select)
-        return refused(reason) if reason else Verdict(_ACCEPTED, (select, auto))
+        return refused(reason) if reason else CommandResult(_ACCEPTED, (select, auto))
 
-    def _takeoff(self, request: Request) -> Verdict:
+    def _takeoff(self, request: Request) -> CommandResult:
         """The takeoff as it is reported; on the ground it begins with the throw."""
-        verdict = self._begin_takeoff(request)
-        if verdict.result != _ACCEPTED:
-            return verdict
+        command_result = self._begin_takeoff(request)
+        if command_result.result != _ACCEPTED:
+            return command_result
         waits = "takeoff waits for the throw" if self._shown.on_ground else ""
         self._shown.takes_off()
-        return verdict._replace(reason="; ".join(filter(None, (verdict.reason, waits))))
+        return command_result._replace(reason="; ".join(filter(None, (command_result.reason, waits))))
 
-    def _begin_takeoff(self, request: Request) -> Verdict:
+    def _begin_takeoff(self, request: Request) -> CommandResult:
         """AUTO from the mission's TAKEOFF item, which gets the altitude that was asked for, if one was."""
         mission = self._vehicle.mission
         kinds = [item.kind for item in mission]
@@ -176,36 +176,38 @@ class CommandService:
         if begun.result != _ACCEPTED or math.isnan(request.params[6]) or request.params[6] == 0.0:
             return begun
         try:
-            asked = self._takeoff_altitude(request)
+            requested = self._takeoff_altitude(request)
         except ItemRefused as why:
-            return Verdict(_DENIED, (), f"takeoff: {why}")
-        altitude = max(asked, self._lowest_takeoff(mission[number])) if asked > 0.0 else asked
-        raised = f"takeoff: to {altitude:g} m, {asked:g} m is too low to turn" if altitude > asked else ""
+            return CommandResult(_DENIED, (), f"takeoff: {why}")
+        altitude = max(requested, self._lowest_takeoff(mission[number])) if requested > 0.0 else requested
+        raised = f"takeoff: to {altitude:g} m, {requested:g} m is too low to turn" if altitude > requested else ""
         if altitude == mission[number].altitude:
             return begun._replace(reason=raised)
         changed = (*mission[:number], mission[number]._replace(altitude=altitude), *mission[number + 1 :])
-        put = self._ask_core(self._command(CommandKind.SET_MISSION, request, payload=changed))
+        put = self._forward(self._command(CommandKind.SET_MISSION, request, payload=changed))
         if put.result != _ACCEPTED:
             return put
-        return Verdict(_ACCEPTED, (*put.outputs, *begun.outputs), raised)
+        return CommandResult(_ACCEPTED, (*put.outputs, *begun.outputs), raised)
 
-    def _takeoff_without_mission(self, request: Request) -> Verdict:
+    def _takeoff_without_mission(self, request: Request) -> CommandResult:
         """A mission of a takeoff to the altitude of the command, and a circle at home."""
         if self._vehicle.home is None:
-            return Verdict(_LATER, (), "takeoff: no GPS position")
+            return CommandResult(_LATER, (), "takeoff: no GPS position")
         floor = self._turning_altitude()
         try:
-            asked = self._takeoff_altitude(request) if math.isfinite(request.params[6]) else floor
+            requested = self._takeoff_altitude(request) if math.isfinite(request.params[6]) else floor
         except ItemRefused as why:
-            return Verdict(_DENIED, (), f"takeoff: {why}")
-        altitude = max(asked, floor)
+            return CommandResult(_DENIED, (), f"takeoff: {why}")
+        altitude = max(requested, floor)
         items = (MissionItem(ItemKind.TAKEOFF, altitude=altitude), MissionItem(ItemKind.LOITER, altitude=altitude))
-        put = self._ask_core(self._command(CommandKind.SET_MISSION, request, payload=items))
+        put = self._forward(self._command(CommandKind.SET_MISSION, request, payload=items))
         if put.result != _ACCEPTED:
             return put
         select = self._command(CommandKind.SET_CURRENT_ITEM, request, 0.0)
         auto = mode_command(self._vehicle, Mode.AUTO, request.sender)
-        return Verdict(_ACCEPTED, (*put.outputs, select, auto), f"takeoff: to {altitude:g} m, then LOITER at home")
+        return CommandResult(
+            _ACCEPTED, (*put.outputs, select, auto), f"takeoff: to {altitude:g} m, then LOITER at home"
+        )
 
     def _takeoff_altitude(self, request: Request) -> float:
         """m above home; raises `ItemRefused`."""
@@ -220,49 +222,53 @@ class CommandService:
     def _turning_altitude(self) -> float:
         return next((each.value for each in self._vehicle.parameters if each.name == TURNING_ALTITUDE), 0.0)
 
-    def _start_mission(self, request: Request) -> Verdict:
+    def _start_mission(self, request: Request) -> CommandResult:
         if not self._vehicle.mission:
-            return Verdict(_DENIED, (), "there is no mission to start")
+            return CommandResult(_DENIED, (), "there is no mission to start")
         first = request.params[0] if request.params[0] > 0.0 else 0.0
         reason = self._missions.current_refusal(_whole(first))
-        return Verdict(_DENIED, (), reason) if reason else self._auto_from(request, self._missions.item(int(first)))
+        return (
+            CommandResult(_DENIED, (), reason)
+            if reason
+            else self._auto_from(request, self._missions.item(int(first)))
+        )
 
-    def _set_current(self, request: Request) -> Verdict:
+    def _set_current(self, request: Request) -> CommandResult:
         number = _whole(request.params[0])
         reason = self._missions.current_refusal(number)
         if reason:
-            return Verdict(_DENIED, (), reason)
+            return CommandResult(_DENIED, (), reason)
         item = float(self._missions.item(number))
-        return self._ask_core(self._command(CommandKind.SET_CURRENT_ITEM, request, item))
+        return self._forward(self._command(CommandKind.SET_CURRENT_ITEM, request, item))
 
-    def _excite(self, request: Request) -> Verdict:
+    def _excite(self, request: Request) -> CommandResult:
         params = request.params
         item = WireItem(0, request.command, (params[0], params[1], params[2], params[3]), *params[4:7])
         try:
             excitation = decode_excitation(item)
         except ItemRefused as why:
-            return Verdict(_DENIED, (), str(why))
-        return self._ask_core(self._command(CommandKind.EXCITE, request, payload=excitation))
+            return CommandResult(_DENIED, (), str(why))
+        return self._forward(self._command(CommandKind.EXCITE, request, payload=excitation))
 
-    def _request_message(self, request: Request) -> Verdict:
+    def _request_message(self, request: Request) -> CommandResult:
         return self._send(request, self._requests.build(request.params[0], request.params[1], request.sender.link))
 
     def _fixed(self, message_id: int) -> Answer:
         return lambda request: self._send(request, self._requests.build(message_id, 0.0, request.sender.link))
 
-    def _send(self, request: Request, messages: list[Any] | None) -> Verdict:
+    def _send(self, request: Request, messages: list[Any] | None) -> CommandResult:
         if messages is None:
-            return Verdict(_UNSUPPORTED)
+            return CommandResult(_UNSUPPORTED)
         if not messages:
-            return Verdict(_LATER)
-        return Verdict(_ACCEPTED, tuple(Reply(message, request.sender) for message in messages))
+            return CommandResult(_LATER)
+        return CommandResult(_ACCEPTED, tuple(Reply(message, request.sender) for message in messages))
 
-    def _set_interval(self, request: Request) -> Verdict:
+    def _set_interval(self, request: Request) -> CommandResult:
         message_id, interval_us = request.params[:2]
         known = self._requests.set_interval(request.sender.link, message_id, interval_us)
-        return Verdict(_ACCEPTED if known else _UNSUPPORTED)
+        return CommandResult(_ACCEPTED if known else _UNSUPPORTED)
 
-    def _get_interval(self, request: Request) -> Verdict:
+    def _get_interval(self, request: Request) -> CommandResult:
         return self._send(request, self._requests.interval(request.sender.link, request.params[0]))
 
 

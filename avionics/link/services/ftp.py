@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 from avionics.link.budget import BULK
 from avionics.link.dialect import mavlink
+from avionics.link.ftp_files import Content, FtpFileSystem
 from avionics.link.services.service import Output, Reply, Room, Sender
-from avionics.link.shelf import Content, Shelf
 
 _HEADER = struct.Struct("<HBBBBBBI")
 """sequence, session, opcode, size, requested opcode, burst complete, padding, offset"""
@@ -118,10 +118,10 @@ class FtpService:
 
     takes = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
-    def __init__(self, shelf: Shelf, rooms: Sequence[Room]) -> None:
-        """``rooms`` says how much each link takes now."""
-        self._shelf = shelf
-        self._rooms = rooms
+    def __init__(self, files: FtpFileSystem, capacities: Sequence[Room]) -> None:
+        """``capacities`` says how much each link takes now."""
+        self._files = files
+        self._capacities = capacities
         self._sessions: dict[tuple[Sender, int], _Session] = {}
         self._bursts: dict[Sender, _Burst] = {}
         self._checksums: dict[Sender, _Checksum] = {}
@@ -185,7 +185,7 @@ class FtpService:
         return b""
 
     def _list(self, request: _Request, sender: Sender, now: float) -> bytes:
-        entries = self._shelf.entries(request.path)
+        entries = self._files.entries(request.path)
         if entries is None:
             raise _Refused(_Error.FILE_NOT_FOUND)
         data = b""
@@ -200,11 +200,11 @@ class FtpService:
 
     def _open(self, request: _Request, sender: Sender, now: float) -> bytes:
         content = self._find(request)
-        self._make_room((sender, request.session), now)
+        self._evict((sender, request.session), now)
         self._sessions[sender, request.session] = _Session(content, now)
         return struct.pack("<I", content.size)
 
-    def _make_room(self, key: tuple[Sender, int], now: float) -> None:
+    def _evict(self, key: tuple[Sender, int], now: float) -> None:
         """An idle session makes room for another; one that its sender opens anew is replaced."""
         if key in self._sessions or len(self._sessions) < MOST_SESSIONS:
             return
@@ -214,7 +214,7 @@ class FtpService:
         del self._sessions[oldest]
 
     def _find(self, request: _Request) -> Content:
-        content = self._shelf.open(request.path)
+        content = self._files.open(request.path)
         if content is None:
             raise _Refused(_Error.FILE_NOT_FOUND)
         return content
@@ -238,13 +238,15 @@ class FtpService:
             return []
         outputs: list[Output] = []
         for sender, burst in tuple(self._bursts.items()):
-            room = self._rooms[sender.link](BULK) / FRAME_BYTES - len(outputs)
-            outputs += self._go_on(sender, burst, now, int(min(max(room, 0.0), BURST_PER_STEP - len(outputs))))
+            room = self._capacities[sender.link](BULK) / FRAME_BYTES - len(outputs)
+            outputs += self._continue_download(
+                sender, burst, now, int(min(max(room, 0.0), BURST_PER_STEP - len(outputs)))
+            )
         for sender, checksum in tuple(self._checksums.items()):
             outputs += self._check(sender, checksum)
         return outputs
 
-    def _go_on(self, sender: Sender, burst: _Burst, now: float, most: int) -> list[Output]:
+    def _continue_download(self, sender: Sender, burst: _Burst, now: float, most: int) -> list[Output]:
         outputs: list[Output] = []
         while most > len(outputs) and sender in self._bursts:
             outputs.append(self._next_part(sender, burst, now))

@@ -44,7 +44,7 @@ class HeartbeatService:
         self._identity = identity
         self._interval = gains.heartbeat
         self._due = -float("inf")
-        self._said: tuple[ModeNumbers, bool] | None = None
+        self._sent: tuple[ModeNumbers, bool] | None = None
         self._greeted: set[Sender] = set()
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
@@ -59,10 +59,10 @@ class HeartbeatService:
     def step(self, now: float) -> list[Output]:
         """HEARTBEAT when it is due."""
         state = (self._shown.numbers, self._vehicle.armed)
-        if now < self._due and state == self._said:
+        if now < self._due and state == self._sent:
             return []
         self._due = now + self._interval
-        self._said = state
+        self._sent = state
         return [Reply(self._heartbeat())]
 
     def _heartbeat(self) -> Any:

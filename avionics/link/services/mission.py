@@ -33,7 +33,7 @@ class _Upload:
     part: PlanPart
     count: int
     deadline: float
-    asked: int = 1
+    requests: int = 1
     as_int: bool = True
     """asked for by MISSION_REQUEST_INT; old stations know MISSION_REQUEST alone"""
     items: list[WireItem] = field(default_factory=list)
@@ -131,13 +131,13 @@ class MissionService:
             return [_ack(sender, mavlink.MAV_MISSION_DENIED, mission_type), *refusal_text(reason, sender)]
         if message.count == 0:
             return self._install(_Pending(sender, part, part.none, 0, mission_type, self._deadline(now)))
-        self._upload = _Upload(sender, part, message.count, now + self._gains.ask_again)
+        self._upload = _Upload(sender, part, message.count, now + self._gains.retry_interval)
         return [_request(self._upload)]
 
     def _busy_with_another(self, sender: Sender) -> bool:
         """Whether somebody else's upload goes on; one that has fallen silent makes room."""
         upload = self._upload
-        return upload is not None and upload.sender != sender and upload.asked <= self._gains.yield_after
+        return upload is not None and upload.sender != sender and upload.requests <= self._gains.yield_after
 
     def _deadline(self, now: float) -> float:
         return now + self._gains.confirm
@@ -158,7 +158,7 @@ class MissionService:
             return self._refuse(upload, refused, f"mission item {message.seq}: {refused}")
         upload.items.append(item)
         upload.as_int = message.get_type() == "MISSION_ITEM_INT"
-        upload.asked, upload.deadline = 1, now + self._gains.ask_again
+        upload.requests, upload.deadline = 1, now + self._gains.retry_interval
         return [_request(upload)] if len(upload.items) < upload.count else self._complete(upload, now)
 
     def _refuse(self, upload: _Upload, refused: ItemRefused, text: str) -> list[Output]:
@@ -252,7 +252,7 @@ class MissionService:
         if upload is None or upload.sender != sender or message.type == _ACCEPTED:
             return []
         if message.type == mavlink.MAV_MISSION_UNSUPPORTED and not upload.as_int:
-            return self._ask_again(upload, now)  # MAVSDK refuses MISSION_REQUEST, not the mission
+            return self._retry(upload, now)  # MAVSDK refuses MISSION_REQUEST, not the mission
         self._upload = None
         return []
 
@@ -298,7 +298,7 @@ class MissionService:
         if self._pending:
             outputs += self._confirm(now)
         if self._upload is not None and now >= self._upload.deadline:
-            outputs += self._ask_again(self._upload, now)
+            outputs += self._retry(self._upload, now)
         navigation = self._vehicle.latest(topics.NAVIGATION)
         if navigation is not None and navigation.item != self._item:
             outputs += self._reached(navigation.item)
@@ -323,13 +323,13 @@ class MissionService:
             *(text for line in lines for text in refusal_text(line, pending.sender)),
         ]
 
-    def _ask_again(self, upload: _Upload, now: float) -> list[Output]:
-        if upload.asked >= self._gains.give_up:
+    def _retry(self, upload: _Upload, now: float) -> list[Output]:
+        if upload.requests >= self._gains.give_up:
             self._upload = None
             return [_ack(upload.sender, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.part.mission_type)]
-        upload.asked += 1
+        upload.requests += 1
         upload.as_int = not upload.as_int
-        upload.deadline = now + self._gains.ask_again
+        upload.deadline = now + self._gains.retry_interval
         return [_request(upload)]
 
     def _reached(self, item: int) -> list[Output]:

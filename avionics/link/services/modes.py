@@ -130,7 +130,7 @@ class ModeService:
     def __init__(self, shown: ShownMode) -> None:
         self._shown = shown
         self._due = -float("inf")
-        self._said: ModeNumbers | None = None
+        self._sent: ModeNumbers | None = None
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """Takes no message."""
@@ -139,8 +139,8 @@ class ModeService:
     def step(self, now: float) -> list[Output]:
         """CURRENT_MODE, at once when the mode changes."""
         numbers = self._shown.numbers
-        if now < self._due and numbers is self._said:
+        if now < self._due and numbers is self._sent:
             return []
         self._due = now + CURRENT_MODE_INTERVAL
-        self._said = numbers
+        self._sent = numbers
         return [Reply(current_mode(numbers))]

@@ -40,11 +40,11 @@ class ParameterService:
 
     takes = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
 
-    def __init__(self, vehicle: VehicleView, gains: LinkGains, rooms: Sequence[Room]) -> None:
-        """``rooms`` says how much each link takes now."""
+    def __init__(self, vehicle: VehicleView, gains: LinkGains, capacities: Sequence[Room]) -> None:
+        """``capacities`` says how much each link takes now."""
         self._vehicle = vehicle
         self._gains = gains
-        self._rooms = rooms
+        self._capacities = capacities
         self._index = {parameter.name: number for number, parameter in enumerate(vehicle.parameters)}
         self._lists: dict[Sender, int] = {}
         self._pending: dict[int, _Pending] = {}
@@ -130,7 +130,7 @@ class ParameterService:
         return [number for number, (a, b) in enumerate(zip(before, now, strict=True)) if a.value != b.value]
 
     def _part(self, sender: Sender, begin: int, taken: int) -> list[Output]:
-        room = min(self._rooms[sender.link](PARAMETERS) / VALUE_BYTES, self._gains.parameters_per_step) - taken
+        room = min(self._capacities[sender.link](PARAMETERS) / VALUE_BYTES, self._gains.parameters_per_step) - taken
         fits = math.ceil(max(room, 0.0))
         end = min(begin + fits, len(self._index))
         self._lists[sender] = end

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from avionics import topics
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import decode_altitude, decode_item, wire_scale
+from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.services.modes import ShownMode, mode_command
-from avionics.link.services.verdict import Request, Verdict, refused
 from avionics.link.vehicle import VehicleView
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
@@ -30,7 +30,7 @@ class RepositionRequests:
         self._vehicle = vehicle
         self._shown = shown
 
-    def answers(self) -> dict[int, Callable[[Request], Verdict]]:
+    def answers(self) -> dict[int, Callable[[Request], CommandResult]]:
         """Methods by MAV_CMD."""
         return {
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._circle,
@@ -39,18 +39,18 @@ class RepositionRequests:
             mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: self._change_altitude,
         }
 
-    def _submit(self, request: Request, command: Command, note: str = "") -> Verdict:
+    def _submit(self, request: Request, command: Command, note: str = "") -> CommandResult:
         """Accepted with ``note``, or denied with the flight core's reason."""
         reason = self._vehicle.refusal(command)
         if reason:
             return refused(reason)
         self._shown.accepted(math.nan)
-        return Verdict(_ACCEPTED, (command,), note)
+        return CommandResult(_ACCEPTED, (command,), note)
 
     def _command(self, kind: CommandKind, request: Request, name: str = "", value: float = 0.0) -> Command:
         return Command(self._vehicle.time_us, kind, name, value, None, request.sender.name)
 
-    def _reposition(self, request: Request) -> Verdict:
+    def _reposition(self, request: Request) -> CommandResult:
         """Circle at a position; without one change the altitude, as QGroundControl does it for PX4."""
         speed, altitude = request.params[0], request.params[6]
         note = "reposition: the ground speed is ignored" if speed > 0.0 else ""
@@ -58,7 +58,7 @@ class RepositionRequests:
             return self._circle(request, note)
         return self._to_altitude(request, altitude, request.frame, Mode.LOITER.name, note)
 
-    def _circle(self, request: Request, note: str = "") -> Verdict:
+    def _circle(self, request: Request, note: str = "") -> CommandResult:
         """LOITER here, or at the position of the command."""
         position = _position(request)
         if position is None:
@@ -68,7 +68,7 @@ class RepositionRequests:
             radius = -radius
         return self._circle_at(request, (*position, request.params[6]), radius, note)
 
-    def _orbit(self, request: Request) -> Verdict:
+    def _orbit(self, request: Request) -> CommandResult:
         """A circle with a radius, about the position of the command or that of the vehicle."""
         radius, speed = request.params[:2]
         note = "orbit: the speed is ignored" if speed > 0.0 else ""
@@ -76,7 +76,7 @@ class RepositionRequests:
         if position is None:
             here = self._vehicle.latest(topics.POSITION)
             if here is None or not here.valid:
-                return Verdict(_DENIED, (), "orbit: no GPS position")
+                return CommandResult(_DENIED, (), "orbit: no GPS position")
             position = (math.degrees(here.latitude), math.degrees(here.longitude))
         return self._circle_at(
             request, (*position, request.params[6]), radius if math.isfinite(radius) else 0.0, note
@@ -84,7 +84,7 @@ class RepositionRequests:
 
     def _circle_at(
         self, request: Request, place: tuple[float, float, float], radius: float, note: str = ""
-    ) -> Verdict:
+    ) -> CommandResult:
         """LOITER_AT for latitude, longitude (deg) and altitude (m, NaN for the present one)."""
         latitude, longitude, altitude = place
         frame, height = request.frame, self._vehicle.latest(topics.ALTITUDE)
@@ -95,24 +95,24 @@ class RepositionRequests:
         try:
             item = decode_item(wanted, self._vehicle.home)
         except ItemRefused as refusal:
-            return Verdict(_DENIED, (), str(refusal))
+            return CommandResult(_DENIED, (), str(refusal))
         return self._submit(request, self._command(CommandKind.LOITER_AT, request)._replace(payload=item), note)
 
-    def _change_altitude(self, request: Request) -> Verdict:
+    def _change_altitude(self, request: Request) -> CommandResult:
         """DO_CHANGE_ALTITUDE: altitude and its MAV_FRAME; LOITER or OFFBOARD must be flown."""
         altitude, frame = request.params[:2]
         if not 0.0 <= frame < 256.0:
-            return Verdict(_DENIED, (), "change altitude: no such frame")
+            return CommandResult(_DENIED, (), "change altitude: no such frame")
         return self._to_altitude(request, altitude, int(frame), "", "")
 
-    def _to_altitude(self, request: Request, altitude: float, frame: int, mode: str, note: str) -> Verdict:
+    def _to_altitude(self, request: Request, altitude: float, frame: int, mode: str, note: str) -> CommandResult:
         try:
             above_home = decode_altitude(frame, altitude, self._vehicle.home)
         except ItemRefused as refusal:
-            return Verdict(_DENIED, (), str(refusal))
+            return CommandResult(_DENIED, (), str(refusal))
         command = self._command(CommandKind.CHANGE_ALTITUDE, request, mode, above_home)
         reason = self._vehicle.refusal(command)
-        return refused(reason) if reason else Verdict(_ACCEPTED, (command,), note)
+        return refused(reason) if reason else CommandResult(_ACCEPTED, (command,), note)
 
 
 def _position(request: Request) -> tuple[float, float] | None:

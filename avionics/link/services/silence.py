@@ -14,7 +14,7 @@ class SilenceService:
     """Tells the flight core when the last ground station has fallen silent, and when one speaks again.
 
     A ground station is who sent a HEARTBEAT of MAV_TYPE_GCS; any message of it counts as a word, which the
-    owner of the links reports with `heard`. One that was heard for a moment only (`LinkGains.acquaintance`), as a
+    owner of the links reports with `received`. One that was heard for a moment only (`LinkGains.acquaintance`), as a
     single command of `wingbeat gcs` is, may fall silent: nobody flies by it. Nor is one missed that leaves a vehicle
     that is not armed; whoever arms it then is there.
     """
@@ -23,7 +23,7 @@ class SilenceService:
 
     def __init__(self, vehicle: VehicleView, gains: LinkGains) -> None:
         self._vehicle = vehicle
-        self._patience = gains.silence
+        self._timeout = gains.silence
         self._acquaintance = gains.acquaintance
         self._stations: dict[tuple[int, int, int], float] = {}
         self._met: dict[tuple[int, int, int], float] = {}
@@ -46,7 +46,7 @@ class SilenceService:
         self._lost = False
         return [Command(self._vehicle.time_us, CommandKind.LINK_REGAINED, source=sender.name)]
 
-    def heard(self, sender: Sender, now: float) -> None:
+    def received(self, sender: Sender, now: float) -> None:
         """Any message came from ``sender``."""
         key = (sender.system, sender.component, sender.link)
         if key in self._stations:
@@ -54,7 +54,7 @@ class SilenceService:
 
     def step(self, now: float) -> list[Output]:
         """LINK_LOST once the last ground station has been silent for too long."""
-        silent = [key for key, last in self._stations.items() if now - last > self._patience]
+        silent = [key for key, last in self._stations.items() if now - last > self._timeout]
         known = [key for key in silent if self._stations[key] - self._met[key] >= self._acquaintance]
         for key in silent:
             del self._stations[key], self._met[key]

@@ -56,13 +56,13 @@ class StatustextService:
         """``unix_time`` tells the seconds since 1970."""
         self._vehicle = vehicle
         self._unix_time = unix_time
-        self._told = 0
+        self._reported = 0
         self._identifier = 0
-        self._own: list[Event] = []
+        self._local: list[Event] = []
 
-    def tell(self, event: Event) -> None:
+    def send_statustext(self, event: Event) -> None:
         """Send also what is no event of the vehicle."""
-        self._own.append(event)
+        self._local.append(event)
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
         """Takes no message."""
@@ -70,12 +70,12 @@ class StatustextService:
 
     def step(self, now: float) -> list[Output]:
         """SYSTEM_TIME and STATUSTEXT of the events that are new."""
-        events = self._vehicle.events(self._told)
-        if not events and not self._own:
+        events = self._vehicle.events(self._reported)
+        if not events and not self._local:
             return []
-        self._told += len(events)
-        latest = [*events, *self._own][-MOST_AT_ONCE:]
-        self._own = []
+        self._reported += len(events)
+        latest = [*events, *self._local][-MOST_AT_ONCE:]
+        self._local = []
         return [Reply(message) for event in latest for message in (self._time(event), *self._chunks(event))]
 
     def _time(self, event: Event) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from avionics.link.dialect import mavlink
-from avionics.link.services.verdict import Request, Verdict, refused
+from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.vehicle import Storage, VehicleView
 from avionics.messages import Command, CommandKind
 from avionics.quantities import BadInput
@@ -21,26 +21,26 @@ class StorageRequests:
         self._vehicle = vehicle
         self._storage = storage
 
-    def answer(self, request: Request) -> Verdict:
+    def answer(self, request: Request) -> CommandResult:
         """Do what the first parameter says; refused while armed, and without a file."""
         what = request.params[0]
         if self._storage is None:
-            return Verdict(mavlink.MAV_RESULT_DENIED, (), "storage: no parameter file is kept")
+            return CommandResult(mavlink.MAV_RESULT_DENIED, (), "storage: no parameter file is kept")
         if self._vehicle.armed:
-            return Verdict(mavlink.MAV_RESULT_DENIED, (), "storage: armed")
+            return CommandResult(mavlink.MAV_RESULT_DENIED, (), "storage: armed")
         try:
             if what == WRITE:
                 self._storage.save({entry.name: entry.value for entry in self._vehicle.parameters})
-                return Verdict(mavlink.MAV_RESULT_ACCEPTED)
+                return CommandResult(mavlink.MAV_RESULT_ACCEPTED)
             if what == READ:
                 return self._set(request, {**self._storage.defaults(), **self._storage.stored()})
         except (BadInput, OSError) as failure:
-            return Verdict(mavlink.MAV_RESULT_FAILED, (), f"storage: {failure}")
+            return CommandResult(mavlink.MAV_RESULT_FAILED, (), f"storage: {failure}")
         if what in (RESET, 4.0):
             return self._set(request, self._storage.defaults())
-        return Verdict(mavlink.MAV_RESULT_UNSUPPORTED, (), "storage: 0 reads, 1 writes, 2 resets")
+        return CommandResult(mavlink.MAV_RESULT_UNSUPPORTED, (), "storage: 0 reads, 1 writes, 2 resets")
 
-    def _set(self, request: Request, values: Mapping[str, float]) -> Verdict:
+    def _set(self, request: Request, values: Mapping[str, float]) -> CommandResult:
         """Inputs for the core that set what differs."""
         time_us, source = self._vehicle.time_us, request.sender.name
         commands = tuple(
@@ -49,4 +49,4 @@ class StorageRequests:
             if entry.name in values and values[entry.name] != entry.value
         )
         reason = self._vehicle.refusal(commands[0]) if commands else ""
-        return refused(reason) if reason else Verdict(mavlink.MAV_RESULT_ACCEPTED, commands)
+        return refused(reason) if reason else CommandResult(mavlink.MAV_RESULT_ACCEPTED, commands)

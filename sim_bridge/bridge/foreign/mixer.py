@@ -41,7 +41,7 @@ def step(
     gains: Gains, state: State, time_us: int, dt: float, outputs: Outputs
 ) -> tuple[State, FlapCommand, ActuatorCommand]:
     """One step of ``dt`` s; disarmed wings glide to rest and the tail still follows."""
-    asked = tail.Asked(
+    asked = tail.TailCommand(
         _elevator(gains, outputs.elevator), outputs.aileron, 0.0, 0.0, _rudder(gains, outputs.rudder), 0
     )
     tail_state, moved = tail.step(gains.tail, state.tail, dt, asked)

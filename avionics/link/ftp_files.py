@@ -73,7 +73,7 @@ class LogFile(NamedTuple):
             os.close(descriptor)
 
 
-class Shelf:
+class FtpFileSystem:
     """The files of a vehicle."""
 
     def __init__(

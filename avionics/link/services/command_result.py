@@ -21,7 +21,7 @@ class Request(NamedTuple):
     is_int: bool = False
 
 
-class Verdict(NamedTuple):
+class CommandResult(NamedTuple):
     """What became of a command."""
 
     result: int
@@ -29,9 +29,9 @@ class Verdict(NamedTuple):
     reason: str = ""
 
 
-def refused(reason: str) -> Verdict:
+def refused(reason: str) -> CommandResult:
     """The flight core would not take it; while it does not tick, not yet."""
-    return Verdict(refusal_result(reason), (), reason)
+    return CommandResult(refusal_result(reason), (), reason)
 
 
 def refusal_result(reason: str) -> int:
