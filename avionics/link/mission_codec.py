@@ -498,5 +498,5 @@ def write_message(item: WireItem, slot: Slot, to: Addressee, as_int: bool) -> An
         return mavlink.MAVLink_mission_item_message(*head, frame, *tail, item.x, item.y, item.z, mission_type)
     scale = 1e7 if item.frame in GLOBES else 1.0
     scale = _LOCAL_SCALE if item.frame in _LOCAL else scale
-    x, y = round(item.x * scale), round(item.y * scale)
+    x, y = (_NO_INTEGER if math.isnan(value) else round(value * scale) for value in (item.x, item.y))
     return mavlink.MAVLink_mission_item_int_message(*head, item.frame, *tail, x, y, item.z, mission_type)

@@ -14,6 +14,7 @@ from avionics.missions.files import LISTS
 from avionics.quantities import counted
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import missions, waypoints
+from groundstation.link.answers import NoAnswer
 from groundstation.views.json_document import print_document
 from groundstation.views.mission import difference_lines, mission_record, print_mission
 
@@ -86,11 +87,17 @@ def _content(session: Session) -> waypoints.Upload:
 def _upload(session: Session) -> None:
     """The mission; fence and rally points where the file has them."""
     content = _content(session)
-    sent = []
+    sent: list[str] = []
     for part, mission_type, name, noun in PARTS:
         items = getattr(content, part)
         if items:
-            session.ask(missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}")
+            try:
+                session.ask(
+                    missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}"
+                )
+            except NoAnswer as failure:
+                aboard = f"; on board from this file: {' and '.join(sent)}" if sent else ""
+                raise NoAnswer(f"{failure}{aboard}") from None
             sent.append(counted(len(items), noun))
     _report(session, content.mission, f"sent {' and '.join(reversed(sent)) or 'nothing'}", None)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, to_degrees, wire_scale
+from avionics.link.mission_codec import encode_fence, encode_item, encode_rally, notes, to_degrees, wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
 from avionics.missions import load_plan, plan_file, waypoint_file
@@ -88,12 +88,14 @@ def read_upload(path: Path, convention: Convention, home: Home | None = None) ->
         return _planned(path, convention)
     lines = waypoint_file.read(path)
     listed = waypoint_file.home_of(lines)
+    sent = waypoint_file.without_home(lines)
+    texts = notes([line.item for line in sent]) if convention.local else ()
     if convention.home_first:
         items = tuple(item_of(line.item, line.autocontinue) for line in lines)
-        return Upload(items) if listed is not None else Upload(_behind(None, items))
-    sent = waypoint_file.without_home(lines)
-    notes = (f"the first line of {path.name} is home: it is not sent",) if len(sent) < len(lines) else ()
-    return Upload(tuple(item_of(line.item, line.autocontinue) for line in sent), notes=notes)
+        return Upload(items if listed is not None else _behind(None, items), notes=texts)
+    if len(sent) < len(lines):
+        texts = (f"the first line of {path.name} is home: it is not sent", *texts)
+    return Upload(tuple(item_of(line.item, line.autocontinue) for line in sent), notes=texts)
 
 
 def _behind(home: Home | None, items: tuple[Item, ...]) -> tuple[Item, ...]:
@@ -128,6 +130,7 @@ def _planned(path: Path, convention: Convention) -> Upload:
         _behind(file.home, items) if convention.home_first and items else items,
         fence,
         rally,
+        notes([planned.item for planned in file.mission]) if convention.local else (),
     )
 
 

@@ -147,7 +147,7 @@ def test_an_item_without_a_place_is_here(identity: Identity, place: tuple[float,
     item = bench.vehicle.mission[1]
     assert (item.here, item.north, item.east) == (1, 0.0, 0.0)
     back = bench.download()[1]
-    assert (back.command, back.x, back.y) == (command, 0, 0)
+    assert (back.command, back.x, back.y) == (command, *((NO_INTEGER,) * 2 if math.isnan(place[0]) else (0, 0)))
 
 
 def test_an_item_without_an_altitude_has_that_of_the_item_before() -> None:
@@ -156,6 +156,31 @@ def test_an_item_without_an_altitude_has_that_of_the_item_before() -> None:
     assert bench.upload(TAKEOFF, waypoint(NEAR, NAN), sea, waypoint(NEAR, NAN)) == [ACCEPTED]
     assert [each.altitude for each in bench.vehicle.mission] == [40.0, 40.0, 55.0, 55.0]
     assert bench.upload(waypoint(NEAR, NAN)) == [mavlink.MAV_MISSION_INVALID_PARAM7]
+
+
+@identities
+def test_download_returns_every_parameter_as_it_was_sent(identity: Identity) -> None:
+    bench = Bench(identity)
+    items = (
+        (RELATIVE, 22, (15.0, 0.0, 0.0, NAN), NEAR, 40.0),
+        (mavlink.MAV_FRAME_MISSION, 205, (NAN, 0.0, 7.0, NAN), HERE, 2.0),
+        (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, 16, (0.0, 3.0, 2.0, 10.0), NEAR, 40.0),
+        (RELATIVE, 21, (0.0, 0.0, 0.0, 0.0), NEAR, 0.0),
+    )
+    assert bench.upload(*items) == [ACCEPTED]
+    for got, sent in zip(bench.download(), items, strict=True):
+        expected = (*sent[:2], *sent[2], sent[4])
+        assert (got.frame, got.command, got.param1, got.param2, got.param3, got.param4, got.z) == pytest.approx(
+            expected, nan_ok=True
+        )
+    bench.vehicle.mission = bench.vehicle.mission[:2]  # changed on board: what is there counts
+    assert [each.command for each in bench.download()] == [22, 205]
+
+
+def test_home_of_the_client_and_home_of_the_file_are_both_not_flown() -> None:
+    bench = Bench(PROFILES["ardupilot"])
+    assert bench.upload(waypoint(PLACE_OF_HOME, HOME.altitude, GLOBAL), TAKEOFF) == [ACCEPTED]
+    assert [each.kind for each in bench.vehicle.mission] == [ItemKind.SKIP, ItemKind.TAKEOFF]
 
 
 @identities

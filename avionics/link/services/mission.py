@@ -51,6 +51,8 @@ class _Pending(NamedTuple):
     """for people, once it is on board"""
     answered: bool = False
     """its sender has got the MISSION_ACK"""
+    sent: tuple[WireItem, ...] = ()
+    """the items as they came"""
 
 
 class _Encoded(NamedTuple):
@@ -91,6 +93,8 @@ class MissionService:
         """by mission type: lists that were accepted and wait for home, from which their places count"""
         self._pending: list[_Pending] = []
         self._done: tuple[Sender, int, int] | None = None
+        self._as_sent: dict[int, tuple[Any, tuple[WireItem, ...]]] = {}
+        """by mission type: what is on board and its items as they came, so that a download returns every parameter"""
         self._item = 0
         self._encoded: dict[int, _Encoded] = {}
 
@@ -176,7 +180,8 @@ class MissionService:
             return self._refuse(upload, refused, str(refused))
         lines = notes(items, self._first) if part.mission_type == _MISSION else ()
         deadline = self._deadline(now)
-        return self._install(_Pending(upload.sender, part, content, len(items), part.mission_type, deadline, lines))
+        pending = _Pending(upload.sender, part, content, len(items), part.mission_type, deadline, lines)
+        return self._install(pending._replace(sent=tuple(items)))
 
     def _wait_for_home(self, upload: _Upload) -> list[Output]:
         """Accept a list whose places cannot be decoded yet; it goes on board once home is known."""
@@ -285,7 +290,12 @@ class MissionService:
         content, home = part.on_board(self._vehicle), self._vehicle.home
         known = self._encoded.get(mission_type)
         if known is None or known.content is not content or known.home != home:
-            known = self._encoded[mission_type] = _Encoded(content, home, part.encode(content, home))
+            items = part.encode(content, home)
+            sent_content, sent = self._as_sent.get(mission_type, (None, ()))
+            if sent_content is content and len(sent) == len(items):
+                first = self._first if mission_type == _MISSION else 0
+                items = (*items[:first], *sent[first:])
+            known = self._encoded[mission_type] = _Encoded(content, home, items)
         return known.items
 
     # --- what is due
@@ -315,6 +325,7 @@ class MissionService:
     def _settle(self, pending: _Pending) -> list[Output]:
         taken = self._on_board(pending)
         if taken:
+            self._as_sent[pending.part.mission_type] = (pending.content, pending.sent)
             self._done = (pending.sender, pending.items - 1, pending.mission_type)
         ack = _ack(pending.sender, _ACCEPTED if taken else mavlink.MAV_MISSION_ERROR, pending.mission_type)
         lines = pending.notes if taken else ()

@@ -123,6 +123,8 @@ def _probe_from_home(number: int, item: WireItem, home: Home | None) -> MissionI
 
 
 def _decode_after_home(item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
+    if not earlier and is_home(item, home):
+        return skipped_item(item)  # MAVSDK puts home before a file that begins with it
     decoded = _shifted(decode_item(item, home, earlier), -1)
     if decoded.kind is ItemKind.JUMP and decoded.jump_to < 0:
         raise ItemRefused(mavlink.MAV_MISSION_INVALID_PARAM1, "DO_JUMP: item 0 is home, which is not flown")
