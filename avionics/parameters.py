@@ -204,7 +204,7 @@ def _section_parameters(shape: _Shape) -> list[Parameter]:
             continue
         found += [
             Parameter(
-                short_name(shape.section, key, i),
+                short_name(shape.section, quantity.formerly or key, i),
                 shape.section,
                 key,
                 i,

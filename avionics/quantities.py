@@ -31,6 +31,8 @@ class Quantity(NamedTuple):
     unit: str
     low: float = -INFINITY
     high: float = INFINITY
+    formerly: str = ""
+    """earlier key of a renamed field: files may use it, and the MAVLink parameter keeps the name made of it"""
 
 
 class Label(NamedTuple):
@@ -281,8 +283,8 @@ def _section(
     sources: dict[str, Source],
     fitted: dict[str, str],
 ) -> Any:
-    table = _table(path, section, table)
     hints = _hints(record)
+    table = _renamed(_table(path, section, table), hints)
     defaults: dict[str, Any] = getattr(record, "_field_defaults", {})
     for key in table:
         if key not in hints:
@@ -308,6 +310,16 @@ def _section(
         if "fitted" in entry:
             fitted[name] = str(entry["fitted"])
     return record(**values)
+
+
+def _renamed(table: Mapping[str, Any], hints: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The table with earlier keys replaced; a file that changes one of its base by the earlier key prevails."""
+    quantities = ((key, _unwrap(hint)[1]) for key, hint in hints.items())
+    former = {key: quantity.formerly for key, quantity in quantities if quantity and quantity.formerly in table}
+    return {
+        **{key: entry for key, entry in table.items() if key not in former.values()},
+        **{key: table[old] for key, old in former.items()},
+    }
 
 
 @cache

@@ -90,7 +90,7 @@ class AhrsGains(NamedTuple):
     """rad; by which the field's dip may differ from the reference"""
     field_time: Annotated[float, Quantity("s", 1.0, 1000.0)] = 20.0
     """s; time constant with which the reference of strength and dip follows the accepted field"""
-    field_patience: Annotated[float, Quantity("s", 1.0, 10000.0)] = 60.0
+    mag_timeout: Annotated[float, Quantity("s", 1.0, 10000.0, formerly="field_patience")] = 60.0
     """s; a field that was refused for so long without a break becomes the reference"""
     declination: Annotated[float, Quantity("rad", -pi, pi)] = 0.0
     """rad; of the magnetic field, east is positive"""
@@ -124,7 +124,7 @@ class AhrsGains(NamedTuple):
     """m/s; one sigma of a fix's velocity, each axis"""
     gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
     """-; standard deviations beyond which a fix is refused"""
-    gps_patience: Annotated[float, Quantity("s", 0.1, 60.0)] = 2.0
+    gps_timeout: Annotated[float, Quantity("s", 0.1, 60.0, formerly="gps_patience")] = 2.0
     """s; without an accepted fix until the airspeed takes its place"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 1.0)] = 0.15
     """s; age of a fix when it arrives"""
@@ -176,7 +176,7 @@ class Correction(NamedTuple):
     """m/s; mean velocity through the air over the last block, earth axes"""
     age: float = 0.0
     """s; in closed blocks since the start"""
-    quality_suspect: float = 0.0
+    is_degraded: float = 0.0
     """s; for which the disagreement has exceeded its limit"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force over all blocks, earth axes"""
@@ -491,7 +491,7 @@ def _compass(gains: AhrsGains, reference: Vector) -> velocity_aiding.Compass:
 
 def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
     return velocity_aiding.Noise(
-        gains.gyro_walk, gains.bias_walk, gains.gps_noise, gains.gps_gate, gains.gps_patience, gains.gps_delay
+        gains.gyro_walk, gains.bias_walk, gains.gps_noise, gains.gps_gate, gains.gps_timeout, gains.gps_delay
     )
 
 
@@ -501,7 +501,7 @@ def _corrected(
     """Matrix and memory at the end of a block."""
     impulse = _sum(last.impulse, block.force)
     p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
-    if velocity_aiding.agreeing(aid, gains.gps_patience, flight.time_us):
+    if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
         limit = gains.heading_limit + 3.0 * aid.heading_sigma
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
     view = _view(gains, last, block, flight)
@@ -520,7 +520,7 @@ def _corrected(
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
-    corrected = _cached(gains, last.quality_suspect, view, turn, (limited, impulse, sure))
+    corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, sure))
     return (
         orthonormalised(multiply(turn, r)),
         corrected._replace(
@@ -543,7 +543,7 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
     age = last.age + length
     rising, velocity = _scaled(block.force_moment, 1.0 / length), _scaled(block.travel, 1.0 / length)
     time = gains.flapping_tilt_time if flight.flapping else gains.tilt_time
-    trusting = age > gains.settling and last.quality_suspect < time
+    trusting = age > gains.settling and last.is_degraded < time
     x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
     gain = 0.0 if flight.aided else trust * _gain(length, time, age)
     tilt = rotation(gain * x, gain * y, 0.0)
@@ -578,7 +578,7 @@ def _by_view(
     tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
     error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
     bias = _sum(last.bias, _scaled(rotate_back(multiply(turn, r), error), -1.0))
-    quality_suspect = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    is_degraded = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
     rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
     return (
@@ -590,28 +590,28 @@ def _by_view(
             _compass(gains, view.reference),
             shares,
             rates,
-            (quality_suspect, quality_suspect, gains.field_noise),
+            (is_degraded, is_degraded, gains.field_noise),
         ),
     )
 
 
 def _cached(
     gains: AhrsGains,
-    quality_suspect: float,
+    is_degraded: float,
     view: View,
     turn: Matrix,
     known: tuple[Vector, Vector, tuple[float, float, int, int]],
 ) -> Correction:
-    """What the next block needs of this one, in axes after its correction; ``quality_suspect`` is the last one's.
+    """What the next block needs of this one, in axes after its correction; ``is_degraded`` is the last one's.
 
     ``known`` are bias, impulse, and what `Correction` ends with: the sigmas, whether disturbed, whether aided.
     """
     size, (bias, impulse, sure) = hypot(view.north, view.east), known
-    quality_suspect = quality_suspect + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
+    is_degraded = is_degraded + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # A block seen through a grossly wrong matrix cannot be joined to the next one.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
     return Correction(
-        bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, quality_suspect, impulse,
+        bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, is_degraded, impulse,
         view.reference, view.refused, size, view.heading_error, view.length, *sure,
     )  # fmt: skip
 
@@ -667,7 +667,7 @@ def _field_test(gains: AhrsGains, last: Correction, field: Vector, length: float
     gain = 1.0 - exp(-length / gains.field_time)
     settled = _between(last.refused, (strength, dip, 0.0), gain)
     refused = last.refused[2] + length
-    if refused > gains.field_patience and _is_consistent(gains, strength, dip, settled):
+    if refused > gains.mag_timeout and _is_consistent(gains, strength, dip, settled):
         return (settled[0], settled[1], 0.0), (strength, dip, 0.0)
     return last.field, (settled[0], settled[1], refused)
 

@@ -42,7 +42,7 @@ class Gains(NamedTuple):
     """m/s^2 in the root of a second; random walk of the acceleration's bias"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
     """-; innovations beyond this many sigma are refused"""
-    gate_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
+    gate_timeout: Annotated[float, Quantity("s", 0.0, 60.0, formerly="gate_patience")] = 1.0
     """s; of refused innovations after which the barometer is believed again"""
     gps_altitude_noise: Annotated[float, Quantity("m", 0.1, 100.0)] = 2.0
     """m; one sigma of a receiver's altitude over a minute from where it was known, without a barometer"""
@@ -118,7 +118,7 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     innovation = air.pressure_altitude - x.item(0)
     variance = p.item(0) + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
-    if refused > gains.gate_patience:
+    if refused > gains.gate_timeout:
         # Believed again: then it is the altitude that must be doubted.
         p[0, 0] += innovation**2
         refused = 0.0
@@ -190,9 +190,9 @@ def _motion(dt: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=32)
-def _noise(bias_walk: float, dt: float, quality_suspect: float) -> Array:
+def _noise(bias_walk: float, dt: float, is_degraded: float) -> Array:
     """Covariance of one step: an acceleration (m/s^2, one sigma) constant over it, and the walk of its bias."""
-    way, variance = 0.5 * dt * dt, quality_suspect**2
+    way, variance = 0.5 * dt * dt, is_degraded**2
     tied = way * dt * variance
     return constant([
         [way * way * variance, tied, 0.0],

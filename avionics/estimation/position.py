@@ -66,7 +66,7 @@ class Gains(NamedTuple):
     """s; from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
     """-; a fix off by more than this many sigma in any component is refused"""
-    gate_patience: Annotated[float, Quantity("s", 0.0, 600.0)] = 3.0
+    gate_timeout: Annotated[float, Quantity("s", 0.0, 600.0, formerly="gate_patience")] = 3.0
     """s; of refused fixes after which the receiver is believed again"""
 
 
@@ -244,7 +244,7 @@ def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noi
     if not bool(np.all(off * off <= gains.gate**2 * expected)):
         if state.refused_since_us < 0:
             return state._replace(refused_since_us=state.fix_us)
-        if (state.fix_us - state.refused_since_us) * 1e-6 < gains.gate_patience:
+        if (state.fix_us - state.refused_since_us) * 1e-6 < gains.gate_timeout:
             return state
         p = p + np.diag(off**2)
     x, p = filterpy().update(x, p, np.array(measured), _diagonal(noise), H=UNITY)

@@ -79,7 +79,7 @@ class Noise(NamedTuple):
     """m/s; of a fix's velocity, each axis"""
     gps_gate: float
     """-; standard deviations beyond which a fix is refused"""
-    gps_patience: float
+    gps_timeout: float
     """s; without an accepted fix the velocity is taken anew"""
     gps_delay: float
     """s; age of a fix when it arrives"""
@@ -203,7 +203,7 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
     """A fix taken in; ``p``, carried to its arrival, is updated in place.
 
-    A fix that is not finite, without a position, or beyond the gate corrects nothing; after ``gps_patience`` without
+    A fix that is not finite, without a position, or beyond the gate corrects nothing; after ``gps_timeout`` without
     an accepted one the next sets the velocity anew. After a launch from rest two rejected fixes of the carried speed
     and of one other course turn the heading by the difference (as EKF2's reset of the yaw to the GPS course).
     """
@@ -212,7 +212,7 @@ def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Err
     impulse = _impulse_at(state, fix.time_us - round(noise.gps_delay * 1e6))
     velocity, variance = (fix.v_north - impulse[0], fix.v_east - impulse[1]), noise.gps_noise**2
     speed = hypot(fix.v_north, fix.v_east)
-    if state.accepted_us < 0 or (fix.time_us - state.accepted_us) * 1e-6 > noise.gps_patience:
+    if state.accepted_us < 0 or (fix.time_us - state.accepted_us) * 1e-6 > noise.gps_timeout:
         p[VELOCITY, :] = p[:, VELOCITY] = 0.0
         p[0, 0] = p[1, 1] = variance
         return state._replace(offset=velocity, accepted_us=fix.time_us, agreed=0, speed=speed), NOTHING
@@ -263,9 +263,9 @@ def _iron_row(r: Matrix, compass: Compass) -> Array:
     return np.array((s * r[0] + c * r[3], s * r[1] + c * r[4]))
 
 
-def agreeing(state: State, gps_patience: float, time_us: int) -> bool:
+def agreeing(state: State, gps_timeout: float, time_us: int) -> bool:
     """Whether fixes tell the tilt: the velocity was set and has been confirmed, the last time not long ago."""
-    return state.agreed >= CONFIRMATIONS and (time_us - state.accepted_us) * 1e-6 < gps_patience
+    return state.agreed >= CONFIRMATIONS and (time_us - state.accepted_us) * 1e-6 < gps_timeout
 
 
 def headed(

@@ -92,18 +92,18 @@ def in_funnel(gains: Gains, aim: Place, length: float, heading: float, now: Situ
     The funnel opens backward from the end of the line to a lookahead before its head, by `FUNNEL` to each side;
     inside it the course must be within `JOINING_TURN` of the line's.
     """
-    to_go, cross = _distance_to_go(aim, heading, now)
+    to_go, cross = _remaining(aim, heading, now)
     along = 0.0 < to_go <= length + gains.lookahead and abs(cross) <= FUNNEL * to_go
     return along and abs(wrap(heading - now.heading)) <= JOINING_TURN
 
 
 def _low(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
     """Whether the altitude is that of the line here, or above it by no more than the margin."""
-    to_go, _ = _distance_to_go(aim, heading, now)
+    to_go, _ = _remaining(aim, heading, now)
     return now.altitude <= gains.approach_altitude * clip(to_go / length, 0.0, 1.0) + gains.approach_margin
 
 
-def _distance_to_go(place: Place, heading: float, situation: Situation) -> tuple[float, float]:
+def _remaining(place: Place, heading: float, situation: Situation) -> tuple[float, float]:
     """Way to go (m) along the line that reaches ``place`` at ``heading``, and distance (m) to the right of it."""
     c, s = math.cos(heading), math.sin(heading)
     dn, de = situation.north - place[0], situation.east - place[1]
@@ -125,7 +125,7 @@ def down_the_line(gains: Gains, state: State, heading: float, situation: Situati
         return state._replace(flare=1), Target(Stage.FLARE, 0.0, heading)
     if not situation.valid:
         return state, Target(Stage.APPROACH, -gains.approach_altitude, heading)
-    to_go, cross = _distance_to_go((state.touch_north, state.touch_east), heading, situation)
+    to_go, cross = _remaining((state.touch_north, state.touch_east), heading, situation)
     length = state.slope_length or gains.approach_length
     altitude = clip(gains.approach_altitude * to_go / length, -gains.approach_altitude, gains.approach_altitude)
     course = wrap(heading - math.atan2(cross, lookahead(gains, situation)))

@@ -52,9 +52,9 @@ class Gate(IntEnum):
     OPEN = 0
     """every one: on the ground, in the hand and in the throw"""
     WATCHED = 1
-    """one that departs is refused, for `Gains.gate_patience` at most"""
+    """one that departs is refused, for `Gains.gate_timeout` at most"""
     SUSPECT = 2
-    """the same for `Gains.doubt_patience` at most, within which `airspeed_check` decides"""
+    """the same for `Gains.gate_reset_time` at most, within which `airspeed_check` decides"""
 
 
 class Gains(NamedTuple):
@@ -94,9 +94,9 @@ class Gains(NamedTuple):
     """s; over which the innovations' mean square is taken"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
     """-; innovations of the pitot beyond this many sigma are refused in the air"""
-    gate_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.5
+    gate_timeout: Annotated[float, Quantity("s", 0.0, 60.0, formerly="gate_patience")] = 1.5
     """s; of refused readings after which the pitot is believed again"""
-    doubt_patience: Annotated[float, Quantity("s", 0.0, 60.0)] = 4.5
+    gate_reset_time: Annotated[float, Quantity("s", 0.0, 60.0, formerly="doubt_patience")] = 4.5
     """s; the same while its airspeed is not the expected one"""
 
 
@@ -221,7 +221,7 @@ def _pressure(gains: Gains, state: State, reading: float, dt: float, gate: Gate)
         return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, state.refused)
     if gate and innovation * innovation > gains.gate**2 * _expected(gains, state):
         refused = state.refused + dt
-        if refused <= (gains.gate_patience if gate == Gate.WATCHED else gains.doubt_patience):
+        if refused <= (gains.gate_timeout if gate == Gate.WATCHED else gains.gate_reset_time):
             return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, refused)
         # Believed again: then it is the pressure that must be doubted.
         pressure = follow

@@ -63,9 +63,9 @@ class State(NamedTuple):
     """m/s"""
     span: float = 0.0
     """s; over which the wind has been learned"""
-    is_stationary: float = 0.0
+    stationary_time: float = 0.0
     """s; for which it has stood still in motion"""
-    differs: float = 0.0
+    differing_time: float = 0.0
     """s; for which it has differed from the expected airspeed"""
     agreeing: float = 0.0
     """s; for which a blocked pitot has agreed"""
@@ -127,9 +127,9 @@ def expected(gains: Gains, state: State, motion: Motion | None) -> float:
     return hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east)
 
 
-def is_suspect(state: State) -> bool:
+def is_inconsistent(state: State) -> bool:
     """Whether the pitot is about to be called blocked, or is."""
-    return state.blocked == 1 or state.is_stationary > 0.0 or state.differs > 0.0
+    return state.blocked == 1 or state.stationary_time > 0.0 or state.differing_time > 0.0
 
 
 def variance(gains: Gains) -> float:
@@ -145,16 +145,16 @@ def _moving(gains: Gains, known: bool, likely: float, motion: Motion) -> bool:
 
 
 def _watched(gains: Gains, state: State, dt: float, is_stationary: bool, differs: bool) -> State:
-    still_time = state.is_stationary + dt if is_stationary else 0.0
-    apart_time = state.differs + dt if differs else 0.0
-    blocked = still_time >= gains.standstill_time or apart_time >= gains.difference_time
-    return State(state.wind_north, state.wind_east, state.span, still_time, apart_time, 0.0, int(blocked))
+    stationary_time = state.stationary_time + dt if is_stationary else 0.0
+    apart_time = state.differing_time + dt if differs else 0.0
+    blocked = stationary_time >= gains.standstill_time or apart_time >= gains.difference_time
+    return State(state.wind_north, state.wind_east, state.span, stationary_time, apart_time, 0.0, int(blocked))
 
 
 def _recovering(gains: Gains, state: State, dt: float, agrees: bool) -> State:
     agreeing = state.agreeing + dt if agrees else 0.0
     blocked = int(agreeing < gains.recovery_time)
-    return state._replace(is_stationary=0.0, differs=0.0, agreeing=agreeing, blocked=blocked)
+    return state._replace(stationary_time=0.0, differing_time=0.0, agreeing=agreeing, blocked=blocked)
 
 
 def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Motion) -> State:
@@ -165,4 +165,4 @@ def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Mot
     if state.span:
         north = low_pass(state.wind_north, north, span, dt)
         east = low_pass(state.wind_east, east, span, dt)
-    return State(north, east, span, state.is_stationary, state.differs, state.agreeing, state.blocked)
+    return State(north, east, span, state.stationary_time, state.differing_time, state.agreeing, state.blocked)

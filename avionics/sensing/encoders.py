@@ -39,7 +39,7 @@ class Gains(NamedTuple):
     """counts/s; with which missed counts are taken back"""
     fastest: Annotated[float, Quantity("counts/s", 100.0, 1e7)] = 40000.0
     """counts/s; a counter that moves faster has jumped"""
-    still_travel: Annotated[float, Quantity("counts", 4.0, 10000.0)] = 64.0
+    stuck_detection_travel: Annotated[float, Quantity("counts", 4.0, 10000.0, formerly="still_travel")] = 64.0
     """counts; travel of one wing within which the other must move, and in the same direction"""
 
 
@@ -161,7 +161,7 @@ def step(
     if passed or left_slip != left_side.target or right_slip != right_side.target:
         state = _indexed(gains, state, sample, dt)
         left_side, right_side = state.left_side, state.right_side
-    limit = gains.still_travel
+    limit = gains.stuck_detection_travel
     if left_stuck_time > limit or right_stuck_time > limit or opposed > limit or left_side.fault or right_side.fault:
         state = _judge(gains, state, abs(moved_left), abs(moved_right))
     if (time_us - moving_us) * commanded > PATIENCE * 1e6:
@@ -249,7 +249,7 @@ def _index_passed(
 
 def _judge(gains: Gains, state: State, travel_left: int, travel_right: int) -> State:
     """Find the encoders at fault, and those that are no longer."""
-    limit = gains.still_travel
+    limit = gains.stuck_detection_travel
     left = _woken(limit, state.left_side, travel_left if state.left == state.left_anchor else 0)
     right = _woken(limit, state.right_side, travel_right if state.right == state.right_anchor else 0)
     if left.fault != Fault.STUCK and right.fault != Fault.STUCK:

@@ -28,7 +28,7 @@ class Gains(NamedTuple):
     """s; time constant of a wing's mean speed"""
     least_rate: Annotated[float, Quantity("rad/s", 0.01, 20.0)]
     """rad/s; mean speed of a wing that is told to flap, below which it stands still"""
-    still_time: Annotated[float, Quantity("s", 0.05, 10.0)]
+    jam_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="still_time")]
     """s; for which it must stand still"""
     current_time: Annotated[float, Quantity("s", 0.01, 10.0)]
     """s; time constant of the present current"""
@@ -40,7 +40,7 @@ class Gains(NamedTuple):
     """A; less current than this is never that of a stalled drive"""
     rocking: Annotated[float, Quantity("rad/s", 0.05, 20.0)]
     """rad/s; mean size of the roll rate that one beating wing alone makes"""
-    verdict_time: Annotated[float, Quantity("s", 0.05, 10.0)]
+    fault_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="verdict_time")]
     """s; for which an encoder is not believed, and its wing not jammed, after which it is told lost"""
 
 
@@ -57,7 +57,7 @@ class State(NamedTuple):
     """s; for which the left wing has stood still"""
     stationary_right: float = 0.0
     """s; for which the right wing has stood still"""
-    suspect_time: float = 0.0
+    invalid_time: float = 0.0
     """s; for which an encoder has not been believed"""
     rocking: float = 0.0
     """rad/s; mean size of the roll rate"""
@@ -101,15 +101,15 @@ def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
     rocking = low_pass(state.rocking, abs(inputs.roll_rate), gains.activity_time, dt)
     current = low_pass(state.current, inputs.current, gains.current_time, dt)
     commanded = state.commanded + dt if inputs.commanded else 0.0
-    judged = commanded > 2.0 * gains.activity_time + gains.still_time
+    judged = commanded > 2.0 * gains.activity_time + gains.jam_confirmation_time
     stationary_left = state.stationary_left + dt if judged and left < gains.least_rate else 0.0
     stationary_right = state.stationary_right + dt if judged and right < gains.least_rate else 0.0
     both_move = judged and stationary_left == 0.0 and stationary_right == 0.0
     usual = low_pass(state.usual or current, current, gains.usual_time, dt) if both_move else state.usual
-    suspect_time = state.suspect_time + dt if inputs.valid != LEFT | RIGHT else 0.0
-    lost = (LEFT | RIGHT) & ~(inputs.valid | state.jammed) if suspect_time >= gains.verdict_time else 0
+    invalid_time = state.invalid_time + dt if inputs.valid != LEFT | RIGHT else 0.0
+    lost = (LEFT | RIGHT) & ~(inputs.valid | state.jammed) if invalid_time >= gains.fault_confirmation_time else 0
     state = new(State, (
-        left, right, commanded, stationary_left, stationary_right, suspect_time, rocking, current, usual, lost,
+        left, right, commanded, stationary_left, stationary_right, invalid_time, rocking, current, usual, lost,
         state.jammed, inputs.angles, state.rocked,
     ))  # fmt: skip
     return _judged(gains, state, dt) if judged and not both_move else state
@@ -117,8 +117,8 @@ def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
 
 def _judged(gains: Gains, state: State, dt: float) -> State:
     """The state with the wings that stand still while their drives pull, or while the other rocks the vehicle."""
-    still = (LEFT if state.stationary_left >= gains.still_time else 0) | (
-        RIGHT if state.stationary_right >= gains.still_time else 0
+    still = (LEFT if state.stationary_left >= gains.jam_confirmation_time else 0) | (
+        RIGHT if state.stationary_right >= gains.jam_confirmation_time else 0
     )
     # The usual current is learned with both wings moving. Without it a strong current may be that of the climb,
     # unless both wings stand still: two encoders do not fail at once.
@@ -136,4 +136,4 @@ def _without_encoder(gains: Gains, state: State, dt: float) -> State:
     The current alone would mistake a climb for a stall: what is usual is not learned without both encoders.
     """
     rocked = state.rocked + dt if state.rocking > WITHOUT_ENCODER * gains.rocking else 0.0
-    return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.verdict_time else 0)
+    return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.fault_confirmation_time else 0)

@@ -92,7 +92,7 @@ def _gate(s: AutopilotState, aloft: airspeed_check.Aloft) -> air_data.Gate:
     """How readings of the pitot are taken in: every one until the wings carry, for the throw is no spike."""
     if aloft == GROUND:
         return OPEN
-    return DOUBTED if airspeed_check.is_suspect(s.airspeed_check) else WATCHED
+    return DOUBTED if airspeed_check.is_inconsistent(s.airspeed_check) else WATCHED
 
 
 def _without_pitot(s: AutopilotState, air: AirData, airspeed: float) -> AirData:

@@ -196,7 +196,7 @@ def test_declination_turns_the_heading() -> None:
 def test_disturbed_field_is_refused_and_a_lasting_one_believed() -> None:
     """GIVEN a magnet that doubles and turns the field THEN the heading holds, until the patience is at its end."""
     magnet = (0.0, 0.5, 0.8)
-    gains = GAINS._replace(field_patience=30.0)
+    gains = GAINS._replace(mag_timeout=30.0)
     state = ahrs.start(gains, at_rest(0.01, (0.2, 0.0, 0.42))[0])
     yaws = []
     for imu in at_rest(120.0, magnet, 50.0)[1:]:

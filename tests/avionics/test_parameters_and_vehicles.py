@@ -133,3 +133,30 @@ def test_an_unknown_vehicle_lists_the_known_ones() -> None:
 def test_a_vehicle_is_found_by_its_path(tmp_path: Path) -> None:
     path = edited(tmp_path, 'name = "robo_raven_ii_d"', 'name = "mine"')
     assert load_vehicle(path).name == "mine"
+
+
+PINNED = Path(__file__).parents[1] / "data" / "parameter_names.txt"
+
+
+def test_mavlink_parameter_names_stay() -> None:
+    """GIVEN the names of both vehicles as released THEN all are still there: saved parameter files hold them."""
+    names = {name for vehicle in VEHICLES.values() for name in parameters.parameter_table(vehicle.gains)}
+    assert set(PINNED.read_text().split()) <= names
+
+
+def test_vehicle_file_with_an_earlier_key_is_read(tmp_path: Path) -> None:
+    """GIVEN a vehicle file with a key's earlier name WHEN it is read THEN its value counts, over its base too."""
+    text = RAVEN.file.text
+    old = text.replace("\njam_confirmation_time = ", "\nstill_time = ")
+    assert old != text
+    (tmp_path / "copied.toml").write_text(old)
+    before = RAVEN.gains.wing_check.jam_confirmation_time
+    assert load_vehicle(tmp_path / "copied.toml").gains.wing_check.jam_confirmation_time == before
+    derived = tmp_path / "derived.toml"
+    derived.write_text(
+        'base = "robo_raven_ii_d"\n[wing_check]\n'
+        'still_time = { value = 0.77, unit = "s", source = "chosen: for this test" }\n'
+    )
+    gains = load_vehicle(derived).gains
+    assert gains.wing_check.jam_confirmation_time == 0.77
+    assert parameters.get(gains, parameters.parameter_table(gains)["CHKW_STILL_TIME"]) == 0.77

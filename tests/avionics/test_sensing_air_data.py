@@ -179,7 +179,7 @@ class Gated:
 @pytest.mark.parametrize("pressure", [0.0, 120.0, 248.0])
 def test_a_blocked_or_pressurised_pitot_does_not_go_through(pressure: float) -> None:
     """GIVEN a tube that tells static or ram pressure of its own THEN the airspeed stays, less and less certain."""
-    flight = Gated(pressure, 0.9 * GAINS.gate_patience)
+    flight = Gated(pressure, 0.9 * GAINS.gate_timeout)
     assert {message.airspeed for message in flight.after} == {flight.before.airspeed}
     variances = [message.airspeed_variance for message in flight.after]
     assert variances == sorted(variances) and variances[-1] > 1.5 * variances[0]
@@ -202,7 +202,7 @@ def test_one_spike_leaves_nothing() -> None:
     assert spiked.dynamic_pressure == pytest.approx(clean.dynamic_pressure, abs=0.01)
 
 
-@pytest.mark.parametrize(("gate", "patience"), [(Gate.WATCHED, "gate_patience"), (Gate.SUSPECT, "doubt_patience")])
+@pytest.mark.parametrize(("gate", "patience"), [(Gate.WATCHED, "gate_timeout"), (Gate.SUSPECT, "gate_reset_time")])
 def test_what_lasts_is_believed_after_the_patience(gate: Gate, patience: str) -> None:
     """GIVEN an airspeed that has really changed THEN it is told when the patience is over, sooner without doubt."""
     faster = 0.5 * DENSITY * 12.0**2

@@ -51,12 +51,12 @@ def test_a_pitot_that_sticks_at_a_speed_is_found_by_its_difference() -> None:
 def test_a_pitot_is_doubted_before_it_is_called_blocked_and_while_it_is() -> None:
     motion = Motion(7.0, 0.0, 0.0)
     good, _ = fly(airspeed_check.State(), 7.0, motion, 20.0)
-    assert not airspeed_check.is_suspect(good)
+    assert not airspeed_check.is_inconsistent(good)
     for wrong in (0.0, 8.0 + PITOT.difference):
         doubted, _ = fly(good, wrong, motion, 2 * DT)
-        assert airspeed_check.is_suspect(doubted) and not doubted.blocked
+        assert airspeed_check.is_inconsistent(doubted) and not doubted.blocked
         blocked, _ = fly(doubted, wrong, motion, PITOT.difference_time)
-        assert airspeed_check.is_suspect(blocked) and blocked.blocked
+        assert airspeed_check.is_inconsistent(blocked) and blocked.blocked
     # One sigma of moderate gusts: what ground velocity and remembered wind do not know.
     assert 2.0 < math.sqrt(airspeed_check.variance(PITOT)) < 3.5
 
@@ -175,10 +175,10 @@ def test_a_wing_that_stands_still_and_is_pulled_at_or_rocks_the_body_is_jammed(s
 def test_a_wing_that_jams_after_its_encoder_died_is_told_by_the_rocking(still: dict[str, float], flag: int) -> None:
     dead = BEATING._replace(valid=3 - flag, **still)
     state = watch(watch(wing_check.State(), BEATING, 5.0), dead, 3.0)
-    gust = watch(state, dead._replace(roll_rate=3.0), 0.5 * WINGS.verdict_time)
+    gust = watch(state, dead._replace(roll_rate=3.0), 0.5 * WINGS.fault_confirmation_time)
     assert watch(gust, dead, 5.0).jammed == 0
     assert watch(state, dead._replace(current=4.5), 10.0).jammed == 0, "a climb"
-    jammed = watch(state, dead._replace(roll_rate=3.0, current=3.0), WINGS.verdict_time + 0.5)
+    jammed = watch(state, dead._replace(roll_rate=3.0, current=3.0), WINGS.fault_confirmation_time + 0.5)
     assert jammed.jammed == flag
 
 
