@@ -140,9 +140,9 @@ def why_unread(error: OSError | UnicodeDecodeError) -> str:
 
 
 def meant(name: str, known: Iterable[str]) -> str:
-    """`` (meant 'x'?)``, x being the nearest to ``name`` of what is ``known``; empty where nothing is near."""
+    """`` (meant 'x'?)``, x being the nearest to ``name`` of what is ``known``; empty where nothing else is near."""
     near = difflib.get_close_matches(name, list(known), 1, NEAR)
-    return f" (meant {near[0]!r}?)" if near else ""
+    return f" (meant {near[0]!r}?)" if near and near[0] != name else ""
 
 
 def name_by_path(path: Path) -> str:

@@ -31,10 +31,10 @@ from avionics.recorder import Recorder
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.bench import BoundedBoard, showing
+from groundstation.command.console_status import Account, FlightOutcome, ReportingBoard, event_record
 from groundstation.command.ending import WORDS
 from groundstation.command.onboard import Onboard
-from groundstation.command.recordings import begin_recording, put_right, told_paths
-from groundstation.command.told import Account, Flown, ToldBoard, event_record
+from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from groundstation.views.json_document import print_document
 from logs.names import RECORDINGS
 from logs.noted import note_inputs
@@ -98,13 +98,13 @@ def build_parser() -> options.Parser:
 class Outcome(NamedTuple):
     """What came of a flight."""
 
-    flown: Flown
+    flight: FlightOutcome
     """how far"""
     ended: str
     """why it ended, one line"""
     silent: bool
     """whether because the board fell silent"""
-    own: Angles | None
+    board_angles: Angles | None
     """what the board itself told of its attitude last"""
     losses: Losses
     """of its line"""
@@ -134,7 +134,7 @@ def run(arguments: Sequence[str]) -> int:
     # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
     for line in (*options.name_warnings(vehicle.file), *unused_files(vehicle)):
-        account.say(line)
+        account.report(line)
     if chosen.log is None:
         put_right(RECORDINGS)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
@@ -156,15 +156,15 @@ def run(arguments: Sequence[str]) -> int:
         onboard = Onboard(vehicle, plan.mission, seen, commands, isolation=isolation)
         if kept is not None:
             onboard.keep_parameters(kept)
-        _tell(onboard, loaded)
+        _report(onboard, loaded)
         link = GroundLink(chosen.gcs, onboard.view, identity, files=Files(kept, signing, path.parent))
         stack.callback(_close, link, recorder)
         for line in opening(chosen, vehicle, len(plan.mission), path):
-            account.say(line)
+            account.report(line)
         outcome = _fly(chosen, onboard, link, account, isolation)
-    if chosen.json and (outcome.flown.frames or not outcome.silent):
+    if chosen.json and (outcome.flight.frames or not outcome.silent):
         print_document(_document(chosen, onboard, path, outcome))
-    return _over(outcome, account, told_paths(recorder))
+    return _over(outcome, account, format_recording_paths(recorder))
 
 
 def _parameters(chosen: argparse.Namespace, vehicle: FlightVehicle) -> ParameterFile | None:
@@ -183,7 +183,7 @@ def _over(outcome: Outcome, account: Account, paths: str) -> int:
     """
     if outcome.silent:
         raise BadInput(outcome.ended)
-    account.say(f"over after {outcome.flown.time:.1f} s: {outcome.ended}; recorded in {paths}")
+    account.report(f"over after {outcome.flight.time:.1f} s: {outcome.ended}; recorded in {paths}")
     if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
     return 0
@@ -208,11 +208,11 @@ def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, outcome:
         "board": chosen.board,
         "links": chosen.gcs,
         "log": str(path),
-        "frames": outcome.flown.frames,
-        "time": outcome.flown.time,
+        "frames": outcome.flight.frames,
+        "time": outcome.flight.time,
         "ended": outcome.ended,
         "attitude": {key: getattr(attitude, key) for key in (*ANGLES, "tilt_sigma", "heading_sigma")},
-        "own_attitude": outcome.own,
+        "own_attitude": outcome.board_angles,
         "losses": outcome.losses,
         "events": [event_record(event) for event in onboard.view.events(0)],
     }
@@ -225,7 +225,7 @@ def _close(link: GroundLink, recorder: Recorder) -> None:
         recorder.record(topics.LINK_EVENTS, event)
 
 
-def _tell(onboard: Onboard, loaded: Loaded) -> None:
+def _report(onboard: Onboard, loaded: Loaded) -> None:
     """Say which parameters were loaded, or why none were; a damaged file on stderr too."""
     if loaded.text:
         severity = Severity.WARNING if loaded.damaged else Severity.INFO
@@ -248,13 +248,13 @@ def _fly(
 
     def idle() -> None:
         onboard.idle()
-        told.tell_events()
+        told.print_events()
 
-    def say(severity: Severity, text: str) -> None:
+    def report_text(severity: Severity, text: str) -> None:
         onboard.view.send_statustext(severity, "board", text)
 
     try:
-        board = boards.open_board(chosen.board, Surroundings(say, idle))
+        board = boards.open_board(chosen.board, Surroundings(report_text, idle))
     except BoardSilent as silence:
         raise BadInput(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
@@ -262,24 +262,24 @@ def _fly(
     # A Razor on the bench has a picture of its own.
     shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
     every, guard = LINE_EVERY if shown else math.inf, isolation.guard("terminal")
-    told = ToldBoard(board, onboard.view, account, link.announced, every, guard)
-    ended, silent = _flown(chosen, board, told, onboard, link, isolation)
+    told = ReportingBoard(board, onboard.view, account, link.announced, every, guard)
+    ended, silent = _run_flight(chosen, board, told, onboard, link, isolation)
     board.close()
-    own = board.angles if isinstance(board, RazorBoard) else None
-    return Outcome(told.flown, ended, silent, own, board.losses)
+    board_angles = board.angles if isinstance(board, RazorBoard) else None
+    return Outcome(told.outcome, ended, silent, board_angles, board.losses)
 
 
-def _flown(
+def _run_flight(
     chosen: argparse.Namespace,
     board: HilBoard | RazorBoard,
-    console: ToldBoard,
+    console: ReportingBoard,
     onboard: Onboard,
     link: GroundLink,
     isolation: Isolation,
 ) -> tuple[str, bool]:
     """Fly on an open board; returns why it ended, and whether because the board fell silent."""
     with contextlib.ExitStack() as stack:
-        stack.callback(console.tell_events)
+        stack.callback(console.print_events)
         show = None
         if isinstance(board, RazorBoard) and not chosen.json:
             show = showing(stack, chosen.board, board, console, onboard.view, isolation.guard("bench view"))

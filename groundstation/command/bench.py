@@ -10,7 +10,7 @@ from avionics.board.razor import RazorBoard
 from avionics.isolation import Guard
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.view import FlightView
-from groundstation.command.told import ToldBoard
+from groundstation.command.console_status import ReportingBoard
 from groundstation.views.bench import Bench, BenchView
 from groundstation.views.terminal import open_console
 
@@ -27,8 +27,8 @@ class Show(Protocol):
 class BoundedBoard:
     """A `Board` of frames for ``duration`` seconds of sensor time; ``show`` is called after each tick."""
 
-    def __init__(self, told: ToldBoard, duration: float | None, show: Show | None) -> None:
-        self._told = told
+    def __init__(self, board: ReportingBoard, duration: float | None, show: Show | None) -> None:
+        self._board = board
         # Half a millisecond: the times of frames are rounded to microseconds.
         self._duration = math.inf if duration is None else duration - 5e-4
         self._show = show
@@ -41,28 +41,33 @@ class BoundedBoard:
         if self._elapsed() >= self._duration:
             self.ended = TIME_IS_UP
             return None
-        frame = self._told.read()
+        frame = self._board.read()
         if self._first is None:
-            self._first = self._told.flown.time
+            self._first = self._board.outcome.time
         return frame
 
     def _elapsed(self) -> float:
         """s; from the first frame to the last."""
-        return 0.0 if self._first is None else self._told.flown.time - self._first
+        return 0.0 if self._first is None else self._board.outcome.time - self._first
 
     def write(self, command: ActuatorCommand) -> None:
         """See `Board.write`."""
-        self._told.write(command)
+        self._board.write(command)
         if self._show is not None:
             self._show()
 
     def close(self) -> None:
         """See `Board.close`."""
-        self._told.close()
+        self._board.close()
 
 
 def showing(
-    stack: contextlib.ExitStack, address: str, board: RazorBoard, console: ToldBoard, view: FlightView, guard: Guard
+    stack: contextlib.ExitStack,
+    address: str,
+    board: RazorBoard,
+    console: ReportingBoard,
+    view: FlightView,
+    guard: Guard,
 ) -> Show:
     """Take the terminal, until ``stack`` is closed, to show the attitude; ``guard`` catches what it raises."""
     screen = stack.enter_context(BenchView(open_console()))
@@ -71,7 +76,9 @@ def showing(
         if screen.due:
             attitude = view.autopilot.memory.attitude
             screen.show(
-                Bench(address, console.flown.frames, board.step, attitude, board.angles, board.losses, board.restarts)
+                Bench(
+                    address, console.outcome.frames, board.step, attitude, board.angles, board.losses, board.restarts
+                )
             )
 
     def guarded() -> None:

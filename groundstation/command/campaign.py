@@ -112,7 +112,7 @@ def run(arguments: Sequence[str]) -> int:
                        " name another --out")  # fmt: skip
     if chosen.logs != "none" and not places.logs.exists():
         print(words.too_late_for_logs(places.table), file=sys.stderr)
-    return _tell_done(chosen, campaign, places)
+    return _report_done(chosen, campaign, places)
 
 
 def _check_options(chosen: argparse.Namespace) -> None:
@@ -143,7 +143,7 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
         before = len(journal.rows)
         logs = _logs(chosen, places)
         if before:
-            console.print(words.going_on(before, campaign.size))
+            console.print(words.in_progress(before, campaign.size))
         load_physics(_first_vehicle(campaign), chosen.json)
         try:
             _fly_rest(chosen, campaign, journal, logs)
@@ -153,7 +153,7 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
         write_table(places.table, campaign, journal.rows)
         journal.remove()
     rows = list(journal.rows.values())
-    _tell(chosen, campaign, places, rows, (len(rows) - before, time.monotonic() - began))
+    _report(chosen, campaign, places, rows, (len(rows) - before, time.monotonic() - began))
     return 0
 
 
@@ -185,7 +185,9 @@ def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, 
         return
     failed = sum(row["failed"] for row in journal.rows.values())
     with contextlib.ExitStack() as stack:
-        bar = stack.enter_context(ProgressBar("flying", quiet=chosen.json, telling=not chosen.json, every=LINE_EVERY))
+        bar = stack.enter_context(
+            ProgressBar("flying", quiet=chosen.json, reporting=not chosen.json, every=LINE_EVERY)
+        )
         bar.show(0, 0, "starting the workers")
         client = stack.enter_context(_cluster(chosen, len(left)))
         began, already = time.monotonic(), len(journal.rows)
@@ -210,16 +212,16 @@ def _cluster(chosen: argparse.Namespace, flights: int) -> Any:
     return local_cluster(min(chosen.workers or cores, flights))
 
 
-def _tell_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
+def _report_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
     """Say what the table holds that is there already."""
     columns = read_table(places.table).columns
     names = ("flight", "failed", "outcome", "reason")
     rows = [dict(zip(names, row, strict=True)) for row in zip(*(columns[n] for n in names), strict=True)]
-    _tell(chosen, campaign, places, rows, (0, 0.0))
+    _report(chosen, campaign, places, rows, (0, 0.0))
     return 0
 
 
-def _tell(
+def _report(
     chosen: argparse.Namespace, campaign: Campaign, places: _Places, rows: Sequence[Row], done: tuple[int, float]
 ) -> None:
     outcomes = Counter(row["outcome"] for row in rows)

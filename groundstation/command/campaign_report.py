@@ -76,14 +76,14 @@ def run(arguments: Sequence[str]) -> int:
         raise BadInput(f"{chosen.out} exists: it is not overwritten")
     table = _table(chosen.table)
     by = chosen_metric(table, chosen.by)
-    found = worst(table, by, chosen.worst)
+    results = worst(table, by, chosen.worst)
     page = chosen.out or next(p for p in numbered(chosen.table.with_suffix(".html")) if not p.exists())
-    write(page, table, found)
+    write(page, table, results)
     changed = _changed(table)
     if chosen.json:
-        print_document(_document(table, by, found) | {"changed": changed, "page": page})
+        print_document(_document(table, by, results) | {"changed": changed, "page": page})
     else:
-        open_console().print(words.report(table, by, found, changed, page))
+        open_console().print(words.report(table, by, results, changed, page))
     return 0
 
 
@@ -108,7 +108,7 @@ def _changed(table: Table) -> str:
     return "" if same else f"{table.about.file}, or a file that it names, has changed: the commands fly other flights"
 
 
-def _document(table: Table, by: str | None, found: Sequence[Worst]) -> dict[str, Any]:
+def _document(table: Table, by: str | None, results: Sequence[Worst]) -> dict[str, Any]:
     columns = table.columns
     pairs = zip(columns["failed"], columns["reason"], strict=True)
     return {
@@ -123,7 +123,7 @@ def _document(table: Table, by: str | None, found: Sequence[Worst]) -> dict[str,
         "metrics": spreads(table),
         "comparisons": [_compared(one) for one in comparisons(table)],
         "sensitivities": [one._asdict() | {"beyond_chance": one.beyond_chance} for one in sensitivities(table)],
-        "worst": found,
+        "worst": results,
         "by": by,
     }
 

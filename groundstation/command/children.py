@@ -26,12 +26,12 @@ class Child(NamedTuple):
 
     name: str
     process: subprocess.Popen[bytes]
-    complaints: IO[bytes]
+    error_lines: IO[bytes]
 
-    def last_complaint(self) -> str:
+    def final_error(self) -> str:
         """The last line it wrote on stderr, without the command's name."""
-        self.complaints.seek(0)
-        lines = self.complaints.read().decode("utf-8", "replace").split("\n")
+        self.error_lines.seek(0)
+        lines = self.error_lines.read().decode("utf-8", "replace").split("\n")
         said = [line.strip() for line in lines if line.strip()]
         return said[-1].removeprefix("wingbeat: ") if said else ""
 
@@ -59,16 +59,16 @@ class Children:
         It ends when we do, even by SIGKILL: see `ending.follow_starter`.
         """
         command = [sys.executable, "-m", "groundstation.command.main", *arguments]
-        complaints = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the child)
+        error_lines = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the child)
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=complaints,
+            stderr=error_lines,
             env=os.environ | {STARTED: "1"},
             start_new_session=True,
         )
-        self._children.append(Child(name, process, complaints))
+        self._children.append(Child(name, process, error_lines))
 
     def running(self) -> bool:
         """Whether the flight goes on: all are alive, or the last is still closing its recording."""
@@ -90,7 +90,7 @@ class Children:
 
     def last_words(self) -> list[str]:
         """The last line of each child that ended well, where it said anything."""
-        ended = [child.last_complaint() for child in self._children if child.process.poll() == 0]
+        ended = [child.final_error() for child in self._children if child.process.poll() == 0]
         return [line for line in ended if line]
 
     def stop(self) -> None:
@@ -114,7 +114,7 @@ class Children:
     ) -> None:
         self.stop()
         for child in self._children:
-            child.complaints.close()
+            child.error_lines.close()
             assert child.process.stdin is not None
             child.process.stdin.close()
 
@@ -122,4 +122,4 @@ class Children:
 def _ending(child: Child, code: int) -> str:
     if code < 0:
         return f"was ended by signal {signal.Signals(-code).name}"
-    return f"stopped: {child.last_complaint() or f'exit code {code}'}"
+    return f"stopped: {child.final_error() or f'exit code {code}'}"

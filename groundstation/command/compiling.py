@@ -31,7 +31,7 @@ def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
     with announced_air(vehicle, quiet):
         plant = Plant(vehicle)
     if not physics_compiled():
-        with _telling(COMPILING, quiet):
+        with _reporting(COMPILING, quiet):
             plant.compile()
 
 
@@ -56,12 +56,12 @@ class _Teller(Listener):
     """What numba tells of each compilation."""
 
     def __init__(self, words: str) -> None:
-        self._words, self._said = words, False
+        self._words, self._announced = words, False
 
     def on_start(self, event: Any) -> None:
         """One begins."""
-        if not self._said:
-            self._said = True
+        if not self._announced:
+            self._announced = True
             _told.add(self._words)
             print(self._words, file=sys.stderr, flush=True)
 
@@ -69,7 +69,7 @@ class _Teller(Listener):
         """One is over."""
 
 
-def _telling(words: str, quiet: bool) -> AbstractContextManager[Any]:
+def _reporting(words: str, quiet: bool) -> AbstractContextManager[Any]:
     """While the block lasts ``words`` stand on a terminal; elsewhere they are a line."""
     console = open_console(quiet, stderr=True)
     if console.is_terminal:

@@ -11,7 +11,7 @@ from logs.reader import Log
 
 
 @contextmanager
-def damage_told(logs: Sequence[Log], done: str) -> Iterator[None]:
+def damage_notices(logs: Sequence[Log], done: str) -> Iterator[None]:
     """Say on stderr, a line a log, what is wrong with those of which what is whole was ``done``, "identified".
 
     Raises:

@@ -120,16 +120,16 @@ def run(arguments: Sequence[str]) -> int:
     subject = _subject(chosen)
     noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
     prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)
-    asked = _asked(chosen, subject, prior)
+    requested = _request(chosen, subject, prior)
     with ProgressBar("designing") as bar:
-        found = plan(prior, asked, bar.show)
+        designs = plan(prior, requested, bar.show)
     if chosen.out is not None:
         with chosen.out.open("x", encoding="utf-8") as file:
-            file.write(mission_item(found.excitation))
+            file.write(mission_item(designs.excitation))
     if chosen.json:
-        print_document(_document(subject, prior, asked, found))
+        print_document(_document(subject, prior, requested, designs))
     else:
-        open_console().print(plan_view(subject.model, prior, asked, found))
+        open_console().print(plan_view(subject.model, prior, requested, designs))
     return 0
 
 
@@ -182,7 +182,7 @@ def _noise(subject: _Subject) -> tuple[float, float, float]:
     return sensor_noise(subject.world)
 
 
-def _asked(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Asked:
+def _request(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Asked:
     envelope = None if subject.vehicle is None else subject.vehicle.gains.excitation
     pacing = {} if envelope is None else {"fade": envelope.fade, "pause": envelope.recovery + envelope.spread / 2.0}
     return Asked(
@@ -219,20 +219,20 @@ def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limi
     )
 
 
-def _document(subject: _Subject, prior: Prior, asked: Asked, found: Plan) -> dict[str, Any]:
+def _document(subject: _Subject, prior: Prior, requested: Asked, designs: Plan) -> dict[str, Any]:
     """The keys of `JSON_KEYS`."""
-    flown = found.excitation
+    flown = designs.excitation
     keys = ("amplitude", "width", "low", "high", "settle", "repeats")
     return {
         "model": subject.model.origin,
         "input": {"shape": flown.shape.name.lower(), **{key: getattr(flown, key) for key in keys}},
-        "predicted": [one._asdict() for one in found.predicted],
+        "predicted": [one._asdict() for one in designs.predicted],
         "noise": dict(zip(("q", "a_x", "a_z"), prior.noise, strict=True)) | {"rate": 1.0 / prior.step},
-        "gust_factor": found.gust_factor,
-        "limits": asked.limits._asdict(),
-        "reached": found.reached._asdict(),
-        "bound_by": found.bound_by,
-        "flight_time": found.flight_time,
+        "gust_factor": designs.gust_factor,
+        "limits": requested.limits._asdict(),
+        "reached": designs.reached._asdict(),
+        "bound_by": designs.bound_by,
+        "flight_time": designs.flight_time,
         "mission_item": mission_item(flown),
         "command": command_line(flown),
     }

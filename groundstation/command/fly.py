@@ -201,7 +201,7 @@ def check(chosen: argparse.Namespace) -> Plan:
         BadInput: see `run`.
     """
     world, computer = options.vehicle_files(chosen.vehicle)
-    _check_flown(computer)
+    _check_flyable(computer)
     vehicle = load_vehicle(computer)
     body = simulated(world, chosen.aerodynamics)
     steady_wind(chosen.wind, chosen.wind_from)
@@ -233,7 +233,7 @@ def _check_log(log: Path) -> None:
         check_new(path, made=True)
 
 
-def _check_flown(name: str) -> None:
+def _check_flyable(name: str) -> None:
     """Refuse a vehicle of the simulated world that no flight computer knows.
 
     Raises:
@@ -378,7 +378,7 @@ def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
     """Join what a flight recorded that was stopped on the way, and say where it is."""
     parts = [part for part in plan.parts if part.exists()]
     if parts:
-        _tell_kept(join(parts, plan.log, faults))
+        _report_kept(join(parts, plan.log, faults))
         print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
 
 
@@ -394,7 +394,7 @@ def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
         raise BadInput(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
 
 
-def _tell_kept(kept: Sequence[Kept]) -> None:
+def _report_kept(kept: Sequence[Kept]) -> None:
     """Say which recordings ended before the flight did: what is summed up is only what they hold."""
     for part in kept:
         print(f"wingbeat: a recording ended early and is kept: {part.path}: {part.damage}", file=sys.stderr)
@@ -410,7 +410,7 @@ def _identified(log: Log) -> Identification | str:
         return str(reason)
 
 
-class _Flown(NamedTuple):
+class _FlightResult(NamedTuple):
     """What the joined log tells."""
 
     summary: FlightSummary
@@ -422,9 +422,9 @@ class _Flown(NamedTuple):
     """s; since boot, of the world's last step"""
 
 
-def _read(path: Path, wall_time: float) -> _Flown:
+def _read(path: Path, wall_time: float) -> _FlightResult:
     with open_log(path) as log:
-        return _Flown(summarize(log), _identified(log), log.duration / wall_time, _end(log))
+        return _FlightResult(summarize(log), _identified(log), log.duration / wall_time, _end(log))
 
 
 def _end(log: Log) -> float:
@@ -439,20 +439,20 @@ def _report(
     with console.status("joining the recordings, identifying") if console.is_terminal else nullcontext():
         kept = _joined(plan, faults)
         with announced(chosen.json):
-            summary, found, speed, end = _read(plan.log, wall_time)
+            summary, results, speed, end = _read(plan.log, wall_time)
     missed = options.missed(plan.faults, end)
-    _tell_kept(kept)
+    _report_kept(kept)
     if chosen.json:
         end_of_flight = {"wall_time": wall_time, "speed": speed, "never_injected": missed}
-        print_document(_entries(plan, chosen) | end_of_flight | _outcome(kept, summary, found))
+        print_document(_entries(plan, chosen) | end_of_flight | _outcome(kept, summary, results))
         return
     console.print()
     console.print(flight_report.log_line(plan.log))
-    console.print(flight_report.flown_table(summary))
+    console.print(flight_report.flight_metrics_table(summary))
     for name in missed:
         console.print(flight_report.missed_line(name, end))
     console.print()
-    _tell_identified(plan, found, console)
+    _report_identified(plan, results, console)
 
 
 def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
@@ -470,21 +470,21 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
     }
 
 
-def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, found: Identification | str) -> dict[str, object]:
+def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, results: Identification | str) -> dict[str, object]:
     """What came of it, as the JSON document has it."""
     from logs.identification.report import document
 
     return {
         "incomplete": [{"path": str(part.path), "damage": part.damage} for part in kept],
         "flight": summary,
-        "identified": None if isinstance(found, str) else document(found),
+        "identified": None if isinstance(results, str) else document(results),
     }
 
 
-def _tell_identified(plan: Plan, found: Identification | str, console: Console) -> None:
-    if isinstance(found, str):
-        console.print(f"nothing was identified: {found}", style="dim")
+def _report_identified(plan: Plan, results: Identification | str, console: Console) -> None:
+    if isinstance(results, str):
+        console.print(f"nothing was identified: {results}", style="dim")
     else:
         from groundstation.views.identification import identification_summary
 
-        console.print(identification_summary(found, plan.log))
+        console.print(identification_summary(results, plan.log))

@@ -141,9 +141,9 @@ class Service:
         self._foreign = foreign
         interface, rig = foreign.interface, foreign.rig
         self._server: px4.Px4Server | ardupilot.ArduPilotServer = (
-            px4.Px4Server(interface, rig, tell)
+            px4.Px4Server(interface, rig, report)
             if foreign.of_px4
-            else ardupilot.ArduPilotServer(interface, rig, foreign.pulses, tell)
+            else ardupilot.ArduPilotServer(interface, rig, foreign.pulses, report)
         )
 
     def serve(self, next_stage: NextStage) -> None:
@@ -152,28 +152,28 @@ class Service:
         Raises:
             BadInput: nobody came, or an autopilot fell silent.
         """
-        self._say_what_is_waited_for()
+        self._announce()
         try:
             tally = self._server.serve(next_stage)
         except AutopilotSilent as silence:
             raise BadInput(str(silence)) from None
         counts = (f"{name.replace('_', ' ')} {count}" for name, count in tally._asdict().items() if name != "ended")
-        tell(f"{tally.ended}: {', '.join(counts)}")
+        report(f"{tally.ended}: {', '.join(counts)}")
 
     def close(self) -> None:
         """Release the port."""
         self._server.close()
 
-    def _say_what_is_waited_for(self) -> None:
+    def _announce(self) -> None:
         interface, rig = self._foreign.interface, self._foreign.rig
         who = "PX4's simulator_mavlink" if self._foreign.of_px4 else "ArduPilot's --model JSON"
         fast = "as fast as it answers; --speed 1 is real time"
         pace = fast if interface.speed is None else f"{interface.speed:g} times real time"
-        tell(f"{rig.vehicle.title}, waiting for {who} on {interface.url} ({pace})")
-        tell(f"outputs: {rig.channels}; parameters of the autopilot: --write-parameters FILE")
-        tell(LAUNCHES[rig.launch])
+        report(f"{rig.vehicle.title}, waiting for {who} on {interface.url} ({pace})")
+        report(f"outputs: {rig.channels}; parameters of the autopilot: --write-parameters FILE")
+        report(LAUNCHES[rig.launch])
 
 
-def tell(text: str) -> None:
+def report(text: str) -> None:
     """Say a line on the terminal."""
     print(text, file=sys.stderr, flush=True)

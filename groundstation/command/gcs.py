@@ -102,7 +102,7 @@ def run(arguments: Sequence[str]) -> int:
     connection = Connection(chosen.url, stays=_stays(chosen), signing=_signing(chosen))
     try:
         if recording is not None:
-            connection.overhear(recording.hear, recording.sent)
+            connection.overhear(recording.handle_frame, recording.sent)
         return _run(Session(connection, chosen, recording))
     except (BadInput, NoAnswer):
         # A failure is one line.
@@ -151,7 +151,7 @@ def _recording(chosen: argparse.Namespace) -> Recording | None:
         return None
     if _stays(chosen):
         return Recording(Where(chosen.url, folder=chosen.record_to or RECORDINGS))
-    return Recording(Where(chosen.url, folder=chosen.record_to or _folder_of_the_day(), verb=_asked(chosen)))
+    return Recording(Where(chosen.url, folder=chosen.record_to or _folder_of_the_day(), verb=_arguments(chosen)))
 
 
 def _folder_of_the_day() -> Path:
@@ -159,7 +159,7 @@ def _folder_of_the_day() -> Path:
     return RECORDINGS / f"gcs-{datetime.now():%Y%m%d}"
 
 
-def _asked(chosen: argparse.Namespace) -> str:
+def _arguments(chosen: argparse.Namespace) -> str:
     """The verb and what it does: ``param_set``."""
     return "_".join(filter(None, (chosen.verb, getattr(chosen, "action", ""))))
 

@@ -84,7 +84,7 @@ def run(session: Session) -> None:
     """Calibrate, and print what the vehicle says meanwhile and which parameters it changed."""
     kind = session.chosen.kind
     if kind == "cancel":
-        return _cancel_as_asked(session)
+        return _cancel(session)
     with ProgressBar(f"calibrate {kind}", quiet=session.json) as bar:
         listener = _Listener(session, bar)
         changed = _calibrate(session, listener).changed
@@ -103,7 +103,7 @@ def _calibrate(session: Session, listener: _Listener) -> CalibrationExchange:
         NoAnswer: refused, failed, or silence.
     """
     try:
-        return session.connection.run(request(session.target, session.chosen), listener.hear, PATIENCE)
+        return session.connection.run(request(session.target, session.chosen), listener.handle_event, PATIENCE)
     except KeyboardInterrupt:
         print(_outcome(cancel(session)), file=sys.stderr)
         raise
@@ -117,7 +117,7 @@ def cancel(session: Session) -> bool:
     """End what is calibrated; whether the vehicle has said that it did."""
     for _ in range(CANCELS):
         with contextlib.suppress(NoAnswer):
-            session.connection.run(_cancellation(session), patience=CANCEL_WAIT)
+            session.connection.run(_cancellation(session), timeout=CANCEL_WAIT)
             return True
     return False
 
@@ -132,8 +132,8 @@ def _outcome(cancelled: bool) -> str:
     return "the vehicle does not confirm that the calibration is cancelled: it may go on"
 
 
-def _cancel_as_asked(session: Session) -> None:
-    session.ask(_cancellation(session), "calibrate cancel")
+def _cancel(session: Session) -> None:
+    session.run_exchange(_cancellation(session), "calibrate cancel")
     if session.json:
         print_document({"kind": "cancel", "said": [], "parameters": []})
     else:
@@ -151,18 +151,18 @@ class _Listener:
         self.ended = False
         """whether the vehicle itself ended or refused it"""
         self._session, self._bar = session, bar
-        self._heard = session.state.said
+        self._received = session.state.said
         self._waiting: list[Heard] = []
         self._since = 0.0
 
-    def hear(self, exchange: CalibrationExchange) -> None:
+    def handle_event(self, exchange: CalibrationExchange) -> None:
         """Print what is new."""
         state, now = self._session.state, self._session.connection.now()
-        if new := new_events(state, self._heard):
+        if new := new_events(state, self._received):
             self.said += [event.text for event in new]
             self._waiting += new
             self._since = now
-        self._heard = state.said
+        self._received = state.said
         self.ended = exchange.request.result is not None
         if not self._session.json and (exchange.request.in_progress or exchange.request.accepted):
             self._print(at_once=exchange.request.accepted or now - self._since >= HELD)

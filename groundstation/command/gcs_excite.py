@@ -69,7 +69,7 @@ def prepare(chosen: argparse.Namespace) -> None:
         BadInput: it cannot be flown.
     """
     if chosen.verb == "excite":
-        chosen.asked = excitation_of(chosen)
+        chosen.requested = excitation_of(chosen)
 
 
 def excitation_of(chosen: argparse.Namespace) -> Excitation:
@@ -78,12 +78,12 @@ def excitation_of(chosen: argparse.Namespace) -> Excitation:
     Raises:
         BadInput: it cannot be flown; the text says what is wrong.
     """
-    asked = _multisine(chosen) if chosen.shape == "multisine" else _single(chosen)
-    asked = asked._replace(loops=int(chosen.loops == "active"))
-    refusal = check_excitation(asked)
+    requested = _multisine(chosen) if chosen.shape == "multisine" else _single(chosen)
+    requested = requested._replace(loops=int(chosen.loops == "active"))
+    refusal = check_excitation(requested)
     if refusal:
         raise BadInput(refusal)
-    return asked
+    return requested
 
 
 def _single(chosen: argparse.Namespace) -> Excitation:
@@ -96,22 +96,22 @@ def _single(chosen: argparse.Namespace) -> Excitation:
 
 
 def _multisine(chosen: argparse.Namespace) -> Excitation:
-    asked = Excitation(
+    requested = Excitation(
         Channel.ELEVATOR, Shape.MULTISINE, 0.0, chosen.period, chosen.settle, chosen.repeats, chosen.low, chosen.high
     )
     elevator, rudder = math.radians(chosen.elevator), math.radians(chosen.rudder)
-    return on_channels(asked, dict(zip(Channel, (elevator, chosen.throttle, rudder), strict=True)))
+    return on_channels(requested, dict(zip(Channel, (elevator, chosen.throttle, rudder), strict=True)))
 
 
-def request(target: Target, asked: Excitation) -> CommandExchange:
+def request(target: Target, requested: Excitation) -> CommandExchange:
     """The command that asks for the input."""
-    item: WireItem = encode_excitation(asked)
+    item: WireItem = encode_excitation(requested)
     return CommandExchange(target, item.command, (*item.params, item.x, item.y, item.z))
 
 
 def run(session: Session) -> None:
     """Ask for the input."""
-    session.ask(request(session.target, session.chosen.asked), f"excite {session.chosen.shape}")
+    session.run_exchange(request(session.target, session.chosen.requested), f"excite {session.chosen.shape}")
     session.done(f"excite {session.chosen.shape} accepted")
 
 

@@ -17,7 +17,7 @@ from groundstation.link.answers import NoAnswer
 from groundstation.link.commands import CommandExchange
 from groundstation.link.fields import Field, parse_field
 from groundstation.link.frames import Arrival, message_class
-from groundstation.link.hush import Hush
+from groundstation.link.heartbeat_monitor import HeartbeatMonitor
 from groundstation.link.recording import boot_stamp
 from groundstation.link.station import Station
 from groundstation.link.vehicle_state import VehicleState
@@ -72,12 +72,12 @@ class _Watch:
     def __init__(self, session: Session, fields: list[Field]) -> None:
         self.lines = 0
         self._session, self._fields = session, fields
-        self._wanted = {field.message for field in fields}
+        self._requested = {field.message for field in fields}
 
-    def hear(self, arrival: Arrival) -> None:
+    def handle_frame(self, arrival: Arrival) -> None:
         """Take one frame; more than the lines asked for are not printed."""
         message, most = arrival.message, self._session.chosen.count
-        if message is None or message.get_type() not in self._wanted or (most is not None and self.lines >= most):
+        if message is None or message.get_type() not in self._requested or (most is not None and self.lines >= most):
             return
         if arrival.frame.system != self._session.state.system:
             return
@@ -109,12 +109,12 @@ def watch(session: Session) -> None:
     """
     watcher = _Watch(session, session.chosen.asked)
     if session.chosen.rate is not None:
-        _ask_rate(session, session.chosen.rate)
-    session.connection.overhear(watcher.hear)
-    most, hush = session.chosen.count, _attend(session)
+        _request_rate(session, session.chosen.rate)
+    session.connection.overhear(watcher.handle_frame)
+    most, heartbeat_monitor = session.chosen.count, _attend(session)
 
     def enough(state: VehicleState) -> bool:
-        _tell(hush, session.connection.now())
+        _report(heartbeat_monitor, session.connection.now())
         return most is not None and watcher.lines >= most
 
     session.connection.listen(session.chosen.duration, enough)
@@ -123,20 +123,20 @@ def watch(session: Session) -> None:
         raise NoAnswer(f"the vehicle said nothing of {names} in {session.chosen.duration:g} s: ask with --rate")
 
 
-def _attend(session: Session) -> Hush:
+def _attend(session: Session) -> HeartbeatMonitor:
     """Notice when the vehicle falls silent."""
-    hush = Hush(lambda: session.state, session.connection.now())
-    session.connection.overhear(hush.hear)
-    return hush
+    heartbeat_monitor = HeartbeatMonitor(lambda: session.state, session.connection.now())
+    session.connection.overhear(heartbeat_monitor.handle_frame)
+    return heartbeat_monitor
 
 
-def _tell(hush: Hush, now: float) -> None:
+def _report(heartbeat_monitor: HeartbeatMonitor, now: float) -> None:
     """Say on stderr what is new of its silence."""
-    for line in hush.news(now):
+    for line in heartbeat_monitor.news(now):
         print(line, file=sys.stderr, flush=True)
 
 
-def _ask_rate(session: Session, rate: float) -> None:
+def _request_rate(session: Session, rate: float) -> None:
     """SET_MESSAGE_INTERVAL for each of the messages.
 
     Raises:
@@ -146,7 +146,7 @@ def _ask_rate(session: Session, rate: float) -> None:
         number = float(message_class(name).id)  # type: ignore[union-attr]
         wanted = (number, 1e6 / rate)
         command = CommandExchange(session.target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, wanted)
-        session.ask(command, f"asking for {name}")
+        session.run_exchange(command, f"asking for {name}")
 
 
 def record(session: Session) -> None:
@@ -156,12 +156,12 @@ def record(session: Session) -> None:
         BadInput: the disk refused.
     """
     station = Station(session.connection)
-    began, duration, hush = session.connection.now(), session.chosen.duration, _attend(session)
-    with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json, telling=True) as bar:
+    began, duration, heartbeat_monitor = session.connection.now(), session.chosen.duration, _attend(session)
+    with contextlib.suppress(KeyboardInterrupt), ProgressBar("recording", quiet=session.json, reporting=True) as bar:
         while (elapsed := session.connection.now() - began) < duration:
             if not station.poll():
                 session.connection.wait()
-            _tell(hush, session.connection.now())
+            _report(heartbeat_monitor, session.connection.now())
             bar.show(elapsed, duration if math.isfinite(duration) else 0, _progress(station, elapsed))
     quality = station.picture().quality
     recording = session.recording
@@ -170,7 +170,7 @@ def record(session: Session) -> None:
     if recording.failure:
         raise BadInput(recording.failure)
     now = session.connection.now()
-    elapsed, silence = now - began, hush.silence(now)
+    elapsed, silence = now - began, heartbeat_monitor.silence(now)
     if session.json:
         ended = {"file": str(session.chosen.file), "messages": recording.messages, "duration": elapsed}
         print_document({**ended, "silence": silence, "lost": quality.lost, "loss": quality.loss})

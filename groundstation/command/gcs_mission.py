@@ -70,7 +70,7 @@ def run(session: Session) -> int | None:
 
 
 def _convention(session: Session) -> waypoints.Convention:
-    session.know_whose()
+    session.identify_vehicle()
     return waypoints.convention_of(session.state.autopilot, session.state.ours)
 
 
@@ -92,7 +92,7 @@ def _upload(session: Session) -> None:
         items = getattr(content, part)
         if items:
             try:
-                session.ask(
+                session.run_exchange(
                     missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}"
                 )
             except NoAnswer as failure:
@@ -104,7 +104,7 @@ def _upload(session: Session) -> None:
 
 def _read(session: Session, mission_type: int, name: str) -> tuple[missions.Item, ...]:
     download = missions.MissionDownload(session.target, mission_type=mission_type)
-    return session.ask(download, f"reading {name}").items
+    return session.run_exchange(download, f"reading {name}").items
 
 
 def _read_mission(session: Session) -> tuple[missions.Item, ...]:
@@ -146,8 +146,8 @@ def _diff(session: Session) -> int:
             {"file": str(session.chosen.file), "same": not rows, "differences": [_row(*row) for row in rows]}
         )
         return int(bool(rows))
-    for part, number, ours, theirs in rows:
-        print("\n".join(difference_lines(part, number, ours, theirs)))
+    for part, number, file_items, vehicle_items in rows:
+        print("\n".join(difference_lines(part, number, file_items, vehicle_items)))
     print(f"{counted(len(rows), 'difference')} from {session.chosen.file}", file=sys.stderr)
     return int(bool(rows))
 
@@ -160,8 +160,10 @@ def _comparable(session: Session, *lists: tuple[missions.Item, ...]) -> list[tup
     return [tuple(waypoints.on_globe(item, home) for item in items) for items in lists]
 
 
-def _row(part: str, number: int, ours: missions.Item | None, theirs: missions.Item | None) -> dict[str, Any]:
-    file, vehicle = (None if item is None else mission_record(number, item) for item in (ours, theirs))
+def _row(
+    part: str, number: int, file_items: missions.Item | None, vehicle_items: missions.Item | None
+) -> dict[str, Any]:
+    file, vehicle = (None if item is None else mission_record(number, item) for item in (file_items, vehicle_items))
     return {"part": part, "number": number, "file": file, "vehicle": vehicle}
 
 

@@ -90,7 +90,9 @@ def arm(session: Session) -> None:
     """
     arming = session.chosen.verb == "arm"
     force = bool(getattr(session.chosen, "force", False))
-    session.ask(orders.arm(session.target) if arming else orders.disarm(session.target, force), session.chosen.verb)
+    session.run_exchange(
+        orders.arm(session.target) if arming else orders.disarm(session.target, force), session.chosen.verb
+    )
     session.connection.listen(SHOWN, lambda state: state.armed == arming)
     if session.state.armed != arming:
         raise NoAnswer(f"the vehicle accepted to {session.chosen.verb}, but its heartbeat does not show it")
@@ -102,7 +104,7 @@ def mode(session: Session) -> None:
     know_modes(session)
     change = orders.change_to(session.connection, session.chosen.name)
     wanted = modes.canonical(session.chosen.name)
-    session.ask(change, f"mode {wanted}")
+    session.run_exchange(change, f"mode {wanted}")
     session.done(f"mode {wanted}")
 
 
@@ -123,17 +125,17 @@ def takeoff(session: Session) -> None:
 
 
 def _set_takeoff_altitude(session: Session, altitude: float) -> None:
-    session.ask_version()
+    session.request_version()
     encoding, name = parameters.is_bytewise(session.state), orders.TAKEOFF_ALTITUDE
-    read = session.ask(parameters.ParameterRead(session.target, name, encoding), name)
+    read = session.run_exchange(parameters.ParameterRead(session.target, name, encoding), name)
     assert read.value is not None
-    session.ask(parameters.ParameterWrite(session.target, read.value, altitude, encoding), name)
+    session.run_exchange(parameters.ParameterWrite(session.target, read.value, altitude, encoding), name)
 
 
 def know_modes(session: Session) -> None:
     """Learn whose vehicle it is and what its modes are called: what an order is, and how it shows, goes by that."""
-    session.know_whose()
-    session.connection.know_modes(session.ask_mode_names())
+    session.identify_vehicle()
+    session.connection.know_modes(session.request_mode_names_of())
 
 
 def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
@@ -144,7 +146,7 @@ def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
     """
     wanted = orders.resulting_modes(session.state, verb)
     before = session.state.custom_mode
-    session.ask(order, verb)
+    session.run_exchange(order, verb)
     beats = session.state.beats
 
     def shown(state: VehicleState) -> bool:

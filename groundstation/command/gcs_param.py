@@ -63,27 +63,27 @@ def run(session: Session) -> int | None:
 
 def bytewise(session: Session) -> bool:
     """How the vehicle encodes whole numbers: as it says itself, or as its autopilot is known to."""
-    session.ask_version()
+    session.request_version()
     return parameters.is_bytewise(session.state)
 
 
 def _download(session: Session) -> list[parameters.Parameter]:
     download = parameters.ParameterDownload(session.target, bytewise(session))
-    return sorted(session.ask(download, "parameters").values.values())
+    return sorted(session.run_exchange(download, "parameters").values.values())
 
 
 def _list(session: Session) -> None:
     pattern = session.chosen.pattern
-    wanted = [parameter for parameter in _download(session) if pattern.lower() in parameter.name.lower()]
-    print_parameters(session, wanted)
-    if not wanted and not session.json:
+    requested = [parameter for parameter in _download(session) if pattern.lower() in parameter.name.lower()]
+    print_parameters(session, requested)
+    if not requested and not session.json:
         print(f"no parameter's name contains {pattern!r}", file=sys.stderr)
 
 
 def _read(session: Session, encoding: bool) -> parameters.Parameter:
     name = session.chosen.name
     try:
-        known = session.ask(parameters.ParameterRead(session.target, name, encoding), name).value
+        known = session.run_exchange(parameters.ParameterRead(session.target, name, encoding), name).value
     except NoAnswer as refusal:
         raise NoAnswer(f"{refusal}{_near(session, name)}") from None
     if known is None:
@@ -110,7 +110,7 @@ def _set(session: Session) -> None:
     known = _read(session, encoding)
     _check_value(known, value, encoding)
     write = parameters.ParameterWrite(session.target, known, value, encoding)
-    _print_one(session, session.ask(write, known.name).answer or known)
+    _print_one(session, session.run_exchange(write, known.name).answer or known)
 
 
 def _print_one(session: Session, known: parameters.Parameter) -> None:
@@ -122,15 +122,15 @@ def _print_one(session: Session, known: parameters.Parameter) -> None:
 
 def _diff(session: Session) -> int:
     """Compare a file with the vehicle, both ways."""
-    held: dict[str, float] = {parameter.name: parameter.value for parameter in _download(session)}
-    wanted: dict[str, float] = session.chosen.values
-    names = [name for name in sorted({*held, *wanted}) if _differs(wanted.get(name), held.get(name))]
+    current: dict[str, float] = {parameter.name: parameter.value for parameter in _download(session)}
+    requested: dict[str, float] = session.chosen.values
+    names = [name for name in sorted({*current, *requested}) if _differs(requested.get(name), current.get(name))]
     if session.json:
-        rows = [{"name": name, "file": wanted.get(name), "vehicle": held.get(name)} for name in names]
+        rows = [{"name": name, "file": requested.get(name), "vehicle": current.get(name)} for name in names]
         print_document({"file": str(session.chosen.file), "same": not names, "differences": rows})
         return int(bool(names))
     for name in names:
-        print(f"{name:<16}  file {_shown(wanted.get(name))}   vehicle {_shown(held.get(name))}")
+        print(f"{name:<16}  file {_shown(requested.get(name))}   vehicle {_shown(current.get(name))}")
     print(f"{counted(len(names), 'difference')} from {session.chosen.file}", file=sys.stderr)
     return int(bool(names))
 
@@ -146,37 +146,39 @@ def _differs(first: float | None, second: float | None) -> bool:
 
 
 def _save(session: Session) -> None:
-    held = _download(session)
-    parameter_list.write(session.chosen.file, session.target, held)
-    _report(session, held, f"{counted(len(held), 'parameter')} written to {session.chosen.file}")
+    current = _download(session)
+    parameter_list.write(session.chosen.file, session.target, current)
+    _report(session, current, f"{counted(len(current), 'parameter')} written to {session.chosen.file}")
 
 
 def _load(session: Session) -> None:
     """Set those that differ; a name that the vehicle does not have is refused before any is set."""
     encoding = bytewise(session)
-    held = {parameter.name: parameter for parameter in _download(session)}
-    unknown = sorted(set(session.chosen.values) - set(held))
+    current = {parameter.name: parameter for parameter in _download(session)}
+    unknown = sorted(set(session.chosen.values) - set(current))
     if unknown:
-        raise BadInput(f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}{meant(unknown[0], held)}")
+        raise BadInput(
+            f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}{meant(unknown[0], current)}"
+        )
     for name, value in session.chosen.values.items():
-        _check_value(held[name], value, encoding)
+        _check_value(current[name], value, encoding)
     changed = []
     for name, value in session.chosen.values.items():
-        if _differs(value, held[name].value):
-            write = parameters.ParameterWrite(session.target, held[name], value, encoding)
-            changed.append(session.ask(write, name).answer or held[name])
+        if _differs(value, current[name].value):
+            write = parameters.ParameterWrite(session.target, current[name], value, encoding)
+            changed.append(session.run_exchange(write, name).answer or current[name])
     if session.json:
-        rows = [{**tables.parameter_record(each), "before": held[each.name].value} for each in changed]
+        rows = [{**tables.parameter_record(each), "before": current[each.name].value} for each in changed]
         print_document({"file": str(session.chosen.file), "parameters": rows})
         return
     for each in changed:
-        print(f"{each.name:<16}  {_shown(held[each.name].value)} -> {_shown(each.value)}")
+        print(f"{each.name:<16}  {_shown(current[each.name].value)} -> {_shown(each.value)}")
     print(f"{counted(len(changed), 'parameter')} changed")
 
 
-def _report(session: Session, held: Sequence[parameters.Parameter], text: str) -> None:
+def _report(session: Session, current: Sequence[parameters.Parameter], text: str) -> None:
     if session.json:
-        records = [tables.parameter_record(parameter) for parameter in held]
+        records = [tables.parameter_record(parameter) for parameter in current]
         print_document({"file": str(session.chosen.file), "parameters": records})
     else:
         print(text)
@@ -189,12 +191,12 @@ def _check_value(known: parameters.Parameter, value: float, encoding: bool) -> N
         raise BadInput(f"parameter {known.name}: {error}") from None
 
 
-def print_parameters(session: Session, wanted: Sequence[parameters.Parameter]) -> None:
+def print_parameters(session: Session, requested: Sequence[parameters.Parameter]) -> None:
     """Print parameters as lines, or as a document."""
     if session.json:
-        print_document({"parameters": [tables.parameter_record(parameter) for parameter in wanted]})
+        print_document({"parameters": [tables.parameter_record(parameter) for parameter in requested]})
         return
-    for parameter in wanted:
+    for parameter in requested:
         print(f"{parameter.name:<16}  {parameter.value:.7g}")
 
 

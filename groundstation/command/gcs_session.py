@@ -60,18 +60,18 @@ class Session(NamedTuple):
         """Whether one JSON document is asked for."""
         return bool(self.chosen.json)
 
-    def ask(self, exchange: AnyExchange, label: str) -> AnyExchange:
+    def run_exchange(self, exchange: AnyExchange, label: str) -> AnyExchange:
         """Drive an exchange to its end and show how far it is.
 
         Raises:
             NoAnswer: it failed.
         """
-        with ProgressBar(label, quiet=self.json, telling=True) as bar:
+        with ProgressBar(label, quiet=self.json, reporting=True) as bar:
             return self.connection.run(exchange, lambda now: bar.show(*now.progress()), LONG)
 
-    def ask_mode_names(self) -> dict[int, str]:
+    def request_mode_names_of(self) -> dict[int, str]:
         """Names of the modes as the vehicle announces them, kept in the state; empty where it has none to tell."""
-        return dict(self.ask(request_mode_names(self.target), "asking for modes").names)
+        return dict(self.run_exchange(request_mode_names(self.target), "asking for modes").names)
 
     def request(self, message_id: int, enough: Callable[[VehicleState], bool]) -> None:
         """Ask for one message, and listen for it; a refusal or silence is no failure."""
@@ -79,17 +79,17 @@ class Session(NamedTuple):
             return
         command = CommandExchange(self.target, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
         try:
-            self.ask(command, "asking")
+            self.run_exchange(command, "asking")
             self.connection.listen(3.0, enough)
         except NoAnswer:
             return
 
-    def know_whose(self) -> None:
+    def identify_vehicle(self) -> None:
         """Learn whether the vehicle is ours, which may call itself another autopilot."""
         if not is_ours(self.state):
-            self.ask_version()
+            self.request_version()
 
-    def ask_version(self) -> None:
+    def request_version(self) -> None:
         """Ask for AUTOPILOT_VERSION: what it is, and how it encodes whole numbers."""
         self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, lambda state: state.capabilities is not None)
 

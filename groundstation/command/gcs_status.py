@@ -25,8 +25,8 @@ def add_verbs(verbs: Any) -> None:
 def show(session: Session) -> None:
     """Listen, and print the picture or the document."""
     traffic = Traffic()
-    session.connection.overhear(traffic.hear)
-    names = session.ask_mode_names()
+    session.connection.overhear(traffic.handle_frame)
+    names = session.request_mode_names_of()
     session.connection.listen(LISTENED)
     state = session.state._replace(mode_names=tuple(names.items()))
     quality = traffic.quality(session.connection.now())

@@ -16,7 +16,7 @@ from avionics.quantities import BadInput, meant
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
-from groundstation.command.damage import damage_told
+from groundstation.command.damage import damage_notices
 from groundstation.command.identify_markers import MARKERS, identified_by_markers
 from groundstation.command.identify_out import add_outputs, check_outputs, names_of, show_written, write_outputs
 from groundstation.views.identification import identification_table
@@ -179,18 +179,18 @@ def run(arguments: Sequence[str]) -> int:
     if what not in SUBJECTS:
         raise BadInput(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
-    with open_log(files[0]) as log, announced(chosen.json), damage_told([log], "identified"):
-        found = identified(log, what, chosen.vehicle, chosen.elevator)
-        _show(chosen, found, lambda: write_outputs(chosen, [log], found))
+    with open_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
+        estimates = identified(log, what, chosen.vehicle, chosen.elevator)
+        _show(chosen, estimates, lambda: write_outputs(chosen, [log], estimates))
     return 0
 
 
-def _show(chosen: argparse.Namespace, found: Identification, write: Callable[[], Sequence[str]]) -> None:
+def _show(chosen: argparse.Namespace, estimates: Identification, write: Callable[[], Sequence[str]]) -> None:
     """Print the document or the table, then ``write`` the files: their failure does not lose what was identified."""
     if chosen.json:
-        print_document(document(found))
+        print_document(document(estimates))
     else:
-        open_console().print(identification_table(found))
+        open_console().print(identification_table(estimates))
     sys.stdout.flush()
     show_written(write(), chosen.json)
 
@@ -206,14 +206,14 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
             f"several logs give their modes together (wingbeat identify {' '.join(map(str, files))} modes);"
             f" {what} is of one log at a time"
         )
-    every, held = _held_out(files, chosen.validate, chosen.validate_share)
+    every, validation = _held_out(files, chosen.validate, chosen.validate_share)
     check_outputs(chosen)
     with contextlib.ExitStack() as stack:
         stack.enter_context(announced(chosen.json))
         logs = [stack.enter_context(open_log(file)) for file in every]
-        stack.enter_context(damage_told(logs, "identified"))
-        found = identified_together(logs, chosen.vehicle, chosen.elevator, held)
-        _show(chosen, found, lambda: write_outputs(chosen, logs, found))
+        stack.enter_context(damage_notices(logs, "identified"))
+        estimates = identified_together(logs, chosen.vehicle, chosen.elevator, validation)
+        _show(chosen, estimates, lambda: write_outputs(chosen, logs, estimates))
     return 0
 
 
@@ -246,11 +246,11 @@ def identified_together(
     logs: Sequence[Log],
     vehicle: str | None = None,
     elevator: Sequence[str] | None = None,
-    held: Sequence[int] = (),
+    validation: Sequence[int] = (),
 ) -> Identification:
     """The modes by the manoeuvres of all ``logs``, beside the mean of the truths; arguments as of `identified`.
 
-    Those whose places are ``held`` are not fitted: they are predicted.
+    Those whose places are ``validation`` are not fitted: they are predicted.
 
     Raises:
         BadInput: a log has no manoeuvre's data, or they are not of one aircraft.
@@ -263,11 +263,11 @@ def identified_together(
     sources = [one or log for one, log in zip(made, logs, strict=True)]
     flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
     names = names_of(logs)
-    held_out = tuple(names[place] for place in held)
+    held_out = tuple(names[place] for place in validation)
     modes = identify_modes(joined_flights(flights, names), aircraft[0], held_out=held_out)
     unknown = vehicle is None and any(flight_vehicle(log) is None for log in logs)
     notes = (*modes.notes, *dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
-    fitted = [place for place in range(len(logs)) if place not in held]
+    fitted = [place for place in range(len(logs)) if place not in validation]
     truths = _mean_truths([logs[place] for place in fitted], [flights[place] for place in fitted])
     return Identification(modes=modes._replace(notes=notes), truths=truths)
 
@@ -329,16 +329,16 @@ def identified(
     made = _made(log, elevator) if elevator else None
     bodies = _bodies(log, vehicle) if what == "aero" else None
     if what == "all" and wings:
-        bodies = _bodies_if_told(log, vehicle)
-    found = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies)
-    if found.modes is not None:
+        bodies = _bodies_if_given(log, vehicle)
+    estimates = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies)
+    if estimates.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
-        found = found._replace(modes=found.modes._replace(notes=(*found.modes.notes, *notes)))
-    known = known_truths(log, modes=found.modes is not None)
-    if found.frequency is not None:
-        known |= throttle_truths(log, found.frequency)
-    return found._replace(truths={**found.truths, **known})
+        estimates = estimates._replace(modes=estimates.modes._replace(notes=(*estimates.modes.notes, *notes)))
+    known = known_truths(log, modes=estimates.modes is not None)
+    if estimates.frequency is not None:
+        known |= throttle_truths(log, estimates.frequency)
+    return estimates._replace(truths={**estimates.truths, **known})
 
 
 def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
@@ -346,7 +346,7 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
         return aircraft_of(log)
     if flight_vehicle(log) is not None:
         raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
-    return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]), _bodies_if_told(log, vehicle))
+    return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]), _bodies_if_given(log, vehicle))
 
 
 def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
@@ -354,7 +354,7 @@ def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
     return simulated_vehicle(log) if vehicle is None else load_bodies(options.vehicle_files(vehicle)[0])
 
 
-def _bodies_if_told(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
+def _bodies_if_given(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
     """As `_bodies`; None where only what the flight computer knows of the vehicle was given."""
     if vehicle is None:
         return simulated_vehicle(log)

@@ -48,16 +48,16 @@ def identified_by_markers(
     mapped = load_markers_map(chosen.map)
     with announced(chosen.json):
         vehicle, clouds, notes = _captured(files, tables, mapped, chosen.vehicle or mapped.markers.vehicle)
-        found = _identified(vehicle, mapped.markers, clouds, notes)
+        estimates = _identified(vehicle, mapped.markers, clouds, notes)
 
     def write() -> list[str]:
         if chosen.report is None:
             return []
         with ProgressBar("writing the report"):
-            write_report(chosen.report, _subject(files, found, clouds), found)
+            write_report(chosen.report, _subject(files, estimates, clouds), estimates)
         return [f"written {chosen.report}"]
 
-    return found, write
+    return estimates, write
 
 
 def _captured(
@@ -67,41 +67,41 @@ def _captured(
     if tables:
         bodies = _bodies(vehicle, mapped.markers)
         return bodies, *clouds_of_tables(files, mapped)
-    found, own = [], None
+    estimates, own = [], None
     for file in files:
         with open_log(file) as log:
-            found.append(cloud_of_log(log, mapped.markers))
+            estimates.append(cloud_of_log(log, mapped.markers))
             own = own or simulated_vehicle(log)
     if own is not None and vehicle is not None:
         raise BadInput(f"{files[0]} carries the file of its vehicle: leave markers.vehicle and --vehicle out")
-    return own or _bodies(vehicle, mapped.markers), tuple(found), ()
+    return own or _bodies(vehicle, mapped.markers), tuple(estimates), ()
 
 
-def _bodies(vehicle: str | None, asked: MarkersSection) -> SimulatedVehicle | None:
+def _bodies(vehicle: str | None, requested: MarkersSection) -> SimulatedVehicle | None:
     if vehicle is not None:
         return load_bodies(options.vehicle_files(vehicle)[0])
-    if len(asked.places) != 1:
+    if len(requested.places) != 1:
         raise BadInput("which vehicle's bodies are the markers on? (markers.vehicle of the map, or --vehicle)")
-    if asked.aero:
+    if requested.aero:
         raise BadInput("which vehicle's wings are the coefficients of? (markers.vehicle of the map, or --vehicle)")
     return None
 
 
 def _identified(
-    vehicle: SimulatedVehicle | None, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...]
+    vehicle: SimulatedVehicle | None, requested: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...]
 ) -> Identification:
-    found = identify_markers(vehicle, asked, clouds, notes)
-    if vehicle is None or not asked.aero:
-        return Identification(markers=found)
+    estimates = identify_markers(vehicle, requested, clouds, notes)
+    if vehicle is None or not requested.aero:
+        return Identification(markers=estimates)
     try:
-        return Identification(markers=found, aero=wings_by_markers(vehicle, asked, found))
+        return Identification(markers=estimates, aero=wings_by_markers(vehicle, requested, estimates))
     except BadInput as error:
-        return Identification(markers=found, missing=(Unidentified("wing coefficients", str(error)),))
+        return Identification(markers=estimates, missing=(Unidentified("wing coefficients", str(error)),))
 
 
-def _subject(files: Sequence[Path], found: Identification, clouds: Sequence[Cloud]) -> Subject:
+def _subject(files: Sequence[Path], estimates: Identification, clouds: Sequence[Cloud]) -> Subject:
     length = sum(float(cloud.time[-1] - cloud.time[0]) for cloud in clouds)
-    name = found.markers.vehicle if found.markers is not None else ""
+    name = estimates.markers.vehicle if estimates.markers is not None else ""
     (first, *more) = [(file.name, sha256(file)) for file in files]
     facts = (("vehicle", name), ("length", f"{length:.1f} s"))
     return Subject(f"{name}: motion by markers", *first, facts, tuple(more))

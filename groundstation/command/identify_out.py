@@ -55,7 +55,7 @@ def check_outputs(chosen: argparse.Namespace) -> None:
         model_file.places(chosen.model)
 
 
-def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], found: Identification) -> list[str]:
+def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], estimates: Identification) -> list[str]:
     """Write what was asked for; lines that say what was written and what of it is not identified.
 
     ``logs`` are those that were fitted, of one aircraft, and behind them those that were held out.
@@ -69,10 +69,10 @@ def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], found: Identi
     digests = [sha256(log.path) for log in logs]
     if chosen.report is not None:
         with ProgressBar("writing the report"):
-            write_report(chosen.report, _subject(logs, digests), found, _drive(logs[0], found))
+            write_report(chosen.report, _subject(logs, digests), estimates, _drive(logs[0], estimates))
         lines.append(f"written {chosen.report}")
     if chosen.model is not None:
-        lines += _model(chosen, logs, found, digests)
+        lines += _model(chosen, logs, estimates, digests)
     return lines
 
 
@@ -112,17 +112,17 @@ def _subject(logs: Sequence[Log], digests: Sequence[str]) -> Subject:
     return Subject(f"{name}: identification", names[0], digests[0], (*facts, *damage), more)
 
 
-def _drive(log: Log, found: Identification) -> DriveData | None:
-    return drive_data(log) if found.torque is not None or found.power is not None else None
+def _drive(log: Log, estimates: Identification) -> DriveData | None:
+    return drive_data(log) if estimates.torque is not None or estimates.power is not None else None
 
 
 def _model(
-    chosen: argparse.Namespace, logs: Sequence[Log], found: Identification, digests: Sequence[str]
+    chosen: argparse.Namespace, logs: Sequence[Log], estimates: Identification, digests: Sequence[str]
 ) -> list[str]:
-    if found.modes is None:
-        why = "; ".join(one.reason for one in found.missing)
+    if estimates.modes is None:
+        why = "; ".join(one.reason for one in estimates.missing)
         raise BadInput(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
-    held = {one.flight.name for one in found.modes.held_out if one.flight is not None}
+    held = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
     fitted = [
         (one, name, sum_) for one, name, sum_ in zip(logs, names_of(logs), digests, strict=True) if name not in held
     ]
@@ -130,7 +130,7 @@ def _model(
     log, names, sums = fitted[0][0], (name for _, name, _ in fitted), (sum_ for _, _, sum_ in fitted)
     about = model_file.Log(" ".join(names), " ".join(sums), float(np.mean(densities)) if densities else None)
     with ProgressBar("linearising what was not identified") as bar:
-        written = model_file.write_model(chosen.model, found.modes, about, _base(chosen.vehicle, log), bar.show)
+        written = model_file.write_model(chosen.model, estimates.modes, about, _base(chosen.vehicle, log), bar.show)
     return [f"written {' and '.join(str(path) for path in written.paths)}", *written.notes]
 
 

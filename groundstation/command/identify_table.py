@@ -31,13 +31,13 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
     """
     _check(what, chosen)
     with announced(chosen.json):
-        found = identify_tables(files, chosen.map, what)
+        estimates = identify_tables(files, chosen.map, what)
     if chosen.json:
-        print_document(table_document(found))
+        print_document(table_document(estimates))
     else:
-        open_console().print(table_identification(found))
+        open_console().print(table_identification(estimates))
     sys.stdout.flush()
-    show_written(_written(files, what, chosen, found), chosen.json)
+    show_written(_written(files, what, chosen, estimates), chosen.json)
     return 0
 
 
@@ -55,7 +55,9 @@ def _check(what: str, chosen: argparse.Namespace) -> None:
             raise BadInput(f"{error} (map {chosen.map})") from None
 
 
-def _written(files: Sequence[Path], what: str, chosen: argparse.Namespace, found: TableIdentification) -> list[str]:
+def _written(
+    files: Sequence[Path], what: str, chosen: argparse.Namespace, estimates: TableIdentification
+) -> list[str]:
     """Write the page and the model; lines that say what was written."""
     lines: list[str] = []
     if chosen.report is None and chosen.model is None:
@@ -63,11 +65,11 @@ def _written(files: Sequence[Path], what: str, chosen: argparse.Namespace, found
     sources = tuple(Source(path.name, sha256(path)) for path in (*files, chosen.map))
     if chosen.report is not None:
         with ProgressBar("writing the report"):
-            write_tables_report(chosen.report, sources, found)
+            write_tables_report(chosen.report, sources, estimates)
         lines.append(f"written {chosen.report}")
     if chosen.model is not None:
         digests = " ".join(one.sha256 for one in sources[: len(files)])
-        told = table_model(load_map(chosen.map), found, what, digests)
+        told = table_model(load_map(chosen.map), estimates, what, digests)
         base = None if chosen.vehicle is None else base_of(chosen.vehicle)
         with ProgressBar("linearising what was not identified") as bar:
             written = write_linear(chosen.model, told.model, base, bar.show)

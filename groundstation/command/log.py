@@ -16,7 +16,7 @@ from avionics.quantities import BadInput, counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
-from groundstation.views.flight_report import flown_table
+from groundstation.views.flight_report import flight_metrics_table
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
@@ -145,20 +145,20 @@ def _chunk_limit(chosen: argparse.Namespace) -> int:
 
 def _info(chosen: argparse.Namespace) -> None:
     with _open(chosen) as log:
-        flown, long = flown_in(log, chosen.flight), is_long(log)
-        document = summary(log, flown)
+        flights, long = flown_in(log, chosen.flight), is_long(log)
+        document = summary(log, flights)
         undecodable = undecodable_lines(log)
     if chosen.json:
         print_document(document)
     else:
-        _print_info(document, chosen.file, flown)
+        _print_info(document, chosen.file, flights)
         for line in undecodable:
             print(f"left out: {line}", file=sys.stderr)
         if long and not chosen.flight:
             print("a long log: its flight is summed up with --flight")
 
 
-def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | None) -> None:
+def _print_info(document: dict[str, Any], file: Path, flights: FlightSummary | None) -> None:
     console = open_console()
     console.print(
         Text.assemble(
@@ -174,8 +174,8 @@ def _print_info(document: dict[str, Any], file: Path, flown: FlightSummary | Non
         console.print(f"{name} ended early: {damage}", style="yellow")
     for line in document["damage"]:
         console.print(f"damaged: {line} (wingbeat log recover {file})", style="yellow")
-    if flown is not None:
-        console.print(flown_table(flown))
+    if flights is not None:
+        console.print(flight_metrics_table(flights))
     table = tables.plain_table(
         ("topic", ""), ("messages", "right"), ("rate", "right"), ("gaps", "right"), ("message", tables.SPARE)
     )

@@ -106,9 +106,9 @@ def _main(arguments: Sequence[str] | None) -> int:
         sys.stdout.flush()
         return code
     except (BadInput, LinkSilent) as error:
-        return _complain(error, BAD_INPUT)
+        return _report_error(error, BAD_INPUT)
     except NoAnswer as error:
-        return _complain(error, REFUSED)
+        return _report_error(error, REFUSED)
     except KeyboardInterrupt:
         return ending.INTERRUPTED
     except SystemExit as leaving:  # argparse, after --help
@@ -118,7 +118,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _complain(_file_failure(error), BAD_INPUT)
+        return _report_error(_file_failure(error), BAD_INPUT)
 
 
 def _file_failure(error: OSError) -> str:
@@ -126,7 +126,7 @@ def _file_failure(error: OSError) -> str:
     return f"cannot read or write {error.filename}: {reason}" if error.filename else reason
 
 
-def _complain(error: object, code: int) -> int:
+def _report_error(error: object, code: int) -> int:
     line = " ".join(str(error).split())
     print(f"wingbeat: {line}", file=sys.stderr)
     return code

@@ -75,7 +75,7 @@ class Onboard:
         self._ticked_at = float("-inf")
         self._unrecorded = False
         self._thinking = False
-        self._said: deque[tuple[Topic, Any]] = deque(maxlen=UNRECORDED)
+        self._announced: deque[tuple[Topic, Any]] = deque(maxlen=UNRECORDED)
         self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -113,7 +113,7 @@ class Onboard:
     def _publish(self, topic: Topic, message: Any) -> None:
         """Record what was said: of a tick once it is answered, so that the servos do not wait for the log."""
         if self._thinking:
-            self._said.append((topic, message))
+            self._announced.append((topic, message))
         else:
             self._record(topic, message)
 
@@ -125,7 +125,7 @@ class Onboard:
         self._recording.run(self._record_tick)
 
     def _record_tick(self) -> None:
-        said, record = self._said, self._recorder.record
+        said, record = self._announced, self._recorder.record
         # Ctrl-C may come between any two lines: what is left then is recorded at the end.
         while said:
             record(*said.popleft())

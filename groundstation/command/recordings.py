@@ -24,7 +24,7 @@ LEFT_FOR = 10.0
 
 def put_right(folder: Path) -> None:
     """Repair what a flight that was cut off left in ``folder``, join its two recordings, and say so on stderr."""
-    pairs = list(_left_apart(folder))
+    pairs = list(_left_separate(folder))
     for path, done in recover_left(folder):
         print(f"repaired {path}, which was cut off: {counted(done.messages, 'message')} kept", file=sys.stderr)
     for parts, flight in pairs:
@@ -42,7 +42,7 @@ def _unmark(folder: Path) -> None:
             pass
 
 
-def _left_apart(folder: Path) -> Iterator[tuple[list[Path], Path]]:
+def _left_separate(folder: Path) -> Iterator[tuple[list[Path], Path]]:
     """Recordings of world and flight computer of one flight that nobody writes any more, and the log of both."""
     for world in sorted(folder.glob(f"*{WORLD}")):
         name = world.name.removesuffix(WORLD)
@@ -65,7 +65,7 @@ def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_n
         return McapRecorder(path, start_epoch_ns=start_epoch_ns, writing=writing)
 
 
-def told_paths(recorder: McapRecorder) -> str:
+def format_recording_paths(recorder: McapRecorder) -> str:
     """The files of a recording, and why it ended early if it did."""
     first, *others = map(str, recorder.paths)
     more = f" and {counted(len(others), 'more file')} up to {others[-1]}" if others else ""

@@ -13,7 +13,7 @@ from avionics.estimation.ahrs import AhrsGains
 from avionics.link.vehicle import load_identity
 from avionics.quantities import BadInput, counted
 from groundstation.command import options
-from groundstation.command.damage import damage_told
+from groundstation.command.damage import damage_notices
 from groundstation.command.replay_link import Playing, play
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
@@ -146,7 +146,7 @@ def _play(chosen: argparse.Namespace) -> None:
 def _replay_flight(chosen: argparse.Namespace) -> None:
     with (
         open_log(chosen.file) as log,
-        damage_told([log], "replayed"),
+        damage_notices([log], "replayed"),
         ProgressBar("replaying", quiet=chosen.json) as bar,
     ):
         end = math.inf if chosen.end is None else chosen.end
@@ -184,7 +184,7 @@ def _print_flight(done: Replayed) -> None:
     for each in (each for each in done.differences if not each.same):
         first = "" if each.first is None else f"{each.first:.3f} s"
         count = str(each.recorded) if each.recorded == each.replayed else f"{each.replayed} of {each.recorded}"
-        table.add_row(each.topic, count, str(each.differing or ""), first, "; ".join(map(_told, _foremost(each))))
+        table.add_row(each.topic, count, str(each.differing or ""), first, "; ".join(map(_notices, _foremost(each))))
     console.print(table)
     alike = sum(each.same for each in done.differences)
     console.print(f"{alike} of {counted(len(done.differences), 'topic')} the same in every bit", highlight=False)
@@ -194,7 +194,7 @@ def _foremost(each: TopicDifference) -> list[FieldDifference]:
     return sorted(each.fields, key=lambda field: -field.differing)[:SHOWN]
 
 
-def _told(field: FieldDifference) -> str:
+def _notices(field: FieldDifference) -> str:
     unit = "" if field.unit == "-" else f" {field.unit}"
     if field.rounding:
         return f"{field.field} in the last bits alone, {field.largest:+.1g}{unit}"

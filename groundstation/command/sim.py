@@ -17,7 +17,7 @@ from avionics.quantities import BadInput, name_by_path
 from avionics.topics import Publish, Topic
 from groundstation.command import foreign, foreign_parameters, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
-from groundstation.command.recordings import begin_recording, put_right, told_paths
+from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from logs.names import RECORDINGS, STICKS
 from logs.noted import note_autopilot, note_scenario
 from logs.outline import shape_of
@@ -94,12 +94,12 @@ def run(arguments: Sequence[str]) -> int:
             print(line, file=sys.stderr)
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
     scenario = _scenario(chosen)._replace(waits_for_arming=True, pilot=None if sticks is None else sticks.pilot())
-    theirs = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
-    if theirs is not None and chosen.write_parameters is not None:
-        foreign_parameters.write_parameters(chosen, theirs, vehicle)
+    remote = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
+    if remote is not None and chosen.write_parameters is not None:
+        foreign_parameters.write_parameters(chosen, remote, vehicle)
         return 0
-    if theirs is not None:
-        serve_foreign(theirs, Flights(vehicle, scenario, sticks, chosen.log, theirs))
+    if remote is not None:
+        serve_foreign(remote, Flights(vehicle, scenario, sticks, chosen.log, remote))
         return 0
     with contextlib.ExitStack() as stack:
         server = _server(chosen.listen, None if math.isinf(chosen.speed) else chosen.speed)
@@ -124,7 +124,7 @@ def run(arguments: Sequence[str]) -> int:
             run_before_others()
         ended = _serve(server, world, chosen.core)
         if alone:
-            _say_end(world, ended, told_paths(recorder))
+            _report_end(world, ended, format_recording_paths(recorder))
         elif recorder.failure:
             print(recorder.failure, file=sys.stderr)
     return 0
@@ -182,11 +182,11 @@ class Flights:
         self.close()
         log = None if self._log is None else next(path for path in numbered(self._log) if not path.exists())
         self._recorder = begin_recording(log, f"{_recording_name(self._vehicle)}-world", WRITING)
-        foreign.tell(f"recording in {self._recorder.path}")
+        foreign.report(f"recording in {self._recorder.path}")
         if self._autopilot.rig.launch is Launch.THROW:
             push, speed = foreign_parameters.push_of(self._vehicle), self._vehicle.launch.speed
             text = f"{push.acceleration:.3g} m/s^2 along body x for {push.duration:g} s, to {speed:g} m/s"
-            foreign.tell(f"throw: {text}")
+            foreign.report(f"throw: {text}")
         note_scenario(self._recorder, self._vehicle, self._scenario)
         note_autopilot(self._recorder, self._autopilot.rig.vehicle, self._autopilot.description)
         if self._sticks is not None:
@@ -202,7 +202,7 @@ class Flights:
     def compile(self) -> None:
         """Have the physics ready, saying so where that takes its time."""
         if not physics_compiled():
-            foreign.tell(COMPILING)
+            foreign.report(COMPILING)
             Plant(self._vehicle).compile()
 
     def close(self) -> None:
@@ -211,14 +211,14 @@ class Flights:
             self._recorder.close()
 
 
-def serve_foreign(theirs: foreign.Foreign, flights: Flights) -> None:
+def serve_foreign(remote: foreign.Foreign, flights: Flights) -> None:
     """Fly PX4 or ArduPilot until a simulation is finished.
 
     Raises:
         BadInput: the port is in use, nobody comes, or an autopilot falls silent.
     """
     with contextlib.ExitStack() as stack:
-        service = foreign.Service(theirs)
+        service = foreign.Service(remote)
         stack.callback(service.close)
         stack.callback(flights.close)
         flights.compile()
@@ -256,7 +256,7 @@ def print_events(topic: Topic, message: Any) -> None:
         print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)
 
 
-def _say_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
+def _report_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
     end = world.time_us * 1e-6
     never = "" if world.thrown else ", never thrown"
     print(f"over after {end:.1f} s{never}: {ended}; recorded in {recorded}", file=sys.stderr)

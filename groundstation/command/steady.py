@@ -26,7 +26,7 @@ STEADY_KEYS = {
 }
 
 
-class Asked(NamedTuple):
+class TrimRequest(NamedTuple):
     """A steady flight that is looked for."""
 
     vehicle: SimulatedVehicle
@@ -62,7 +62,7 @@ def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orb
     Raises:
         BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
     """
-    flight = asked(chosen)
+    flight = trim_request(chosen)
     orbit = trimmed(flight)
     found = examined(flight.vehicle, orbit)
     if chosen.json:
@@ -74,7 +74,7 @@ def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orb
     return 0
 
 
-def asked(chosen: argparse.Namespace) -> Asked:
+def trim_request(chosen: argparse.Namespace) -> TrimRequest:
     """What the command line asks for.
 
     Raises:
@@ -85,10 +85,10 @@ def asked(chosen: argparse.Namespace) -> Asked:
     check_memory(unbuilt(*asked_for))
     vehicle = simulated(*asked_for)
     airspeed = vehicle.cruise.airspeed if chosen.airspeed is None else chosen.airspeed
-    return Asked(vehicle, airspeed, vehicle.cruise.climb_rate if chosen.climb is None else chosen.climb)
+    return TrimRequest(vehicle, airspeed, vehicle.cruise.climb_rate if chosen.climb is None else chosen.climb)
 
 
-def trimmed(flight: Asked) -> Orbit:
+def trimmed(flight: TrimRequest) -> Orbit:
     """The steady flight asked for, with a progress bar for a long search.
 
     Raises:
@@ -99,7 +99,7 @@ def trimmed(flight: Asked) -> Orbit:
         return trim(*flight, told=lambda words: bar.show(0, 0, f"searching a steady flight at {words}"))
 
 
-def steady_document(flight: Asked, orbit: Orbit) -> dict[str, Any]:
+def steady_document(flight: TrimRequest, orbit: Orbit) -> dict[str, Any]:
     """The keys of `STEADY_KEYS`."""
     vehicle = flight.vehicle
     throttle = {"servo": None, "crank": throttle_for(orbit.inputs.frequency, vehicle)}

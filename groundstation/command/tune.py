@@ -12,7 +12,7 @@ from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
-from groundstation.command.steady import Asked, trimmed
+from groundstation.command.steady import TrimRequest, trimmed
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
@@ -108,13 +108,13 @@ def run(arguments: Sequence[str]) -> int:
     for line in options.name_warnings(subject.vehicle.file, *([] if subject.world is None else [subject.world])):
         print(line, file=sys.stderr)
     with ProgressBar("designing") as bar:
-        found = design(subject.model, subject.vehicle, bar.show)
+        designs = design(subject.model, subject.vehicle, bar.show)
     console = open_console(quiet=chosen.json)
-    console.print(design_heading(subject.vehicle, found))
-    console.print(design_table(found))
+    console.print(design_heading(subject.vehicle, designs))
+    console.print(design_table(designs))
     proof = None
     if not chosen.no_fly and subject.world is not None:
-        proof = _proof(subject, subject.world, found, chosen.seed)
+        proof = _proof(subject, subject.world, designs, chosen.seed)
         console.print(proof_table(proof))
         console.print(comparison_line(proof))
     written: list[Path] = []
@@ -122,13 +122,13 @@ def run(arguments: Sequence[str]) -> int:
     if where is not None and withheld:
         console.print(withheld_line(arguments), soft_wrap=True)
     elif where is not None:
-        write(where, subject.vehicle, found, None if subject.world is None else subject.world.text)
+        write(where, subject.vehicle, designs, None if subject.world is None else subject.world.text)
         written = [path for path in where if path is not None and path.exists()]
         console.print(written_line(written))
     else:
         console.print(unwritten_line(arguments), soft_wrap=True)
     if chosen.json:
-        print_document(_document(subject, found, proof, written))
+        print_document(_document(subject, designs, proof, written))
     return NOT_WRITTEN if where is not None and withheld else 0
 
 
@@ -203,34 +203,36 @@ def linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
     Raises:
         BadInput: there is no such flight.
     """
-    orbit = trimmed(Asked(world, world.cruise.airspeed if airspeed is None else airspeed, 0.0))
+    orbit = trimmed(TrimRequest(world, world.cruise.airspeed if airspeed is None else airspeed, 0.0))
     with ProgressBar("linearising") as bar:
         averaged = stroke_averaged_model(world, orbit, lambda done, of: bar.show(done, of + 2))
         return model_of(world, orbit, axes_model(world, orbit, averaged))
 
 
-def _proof(subject: _Chosen, world: SimulatedVehicle, found: Design, seed: int) -> Proof:
+def _proof(subject: _Chosen, world: SimulatedVehicle, designs: Design, seed: int) -> Proof:
     scenario = SCENARIO._replace(seed=seed)
     with ProgressBar("flying") as bar:
         bar.show(0, 2, "flying with the gains before")
         before = flown(world, subject.vehicle, subject.vehicle.gains, scenario)
         bar.show(1, 2, "flying with the gains after")
-        return Proof(before, flown(world, subject.vehicle, found.gains, scenario))
+        return Proof(before, flown(world, subject.vehicle, designs.gains, scenario))
 
 
-def _document(subject: _Chosen, found: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
+def _document(subject: _Chosen, designs: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
     """The keys of `JSON_KEYS`."""
     return {
         "vehicle": subject.vehicle.name,
-        "model": found.model.origin,
-        "airspeed": found.model.airspeed,
-        "frequency": found.model.frequency,
+        "model": designs.model.origin,
+        "airspeed": designs.model.airspeed,
+        "frequency": designs.model.frequency,
         "limits": {"gain_margin": LIMITS.gain_margin_db, "phase_margin": LIMITS.phase_margin},
         "loops": [
             {"name": before.name, "before": _loop(before), "after": _loop(after)}
-            for before, after in zip(found.before, found.after, strict=True)
+            for before, after in zip(designs.before, designs.after, strict=True)
         ],
-        "flights": None if proof is None else {"before": _flown(proof.before), "after": _flown(proof.after)},
+        "flights": None
+        if proof is None
+        else {"before": _comparison_flights(proof.before), "after": _comparison_flights(proof.after)},
         "comparison": None if proof is None else proof.comparison.value,
         "error_ratio": None if proof is None else proof.error_ratio,
         "written": written,
@@ -251,5 +253,5 @@ def _loop(loop: Loop) -> dict[str, Any]:
     }
 
 
-def _flown(flight: Flown) -> dict[str, Any]:
+def _comparison_flights(flight: Flown) -> dict[str, Any]:
     return flight._asdict()

@@ -32,11 +32,11 @@ EXAMPLES = (
     "wingbeat validate --only lattice --studies",
     "wingbeat validate --json",
 )
-Told = Callable[[float, str], None]
+MissionItemView = Callable[[float, str], None]
 SCENE_EVERY = 4
 """steps of the lattice, of which the scene has one: 82 a second"""
 PICTURES: dict[str, Callable[[Path, Callable[[float], None]], list[Path]]] = {
-    "grauer": lambda folder, told: draw_plots(folder),
+    "grauer": lambda folder, on_progress: draw_plots(folder),
     "lattice": draw_lattice,
 }
 """of papers by name: what draws them into a folder, telling which share is done"""
@@ -90,14 +90,14 @@ def _validated(names: Sequence[str], chosen: argparse.Namespace) -> int:
     if chosen.scene is not None:
         record_scene(names, chosen.scene)
     plots = [] if chosen.plots is None else drawn(names, chosen.plots)
-    found = computed(names, chosen.studies, announce=not chosen.json)
+    results = computed(names, chosen.studies, announce=not chosen.json)
     missing = [] if chosen.studies else left_out(names)
     if chosen.json:
-        print_document(document(found) | {"left_out": missing, "plots": plots, "scene": chosen.scene})
+        print_document(document(results) | {"left_out": missing, "plots": plots, "scene": chosen.scene})
         return 0
     console = open_console()
-    console.print(validation_table(found))
-    console.print(summary_line(found))
+    console.print(validation_table(results))
+    console.print(summary_line(results))
     if missing:
         named = "; ".join(f"{one['paper']}, {one['study']}" for one in missing)
         console.print(f"not computed, minutes: {named} (--studies)", style="dim")
@@ -145,29 +145,29 @@ class Task(NamedTuple):
 
     paper: str
     title: str
-    rows: Callable[[Told], list[Row]]
+    rows: Callable[[MissionItemView], list[Row]]
     lasting: str
     """how long they take, in words; empty for no time worth a word"""
 
 
 def tasks(names: Sequence[str], studies: bool) -> list[Task]:
     """What there is to compute for papers by name, ``studies`` too or not."""
-    found = []
+    results = []
     for name in names:
         for check in PAPERS[name].checks:
-            found.append(Task(name, check.title, _silent(check), "a while" if check.slow else ""))
+            results.append(Task(name, check.title, _silent(check), "a while" if check.slow else ""))
         if studies:
-            found += [Task(name, study.title, study.rows, "minutes") for study in PAPERS[name].studies]
-    return found
+            results += [Task(name, study.title, study.rows, "minutes") for study in PAPERS[name].studies]
+    return results
 
 
-def _silent(check: Check) -> Callable[[Told], list[Row]]:
-    return lambda told: check.rows()
+def _silent(check: Check) -> Callable[[MissionItemView], list[Row]]:
+    return lambda on_progress: check.rows()
 
 
 def computed(names: Sequence[str], studies: bool, announce: bool) -> dict[str, list[Row]]:
     """The rows of papers by name; what takes long is announced on stderr, by a progress bar on a terminal."""
-    found: dict[str, list[Row]] = {name: [] for name in names}
+    results: dict[str, list[Row]] = {name: [] for name in names}
     todo = tasks(names, studies)
     with ProgressBar("validating") as bar:
         for done, task in enumerate(todo):
@@ -175,12 +175,12 @@ def computed(names: Sequence[str], studies: bool, announce: bool) -> dict[str, l
             if task.lasting and announce and not sys.stderr.isatty():
                 print(f"{label}, which takes {task.lasting}", file=sys.stderr, flush=True)
 
-            def told(share: float, words: str, done: int = done, label: str = label) -> None:
+            def on_progress(share: float, words: str, done: int = done, label: str = label) -> None:
                 bar.show(done + share, len(todo), f"{label}: {words}")
 
             bar.show(done, len(todo), label)
-            found[task.paper] += task.rows(told)
-    return found
+            results[task.paper] += task.rows(on_progress)
+    return results
 
 
 def left_out(names: Sequence[str]) -> list[dict[str, str]]:
@@ -188,12 +188,12 @@ def left_out(names: Sequence[str]) -> list[dict[str, str]]:
     return [{"paper": name, "study": study.title} for name in names for study in PAPERS[name].studies]
 
 
-def document(found: dict[str, list[Row]]) -> dict[str, Any]:
+def document(results: dict[str, list[Row]]) -> dict[str, Any]:
     """The keys of `JSON_KEYS`, without the pictures."""
     papers = [
-        {"name": name, "title": PAPERS[name].title, "rows": list(map(_row, rows))} for name, rows in found.items()
+        {"name": name, "title": PAPERS[name].title, "rows": list(map(_row, rows))} for name, rows in results.items()
     ]
-    every = [row for rows in found.values() for row in rows]
+    every = [row for rows in results.values() for row in rows]
     return {"papers": papers, "counts": {name: sum(row.verdict == name for row in every) for name in VERDICTS}}
 
 

@@ -67,7 +67,7 @@ class CommandExchange(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[CommandExchange, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(now, message), ()
+            return self._on_message(now, message), ()
         if self.finished:
             return self, ()
         if self._not_yet(now):
@@ -91,7 +91,7 @@ class CommandExchange(NamedTuple):
         """Whether it is rejected for the moment, and the moment may pass."""
         return self.result == REJECTED and self.rejected_at is not None and now - self.rejected_at < NOT_YET
 
-    def _heard(self, now: float, message: Any) -> CommandExchange:
+    def _on_message(self, now: float, message: Any) -> CommandExchange:
         kind = message.get_type()
         if kind == "STATUSTEXT" and self.timer.attempts:
             return self._replace(reason=explained(self.reason, message))

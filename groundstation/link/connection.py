@@ -64,7 +64,7 @@ class Connection:
         self._readers: dict[Peer, GroundReader] = {}
         self._writer = FrameWriter(SYSTEM, COMPONENT)
         self._signing = signing or Signing(time.time)
-        self._signed = self._heard = False
+        self._signed = self._on_message = False
         self._beaten_at = float("-inf")
         self._component: int | None = None
         self._background: list[tuple[Exchange, Ended]] = []
@@ -154,18 +154,18 @@ class Connection:
                 self.wait()
 
     def _read(self, packet: Packet, now: float) -> list[Arrival]:
-        self._heard = self._heard or bool(packet.data)
+        self._on_message = self._on_message or bool(packet.data)
         reader = self._readers.setdefault(packet.peer, GroundReader())
         frames = reader.feed(packet.data)
         if (self._transport.datagrams and not packet.continues) or not packet.data:
             frames += reader.give_up()
         # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
-        arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._believed(frame)]
+        arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._is_trusted(frame)]
         if any(arrival.message is not None for arrival in arrivals):
             self._transport.register_peer(packet.peer)
         return arrivals
 
-    def _believed(self, frame: Frame) -> bool:
+    def _is_trusted(self, frame: Frame) -> bool:
         """Whether a frame is to be heard; a radio's own words are never signed."""
         self._signed = self._signed or bool(signature_of(frame))
         if not self._signing.active or frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
@@ -190,28 +190,28 @@ class Connection:
         """Let a little time pass."""
         self._pause(PAUSE)
 
-    def find_vehicle(self, patience: float = 5.0) -> VehicleState:
+    def find_vehicle(self, timeout: float = 5.0) -> VehicleState:
         """Wait for the first heartbeat of an autopilot.
 
         Raises:
-            LinkSilent: none came within ``patience`` (s).
+            LinkSilent: none came within ``timeout`` (s).
         """
-        deadline = self._clock() + patience
+        deadline = self._clock() + timeout
         while self.state.system is None:
             if self._clock() >= deadline:
-                raise LinkSilent(f"no vehicle answers on {self.url}: {self._silence(patience)}")
+                raise LinkSilent(f"no vehicle answers on {self.url}: {self._silence(timeout)}")
             self.receive()
             self.wait()
         return self.state
 
-    def _silence(self, patience: float) -> str:
+    def _silence(self, timeout: float) -> str:
         """What is known of why no heartbeat came."""
-        if isinstance(self._transport, TcpClient) and self._transport.trouble and not self._heard:
+        if isinstance(self._transport, TcpClient) and self._transport.trouble and not self._on_message:
             return self._transport.trouble.lower()
-        said = f"no heartbeat for {patience:g} s"
+        said = f"no heartbeat for {timeout:g} s"
         if self.refused:
             return f"{said}; {counted(self.refused, 'frame')} refused by their signature"
-        if self._heard or not self.url.startswith("udpout:"):
+        if self._on_message or not self.url.startswith("udpout:"):
             return said
         # Who waits on UDP with a key set does not even answer without it.
         advice = (
@@ -223,14 +223,14 @@ class Connection:
         self,
         exchange: AnyExchange,
         watch: Callable[[AnyExchange], None] | None = None,
-        patience: float = 120.0,
+        timeout: float = 120.0,
     ) -> AnyExchange:
         """Drive an exchange to its end; ``watch`` sees it after every step.
 
         Raises:
-            NoAnswer: it failed, or took longer than ``patience`` (s).
+            NoAnswer: it failed, or took longer than ``timeout`` (s).
         """
-        deadline = self._clock() + patience
+        deadline = self._clock() + timeout
         while not exchange.finished:
             for message in self._receive()[1]:
                 exchange, outgoing = exchange.step(self._clock(), message)
@@ -241,7 +241,7 @@ class Connection:
                 watch(exchange)
             if self._clock() >= deadline:
                 note = exchange.progress().note or "the vehicle"
-                raise NoAnswer(f"{note}: not finished after {patience:g} s{self._hint()}")
+                raise NoAnswer(f"{note}: not finished after {timeout:g} s{self._hint()}")
             if not exchange.finished:
                 self.wait()
         if exchange.failure:

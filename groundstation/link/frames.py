@@ -24,16 +24,16 @@ class GroundReader(FrameReader):
 
     def __init__(self) -> None:
         super().__init__()
-        self._found: list[Frame] = []
+        self._frames: list[Frame] = []
 
-    def _scan(self, buffer: bytes, found: list[Frame]) -> int:
-        self._found = found
-        return super()._scan(buffer, found)
+    def _scan(self, buffer: bytes, frames: list[Frame]) -> int:
+        self._frames = frames
+        return super()._scan(buffer, frames)
 
     def _unknown(self, buffer: bytes, position: int, stop: int) -> int:
         size = super()._unknown(buffer, position, stop)
         if position + size == stop:
-            self._found.append(_foreign(buffer[position:stop]))
+            self._frames.append(_foreign(buffer[position:stop]))
         return size
 
 

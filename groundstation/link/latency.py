@@ -18,31 +18,31 @@ class Latency:
     """Asks once a second; the median of the last answers is the latency."""
 
     def __init__(self) -> None:
-        self._asked_at = float("-inf")
+        self._requested_at = float("-inf")
         self._questions: deque[int] = deque(maxlen=PENDING)
         self._trips: deque[tuple[float, float]] = deque(maxlen=7)
         self._number = 0
 
     def questions(self, now: float) -> tuple[Any, ...]:
         """What to send at ``now`` (s, monotonic)."""
-        if now - self._asked_at < PERIOD:
+        if now - self._requested_at < PERIOD:
             return ()
-        self._asked_at = now
+        self._requested_at = now
         self._number += 1
         stamp = round(now * 1e9)
         self._questions.append(stamp)
         sync = mavlink.MAVLink_timesync_message(0, stamp)
         return sync, mavlink.MAVLink_ping_message(stamp // 1000, self._number, 0, 0)
 
-    def hear(self, message: Any, now: float) -> None:
+    def handle_message(self, message: Any, now: float) -> None:
         """Take any message; only an answer to a question of ours counts."""
         kind = message.get_type()
         if kind == "TIMESYNC" and message.tc1 != 0 and message.ts1 in self._questions:
             self._trips.append((now, now - message.ts1 * 1e-9))
-        elif kind == "PING" and message.target_system and self._is_ours(message):
+        elif kind == "PING" and message.target_system and self._is_reply(message):
             self._trips.append((now, now - message.time_usec * 1e-6))
 
-    def _is_ours(self, ping: Any) -> bool:
+    def _is_reply(self, ping: Any) -> bool:
         return any(stamp // 1000 == ping.time_usec for stamp in self._questions)
 
     def value(self, now: float) -> float | None:

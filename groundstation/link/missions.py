@@ -73,14 +73,14 @@ class MissionDownload(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[MissionDownload, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(now, message)
+            return self._on_message(now, message)
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
             return self._replace(failure=f"{self.progress().note.removesuffix(', retrying')}, then silence"), ()
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
-    def _heard(self, now: float, message: Any) -> tuple[MissionDownload, Outgoing]:
+    def _on_message(self, now: float, message: Any) -> tuple[MissionDownload, Outgoing]:
         kind = message.get_type()
         if getattr(message, "mission_type", self.mission_type) != self.mission_type:
             return self, ()
@@ -147,7 +147,7 @@ class MissionUpload(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[MissionUpload, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(now, message)
+            return self._on_message(now, message)
         if self.finished:
             return self, ()
         if self.result is not None:
@@ -187,21 +187,21 @@ class MissionUpload(NamedTuple):
             return self._replace(failure=self._silence())
         return self._replace(sent=0, repeats=0, offers=self.offers + 1, timer=Timer())
 
-    def _heard(self, now: float, message: Any) -> tuple[MissionUpload, Outgoing]:
+    def _on_message(self, now: float, message: Any) -> tuple[MissionUpload, Outgoing]:
         kind = message.get_type()
-        if kind == "STATUSTEXT" and self._asked:
+        if kind == "STATUSTEXT" and self._requested:
             return self._replace(reason=explained(self.reason, message)), ()
         if getattr(message, "mission_type", self.mission_type) != self.mission_type:
             return self, ()
         if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self.items):
             sent = max(self.sent, message.seq + 1)
             return self._replace(sent=sent, repeats=0, timer=self.timer.answered(now)), (self._item(message.seq),)
-        if kind == "MISSION_ACK" and self._asked and self.result is None:
+        if kind == "MISSION_ACK" and self._requested and self.result is None:
             return self._acknowledged(now, message.type), ()
         return self, ()
 
     @property
-    def _asked(self) -> bool:
+    def _requested(self) -> bool:
         return self.timer.sent_at > float("-inf")
 
     def _acknowledged(self, now: float, result: int) -> MissionUpload:

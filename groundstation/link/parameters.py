@@ -104,7 +104,7 @@ class ParameterDownload(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[ParameterDownload, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(now, message), ()
+            return self._on_message(now, message), ()
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
@@ -112,7 +112,7 @@ class ParameterDownload(NamedTuple):
         asked = self._replace(timer=self.timer.again(now), retrying=self.timer.attempts > 0 or self.total is not None)
         return asked, self._requests()
 
-    def _heard(self, now: float, message: Any) -> ParameterDownload:
+    def _on_message(self, now: float, message: Any) -> ParameterDownload:
         if message.get_type() != "PARAM_VALUE" or message.param_index >= message.param_count:
             return self
         values = {**self.values, message.param_index: decode_parameter(message, self.bytewise)}
@@ -153,7 +153,7 @@ class ParameterRead(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[ParameterRead, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(message), ()
+            return self._on_message(message), ()
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
@@ -161,7 +161,7 @@ class ParameterRead(NamedTuple):
         request = mavlink.MAVLink_param_request_read_message(*self.target, self.name.encode(), -1)
         return self._replace(timer=self.timer.again(now)), (request,)
 
-    def _heard(self, message: Any) -> ParameterRead:
+    def _on_message(self, message: Any) -> ParameterRead:
         kind = message.get_type()
         if kind == "PARAM_ERROR" and _name(message) == self.name:
             return self._replace(failure=f"the vehicle has no parameter {self.name}")
@@ -201,7 +201,7 @@ class ParameterWrite(NamedTuple):
     def step(self, now: float, message: Any | None) -> tuple[ParameterWrite, Outgoing]:
         """See `Exchange.step`."""
         if message is not None:
-            return self._heard(now, message), ()
+            return self._on_message(now, message), ()
         if not self.finished and (self.kept is not None or self.error is not None):
             return self._refused(now), ()
         if self.finished or not self.timer.due(now):
@@ -210,7 +210,7 @@ class ParameterWrite(NamedTuple):
             return self._replace(failure=f"no answer to setting {self.known.name}"), ()
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
-    def _heard(self, now: float, message: Any) -> ParameterWrite:
+    def _on_message(self, now: float, message: Any) -> ParameterWrite:
         kind = message.get_type()
         if kind == "STATUSTEXT" and self.timer.attempts:
             return self._replace(reason=explained(self.reason, message))

@@ -136,12 +136,12 @@ class Recording:
         """begun so far: one for each boot of the vehicle"""
         self._epoch_ns = epoch_ns
         self._recorder: McapRecorder | None = None
-        self._seen: SceneRecorder | None = None
+        self._systems: SceneRecorder | None = None
         self._waiting: list[Arrival] = []
         self._sent_before: list[_Sent] = []
         self._time = VehicleTime()
         self._state = VehicleState()
-        self._said = 0
+        self._announced = 0
         self._topics: dict[int, Topic] = {}
 
     @property
@@ -149,13 +149,13 @@ class Recording:
         """The file that is written, None before the first."""
         return None if self._recorder is None else self._recorder.path
 
-    def hear(self, arrival: Arrival) -> None:
+    def handle_frame(self, arrival: Arrival) -> None:
         """Take one frame; a signing key that is overheard is not kept."""
         if self.failure or arrival.frame.message_id == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
             return
         ours = arrival.frame.system == self._state.system
         if ours and self._time.read(arrival) and self._recorder is not None:
-            self._begin_anew()
+            self._restart()
         if arrival.message is not None and arrival.message.get_type() in STATEFUL:
             self._state = receive(self._state, arrival.message, arrival.at)
         if self._recorder is not None:
@@ -196,7 +196,7 @@ class Recording:
             self._waiting, self._sent_before = [], []
             return
         self.files.append(self._recorder.path)
-        self._seen = SceneRecorder(self._recorder, PLAIN_BIRD, self._recorder.start_epoch_ns, estimated=True)
+        self._systems = SceneRecorder(self._recorder, PLAIN_BIRD, self._recorder.start_epoch_ns, estimated=True)
         waiting, self._waiting = self._waiting, []
         for arrival in waiting:
             self._record(arrival)
@@ -223,7 +223,7 @@ class Recording:
         with reserved(name.replace(" ", "_"), folder=self.where.folder) as path:
             return McapRecorder(path, start_epoch_ns=boot_ns, writing=_WRITING)
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         """A file for every boot: what the vehicle's clock counts from is one moment in each."""
         assert self._recorder is not None
         self._recorder.close()
@@ -260,11 +260,11 @@ class Recording:
         return topic
 
     def _record_as_vehicle(self, message: Any, time_us: int) -> None:
-        assert self._seen is not None
+        assert self._systems is not None
         entry = vehicle_topics.entry_of(message, time_us, self._state)
         if entry is not None:
-            self._seen.record(entry.topic, entry.message)
-        for heard in new_events(self._state, self._said):
+            self._systems.record(entry.topic, entry.message)
+        for heard in new_events(self._state, self._announced):
             at = time_us if heard.time is None else round(heard.time * 1e6)
-            self._seen.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
-        self._said = self._state.said
+            self._systems.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
+        self._announced = self._state.said

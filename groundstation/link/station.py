@@ -54,13 +54,13 @@ class Picture(NamedTuple):
     """-; what is being asked of the vehicle, empty for nothing"""
     recording: Path | None = None
     """where what is heard goes"""
-    noted: int = 0
+    note_count: int = 0
     """-; lines of the ground since the link was opened"""
 
 
-def new_notes(picture: Picture, noted: int) -> tuple[Note, ...]:
-    """What was noted since the count of lines was ``noted``."""
-    return picture.notes[-(picture.noted - noted) :] if picture.noted > noted else ()
+def new_notes(picture: Picture, note_count: int) -> tuple[Note, ...]:
+    """What was noted since the count of lines was ``note_count``."""
+    return picture.notes[-(picture.note_count - note_count) :] if picture.note_count > note_count else ()
 
 
 class Station:
@@ -74,44 +74,44 @@ class Station:
         self._latency = Latency()
         self._mission: tuple[Item, ...] = ()
         self._notes: tuple[Note, ...] = ()
-        self._noted = 0
-        self._asked = False
+        self._note_count = 0
+        self._requested = False
         self._look_at = math.inf
         self._refused: frozenset[str] = frozenset()
         self._running: list[tuple[str, Exchange]] = []
-        connection.overhear(self._hear)
+        connection.overhear(self._handle_frame)
 
-    def _hear(self, arrival: Arrival) -> None:
-        self.traffic.hear(arrival)
+    def _handle_frame(self, arrival: Arrival) -> None:
+        self.traffic.handle_frame(arrival)
         if arrival.message is not None:
-            self._latency.hear(arrival.message, arrival.at)
+            self._latency.handle_message(arrival.message, arrival.at)
 
     def poll(self) -> bool:
         """Take what has come and ask what is due; whether anything came."""
         heard = bool(self.connection.receive())
         for question in self._latency.questions(self._clock()):
             self.connection.send(question)
-        if not self._asked and self.connection.state.system is not None:
-            self._asked = True
+        if not self._requested and self.connection.state.system is not None:
+            self._requested = True
             self._meet()
         if self._clock() >= self._look_at:
-            self._ask_for_streams()
+            self._request_streams()
         return heard
 
     def _meet(self) -> None:
         """Ask who it is first: ours may call itself another's, and need not be asked for what it sends anyway."""
         if is_ours(self.connection.state):
-            self._ask_modes(None)
+            self._request_modes(None)
             return
         wanted = (float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),)
         version = CommandExchange(self.connection.target, mavlink.MAV_CMD_REQUEST_MESSAGE, wanted)
-        self.connection.begin(version, self._ask_modes)
+        self.connection.begin(version, self._request_modes)
         self._look_at = self._clock() + LOOK
 
-    def _ask_modes(self, version: CommandExchange | None) -> None:
-        self.connection.begin(request_mode_names(self.connection.target), self._ask_mission)
+    def _request_modes(self, version: CommandExchange | None) -> None:
+        self.connection.begin(request_mode_names(self.connection.target), self._request_mission)
 
-    def _ask_for_streams(self) -> None:
+    def _request_streams(self) -> None:
         """Ask a vehicle that is not ours for what comes too seldom, one question at a time."""
         self._look_at = math.inf
         state, now = self.connection.state, self._clock()
@@ -119,13 +119,13 @@ class Station:
             return
         rates = {row.name: row.rate for row in self.traffic.rows(now) if row.sender[0] == state.system}
         slow = tuple(too_slow(rates, self._refused))
-        self.connection.begin(StreamRequest(self.connection.target, slow), self._asked_for_streams)
+        self.connection.begin(StreamRequest(self.connection.target, slow), self._requested_streams)
 
-    def _asked_for_streams(self, request: StreamRequest) -> None:
+    def _requested_streams(self, request: StreamRequest) -> None:
         self._refused |= request.refused
         self._look_at = self._clock() + LOOK_AGAIN
 
-    def _ask_mission(self, names: ModeNames) -> None:
+    def _request_mission(self, names: ModeNames) -> None:
         self.read_mission()
 
     def read_mission(self) -> None:
@@ -149,7 +149,7 @@ class Station:
     def note(self, text: str, failed: bool = False) -> None:
         """Add a line of the ground's own."""
         self._notes = (*self._notes, Note(self.connection.state.time, text, failed))[-NOTES_KEPT:]
-        self._noted += 1
+        self._note_count += 1
 
     def picture(self) -> Picture:
         """What is known now."""
@@ -164,5 +164,5 @@ class Station:
             self._notes,
             ", ".join(label for label, _ in self._running),
             self.recording(),
-            self._noted,
+            self._note_count,
         )

@@ -45,7 +45,7 @@ class StreamRequest(NamedTuple):
     """SET_MESSAGE_INTERVAL for one message after the other; REQUEST_DATA_STREAM, which has no answer, for elders."""
 
     target: Target
-    wanted: tuple[Stream, ...]
+    pending: tuple[Stream, ...]
     """still to be asked for"""
     refused: frozenset[str] = frozenset()
     """names of messages that the vehicle does not send"""
@@ -55,26 +55,26 @@ class StreamRequest(NamedTuple):
     @property
     def finished(self) -> bool:
         """True once all were asked for."""
-        return not self.wanted
+        return not self.pending
 
     def progress(self) -> Progress:
         """Messages still to be asked for."""
-        return Progress(0, len(self.wanted))
+        return Progress(0, len(self.pending))
 
     def step(self, now: float, message: Any | None) -> tuple[StreamRequest, Outgoing]:
         """See `Exchange.step`."""
         if self.finished:
             return self, ()
-        first = self.wanted[0]
-        command, outgoing = (self.command or self._ask(first)).step(now, message)
+        first = self.pending[0]
+        command, outgoing = (self.command or self._request(first)).step(now, message)
         if not command.finished:
             return self._replace(command=command), outgoing
         if command.result == mavlink.MAV_RESULT_UNSUPPORTED:
-            return self._replace(wanted=()), self._groups()
+            return self._replace(pending=()), self._groups()
         refused = self.refused if command.accepted else self.refused | {first.name}
-        return self._replace(wanted=self.wanted[1:], refused=refused, command=None), outgoing
+        return self._replace(pending=self.pending[1:], refused=refused, command=None), outgoing
 
-    def _ask(self, stream: Stream) -> CommandExchange:
+    def _request(self, stream: Stream) -> CommandExchange:
         interval = (float(stream.number), 1e6 / stream.rate)
         return CommandExchange(self.target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, interval)
 

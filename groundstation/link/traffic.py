@@ -64,18 +64,18 @@ class _Sender:
 
     def __init__(self) -> None:
         self.last: int | None = None
-        self.seen: deque[int] = deque(maxlen=LATE)
+        self.received: deque[int] = deque(maxlen=LATE)
 
     def missing(self, number: int) -> tuple[int, bool]:
         """How many frames are missing before this one, -1 for one missed that comes late; and whether it is new."""
         before, self.last = self.last, number if self.last is None else self.last
         if before is None:
-            self.seen.append(number)
+            self.received.append(number)
             return 0, True
         ahead = (number - before) % 256
-        if ahead == 0 or (ahead >= LATE and number in self.seen):
+        if ahead == 0 or (ahead >= LATE and number in self.received):
             return 0, False
-        self.seen.append(number)
+        self.received.append(number)
         if ahead >= LATE:
             return -1, True
         self.last = number
@@ -99,17 +99,17 @@ class Traffic:
         self._kinds: dict[tuple[int, int, int], _Kind] = {}
         self._names: dict[tuple[int, int, int], str] = {}
         self._lately: deque[tuple[float, int, int]] = deque()
-        self._began: float | None = None
+        self._started: float | None = None
         self._lost = 0
         self._doubled = 0
-        self._heard = 0
+        self._counts = 0
 
-    def hear(self, arrival: Arrival) -> None:
+    def handle_frame(self, arrival: Arrival) -> None:
         """Take one frame."""
         frame, now = arrival.frame, arrival.at
-        self._began = now if self._began is None else self._began
+        self._started = now if self._started is None else self._started
         missing, new = self._senders.setdefault((frame.system, frame.component), _Sender()).missing(sequence(frame))
-        self._heard += 1
+        self._counts += 1
         self._lost = max(self._lost + missing, 0)
         self._doubled += not new
         self._lately.append((now, len(frame.raw), missing if new else 0))
@@ -125,11 +125,11 @@ class Traffic:
 
     def quality(self, now: float) -> Quality:
         """The link over the last `WINDOW` seconds, or since it was opened."""
-        if self._began is None:
+        if self._started is None:
             return Quality()
         while self._lately and now - self._lately[0][0] > WINDOW:
             self._lately.popleft()
-        span = min(max(now - self._began, 0.5), WINDOW)
+        span = min(max(now - self._started, 0.5), WINDOW)
         count = len(self._lately)
         lost = max(sum(missing for _, _, missing in self._lately), 0)
         return Quality(
@@ -138,7 +138,7 @@ class Traffic:
             loss=lost / (lost + count) if lost + count else None,
             lost=self._lost,
             doubled=self._doubled,
-            heard=self._heard,
+            heard=self._counts,
         )
 
     def rows(self, now: float) -> list[MessageRow]:

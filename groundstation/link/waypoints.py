@@ -44,13 +44,13 @@ class Convention(NamedTuple):
     """-; it takes places in metres from home"""
 
 
-def convention_of(autopilot: int | None, ours: bool = False) -> Convention:
+def convention_of(autopilot: int | None, is_wingbeat: bool = False) -> Convention:
     """The convention of a MAV_AUTOPILOT; what is not known is taken for PX4's, which is MAVLink's own.
 
-    ``ours`` for our own vehicle, whatever it calls itself; what is generic is taken for it.
+    ``is_wingbeat`` for our own vehicle, whatever it calls itself; what is generic is taken for it.
     """
-    ours = ours or autopilot == mavlink.MAV_AUTOPILOT_GENERIC
-    return Convention(home_first=autopilot == ARDUPILOT, local=ours)
+    is_wingbeat = is_wingbeat or autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+    return Convention(home_first=autopilot == ARDUPILOT, local=is_wingbeat)
 
 
 def read(path: Path) -> tuple[Item, ...]:
@@ -59,17 +59,17 @@ def read(path: Path) -> tuple[Item, ...]:
     Raises:
         BadInput: as of `read_upload`.
     """
-    if _is_own(path) or path.suffix == ".plan":
+    if _is_native(path) or path.suffix == ".plan":
         return read_upload(path, Convention(home_first=False, local=True)).mission
     return tuple(item_of(line.item, line.autocontinue) for line in waypoint_file.read(path))
 
 
 def needs_home(path: Path, convention: Convention) -> bool:
     """Whether the vehicle's home has to be known before a file can be sent."""
-    return _is_own(path) and not convention.local
+    return _is_native(path) and not convention.local
 
 
-def _is_own(path: Path) -> bool:
+def _is_native(path: Path) -> bool:
     return path.suffix == ".toml" or not path.suffix
 
 
@@ -82,8 +82,8 @@ def read_upload(path: Path, convention: Convention, home: Home | None = None) ->
     Raises:
         BadInput: unreadable, not such a list or plan, or a part that is malformed; the text says which.
     """
-    if _is_own(path):
-        return _own_mission(path, convention, home)
+    if _is_native(path):
+        return _native_mission(path, convention, home)
     if path.suffix == ".plan":
         return _planned(path, convention)
     lines = waypoint_file.read(path)
@@ -134,7 +134,7 @@ def _planned(path: Path, convention: Convention) -> Upload:
     )
 
 
-def _own_mission(path: Path, convention: Convention, home: Home | None) -> Upload:
+def _native_mission(path: Path, convention: Convention, home: Home | None) -> Upload:
     plan = load_plan(path)
     home = None if convention.local else home
     items = tuple(item_of(encode_item(item, home)) for item in plan.mission)
@@ -167,27 +167,36 @@ _SAME_FRAME = {
 }
 
 
-def differences(wanted: Sequence[Item], held: Sequence[Item]) -> list[tuple[int, Item | None, Item | None]]:
+def differences(
+    file_items: Sequence[Item], vehicle_items: Sequence[Item]
+) -> list[tuple[int, Item | None, Item | None]]:
     """Number, and both items, where two lists differ; None where one list has ended."""
-    pairs = enumerate(itertools.zip_longest(wanted, held))
-    return [(number, ours, theirs) for number, (ours, theirs) in pairs if not _equal(ours, theirs)]
+    pairs = enumerate(itertools.zip_longest(file_items, vehicle_items))
+    return [
+        (number, is_wingbeat, vehicle_items)
+        for number, (is_wingbeat, vehicle_items) in pairs
+        if not _equal(is_wingbeat, vehicle_items)
+    ]
 
 
-def _equal(ours: Item | None, theirs: Item | None) -> bool:
+def _equal(is_wingbeat: Item | None, vehicle_items: Item | None) -> bool:
     """Equal for all that a vehicle keeps: single precision, a NaN parameter kept as 0, frames with two numbers."""
-    if ours is None or theirs is None:
+    if is_wingbeat is None or vehicle_items is None:
         return False
-    frames = {_SAME_FRAME.get(item.frame, item.frame) for item in (ours, theirs)}
-    numbers = zip((*ours.parameters, ours.z), (*theirs.parameters, theirs.z), strict=True)
-    same_kind = ours.command == theirs.command and len(frames) == 1
-    return same_kind and _same_place(ours, theirs) and all(_near(*pair) for pair in numbers)
+    frames = {_SAME_FRAME.get(item.frame, item.frame) for item in (is_wingbeat, vehicle_items)}
+    numbers = zip((*is_wingbeat.parameters, is_wingbeat.z), (*vehicle_items.parameters, vehicle_items.z), strict=True)
+    same_kind = is_wingbeat.command == vehicle_items.command and len(frames) == 1
+    return same_kind and _same_place(is_wingbeat, vehicle_items) and all(_near(*pair) for pair in numbers)
 
 
-def _same_place(ours: Item, theirs: Item) -> bool:
+def _same_place(is_wingbeat: Item, vehicle_items: Item) -> bool:
     """Whether both lead to one place; a takeoff from home may come back without its place."""
-    if ours.command == mavlink.MAV_CMD_NAV_TAKEOFF and (0, 0) in ((ours.x, ours.y), (theirs.x, theirs.y)):
+    if is_wingbeat.command == mavlink.MAV_CMD_NAV_TAKEOFF and (0, 0) in (
+        (is_wingbeat.x, is_wingbeat.y),
+        (vehicle_items.x, vehicle_items.y),
+    ):
         return True
-    return abs(ours.x - theirs.x) <= CLOSE and abs(ours.y - theirs.y) <= CLOSE
+    return abs(is_wingbeat.x - vehicle_items.x) <= CLOSE and abs(is_wingbeat.y - vehicle_items.y) <= CLOSE
 
 
 def _near(first: float, second: float) -> bool:

@@ -64,7 +64,7 @@ class Monitor(App[None]):
         self._plots = tuple(plots)
         self._clock = clock
         self._count = 0
-        self._noted = 0
+        self._recorded = 0
 
     def compose(self) -> ComposeResult:
         """The line of state, the tabs, the keys."""
@@ -115,9 +115,9 @@ class Monitor(App[None]):
 
     def _announce(self, picture: Picture) -> None:
         """Tell what became of a command, whatever tab is looked at."""
-        for note in new_notes(picture, self._noted):
+        for note in new_notes(picture, self._recorded):
             self.notify(printable(note.text), severity="error" if note.failed else "information", markup=False)
-        self._noted = picture.noted
+        self._recorded = picture.note_count
 
     def _known_fields(self) -> list[str]:
         rows = self.station.traffic.rows(self._clock())
@@ -188,7 +188,7 @@ class Monitor(App[None]):
     def action_plot(self) -> None:
         """Name a field to plot."""
         self.action_tab("plots")
-        self.query_one(PlotsTab).ask()
+        self.query_one(PlotsTab).prompt()
 
     async def action_drop_plot(self) -> None:
         """Take the last plot away."""

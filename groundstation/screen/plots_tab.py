@@ -66,7 +66,7 @@ class PlotsTab(Vertical):
         for path in self._first:
             await self.add(path)
 
-    def ask(self) -> None:
+    def prompt(self) -> None:
         """Let a person name a field; what is heard is offered."""
         line = self.query_one(Input)
         line.suggester = SuggestFromList(self._known(), case_sensitive=False)

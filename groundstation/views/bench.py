@@ -36,7 +36,7 @@ class Bench(NamedTuple):
     """s; between two frames"""
     attitude: Attitude
     """the flight computer's"""
-    own: Angles | None
+    local: Angles | None
     """the board's, None where it tells none"""
     losses: Losses
     """of the line"""
@@ -54,13 +54,13 @@ def _table(bench: Bench) -> tables.PlainTable:
     table = tables.plain_table(("", ""), *((head, tables.NUMBER) for head in heads))
     for name, sigma in (("roll", "tilt_sigma"), ("pitch", "tilt_sigma"), ("yaw", "heading_sigma")):
         mine = getattr(bench.attitude, name)
-        own = None if bench.own is None else getattr(bench.own, name)
-        apart = None if own is None else math.remainder(own - mine, math.tau)
+        local = None if bench.local is None else getattr(bench.local, name)
+        apart = None if local is None else math.remainder(local - mine, math.tau)
         table.add_row(
             name,
             wording.angle(mine, LAYOUT),
             wording.angle(getattr(bench.attitude, sigma), ".1f"),
-            wording.angle(own, LAYOUT),
+            wording.angle(local, LAYOUT),
             wording.angle(apart, LAYOUT),
         )
     return table
@@ -74,10 +74,10 @@ def _line(bench: Bench) -> str:
 
 def plain_line(bench: Bench) -> str:
     """The same on one line."""
-    mine, own = bench.attitude, bench.own
+    mine, local = bench.attitude, bench.local
     angles = "  ".join(f"{name} {wording.angle(getattr(mine, name), LAYOUT):>7}" for name in Angles._fields)
-    if own is not None:
-        angles += "  own " + " ".join(f"{wording.angle(angle, LAYOUT):>7}" for angle in own)
+    if local is not None:
+        angles += "  own " + " ".join(f"{wording.angle(angle, LAYOUT):>7}" for angle in local)
     return f"{mine.time_us * 1e-6:7.1f} s  {angles}  {_line(bench)}"
 
 

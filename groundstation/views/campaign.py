@@ -37,7 +37,7 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-def going_on(done: int, size: int) -> str:
+def in_progress(done: int, size: int) -> str:
     """Said when a campaign was begun before."""
     return f"going on: {done} of {counted(size, 'flight')} were flown before"
 

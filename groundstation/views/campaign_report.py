@@ -58,22 +58,22 @@ def _spreads(table: Table) -> RenderableType:
     return rows
 
 
-def _compared(found: Comparison) -> list[RenderableType]:
+def _compared(results: Comparison) -> list[RenderableType]:
     """Metrics of which one way is worse, by the values of a grid; which value was better where flights are paired."""
-    shown = [one for one in found.metrics if METRICS[one.metric].bad]
+    shown = [one for one in results.metrics if METRICS[one.metric].bad]
     paired = max((len(one.pairs) for one in shown), default=0)
-    heads = (f"{value} better" for value in found.values[1 : 1 + paired])
+    heads = (f"{value} better" for value in results.values[1 : 1 + paired])
     rows = plain_table(
-        ("median (quartiles)", ""), ("", UNIT), *((value, NUMBER) for value in found.values),
+        ("median (quartiles)", ""), ("", UNIT), *((value, NUMBER) for value in results.values),
         *((head, NUMBER) for head in heads),
     )  # fmt: skip
-    rows.add_row("failed", "", *(f"{a} of {b}" for a, b in zip(found.failed, found.flights, strict=True)))
+    rows.add_row("failed", "", *(f"{a} of {b}" for a, b in zip(results.failed, results.flights, strict=True)))
     for one in shown:
         rows.add_row(one.metric, _unit(one.unit), *told_quartiles(one), *map(told_pairs, one.pairs))
     stars = any(pair.beyond_chance for one in shown for pair in one.pairs)
-    against = f"better than {found.values[0]} in pairs of flights that are equal in all else"
+    against = f"better than {results.values[0]} in pairs of flights that are equal in all else"
     note = against + ("; * more often than chance makes of so many" if stars else ", no more often than chance makes")
-    told: list[RenderableType] = [Text(f"by {found.input}", "bold"), rows]
+    told: list[RenderableType] = [Text(f"by {results.input}", "bold"), rows]
     return [*told, Text(note, "dim")] if paired else told
 
 

@@ -23,14 +23,14 @@ def missed_line(fault: str, end: float) -> Text:
     return Text.assemble(("fault".ljust(12), "dim"), f"{fault} never came: the flight was over at {end:.1f} s")
 
 
-def flown_table(summary: FlightSummary) -> RenderableType:
+def flight_metrics_table(summary: FlightSummary) -> RenderableType:
     """The flight in a few rows; what the log does not tell is left out."""
     table = Table.grid(padding=(0, 3))
     table.add_column(style="dim", min_width=9)
     table.add_column()
     rows = [
         ("flight", _flight(summary)),
-        ("hold", _hold(summary.hold)),
+        ("hold", _level_cells(summary.hold)),
         ("drive", _drive(summary)),
         ("estimate", _estimate(summary.estimate)),
         ("touchdown", _touchdown(summary.touchdown)),
@@ -57,14 +57,14 @@ def _flight(summary: FlightSummary) -> str:
     return _joined(parts)
 
 
-def _hold(hold: Hold | None) -> str:
-    if hold is None:
+def _level_cells(level_flight: Hold | None) -> str:
+    if level_flight is None:
         return ""
     return _joined(
         [
-            f"altitude {hold.altitude_rms:.2f} m RMS",
-            f"heading {math.degrees(hold.heading_rms):.1f}° RMS",
-            f"over {hold.duration:.1f} s, {hold.settling:.1f} s to settle",
+            f"altitude {level_flight.altitude_rms:.2f} m RMS",
+            f"heading {math.degrees(level_flight.heading_rms):.1f}° RMS",
+            f"over {level_flight.duration:.1f} s, {level_flight.settling:.1f} s to settle",
         ]
     )
 

@@ -57,7 +57,7 @@ def render(view: FlightView, width: int) -> RenderableType:
     if width >= 60 and view.history is not None:
         parts += [Text(), _plots(view.history, width)]
     if view.state.events:
-        parts += [Text(), *(_event(heard, width) for heard in view.state.events[-EVENTS_SHOWN:])]
+        parts += [Text(), *(_event(status_texts, width) for status_texts in view.state.events[-EVENTS_SHOWN:])]
     return Group(*parts)
 
 
@@ -198,10 +198,10 @@ def _track_plot(history: History, columns: int, rows: int) -> Text:
 SEVERITY_STYLE = {Severity.WARNING: "yellow", Severity.NOTICE: "", Severity.INFO: QUIET, Severity.DEBUG: QUIET}
 
 
-def _event(heard: Heard, width: int) -> Text:
-    style = SEVERITY_STYLE.get(heard.severity, "red")
-    line = Text(f"  {wording.clock(heard.time)}  ", style=QUIET)
-    line.append(heard.text, style=style)
+def _event(status_texts: Heard, width: int) -> Text:
+    style = SEVERITY_STYLE.get(status_texts.severity, "red")
+    line = Text(f"  {wording.clock(status_texts.time)}  ", style=QUIET)
+    line.append(status_texts.text, style=style)
     line.truncate(width, overflow="ellipsis")
     return line
 
@@ -223,6 +223,6 @@ def progress_line(state: VehicleState, mode: str) -> str:
     return "  ".join(part for part in parts if part.strip()).rstrip()
 
 
-def event_line(heard: Heard) -> str:
+def event_line(status_texts: Heard) -> str:
     """One plain line of what the vehicle said."""
-    return f"{wording.number(heard.time, '6.1f', 's')}  {wording.one_line(heard.text)}"
+    return f"{wording.number(status_texts.time, '6.1f', 's')}  {wording.one_line(status_texts.text)}"

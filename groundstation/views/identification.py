@@ -14,20 +14,20 @@ from logs.identification.report.numbers import FOLLOWS
 from logs.identification.results import Estimate
 
 
-def identification_summary(found: Identification, log: Path) -> RenderableType:
+def identification_summary(estimates: Identification, log: Path) -> RenderableType:
     """`identification_table` without what follows from other numbers and without reasons, and how to see them."""
-    listed = rows(found)
+    listed = rows(estimates)
     refused = sum(row.note.startswith("not identified") for row in listed)
     silent = ("not identified", "not determined")
     notes = [row for row in listed if row.estimate is None and not row.note.startswith(silent)]
-    told = [row for row in listed if row.estimate is not None and not FOLLOWS.search(row.name)]
+    stated = [row for row in listed if row.estimate is not None and not FOLLOWS.search(row.name)]
     left = f"{refused} more could not be identified; why" if refused else "periods and times to half"
-    return Group(_table([*told, *notes]), Text(f"{left}: wingbeat identify {log}", style="dim"))
+    return Group(_table([*stated, *notes]), Text(f"{left}: wingbeat identify {log}", style="dim"))
 
 
-def identification_table(found: Identification) -> RenderableType:
+def identification_table(estimates: Identification) -> RenderableType:
     """One row a number; below it, what the data does not give and why, each reason once."""
-    return _table(rows(found))
+    return _table(rows(estimates))
 
 
 def _table(listed: Sequence[Row]) -> RenderableType:
@@ -69,13 +69,13 @@ def _truth(truth: float | None, estimate: Estimate, half: float) -> Text:
     return Text(wording.significant(truth, half)[0], style="green" if estimate.contains(truth) else "yellow")
 
 
-def _note(told: Sequence[Row]) -> Text:
+def _note(stated: Sequence[Row]) -> Text:
     """What is said of all these rows alike; subjects of which it is said of the same names share them."""
     names: dict[str, list[str]] = {}
-    for row in told:
+    for row in stated:
         names.setdefault(row.subject, []).append("" if row.subject == row.name else _name(row))
     subjects: dict[str, list[str]] = {}
     for subject, own in names.items():
         subjects.setdefault(", ".join(own), []).append(subject)
     labels = [f"{'; '.join(who)} {own}".rstrip() for own, who in subjects.items()]
-    return Text(f"{'; '.join(labels)}: {told[0].note}", style="dim")
+    return Text(f"{'; '.join(labels)}: {stated[0].note}", style="dim")

@@ -20,23 +20,23 @@ SHARE_SHOWN = 10.0
 """-; a relative error above it says nothing"""
 
 
-def plan_view(model: LinearModel, prior: Prior, asked: Asked, found: Plan) -> RenderableType:
+def plan_view(model: LinearModel, prior: Prior, requested: Asked, designs: Plan) -> RenderableType:
     """Heading, predicted errors, envelope, and how it is flown."""
     return Group(
         Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
-        _errors(found),
-        Text(_basis(prior, asked, found), style="dim"),
-        _envelope(asked, found),
-        Text(f"{found.excitation.repeats} x in {found.flight_time:.0f} s of flight", style="dim"),
+        _errors(designs),
+        Text(_basis(prior, requested, designs), style="dim"),
+        _envelope(requested, designs),
+        Text(f"{designs.excitation.repeats} x in {designs.flight_time:.0f} s of flight", style="dim"),
         Text(),
-        Text(mission_item(found.excitation)),
-        Text(command_line(found.excitation), style="bold"),
+        Text(mission_item(designs.excitation)),
+        Text(command_line(designs.excitation), style="bold"),
     )
 
 
-def _errors(found: Plan) -> RenderableType:
+def _errors(designs: Plan) -> RenderableType:
     table = plain_table(("", ""), ("value", NUMBER), ("standard error", NUMBER), ("", NUMBER), ("", UNIT))
-    for one in found.predicted:
+    for one in designs.predicted:
         value, error = wording.significant(one.value, one.standard_error)
         share = one.standard_error / abs(one.value) if one.value else math.inf
         relative = f"{100.0 * share:.2g} %" if share < SHARE_SHOWN else ""
@@ -49,20 +49,22 @@ def _name(name: str) -> str:
     return wording.words(name) if name.islower() else name
 
 
-def _basis(prior: Prior, asked: Asked, found: Plan) -> str:
+def _basis(prior: Prior, requested: Asked, designs: Plan) -> str:
     q, x, z = prior.noise
     sensors = f"noise {q:.2g} rad/s, {x:.2g} and {z:.2g} m/s^2 at {1.0 / prior.step:.0f} Hz"
-    if asked.gust is None:
+    if requested.gust is None:
         return f"{sensors}: errors {WHITE}"
-    gusts = f"gusts of {asked.gust.sigma:g} m/s make the frequency's error {found.gust_factor:.2g} times as large"
+    gusts = (
+        f"gusts of {requested.gust.sigma:g} m/s make the frequency's error {designs.gust_factor:.2g} times as large"
+    )
     return f"{sensors}; {gusts}"
 
 
-def _envelope(asked: Asked, found: Plan) -> RenderableType:
+def _envelope(requested: Asked, designs: Plan) -> RenderableType:
     table = plain_table(("change from the trim", ""), ("reached", NUMBER), ("limit", NUMBER), ("", UNIT))
     for field, (words, unit) in NAMES.items():
-        reached, limit = getattr(found.reached, field), getattr(asked.limits, field)
-        style = "bold" if field == found.bound_by else ("yellow" if reached > limit * 1.001 else "")
+        reached, limit = getattr(designs.reached, field), getattr(requested.limits, field)
+        style = "bold" if field == designs.bound_by else ("yellow" if reached > limit * 1.001 else "")
         table.add_row(words, Text(_amount(reached, unit), style=style), _amount(limit, unit), _unit(unit))
     return table
 

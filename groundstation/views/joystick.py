@@ -119,7 +119,7 @@ class ControlLines:
         if not self._as_json:
             for note in new_notes(picture, self._printed):
                 print(note.text, flush=True)
-        self._printed = picture.noted
+        self._printed = picture.note_count
         if now < self._due:
             return
         self._due = now + LINE_EVERY

@@ -29,7 +29,7 @@ TERRAIN_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FR
 ENU = mavlink.MAV_FRAME_LOCAL_ENU
 
 
-class Told(NamedTuple):
+class MissionItemView(NamedTuple):
     """One item in SI and radians; None where it has no such number."""
 
     does: str
@@ -64,7 +64,7 @@ class Told(NamedTuple):
     """-; the identification input"""
 
 
-def told(item: Item) -> Told:
+def item_view(item: Item) -> MissionItemView:
     """What an item says."""
     known = KINDS.get(item.command)
     if known is not None:
@@ -88,13 +88,13 @@ def _radians(degrees: float) -> float | None:
     return math.radians(degrees) if math.isfinite(degrees) else None
 
 
-def _placed(item: Item, does: str) -> Told:
+def _placed(item: Item, does: str) -> MissionItemView:
     """With the place and the altitude that an item of most commands has."""
     if item.frame == MISSION_FRAME:
-        return Told(does)
+        return MissionItemView(does)
     scale, above = wire_scale(item.frame), _above(item.frame)
     down = item.frame in LOCAL_FRAMES and item.frame != ENU
-    one = Told(does, altitude=(-item.z if down else item.z) + 0.0, altitude_above=above)
+    one = MissionItemView(does, altitude=(-item.z if down else item.z) + 0.0, altitude_above=above)
     if not item.x and not item.y:
         return one
     x, y = item.x / scale, item.y / scale
@@ -110,83 +110,88 @@ def _above(frame: int) -> str:
     return "terrain" if frame in TERRAIN_FRAMES else "home"
 
 
-def _waypoint(item: Item) -> Told:
+def _waypoint(item: Item) -> MissionItemView:
     wait, acceptance = item.parameters[:2]
     return _placed(item, "fly to")._replace(duration=_positive(wait), acceptance=_positive(acceptance))
 
 
-def _land(item: Item) -> Told:
+def _land(item: Item) -> MissionItemView:
     return _placed(item, "land")._replace(heading=_radians(item.parameters[3]))
 
 
-def _hold(item: Item) -> Told:
+def _level_text(item: Item) -> MissionItemView:
     duration, heading = item.parameters[:2]
     return _placed(item, "hold course")._replace(duration=_finite(duration), heading=_radians(heading))
 
 
-def _jump(item: Item) -> Told:
+def _jump(item: Item) -> MissionItemView:
     target, repeats = (int(value) if math.isfinite(value) else None for value in item.parameters[:2])
-    return Told(f"go on with item {target}", jump_to=target, repeats=repeats)
+    return MissionItemView(f"go on with item {target}", jump_to=target, repeats=repeats)
 
 
-def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], Told]:
+def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], MissionItemView]:
     """A circle whose radius and ``amounts`` are parameters at these places, from 0."""
 
-    def read(item: Item) -> Told:
+    def read(item: Item) -> MissionItemView:
         values: dict[str, Any] = {name: _positive(item.parameters[at]) for name, at in amounts.items()}
         return _placed(item, does)._replace(radius=_nonzero(item.parameters[radius_at]), **values)
 
     return read
 
 
-def _excite(item: Item) -> Told:
+def _excite(item: Item) -> MissionItemView:
     try:
-        asked = decode_excitation(wire_item(item))
+        requested = decode_excitation(wire_item(item))
     except ItemRefused as refused:
-        return Told(f"{wording.words(command_name(item.command))}: {refused}")
-    return Told(wording.words(Shape(asked.shape).name), excitation=asked)
+        return MissionItemView(f"{wording.words(command_name(item.command))}: {refused}")
+    return MissionItemView(wording.words(Shape(requested.shape).name), excitation=requested)
 
 
-KINDS: dict[int, Callable[[Item], Told]] = {
+KINDS: dict[int, Callable[[Item], MissionItemView]] = {
     ItemKind.WAYPOINT: _waypoint,
     ItemKind.LOITER: _circle("circle without end", 2),
     ItemKind.CIRCLE: _circle("circle", 2, turns=0),
     mavlink.MAV_CMD_NAV_LOITER_TIME: _circle("circle", 2, duration=0),
     mavlink.MAV_CMD_NAV_LOITER_TO_ALT: _circle("circle to altitude", 1),
-    ItemKind.RETURN: lambda item: Told("return to launch"),
+    ItemKind.RETURN: lambda item: MissionItemView("return to launch"),
     ItemKind.LAND: _land,
     ItemKind.TAKEOFF: lambda item: _placed(item, "take off to"),
     ItemKind.JUMP: _jump,
-    ItemKind.HOLD: _hold,
+    ItemKind.HOLD: _level_text,
     **dict.fromkeys(DECODERS, _excite),
 }
 """What reads an item, by its command"""
 
 
 def mission_record(number: int, item: Item) -> dict[str, Any]:
-    """An item as a JSON object: the numbers of `Told`, and the item as MISSION_ITEM_INT carries it."""
-    said = told(item)._asdict()
-    if said["excitation"] is not None:
-        said["excitation"] = _excitation_record(said["excitation"])
-    return {"number": number, **said, **item._asdict()}
+    """An item as a JSON object: the numbers of `MissionItemView`, and the item as MISSION_ITEM_INT carries it."""
+    text = item_view(item)._asdict()
+    if text["excitation"] is not None:
+        text["excitation"] = _excitation_record(text["excitation"])
+    return {"number": number, **text, **item._asdict()}
 
 
-def _excitation_record(asked: Excitation) -> dict[str, Any]:
-    elevator, throttle, rudder = asked.amplitudes()
-    kept = {name: getattr(asked, name) for name in ("width", "settle", "repeats", "low", "high")}
+def _excitation_record(requested: Excitation) -> dict[str, Any]:
+    elevator, throttle, rudder = requested.amplitudes()
+    kept = {name: getattr(requested, name) for name in ("width", "settle", "repeats", "low", "high")}
     amplitudes = {"elevator": elevator, "throttle": throttle, "rudder": rudder}
-    return {"shape": Shape(asked.shape).name, **amplitudes, **kept, "loops": "active" if asked.loops else "frozen"}
+    return {
+        "shape": Shape(requested.shape).name,
+        **amplitudes,
+        **kept,
+        "loops": "active" if requested.loops else "frozen",
+    }
 
 
-def difference_lines(part: str, number: int, wanted: Item | None, held: Item | None) -> list[str]:
+def difference_lines(part: str, number: int, file_item: Item | None, vehicle_item: Item | None) -> list[str]:
     """Two lines, of the file and of the vehicle, about an item in which they differ."""
-    ours, theirs = ("nothing" if item is None else _line(item) for item in (wanted, held))
+    ours, theirs = ("nothing" if item is None else _line(item) for item in (file_item, vehicle_item))
     return [f"{part} {number}  file     {ours}", f"{'':{len(part) + len(str(number)) + 1}}  vehicle  {theirs}"]
 
 
 def _line(item: Item) -> str:
-    said = told(item)
-    return "  ".join(part for part in (said.does, _place(said), _altitude(said), _how(said, item)) if part)
+    text = item_view(item)
+    return "  ".join(part for part in (text.does, _place(text), _altitude(text), _how(text, item)) if part)
 
 
 def print_mission(items: Sequence[Item], home_first: bool = False) -> None:
@@ -196,41 +201,41 @@ def print_mission(items: Sequence[Item], home_first: bool = False) -> None:
         return
     table = tables.plain_table(("", "right"), ("what", ""), ("place", ""), ("altitude", "right"), ("how", ""))
     for number, item in enumerate(items):
-        said = told(item)
+        text = item_view(item)
         if home_first and number == 0:
-            said = said._replace(does="home")
-        table.add_row(str(number), said.does, _place(said), _altitude(said), _how(said, item))
+            text = text._replace(does="home")
+        table.add_row(str(number), text.does, _place(text), _altitude(text), _how(text, item))
     open_console().print(table)
 
 
-def _place(said: Told) -> str:
-    if said.north is not None and said.east is not None:
-        return f"{said.north:+.1f} m N  {said.east:+.1f} m E"
-    if said.latitude is not None and said.longitude is not None:
-        return f"{math.degrees(said.latitude):.6f}°  {math.degrees(said.longitude):.6f}°"
+def _place(text: MissionItemView) -> str:
+    if text.north is not None and text.east is not None:
+        return f"{text.north:+.1f} m N  {text.east:+.1f} m E"
+    if text.latitude is not None and text.longitude is not None:
+        return f"{math.degrees(text.latitude):.6f}°  {math.degrees(text.longitude):.6f}°"
     return ""
 
 
-def _altitude(said: Told) -> str:
-    if said.altitude is None:
+def _altitude(text: MissionItemView) -> str:
+    if text.altitude is None:
         return ""
     beside = {"sea": " above the sea", "terrain": " above the terrain"}
-    return f"{round(said.altitude, 2):g} m{beside.get(said.altitude_above or '', '')}"
+    return f"{round(text.altitude, 2):g} m{beside.get(text.altitude_above or '', '')}"
 
 
-def _how(said: Told, item: Item) -> str:
+def _how(text: MissionItemView, item: Item) -> str:
     """The numbers of an item that are neither place nor altitude, each with its unit."""
     if item.command not in KINDS:
         return _raw(item)
-    if said.excitation is not None:
-        return _input(said.excitation)
+    if text.excitation is not None:
+        return _input(text.excitation)
     parts = [
-        "" if said.turns is None else counted(said.turns, "turn"),
-        "" if said.duration is None else f"for {said.duration:g} s",
-        "" if said.heading is None else f"heading {wording.bearing(said.heading)}",
-        _radius(said.radius),
-        "" if said.acceptance is None else f"reached within {said.acceptance:g} m",
-        _repeats(said.repeats),
+        "" if text.turns is None else counted(text.turns, "turn"),
+        "" if text.duration is None else f"for {text.duration:g} s",
+        "" if text.heading is None else f"heading {wording.bearing(text.heading)}",
+        _radius(text.radius),
+        "" if text.acceptance is None else f"reached within {text.acceptance:g} m",
+        _repeats(text.repeats),
     ]
     return "  ".join(part for part in parts if part)
 
@@ -254,15 +259,15 @@ def _raw(item: Item) -> str:
     return "  ".join(f"parameter {n} {value:g}" for n, value in values if math.isfinite(value) and value)
 
 
-def _input(asked: Excitation) -> str:
-    amplitudes = zip(Channel, asked.amplitudes(), strict=True)
+def _input(requested: Excitation) -> str:
+    amplitudes = zip(Channel, requested.amplitudes(), strict=True)
     parts = [_amplitude(channel, value) for channel, value in amplitudes if value]
-    if asked.shape in SWEEPS or asked.shape == Shape.MULTISINE:
-        parts.append(f"{asked.low:g} to {asked.high:g} Hz")
-    length = "steps of" if asked.shape in (Shape.DOUBLET, Shape.MULTISTEP_3211) else "over"
-    parts.append(f"{'period' if asked.shape == Shape.MULTISINE else length} {asked.width:g} s")
-    parts += [f"settling {asked.settle:g} s", counted(asked.repeats, "time")]
-    return "  ".join([*parts, "loops active" if asked.loops else "loops frozen"])
+    if requested.shape in SWEEPS or requested.shape == Shape.MULTISINE:
+        parts.append(f"{requested.low:g} to {requested.high:g} Hz")
+    length = "steps of" if requested.shape in (Shape.DOUBLET, Shape.MULTISTEP_3211) else "over"
+    parts.append(f"{'period' if requested.shape == Shape.MULTISINE else length} {requested.width:g} s")
+    parts += [f"settling {requested.settle:g} s", counted(requested.repeats, "time")]
+    return "  ".join([*parts, "loops active" if requested.loops else "loops frozen"])
 
 
 def _amplitude(channel: Channel, value: float) -> str:

@@ -14,7 +14,7 @@ from groundstation.link.station import Picture
 from groundstation.link.vehicle_state import VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.flight_view import bar
-from groundstation.views.mission import told
+from groundstation.views.mission import item_view
 
 LABEL = "#8794a2"
 VALUE = "bold #e6ebf0"
@@ -82,14 +82,14 @@ def _rows(columns: int, *rows: tuple[str, Text | str]) -> Table:
     return table
 
 
-def _pair(value: str, beside: str) -> Text:
-    return Text(value, style=VALUE).append(f"  {beside}" if beside else "", style=FAINT)
+def _pair(value: str, adjacent: str) -> Text:
+    return Text(value, style=VALUE).append(f"  {adjacent}" if adjacent else "", style=FAINT)
 
 
 def _fitting(columns: int, value: str, *besides: str) -> str:
     """The first of several ways to say what stands beside a value that its row has room for; else the last."""
-    room = columns - 10 - len(value) - 2
-    return next((beside for beside in besides if len(beside) <= room), besides[-1])
+    width = columns - 10 - len(value) - 2
+    return next((adjacent for adjacent in besides if len(adjacent) <= width), besides[-1])
 
 
 # --- flapping -------------------------------------------------------------------------------------------
@@ -199,9 +199,9 @@ def link(picture: Picture, columns: int, rows: int) -> RenderableType:
     )
 
 
-def _end(name: str, room: int) -> str:
+def _end(name: str, columns: int) -> str:
     """The end of a file's name, where its time is."""
-    return name if len(name) <= room else f"…{name[-max(room - 1, 1) :]}"
+    return name if len(name) <= columns else f"…{name[-max(columns - 1, 1) :]}"
 
 
 def _rate(bytes_per_s: float) -> str:
@@ -234,8 +234,8 @@ def mission(picture: Picture, columns: int, rows: int) -> RenderableType:
         ("course", _pair(bearing, _fitting(columns, bearing, both, to_go or at_height))),
         ("home", _pair(home, _over_ground(state, columns, home))),
     )
-    room = rows - 3
-    return Group(table, _items(picture, columns, room)) if room > 0 and picture.mission else table
+    lines = rows - 3
+    return Group(table, _items(picture, columns, lines)) if lines > 0 and picture.mission else table
 
 
 def _over_ground(state: VehicleState, columns: int, home: str) -> str:
@@ -252,7 +252,7 @@ def _items(picture: Picture, columns: int, rows: int) -> Text:
     text = Text(no_wrap=True, overflow="ellipsis")
     for number, item in list(enumerate(picture.mission))[first : first + rows]:
         here = number == picture.state.item
-        said = told(item)
+        said = item_view(item)
         height = "" if said.altitude is None else f"  {said.altitude:g} m"
         line = f"{'▶' if here else ' '} {number:2d} {said.does}{height}"
         text.append(f"{line[:columns]}\n", style=VALUE if here else FAINT)

@@ -21,24 +21,24 @@ LINE_EVERY = 1.0
 class ProgressBar:
     """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself.
 
-    ``quiet`` draws no bar; who is ``telling`` prints lines where there is none, no two within ``every`` s.
+    ``quiet`` draws no bar; who is ``reporting`` prints lines where there is none, no two within ``every`` s.
     """
 
     def __init__(
         self,
         label: str,
         quiet: bool = False,
-        telling: bool = False,
+        reporting: bool = False,
         clock: Callable[[], float] = time.monotonic,
         every: float = LINE_EVERY,
     ) -> None:
         self._label = label
         self._clock = clock
-        self._began = clock()
+        self._started = clock()
         self._shown = not quiet and sys.stderr.isatty()
-        self._telling = telling
-        self._told = ""
-        self._told_at = self._began
+        self._reporting = reporting
+        self._reported = ""
+        self._reported_at = self._started
         self._every = every
         self._bar: Progress | None = None
         self._task = TaskID(0)
@@ -54,10 +54,10 @@ class ProgressBar:
 
     def show(self, done: float, total: float, note: str = "") -> None:
         """Tell how far the work is; ``total`` 0 while that is unknown."""
-        if self._clock() - self._began < APPEARS_AFTER:
+        if self._clock() - self._started < APPEARS_AFTER:
             return
         if not self._shown:
-            self._tell(note)
+            self._report(note)
             return
         if self._bar is None:
             columns = (
@@ -70,9 +70,9 @@ class ProgressBar:
             self._bar.start()
         self._bar.update(self._task, completed=done, total=total or None, description=note or self._label)
 
-    def _tell(self, note: str) -> None:
+    def _report(self, note: str) -> None:
         """A line where a bar cannot be: only what is new, and not too often."""
         now = self._clock()
-        if self._telling and note and note != self._told and now - self._told_at >= self._every:
-            self._told, self._told_at = note, now
+        if self._reporting and note and note != self._reported and now - self._reported_at >= self._every:
+            self._reported, self._reported_at = note, now
             print(note, file=sys.stderr, flush=True)

@@ -19,31 +19,33 @@ ABOVE = "as said above"
 """in place of a reason that stands at a fit already"""
 
 
-def table_identification(found: TableIdentification) -> RenderableType:
+def table_identification(estimates: TableIdentification) -> RenderableType:
     """Every fit below the other, then the modes by every method, then what was found strange in the table."""
-    parts: list[RenderableType] = [Text(_data(found)), Text()]
-    for fit in found.fits:
+    parts: list[RenderableType] = [Text(_data(estimates)), Text()]
+    for fit in estimates.fits:
         parts += [*_fit(fit), Text()]
-    if found.modes is not None:
-        parts += [identification_table(Identification(modes=_unsaid(found.modes, found.fits))), Text()]
-    last = [f"{one.name}: {one.reason.removeprefix(f'{one.name}: ')}" for one in found.missing] + list(found.notes)
+    if estimates.modes is not None:
+        parts += [identification_table(Identification(modes=_withheld(estimates.modes, estimates.fits))), Text()]
+    last = [f"{one.name}: {one.reason.removeprefix(f'{one.name}: ')}" for one in estimates.missing] + list(
+        estimates.notes
+    )
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 
-def _unsaid(modes: ModesResult, fits: Sequence[TableFit]) -> ModesResult:
+def _withheld(modes: ModesResult, fits: Sequence[TableFit]) -> ModesResult:
     """The modes, with a word for each reason that stands at a fit above already."""
-    told = {one.reason for fit in fits for one in fit.fitted.unidentified} | {fit.failure for fit in fits}
-    return modes._replace(modes=tuple(_referring(mode, told) for mode in modes.modes))
+    listed = {one.reason for fit in fits for one in fit.fitted.unidentified} | {fit.failure for fit in fits}
+    return modes._replace(modes=tuple(_referring(mode, listed) for mode in modes.modes))
 
 
-def _referring(mode: Mode, told: Collection[str]) -> Mode:
-    lost = (one._replace(reason=ABOVE) if one.reason in told else one for one in mode.unidentified)
+def _referring(mode: Mode, listed: Collection[str]) -> Mode:
+    lost = (one._replace(reason=ABOVE) if one.reason in listed else one for one in mode.unidentified)
     return mode._replace(unidentified=tuple(lost))
 
 
-def _data(found: TableIdentification) -> str:
-    held = f"; held out: {', '.join(found.held_out)}" if found.held_out else ""
-    return f"fitted: {', '.join(found.experiments)}{held}"
+def _data(estimates: TableIdentification) -> str:
+    held = f"; held out: {', '.join(estimates.held_out)}" if estimates.held_out else ""
+    return f"fitted: {', '.join(estimates.experiments)}{held}"
 
 
 def _fit(fit: TableFit) -> list[RenderableType]:
@@ -75,14 +77,14 @@ def _outputs(fit: TableFit) -> RenderableType:
         ("manoeuvre", tables.GROUP), ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"),
         ("residuals", ""),
     )  # fmt: skip
-    told = ""
+    listed = ""
     for one in fit.outputs:
         colour = {True: "white", False: "coloured", None: ""}[one.white]
         where = f"{one.experiment}{', held out' if one.held_out else ''}"
         rms = f"{one.rms:.3g}{'' if one.unit == '-' else ' ' + one.unit}"
         numbers = (_plain(one.r_squared), rms, _plain(one.theil))
-        table.add_row(where if where != told else "", one.output, *numbers, colour)
-        told = where
+        table.add_row(where if where != listed else "", one.output, *numbers, colour)
+        listed = where
     return table
 
 

@@ -36,8 +36,8 @@ AIRSPEED = Scale("airspeed", "m/s", 0.5, 2, lowest=0.0)
 ALTITUDE = Scale("altitude", "m", 1.0, 5)
 
 
-def tape(scale: Scale, value: float | None, wanted: float | None, columns: int, rows: int) -> Text:
-    """The tape with ``value`` in the middle and a bug at ``wanted`` (both in the scale's unit, None for unknown)."""
+def tape(scale: Scale, value: float | None, target: float | None, columns: int, rows: int) -> Text:
+    """The tape with ``value`` in the middle and a bug at ``target`` (both in the scale's unit, None for unknown)."""
     heading = Text(f"{scale.heading:^{columns}}\n", style=INK, no_wrap=True, end="")
     heading.append(f"{scale.unit:^{columns}}", style=FAINT)
     known = value is not None and math.isfinite(value)
@@ -48,11 +48,11 @@ def tape(scale: Scale, value: float | None, wanted: float | None, columns: int, 
         if row == middle:
             heading.append(f" {wording.number(value, 'z' + scale.layout):^{columns - 2}} ", style=WINDOW)
         elif known:
-            _row(heading, scale, base + middle - row, wanted, columns)
+            _row(heading, scale, base + middle - row, target, columns)
     return heading
 
 
-def _row(text: Text, scale: Scale, number: int, wanted: float | None, columns: int) -> None:
+def _row(text: Text, scale: Scale, number: int, target: float | None, columns: int) -> None:
     """One row of the scale: a number at every mark, a tick elsewhere, the bug where the setpoint is."""
     here = number * scale.row
     if here < scale.lowest:
@@ -60,7 +60,7 @@ def _row(text: Text, scale: Scale, number: int, wanted: float | None, columns: i
     marked = number % scale.mark == 0
     label = f"{here:.0f}" if marked else ""
     text.append(f"{label:>{columns - 3}} ", style=INK)
-    if wanted is not None and math.isfinite(wanted) and round(wanted / scale.row) == number:
+    if target is not None and math.isfinite(target) and round(target / scale.row) == number:
         text.append("◀", style=BUG)
     else:
         text.append("┤" if marked else "╷", style=FAINT)

@@ -73,7 +73,7 @@ def _notes(design: Design) -> list[str]:
 def proof_table(proof: Proof) -> RenderableType:
     """The same flight with the gains before and after."""
     table = tables.plain_table(("", ""), ("before", "right"), ("after", "right"), ("", tables.SENTENCES))
-    before, after = (_flown_cells(flight) for flight in proof)
+    before, after = (_flight_cells(flight) for flight in proof)
     for (label, one, note), (_, other, _) in zip(before, after, strict=True):
         table.add_row(label, one, other, Text(note, style="dim"))
     flight = proof.after
@@ -81,7 +81,7 @@ def proof_table(proof: Proof) -> RenderableType:
     return Group(Text(), Text(title, style="dim"), table)
 
 
-def _flown_cells(flight: Flown) -> list[tuple[str, str, str]]:
+def _flight_cells(flight: Flown) -> list[tuple[str, str, str]]:
     degrees = {
         "heading": (flight.heading_rms, "course over ground against its setpoint"),
         "pitch": (flight.pitch_rms, "against its setpoint, as the loop sees it"),

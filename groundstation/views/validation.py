@@ -16,18 +16,18 @@ from sim_bridge.validation.row import COMPARED, FITTED, SHORT, UNREPRODUCIBLE, V
 STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim", COMPARED: "dim"}
 
 
-def validation_table(found: Mapping[str, Sequence[Row]]) -> RenderableType:
+def validation_table(results: Mapping[str, Sequence[Row]]) -> RenderableType:
     """One row a figure, the papers one below the other, each with what has to be said of its figures below it."""
     parts: list[RenderableType] = []
-    for name, rows in found.items():
+    for name, rows in results.items():
         notes = list(dict.fromkeys(row.why for row in rows if row.why))
         parts += [Text(PAPERS[name].title, style="bold"), _paper_table(rows, notes), _notes(notes), Text()]
     return Group(*parts)
 
 
-def summary_line(found: Mapping[str, Sequence[Row]]) -> Text:
+def summary_line(results: Mapping[str, Sequence[Row]]) -> Text:
     """How many rows there are of each verdict."""
-    every = [row for rows in found.values() for row in rows]
+    every = [row for rows in results.values() for row in rows]
     counts = [f"{verdict} {sum(row.verdict == verdict for row in every)}" for verdict in VERDICTS]
     return Text(f"{len(every)} figures: {', '.join(counts)}")
 

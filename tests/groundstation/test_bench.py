@@ -123,6 +123,6 @@ def test_the_picture_has_both_attitudes_and_the_shorter_way_between_them() -> No
     text = output.getvalue()
     assert "+179.4°" in text and "-179.4°" in text and "+1.1°" in text
     assert "50.0 Hz, 100 frames, 3 lost, 1 restart" in text
-    console.print(render(SEEN._replace(own=None)))
-    assert "own  +6.3" not in plain_line(SEEN._replace(own=None))
+    console.print(render(SEEN._replace(local=None)))
+    assert "own  +6.3" not in plain_line(SEEN._replace(local=None))
     assert "own" in plain_line(SEEN)

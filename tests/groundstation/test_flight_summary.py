@@ -12,7 +12,7 @@ from rich.console import Console
 
 from avionics import messages as m
 from avionics import topics
-from groundstation.views.flight_report import flown_table
+from groundstation.views.flight_report import flight_metrics_table
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.summary import FlightSummary, summarize
@@ -147,7 +147,7 @@ def test_when_the_flight_computer_was_sure_of_the_landing(tmp_path: Path, truth:
     summary = record(tmp_path / "a.mcap", truth)
     assert summary.landed == pytest.approx(NOTICED, abs=0.03)
     console = Console(width=160, record=True, file=io.StringIO())
-    console.print(flown_table(summary))
+    console.print(flight_metrics_table(summary))
     told = console.export_text()
     assert "landed" in told and "at 35.0 s for the flight computer" in told
     assert ("at 34.0 s, first contact" in told) == truth

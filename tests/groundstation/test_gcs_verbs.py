@@ -170,7 +170,7 @@ def test_orders_without_a_place(capsys: Capture) -> None:
 
 def test_progress_is_a_line_on_stderr_where_there_is_no_terminal(capsys: Capture) -> None:
     now = [0.0]
-    with ProgressBar("parameters", quiet=True, telling=True, clock=lambda: now[0]) as bar:
+    with ProgressBar("parameters", quiet=True, reporting=True, clock=lambda: now[0]) as bar:
         for step in range(60):
             now[0] = 0.1 * step
             bar.show(step, 120, f"got {10 * (step // 10)} of 120 parameters, retrying")

@@ -42,20 +42,20 @@ class Ground:
     def epoch_ns(self) -> int:
         return EPOCH + round((self.now - 500.0) * 1e9)
 
-    def hear(self, *messages: Any) -> None:
+    def handle_frame(self, *messages: Any) -> None:
         for message in messages:
             self.raw(message.pack(self._packer))
 
     def raw(self, data: bytes) -> None:
         for frame in self._reader.feed(data):
-            self.recording.hear(Arrival(frame, read(frame), self.now))
+            self.recording.handle_frame(Arrival(frame, read(frame), self.now))
 
     def fly(self, seconds: float, boot: float = 0.0) -> None:
         """HEARTBEAT and ATTITUDE at 10 Hz of a vehicle whose clock is ``boot`` s old."""
         for tick in range(round(10 * seconds)):
             stamp = round(1000 * (boot + 0.1 * tick)) + 1
-            self.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
-            self.hear(mavlink.MAVLink_attitude_message(stamp, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
+            self.handle_frame(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+            self.handle_frame(mavlink.MAVLink_attitude_message(stamp, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
             self.now += 0.1
 
 
@@ -71,8 +71,8 @@ def sent(file: Path) -> list[dict[str, Any]]:
 def test_telemetry_is_in_the_vehicles_own_topics_with_the_vehicles_time(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     ground.fly(3.0, boot=60.0)
-    ground.hear(mavlink.MAVLink_global_position_int_message(63_050, 0, 0, 0, 40_250, 0, 0, -150, 0))
-    ground.hear(
+    ground.handle_frame(mavlink.MAVLink_global_position_int_message(63_050, 0, 0, 0, 40_250, 0, 0, -150, 0))
+    ground.handle_frame(
         mavlink.MAVLink_wingbeat_wing_state_message(63_050, 0.1, 0.2, 1.0, 2.0, 0.5, 4.2, 0.9, 1.0, 0, 0.5, 7, 1)
     )
     ground.recording.close()
@@ -98,8 +98,8 @@ def test_telemetry_is_in_the_vehicles_own_topics_with_the_vehicles_time(tmp_path
 def test_every_message_has_a_channel_with_units_and_labels(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     ground.fly(0.5)
-    ground.hear(mavlink.MAVLink_param_value_message(b"PITCH_P", 0.5, 9, 40, 3))
-    ground.hear(mavlink.MAVLink_battery_status_message(0, 0, 1, 32767, [8000, *[65535] * 9], 150, 0, 0, 90))
+    ground.handle_frame(mavlink.MAVLink_param_value_message(b"PITCH_P", 0.5, 9, 40, 3))
+    ground.handle_frame(mavlink.MAVLink_battery_status_message(0, 0, 1, 32767, [8000, *[65535] * 9], 150, 0, 0, 90))
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
         turn = log.columns("/mavlink/ATTITUDE")
@@ -113,7 +113,7 @@ def test_every_message_has_a_channel_with_units_and_labels(tmp_path: Path) -> No
 def test_foreign_and_unknown_messages_are_kept(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     ground.fly(0.5)
-    ground.hear(ekf_report())
+    ground.handle_frame(ekf_report())
     ground.raw(bytes([0xFD, 3, 0, 0, 9, 1, 1, 0xFF, 0xFF, 0x77, 1, 2, 3, 0xAA, 0xBB]))
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
@@ -124,7 +124,9 @@ def test_foreign_and_unknown_messages_are_kept(tmp_path: Path) -> None:
 def test_what_is_said_is_an_event_with_its_own_time(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     ground.fly(1.0, boot=20.0)
-    ground.hear(mavlink.MAVLink_system_time_message(0, 19_500), mavlink.MAVLink_statustext_message(4, b"wind"))
+    ground.handle_frame(
+        mavlink.MAVLink_system_time_message(0, 19_500), mavlink.MAVLink_statustext_message(4, b"wind")
+    )
     ground.fly(0.5, boot=21.0)
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
@@ -134,11 +136,11 @@ def test_what_is_said_is_an_event_with_its_own_time(tmp_path: Path) -> None:
 
 def test_the_shortest_conversation_is_in_the_file_with_what_was_asked_before_it_began(tmp_path: Path) -> None:
     ground = Ground(tmp_path, verb="param_get")
-    ground.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+    ground.handle_frame(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
     ground.recording.sent(mavlink.MAVLink_param_request_read_message(1, 1, b"PITCH_P", -1))
     ground.now += 0.25
     assert files(tmp_path) == []
-    ground.hear(mavlink.MAVLink_attitude_message(60_250, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
+    ground.handle_frame(mavlink.MAVLink_attitude_message(60_250, 0.3, 0.2, 1.0, 0.01, 0.02, 0.03))
     ground.recording.sent(mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0))
     ground.recording.close()
     (file,) = files(tmp_path)
@@ -151,7 +153,7 @@ def test_the_shortest_conversation_is_in_the_file_with_what_was_asked_before_it_
 
 def test_what_was_asked_is_kept_where_the_vehicle_says_no_time(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
-    ground.hear(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
+    ground.handle_frame(mavlink.MAVLink_heartbeat_message(*HEARTBEAT))
     ground.recording.sent(mavlink.MAVLink_param_request_list_message(1, 1))
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
@@ -171,7 +173,7 @@ def test_a_signing_key_is_kept_neither_heard_nor_sent(tmp_path: Path) -> None:
     key = mavlink.MAVLink_setup_signing_message(1, 1, bytes(range(32)), 0)
     ground.recording.sent(key)
     ground.fly(0.5)
-    ground.hear(key)
+    ground.handle_frame(key)
     ground.recording.sent(key)
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
@@ -203,7 +205,7 @@ def test_a_vehicle_that_boots_anew_begins_a_file_and_none_is_overwritten(tmp_pat
 def test_a_vehicle_without_a_clock_is_recorded_by_the_grounds(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     for _ in range(50):
-        ground.hear(mavlink.MAVLink_vfr_hud_message(7.0, 6.0, 90, 50, 40.0, 0.0))
+        ground.handle_frame(mavlink.MAVLink_vfr_hud_message(7.0, 6.0, 90, 50, 40.0, 0.0))
         ground.now += 0.1
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:
@@ -214,8 +216,8 @@ def test_a_vehicle_without_a_clock_is_recorded_by_the_grounds(tmp_path: Path) ->
 def test_times_of_other_clocks_do_not_move_the_vehicles(tmp_path: Path) -> None:
     ground = Ground(tmp_path)
     ground.fly(1.0, boot=30.0)
-    ground.hear(mavlink.MAVLink_ping_message(49_000_000_000, 1, 255, 190))
-    ground.hear(mavlink.MAVLink_gps_raw_int_message(1_700_000_000_000_000, 3, 0, 0, 0, 1, 1, 0, 0, 9))
+    ground.handle_frame(mavlink.MAVLink_ping_message(49_000_000_000, 1, 255, 190))
+    ground.handle_frame(mavlink.MAVLink_gps_raw_int_message(1_700_000_000_000_000, 3, 0, 0, 0, 1, 1, 0, 0, 9))
     ground.fly(1.0, boot=31.0)
     ground.recording.close()
     with open_log(files(tmp_path)[0]) as log:

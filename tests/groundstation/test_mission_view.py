@@ -12,7 +12,7 @@ from avionics.link.mission_codec import encode_item
 from avionics.link.vehicle import Home
 from groundstation.link.missions import Item
 from groundstation.link.waypoints import item_of
-from groundstation.views.mission import mission_record, print_mission, told
+from groundstation.views.mission import item_view, mission_record, print_mission
 
 HOME = Home(math.radians(39.0), math.radians(-77.0), 40.0)
 DOUBLET = Excitation(Channel.ELEVATOR, Shape.DOUBLET, math.radians(5.0), 0.25, 2.0, 1)
@@ -63,18 +63,18 @@ def test_an_item_is_one_row_of_words_and_units(
 
 def test_a_place_on_the_globe_and_above_which_ground() -> None:
     item = sent(MissionItem(ItemKind.WAYPOINT, 100.0, 0.0, 40.0), HOME)
-    said = told(item)
+    said = item_view(item)
     assert said.latitude == pytest.approx(HOME.latitude + 100.0 / 6_378_137.0, abs=1e-9)
     assert said.longitude == pytest.approx(HOME.longitude) and said.north is None
     assert (said.altitude, said.altitude_above) == (40.0, "home")
-    assert told(item._replace(frame=mavlink.MAV_FRAME_GLOBAL_INT)).altitude_above == "sea"
-    assert told(item._replace(frame=mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)).altitude_above == "terrain"
+    assert item_view(item._replace(frame=mavlink.MAV_FRAME_GLOBAL_INT)).altitude_above == "sea"
+    assert item_view(item._replace(frame=mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)).altitude_above == "terrain"
 
 
 def test_local_axes_are_told_apart() -> None:
     item = Item(mavlink.MAV_FRAME_LOCAL_NED, 16, (0.0, 0.0, 0.0, math.nan), 100_000, 50_000, -30.0)
-    assert told(item)[1:3] == (10.0, 5.0) and told(item).altitude == 30.0
-    other = told(item._replace(frame=mavlink.MAV_FRAME_LOCAL_ENU, z=30.0))
+    assert item_view(item)[1:3] == (10.0, 5.0) and item_view(item).altitude == 30.0
+    other = item_view(item._replace(frame=mavlink.MAV_FRAME_LOCAL_ENU, z=30.0))
     assert (other.north, other.east, other.altitude) == (5.0, 10.0, 30.0)
 
 

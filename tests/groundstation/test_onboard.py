@@ -16,8 +16,8 @@ from avionics.processors import WHOLE_TICK
 from avionics.recorder import NullRecorder
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
+from groundstation.command.console_status import Account, ReportingBoard
 from groundstation.command.onboard import Onboard
-from groundstation.command.told import Account, ToldBoard
 
 TICK_US = 5000
 
@@ -202,7 +202,7 @@ def test_the_power_of_a_line_is_the_mean_since_the_line_before_not_that_of_a_bur
 
     told: list[str] = []
     view: Any = Supplied()
-    board = ToldBoard(Rest(4000), view, Lines(True), every=10.0)
+    board = ReportingBoard(Rest(4000), view, Lines(True), every=10.0)
     none = PowerState(*[0] * len(PowerState._fields))
     while (frame := board.read()) is not None:
         seconds = frame.time_us * 1e-6

@@ -16,9 +16,9 @@ from avionics.link.ground import GroundLink
 from avionics.messages import Event, ImuSample, Severity
 from avionics.missions import load_mission
 from avionics.vehicles import load_vehicle
+from groundstation.command.console_status import Account, ReportingBoard
 from groundstation.command.onboard import UNRECORDED, Onboard
 from groundstation.command.sim import IsolatedOutputs
-from groundstation.command.told import Account, ToldBoard
 from logs.noted import note_inputs
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -56,7 +56,7 @@ class Flight:
         account = Account(quiet=True)
         account.say = self.lines.append  # type: ignore[method-assign]
         self.account = account
-        self.console = ToldBoard(
+        self.console = ReportingBoard(
             self.board, self.onboard.view, account, self.link.announced, every=1.0,
             guard=self.isolation.guard("terminal"),
         )  # fmt: skip

@@ -27,7 +27,7 @@ def frames_of(count: int, start: int = 0) -> list[Any]:
 def heard(frames: list[Any], period: float = 0.02, decoded: bool = False) -> tuple[Traffic, float]:
     traffic = Traffic()
     for number, frame in enumerate(frames):
-        traffic.hear(Arrival(frame, read(frame) if decoded else None, number * period))
+        traffic.handle_frame(Arrival(frame, read(frame) if decoded else None, number * period))
     return traffic, (len(frames) - 1) * period
 
 
@@ -96,9 +96,9 @@ def test_latency_is_the_way_there_and_back_of_our_own_questions() -> None:
     for second in range(5):
         sync, _ = latency.questions(100.0 + second)
         assert latency.questions(100.5 + second) == ()
-        latency.hear(mavlink.MAVLink_timesync_message(7, sync.ts1), 100.3 + second)
-        latency.hear(mavlink.MAVLink_timesync_message(7, sync.ts1 + 1), 100.9 + second)
-        latency.hear(mavlink.MAVLink_timesync_message(0, sync.ts1), 100.9 + second)
+        latency.handle_message(mavlink.MAVLink_timesync_message(7, sync.ts1), 100.3 + second)
+        latency.handle_message(mavlink.MAVLink_timesync_message(7, sync.ts1 + 1), 100.9 + second)
+        latency.handle_message(mavlink.MAVLink_timesync_message(0, sync.ts1), 100.9 + second)
     assert latency.value(105.0) == pytest.approx(0.3)
     assert latency.value(130.0) is None
 
@@ -106,7 +106,7 @@ def test_latency_is_the_way_there_and_back_of_our_own_questions() -> None:
 def test_a_ping_that_is_answered_counts_where_timesync_is_not() -> None:
     latency = Latency()
     _, ping = latency.questions(50.0)
-    latency.hear(mavlink.MAVLink_ping_message(ping.time_usec, ping.seq, 0, 0), 50.05)
+    latency.handle_message(mavlink.MAVLink_ping_message(ping.time_usec, ping.seq, 0, 0), 50.05)
     assert latency.value(50.1) is None
-    latency.hear(mavlink.MAVLink_ping_message(ping.time_usec, ping.seq, 255, 190), 50.12)
+    latency.handle_message(mavlink.MAVLink_ping_message(ping.time_usec, ping.seq, 255, 190), 50.12)
     assert latency.value(50.2) == pytest.approx(0.12, abs=1e-5)

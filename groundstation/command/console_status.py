@@ -22,13 +22,13 @@ class Account:
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
 
-    def say(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Write one line, at once."""
         if not self._quiet:
             print(text, file=sys.stderr, flush=True)
 
 
-class Flown(NamedTuple):
+class FlightOutcome(NamedTuple):
     """What came of a flight."""
 
     frames: int = 0
@@ -37,7 +37,7 @@ class Flown(NamedTuple):
     """s; since boot, of the last sensor frame"""
 
 
-class ToldBoard:
+class ReportingBoard:
     """A `Board` that tells of its first sensor frame, and after each what was said aboard meanwhile."""
 
     def __init__(
@@ -65,42 +65,42 @@ class ToldBoard:
         self._view = view
         self._account = account
         self._announced = announced
-        self._told = self._told_links = 0
+        self._reported = self._reported_links = 0
         self._supplied: PowerState | None = None
-        self.flown = Flown()
+        self.outcome = FlightOutcome()
 
     def read(self) -> SensorFrame | None:
         """See `Board.read`."""
         frame = self._board.read()
         if frame is not None:
-            if not self.flown.frames:
-                self._guard.run(self._account.say, f"first sensor frame at {frame.time_us * 1e-6:.3f} s")
-            self.flown = Flown(self.flown.frames + 1, frame.time_us * 1e-6)
+            if not self.outcome.frames:
+                self._guard.run(self._account.report, f"first sensor frame at {frame.time_us * 1e-6:.3f} s")
+            self.outcome = FlightOutcome(self.outcome.frames + 1, frame.time_us * 1e-6)
         return frame
 
     def write(self, command: ActuatorCommand) -> None:
         """See `Board.write`."""
         self._board.write(command)
-        self.tell_events()
-        if math.isfinite(self._every) and self.flown.time >= self._due:
-            self._due = (self.flown.time // self._every + 1.0) * self._every
+        self.print_events()
+        if math.isfinite(self._every) and self.outcome.time >= self._due:
+            self._due = (self.outcome.time // self._every + 1.0) * self._every
             self._guard.run(self._print_progress)
 
     def _print_progress(self) -> None:
         state = known_state(self._view, self._supplied)
         self._supplied = self._view.latest(topics.POWER)
-        self._account.say(progress_line(state, self._view.mode.name.replace("_", " ")))
+        self._account.report(progress_line(state, self._view.mode.name.replace("_", " ")))
 
-    def tell_events(self) -> None:
+    def print_events(self) -> None:
         """Say what was said aboard since it was last told."""
         self._guard.run(self._print_events)
 
     def _print_events(self) -> None:
-        events, announced = self._view.events(self._told), self._announced[self._told_links :]
-        self._told += len(events)
-        self._told_links += len(announced)
+        events, announced = self._view.events(self._reported), self._announced[self._reported_links :]
+        self._reported += len(events)
+        self._reported_links += len(announced)
         for event in (*events, *announced):
-            self._account.say(event_line(Heard(event.time_us * 1e-6, event.severity, event.text)))
+            self._account.report(event_line(Heard(event.time_us * 1e-6, event.severity, event.text)))
 
     def close(self) -> None:
         """See `Board.close`."""

@@ -13,7 +13,7 @@ AGAIN = 60.0
 """s; of silence, between two lines about it"""
 
 
-class Hush:
+class HeartbeatMonitor:
     """Listens to the frames of one vehicle, and says when there are none."""
 
     def __init__(self, state: Callable[[], VehicleState], now: float) -> None:
@@ -21,30 +21,30 @@ class Hush:
         self.total = 0.0
         """s; of all silences that were noticed and have ended"""
         self._state = state
-        self._heard_at = now
+        self._received_at = now
         self._due = now + NOTICED
         self._news: list[str] = []
 
-    def hear(self, arrival: Arrival) -> None:
+    def handle_frame(self, arrival: Arrival) -> None:
         """Take one frame of anybody's."""
         if arrival.frame.system != self._state().system:
             return
-        silence = arrival.at - self._heard_at
+        silence = arrival.at - self._received_at
         if silence >= NOTICED:
             self.total += silence
             self._news.append(f"the vehicle speaks again after {silence:.0f} s of silence")
-        self._heard_at, self._due = arrival.at, arrival.at + NOTICED
+        self._received_at, self._due = arrival.at, arrival.at + NOTICED
 
     def silence(self, now: float) -> float:
         """s; of silence so far, the one that lasts included."""
-        lasting = now - self._heard_at
+        lasting = now - self._received_at
         return self.total + (lasting if lasting >= NOTICED else 0.0)
 
     def news(self, now: float) -> list[str]:
         """Lines for people that were not told yet."""
         told, self._news = self._news, []
         if now >= self._due:
-            silence = now - self._heard_at
-            self._due = self._heard_at + AGAIN * (silence // AGAIN + 1)
+            silence = now - self._received_at
+            self._due = self._received_at + AGAIN * (silence // AGAIN + 1)
             told.append(f"the vehicle is silent for {silence:.0f} s")
         return told

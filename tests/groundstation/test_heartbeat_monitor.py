@@ -10,9 +10,9 @@ from lossy_vehicle import LossyVehicle, on_the_air
 
 from avionics.link.framing import Frame
 from groundstation.command.main import main
-from groundstation.link import hush
+from groundstation.link import heartbeat_monitor
 from groundstation.link.frames import Arrival
-from groundstation.link.hush import Hush
+from groundstation.link.heartbeat_monitor import HeartbeatMonitor
 from groundstation.link.vehicle_state import VehicleState
 
 Capture = pytest.CaptureFixture[str]
@@ -22,8 +22,8 @@ def frame(at: float, system: int = 1) -> Arrival:
     return Arrival(Frame(0, system, 1, b"", b""), None, at)
 
 
-def listening() -> Hush:
-    return Hush(lambda: VehicleState(system=1), 100.0)
+def listening() -> HeartbeatMonitor:
+    return HeartbeatMonitor(lambda: VehicleState(system=1), 100.0)
 
 
 def test_silence_is_told_after_five_seconds_then_once_a_minute() -> None:
@@ -36,12 +36,12 @@ def test_silence_is_told_after_five_seconds_then_once_a_minute() -> None:
 
 def test_who_speaks_again_is_told_and_the_silence_counted() -> None:
     quiet = listening()
-    quiet.hear(frame(101.0))
+    quiet.handle_frame(frame(101.0))
     assert quiet.news(105.9) == [] and quiet.silence(105.9) == 0.0
     assert quiet.news(106.0) == ["the vehicle is silent for 5 s"] and quiet.silence(107.0) == 6.0
-    quiet.hear(frame(108.0, system=7))
+    quiet.handle_frame(frame(108.0, system=7))
     assert quiet.news(118.0) == []
-    quiet.hear(frame(119.0))
+    quiet.handle_frame(frame(119.0))
     assert quiet.news(119.0) == ["the vehicle speaks again after 18 s of silence"]
     assert (quiet.news(123.0), quiet.silence(123.0)) == ([], 18.0)
     assert quiet.news(124.0) == ["the vehicle is silent for 5 s"]
@@ -49,7 +49,7 @@ def test_who_speaks_again_is_told_and_the_silence_counted() -> None:
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hush, "NOTICED", 0.4)
+    monkeypatch.setattr(heartbeat_monitor, "NOTICED", 0.4)
 
 
 @pytest.mark.usefixtures("short")
