@@ -275,7 +275,7 @@ def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld, core: int |
     """Serve one flight; returns why it ended."""
     if isinstance(server, BridgeServer):
         pin_to_core(core)
-        server.hurried = core is not None
+        server.busy_poll = core is not None
     try:
         return server.serve(world).ended
     except FlightComputerSilent as silence:

@@ -96,7 +96,7 @@ def trimmed(flight: TrimRequest) -> Orbit:
     """
     load_physics(flight.vehicle)
     with ProgressBar("searching") as bar:
-        return trim(*flight, told=lambda words: bar.show(0, 0, f"searching a steady flight at {words}"))
+        return trim(*flight, on_progress=lambda words: bar.show(0, 0, f"searching a steady flight at {words}"))
 
 
 def steady_document(flight: TrimRequest, orbit: Orbit) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from groundstation.views.tuning import (
 )
 from logs.placing import check_new
 from sim_bridge.flight.tuning.cascade import Design, Loop, design
-from sim_bridge.flight.tuning.proof import SCENARIO, Comparison, Flown, Proof, flown
+from sim_bridge.flight.tuning.proof import SCENARIO, Comparison, FlightQuality, Proof, fly_quality
 from sim_bridge.flight.tuning.vehicle_file import Places, places, write
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
@@ -213,9 +213,9 @@ def _proof(subject: _Chosen, world: SimulatedVehicle, designs: Design, seed: int
     scenario = SCENARIO._replace(seed=seed)
     with ProgressBar("flying") as bar:
         bar.show(0, 2, "flying with the gains before")
-        before = flown(world, subject.vehicle, subject.vehicle.gains, scenario)
+        before = fly_quality(world, subject.vehicle, subject.vehicle.gains, scenario)
         bar.show(1, 2, "flying with the gains after")
-        return Proof(before, flown(world, subject.vehicle, designs.gains, scenario))
+        return Proof(before, fly_quality(world, subject.vehicle, designs.gains, scenario))
 
 
 def _document(subject: _Chosen, designs: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
@@ -253,5 +253,5 @@ def _loop(loop: Loop) -> dict[str, Any]:
     }
 
 
-def _comparison_flights(flight: Flown) -> dict[str, Any]:
+def _comparison_flights(flight: FlightQuality) -> dict[str, Any]:
     return flight._asdict()

@@ -13,7 +13,7 @@ from rich.text import Text
 from avionics.vehicles import FlightVehicle
 from groundstation.views import tables, wording
 from sim_bridge.flight.tuning.cascade import PARTS, Design, Loop
-from sim_bridge.flight.tuning.proof import Comparison, Flown, Proof
+from sim_bridge.flight.tuning.proof import Comparison, FlightQuality, Proof
 from sim_bridge.tuning.margins import LIMITS
 
 SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
@@ -81,7 +81,7 @@ def proof_table(proof: Proof) -> RenderableType:
     return Group(Text(), Text(title, style="dim"), table)
 
 
-def _flight_cells(flight: Flown) -> list[tuple[str, str, str]]:
+def _flight_cells(flight: FlightQuality) -> list[tuple[str, str, str]]:
     degrees = {
         "heading": (flight.heading_rms, "course over ground against its setpoint"),
         "pitch": (flight.pitch_rms, "against its setpoint, as the loop sees it"),

@@ -35,7 +35,7 @@ PTY = "pty"
 """address of a pseudo terminal that is made for the occasion"""
 
 
-class Tally(NamedTuple):
+class BridgeStatistics(NamedTuple):
     """What the microcontroller counts."""
 
     frames: int = 0
@@ -66,16 +66,16 @@ class Microcontroller:
         self._world = world
         self._reader = FrameReader(version_1=False)
         self._writer = codec.FrameWriter(1, 200)
-        self._heard_us: int | None = None
+        self._received_us: int | None = None
         self._now_us = 0
-        self._tally = Tally()
+        self._statistics = BridgeStatistics()
         self.command = REST
         """what drives and servos are told now"""
 
     @property
-    def tally(self) -> Tally:
+    def statistics(self) -> BridgeStatistics:
         """The counts so far."""
-        return self._tally._replace(bad_bytes=self._reader.bad_bytes)
+        return self._statistics._replace(bad_bytes=self._reader.bad_bytes)
 
     def tick(self) -> SensorFrame:
         """One tick: obey, sense, send.
@@ -89,13 +89,13 @@ class Microcontroller:
         self._now_us = frame.time_us
         data = self._writer.sensors(frame)
         taken = self._stream.write(data)
-        count = self._tally
-        self._tally = count._replace(
+        count = self._statistics
+        self._statistics = count._replace(
             frames=count.frames + 1, dropped=count.dropped + (not taken), sent=count.sent + len(data)
         )
         return frame
 
-    def say_end(self) -> None:
+    def send_end(self) -> None:
         """Tell the flight computer that a simulated world is over, which no real board does."""
         end = mavlink.MAVLink_wingbeat_end_message(self._now_us, int(EndReason.FINISHED))
         self._stream.write(self._writer.pack(end))
@@ -106,24 +106,24 @@ class Microcontroller:
                 continue
             reply = codec.decode_actuators(frame.payload)
             if reply is None:
-                self._tally = self._tally._replace(rejected=self._tally.rejected + 1)
+                self._statistics = self._statistics._replace(rejected=self._statistics.rejected + 1)
             else:
                 self._obey(reply.command)
 
     def _obey(self, command: ActuatorCommand) -> None:
         """Take an actuator frame that answers a later tick than the last one did."""
-        old = self._heard_us is not None and command.time_us <= self._heard_us
+        old = self._received_us is not None and command.time_us <= self._received_us
         if old or command.time_us > self._now_us:
-            self._tally = self._tally._replace(stale=self._tally.stale + 1)
+            self._statistics = self._statistics._replace(stale=self._statistics.stale + 1)
             return
-        self.command, self._heard_us = command, command.time_us
-        self._tally = self._tally._replace(commands=self._tally.commands + 1)
+        self.command, self._received_us = command, command.time_us
+        self._statistics = self._statistics._replace(commands=self._statistics.commands + 1)
 
     def _watch(self) -> None:
         """Rest when the newest actuator frame answers a tick of too long ago."""
-        if self._heard_us is not None and self._now_us - self._heard_us > REST_AFTER * 1e6:
-            self.command, self._heard_us = REST, None
-            self._tally = self._tally._replace(rests=self._tally.rests + 1)
+        if self._received_us is not None and self._now_us - self._received_us > REST_AFTER * 1e6:
+            self.command, self._received_us = REST, None
+            self._statistics = self._statistics._replace(rests=self._statistics.rests + 1)
 
 
 class SerialPeer:
@@ -145,17 +145,17 @@ class SerialPeer:
         """``serial:DEVICE,BAUD`` for the other end of a pseudo terminal, else the address that was given"""
         self._pacer = Pacer(1.0 if speed is None else speed, clock)
 
-    def serve(self, world: World) -> Tally:
+    def serve(self, world: World) -> BridgeStatistics:
         """Tick until the world is finished or falls silent."""
         board = Microcontroller(self._stream, world)
         ended = "the simulation finished"
         try:
             while not world.finished:
-                self._pacer.hold(board.tick().time_us)
-            board.say_end()
+                self._pacer.wait(board.tick().time_us)
+            board.send_end()
         except SimulationSilent as silence:
             ended = str(silence)
-        return board.tally._replace(ended=ended)
+        return board.statistics._replace(ended=ended)
 
     def close(self) -> None:
         """Release the device."""

@@ -23,7 +23,7 @@ class Pacer:
         self._sleep = sleep
         self._wall_at_zero: float | None = None
 
-    def hold(self, time_us: int) -> None:
+    def wait(self, time_us: int) -> None:
         """Wait until simulated time ``time_us`` is due."""
         if self.speed is None:
             return

@@ -29,7 +29,7 @@ class FlightComputerSilent(RuntimeError):
     """The flight computer did not connect, speak or answer within the bounded wait; the text says which."""
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long the world waits for the flight computer."""
 
     connect: float = 60.0
@@ -52,7 +52,7 @@ class EndReason(IntEnum):
     STOPPED = 2
 
 
-class Tally(NamedTuple):
+class BridgeStatistics(NamedTuple):
     """What went over the bridge."""
 
     frames: int = 0
@@ -74,7 +74,7 @@ class BridgeServer:
         self,
         url: str = DEFAULT_URL,
         speed: float | None = None,
-        patience: Patience | None = None,
+        timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Listen.
@@ -90,9 +90,9 @@ class BridgeServer:
         """
         self._listener = Listener(url)
         self._speed = speed
-        self._patience = patience or Patience()
+        self._timeouts = timeouts or Timeouts()
         self._clock = clock
-        self.hurried = False
+        self.busy_poll = False
         """whether to wait for answers without sleeping: see `SocketStream.enable_busy_poll`"""
 
     @property
@@ -100,21 +100,21 @@ class BridgeServer:
         """The port that is listened on."""
         return self._listener.port
 
-    def serve(self, world: World) -> Tally:
+    def serve(self, world: World) -> BridgeStatistics:
         """Wait for a flight computer and fly until the world is finished or the flight computer hangs up.
 
         Raises:
             BadInput: PX4 came.
             FlightComputerSilent: it never came, never said HEARTBEAT, or left a sensor frame unanswered.
         """
-        stream = self._listener.accept(self._patience.connect)
+        stream = self._listener.accept(self._timeouts.connect)
         if stream is None:
             raise FlightComputerSilent(
-                f"no flight computer connected to {self._listener.url} for {self._patience.connect:g} s"
+                f"no flight computer connected to {self._listener.url} for {self._timeouts.connect:g} s"
             )
-        if self.hurried:
+        if self.busy_poll:
             stream.enable_busy_poll()
-        session = Session(stream, world, self._patience, Pacer(self._speed, self._clock), self._clock)
+        session = Session(stream, world, self._timeouts, Pacer(self._speed, self._clock), self._clock)
         try:
             return session.fly()
         finally:
@@ -129,11 +129,11 @@ class Session:
     """One flight computer on the other end of the bridge."""
 
     def __init__(
-        self, stream: Stream, world: World, patience: Patience, pacer: Pacer, clock: Callable[[], float]
+        self, stream: Stream, world: World, timeouts: Timeouts, pacer: Pacer, clock: Callable[[], float]
     ) -> None:
         self._stream = stream
         self._world = world
-        self._patience = patience
+        self._timeouts = timeouts
         self._pacer = pacer
         self._clock = clock
         self._reader = FrameReader(version_1=False)
@@ -142,9 +142,9 @@ class Session:
         self._hung_up = False
         self._truth_interval_us = 0
         self._next_truth_us = 0
-        self._tally = Tally()
+        self._statistics = BridgeStatistics()
 
-    def fly(self) -> Tally:
+    def fly(self) -> BridgeStatistics:
         """Exchange frames until the world is finished or the partner hangs up.
 
         Raises:
@@ -159,8 +159,8 @@ class Session:
                 frame = self._world.step(command)
             except SimulationSilent as silence:
                 self._await_hanging_up()
-                return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
-            self._pacer.hold(frame.time_us)
+                return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
+            self._pacer.wait(frame.time_us)
             self._send(frame)
             # While the flight computer thinks.
             self._world.record()
@@ -168,23 +168,23 @@ class Session:
             if self._hung_up:
                 ended = "the flight computer hung up"
                 break
-        self._say_end(EndReason.FINISHED)
-        return self._tally._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
+        self._send_end(EndReason.FINISHED)
+        return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
 
     def _await_hanging_up(self) -> None:
-        deadline = self._clock() + self._patience.silence
+        deadline = self._clock() + self._timeouts.silence
         while not self._hung_up and self._clock() < deadline:
-            self._receive(self._patience.noise)
+            self._receive(self._timeouts.noise)
 
     def _await_hello(self) -> None:
-        deadline = self._clock() + self._patience.hello
+        deadline = self._clock() + self._timeouts.hello
         while self._autopilot is None and not self._hung_up:
-            for frame in self._receive(self._patience.noise):
+            for frame in self._receive(self._timeouts.noise):
                 self._listen(frame)
             if self._clock() >= deadline and self._autopilot is None:
                 raise FlightComputerSilent(
                     f"the flight computer at {self._stream.name} connected and sent no HEARTBEAT"
-                    f" for {self._patience.hello:g} s"
+                    f" for {self._timeouts.hello:g} s"
                 )
         if self._autopilot is None:
             raise FlightComputerSilent(
@@ -201,18 +201,18 @@ class Session:
             payload = encode_truth(self._world.truth(), self._world.origin)
             data = self._writer.frame(HIL_STATE_QUATERNION, payload) + data
         self._hung_up |= not self._stream.write(data)
-        self._tally = self._tally._replace(frames=self._tally.frames + 1)
+        self._statistics = self._statistics._replace(frames=self._statistics.frames + 1)
 
     def _await_answer(self, time_us: int, last: ActuatorCommand) -> ActuatorCommand:
-        limit = self._patience.reply
+        limit = self._timeouts.reply
         deadline = self._clock() + limit
         while not self._hung_up:
-            for frame in self._receive(min(limit, self._patience.noise)):
+            for frame in self._receive(min(limit, self._timeouts.noise)):
                 command = self._answer(frame, time_us)
                 if command is not None:
                     return command
             if self._clock() >= deadline:
-                self._say_end(EndReason.STALLED)
+                self._send_end(EndReason.STALLED)
                 raise FlightComputerSilent(
                     f"the flight computer at {self._stream.name} did not answer the sensor frame"
                     f" of t = {time_us / 1e6:.3f} s for {limit:g} s"
@@ -225,10 +225,10 @@ class Session:
             return None
         reply = codec.decode_actuators(frame.payload)
         if reply is None:
-            self._tally = self._tally._replace(rejected=self._tally.rejected + 1)
+            self._statistics = self._statistics._replace(rejected=self._statistics.rejected + 1)
             return None
         if reply.command.time_us != time_us:
-            self._tally = self._tally._replace(stale=self._tally.stale + 1)
+            self._statistics = self._statistics._replace(stale=self._statistics.stale + 1)
             return None
         return reply.command
 
@@ -239,7 +239,7 @@ class Session:
             return []
         if data:
             return self._reader.feed(data)
-        return self._reader.give_up() if timeout >= self._patience.noise else []
+        return self._reader.give_up() if timeout >= self._timeouts.noise else []
 
     def _listen(self, frame: Frame) -> None:
         """What is no actuator command: HEARTBEAT, and requests for truth."""
@@ -263,7 +263,7 @@ class Session:
         self._next_truth_us = 0
         return True
 
-    def _say_end(self, reason: EndReason) -> None:
+    def _send_end(self, reason: EndReason) -> None:
         end = mavlink.MAVLink_wingbeat_end_message(0, int(reason))
         self._stream.write(self._writer.pack(end))
 

@@ -32,7 +32,7 @@ FULL_SCALE = 156.87
 """m/s^2; 4095 counts of 3.9 mg: the end of the ADXL345's range"""
 FULL_RATE = math.radians(2000.0)
 """rad/s; the end of the ITG-3200's range"""
-RECEIVER_PATIENCE = round(ReceiverSpec().patience * TICK_RATE)
+RECEIVER_PATIENCE = round(ReceiverSpec().timeout * TICK_RATE)
 """ticks; without a signal before the receiver itself says so"""
 CLOCK_STEP_US = 3_000_000
 """us; by which the sensors' clock jumps back"""
@@ -140,7 +140,7 @@ def _saturated_gyro(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(imu=frame.imu._replace(gyro_x=x, gyro_y=y, gyro_z=z))
 
 
-def _unheard(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _without_packets(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     """The transmitter is off: no frame at first, then the last one again and again, marked as lost."""
     if frame.receiver is None:
         return frame
@@ -194,7 +194,7 @@ FAULTS: dict[str, Kind] = {
     "imu_frozen": Kind("the IMU repeats its last sample", Place.SENSORS, _frozen_imu),
     "imu_saturated": Kind("the accelerometer stands at the end of its range", Place.SENSORS, _saturated_imu),
     "gyro_saturated": Kind("the gyro stands at the end of its range", Place.SENSORS, _saturated_gyro),
-    "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _unheard),
+    "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _without_packets),
     "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
     "baro_frozen": Kind("the barometer repeats its last static pressure", Place.SENSORS, _frozen_baro),
     "baro_lost": Kind("no pressure sample comes, of barometer and pitot", Place.SENSORS, _no_pressures),
@@ -315,7 +315,7 @@ class FaultInjector:
         self._before: dict[Fault, Before] = {}
         self._boot: RawPressures | None = None
         self._last: RawFrame | None = None
-        self._heard: RawReceiver | None = None
+        self._received: RawReceiver | None = None
         self._static: int | None = None
 
     def inject(self, fault: Fault) -> None:
@@ -345,7 +345,7 @@ class FaultInjector:
             raise SimulationSilent(f"no sensor frame from {fault.at:g} s on: fault {fault.name}")
         self._active[fault] = tick
         if self._last is not None:
-            self._before[fault] = Before(self._boot, self._last, self._heard, self._static)
+            self._before[fault] = Before(self._boot, self._last, self._received, self._static)
         if kind.begin is not None:
             kind.begin(plant)
         return f"fault {fault.name}: {kind.text}"
@@ -369,7 +369,7 @@ class FaultInjector:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
         if self._active and frame.imu is not healthy.imu:
             frame = frame._replace(imu=imu_on_the_wire(*frame.imu))
-        self._last, self._heard = healthy, receiver or self._heard
+        self._last, self._received = healthy, receiver or self._received
         if pressures is not None:
             self._static = pressures.static_counts
         return frame

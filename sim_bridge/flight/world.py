@@ -196,7 +196,7 @@ class SimulatedWorld:
         self._current_before = 0.0
         self._rest_since: float | None = None
         self._armed_since = math.inf if scenario.waits_for_arming else -math.inf
-        self._thrown_at = math.inf
+        self._launched_at = math.inf
         self.faults = FaultInjector(scenario.faults)
         """takes more of them in flight"""
 
@@ -214,7 +214,7 @@ class SimulatedWorld:
     @property
     def thrown(self) -> bool:
         """Whether the launcher has let go, or is about to."""
-        return self._thrown_at < math.inf
+        return self._launched_at < math.inf
 
     @property
     def finished(self) -> bool:
@@ -251,10 +251,10 @@ class SimulatedWorld:
         self._clock = self._clock.step(duration)
         self.time_us = round(self._clock.end * 1e6)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
-            self._say(Severity.WARNING, text)
+            self._publish_event(Severity.WARNING, text)
         air = self._air()
         self._current_before = self._means.current
-        self._blow()
+        self._sample_gust()
         self._watch_launcher(bool(command.armed))
         wind = self._air_velocity()
         self._means = self.plant.advance(self._controls(command), self._surroundings(air, wind))
@@ -326,11 +326,11 @@ class SimulatedWorld:
 
     def _launcher(self) -> int:
         now = self._clock.start
-        if now < self._thrown_at:
+        if now < self._launched_at:
             return k.HELD
-        return k.THROWN if now < self._thrown_at + self.vehicle.launch.duration else k.FREE
+        return k.THROWN if now < self._launched_at + self.vehicle.launch.duration else k.FREE
 
-    def _say(self, severity: Severity, text: str) -> None:
+    def _publish_event(self, severity: Severity, text: str) -> None:
         self._publish(topics.EVENTS, Event(self.time_us, severity, "world", text))
 
     def _watch_arming(self, armed: bool, now: float) -> None:
@@ -340,7 +340,7 @@ class SimulatedWorld:
         self._armed_since = now if armed else math.inf
         left = max(self._launch_from - now, ARMED_TIME)
         text = f"armed: the launcher throws in {left:.0f} s" if armed else "disarmed: the launcher waits"
-        self._say(Severity.NOTICE, text)
+        self._publish_event(Severity.NOTICE, text)
 
     def _watch_launcher(self, armed: bool) -> None:
         """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
@@ -360,9 +360,9 @@ class SimulatedWorld:
         # A weaker wind in the face still carries; one from behind takes from the throw what the bird flies on.
         facing = self.scenario.wind_speed + ahead >= 0.0
         if (ahead >= 0.0 and steady) or (waited >= 2.0 * LAUNCH_PATIENCE and facing) or waited >= LONGEST_WAIT:
-            self._thrown_at = now
+            self._launched_at = now
             if self.scenario.waits_for_arming:
-                self._say(Severity.NOTICE, "thrown")
+                self._publish_event(Severity.NOTICE, "thrown")
 
     def _air(self) -> Air:
         return isa(self.scenario.home.altitude - self.plant.y.item(2))
@@ -376,7 +376,7 @@ class SimulatedWorld:
         (a, b, c), (x, y, z) = self._wind, self._gust.velocity
         return a + x, b + y, c + z
 
-    def _blow(self) -> None:
+    def _sample_gust(self) -> None:
         """The gust of the coming tick."""
         if self.scenario.turbulence == "none":
             return

@@ -55,15 +55,15 @@ class ShortPeriod(NamedTuple):
 
 
 def stroke_averaged_model(
-    vehicle: SimulatedVehicle, orbit: Orbit, told: Callable[[int, int], None] = lambda done, of: None
+    vehicle: SimulatedVehicle, orbit: Orbit, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> AveragedModel:
-    """Linearise the stroke-averaged motion about ``orbit``; ``told`` hears how many flights of how many are done."""
+    """Linearize the stroke-averaged motion about ``orbit``; ``on_progress`` gets flights done and their number."""
     strokes = math.ceil(LENGTH * orbit.inputs.frequency)
     rest = _response(vehicle, orbit, (0.0, 0.0), strokes + 1)
     pieces = []
     for i, width in enumerate(WIDTHS):
         pieces.append(_averaged(vehicle, orbit, width, rest, strokes))
-        told(i + 1, len(WIDTHS))
+        on_progress(i + 1, len(WIDTHS))
     regressors = np.vstack([piece[0] for piece in pieces])
     rates = np.vstack([piece[1] for piece in pieces])
     values = np.linalg.lstsq(regressors, rates, rcond=None)[0]

@@ -132,20 +132,20 @@ def _answer(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, w
     """States and control (N, 5) after a doublet, over its size, averaged over phases and over one stroke."""
     strokes = math.ceil(LENGTH * orbit.inputs.frequency)
     length, pieces = strokes * INTERVALS, round(width * orbit.inputs.frequency * INTERVALS)
-    rest = _flown(vehicle, orbit, steer, look, np.zeros(length + INTERVALS))
+    rest = _simulated(vehicle, orbit, steer, look, np.zeros(length + INTERVALS))
     total = np.zeros((length, 5))
     for phase in range(PHASES):
         late = phase * INTERVALS // PHASES
         sides = np.zeros(length + INTERVALS)
         sides[late : late + pieces], sides[late + pieces : late + 2 * pieces] = 1.0, -1.0
-        change = _flown(vehicle, orbit, steer, look, sides) - rest
+        change = _simulated(vehicle, orbit, steer, look, sides) - rest
         total += change[late : late + length] / PHASES
     padded = np.vstack((np.zeros((INTERVALS, 5)), total))
     window = np.ones(INTERVALS) / INTERVALS
     return np.column_stack([np.convolve(column, window, "valid") for column in padded.T])
 
 
-def _flown(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, sides: Floats) -> Floats:
+def _simulated(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, sides: Floats) -> Floats:
     """What is seen (N, 5) after each piece; the last column is the command where no servo tells what it achieved."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)

@@ -245,7 +245,7 @@ def growth(model: HoverModel) -> complex:
     return complex(max(exponents, key=lambda exponent: (exponent.real, exponent.imag)))
 
 
-def hold_gain(model: HoverModel, tolerances: Floats, authority: Floats) -> Floats:
+def position_gain(model: HoverModel, tolerances: Floats, authority: Floats) -> Floats:
     """Gain (2, n) of the linear-quadratic regulator of the stroke map (`control.dlqr`): v = -K z.
 
     Args:
@@ -263,8 +263,8 @@ def hold_gain(model: HoverModel, tolerances: Floats, authority: Floats) -> Float
 def fly(vehicle: SimulatedVehicle, orbit: HoverOrbit, start: Floats, gain: Floats, strokes: int) -> Floats:
     """States (strokes + 1, n) of the nonlinear plant at the starts of strokes, fed back once a stroke.
 
-    ``start`` (n,) is the first; ``gain`` (2, n) as of `hold_gain`, zeros for an open loop. Throttle and elevator stay
-    within their range.
+    ``start`` (n,) is the first; ``gain`` (2, n) as of `position_gain`, zeros for an open loop. Throttle and elevator
+    stay within their range.
     """
     stroke, travel = HoverMap(vehicle), vehicle.tail_servo.travel
     course = [start]

@@ -58,20 +58,22 @@ class IdentifiedWorld(NamedTuple):
 
 
 def identified_world(
-    model: LinearModel, base: SimulatedVehicle, told: Callable[[int, int], None] = lambda done, of: None
+    model: LinearModel, base: SimulatedVehicle, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> IdentifiedWorld:
-    """The derivatives of an identified ``model`` on the bodies of ``base``; ``told`` hears of the linearising.
+    """The derivatives of an identified ``model`` on the bodies of ``base``.
+
+    ``on_progress`` is called during the linearization with flights done and their number.
 
     Raises:
         BadInput: the model is none of an identification, or the base has no steady flight at its airspeed.
     """
-    found = model.from_log()
-    orbit = trim(base, model.airspeed, model.airspeed * math.sin(model.pitch - found.angle_of_attack))
-    own = None
+    estimates = model.from_log()
+    orbit = trim(base, model.airspeed, model.airspeed * math.sin(model.pitch - estimates.angle_of_attack))
+    vehicle_values = None
     if model.lateral is None or model.drive is None:
-        averaged = stroke_averaged_model(base, orbit, lambda done, of: told(done, of + 1))
-        own = model_of(base, orbit, axes_model(base, orbit, averaged))
-    values = _longitudinal(model, found)
+        averaged = stroke_averaged_model(base, orbit, lambda done, of: on_progress(done, of + 1))
+        vehicle_values = model_of(base, orbit, axes_model(base, orbit, averaged))
+    values = _longitudinal(model, estimates)
     whole = _whole(base, values, orbit)
     values = values._replace(
         mass=whole.mass,
@@ -79,12 +81,12 @@ def identified_world(
         inertia=_inertia(whole.inertia),
         flap_rate=_round(whole.flap_rate),
     )
-    if own is not None:
-        own = _at_centre(own, whole.center)
-    lateral, drive = model.lateral or _given(own).lateral, model.drive or _given(own).drive
+    if vehicle_values is not None:
+        vehicle_values = _at_centre(vehicle_values, whole.center)
+    lateral, drive = model.lateral or _given(vehicle_values).lateral, model.drive or _given(vehicle_values).drive
     assert lateral is not None and drive is not None
     values = _with_drive(_with_lateral(values, lateral), drive, base)
-    return IdentifiedWorld(values, _sources(model, found, base), _notes(model, base), model.frequency)
+    return IdentifiedWorld(values, _sources(model, estimates, base), _notes(model, base), model.frequency)
 
 
 def _inertia(matrix: Floats) -> tuple[float, float, float, float]:
@@ -92,19 +94,19 @@ def _inertia(matrix: Floats) -> tuple[float, float, float, float]:
     return _round(matrix[0, 0]), _round(matrix[1, 1]), _round(matrix[2, 2]), _round(-matrix[0, 2])
 
 
-def _given(own: LinearModel | None) -> LinearModel:
-    assert own is not None
-    return own
+def _given(vehicle_values: LinearModel | None) -> LinearModel:
+    assert vehicle_values is not None
+    return vehicle_values
 
 
 def _round(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _longitudinal(model: LinearModel, found: Identified) -> Derivatives:
+def _longitudinal(model: LinearModel, estimates: Identified) -> Derivatives:
     """With what the model itself has; the rest nothing yet."""
-    forward = model.airspeed * math.cos(found.angle_of_attack)
-    down = model.airspeed * math.sin(found.angle_of_attack)
+    forward = model.airspeed * math.cos(estimates.angle_of_attack)
+    down = model.airspeed * math.sin(estimates.angle_of_attack)
     # The rest of A is kinematics and gravity, about the same trim.
     kinematics = np.zeros((3, 3))
     kinematics[0, 2], kinematics[1, 2] = -down, forward
@@ -115,10 +117,10 @@ def _longitudinal(model: LinearModel, found: Identified) -> Derivatives:
     return Derivatives(
         forward=_round(forward),
         down=_round(down),
-        elevator=_round(found.elevator),
+        elevator=_round(estimates.elevator),
         force_x=_round(gravity * math.sin(model.pitch)),
         force_z=_round(-gravity * math.cos(model.pitch)),
-        density=SEA_LEVEL_DENSITY if found.density is None else _round(found.density),
+        density=SEA_LEVEL_DENSITY if estimates.density is None else _round(estimates.density),
         mass=1.0,
         center=(0.0, 0.0, 0.0),
         inertia=(1.0, 1.0, 1.0, 0.0),
@@ -131,7 +133,7 @@ def _longitudinal(model: LinearModel, found: Identified) -> Derivatives:
 
 def _whole(base: SimulatedVehicle, values: Derivatives, orbit: Orbit) -> Whole:
     """Mass, mean centre and inertia, and how the wings flap that meet no air, at the base's own trim command."""
-    stroke = StrokeMap(flown_with(base, values))
+    stroke = StrokeMap(simulate_with(base, values))
     start = stroke.start(orbit.inputs)
     start[:4] = values.forward, values.down, 0.0, orbit.means.pitch
     stroke.unpack(start, orbit.inputs)
@@ -158,7 +160,7 @@ def _about_centre(spatial: Floats) -> tuple[float, Floats, Floats]:
     return mass, center, spatial[:3, :3] - mass * (center @ center * np.eye(3) - np.outer(center, center))
 
 
-def flown_with(base: SimulatedVehicle, values: Derivatives) -> SimulatedVehicle:
+def simulate_with(base: SimulatedVehicle, values: Derivatives) -> SimulatedVehicle:
     """The vehicle with stiff wings, flown with these derivatives."""
     return base._replace(
         sections=base.sections | {MODEL.name: values},
@@ -206,24 +208,24 @@ def _frequency_share(throttle: float, frequencies: tuple[float, ...]) -> float:
     return at * width / (ahead - behind) if ahead > behind else 0.0
 
 
-def _sources(model: LinearModel, found: Identified, base: SimulatedVehicle) -> dict[str, str]:
-    log = f"{found.log}, {found.method}"
-    own = (
+def _sources(model: LinearModel, estimates: Identified, base: SimulatedVehicle) -> dict[str, str]:
+    log = f"{estimates.log}, {estimates.method}"
+    vehicle_values = (
         f"chosen: not identified; {base.name} with {base.aerodynamics.model}, linearised at {model.airspeed:.3g} m/s"
     )
     bodies = f"chosen: the bodies of {base.name}, over a stroke"
-    trim_of = f"identified: {found.log}, mean over the manoeuvres"
-    errors = {value.name.lower(): value for value in found.values}
+    trim_of = f"identified: {estimates.log}, mean over the manoeuvres"
+    errors = {value.name.lower(): value for value in estimates.values}
     sources = dict.fromkeys(("forward", "down", "elevator"), trim_of)
     sources |= dict.fromkeys(("force_x", "force_z"), f"{trim_of}: steady flight at that pitch")
-    air = "chosen: sea level; the log does not tell" if found.density is None else f"identified: {found.log}"
+    air = "chosen: sea level; the log does not tell" if estimates.density is None else f"identified: {estimates.log}"
     sources |= {"density": air} | dict.fromkeys(("mass", "center", "inertia"), bodies)
     for key in LONGITUDINAL:
         known = errors.get(key)
-        told = f", standard error {known.standard_error:.2g}" if known else ""
-        sources[key] = f"identified: {log}{told}"
-    sources |= dict.fromkeys(LATERAL, own if model.lateral is None else f"identified: {found.log}")
-    sources |= dict.fromkeys(DRIVE, own if model.drive is None else f"identified: {found.log}")
+        given = f", standard error {known.standard_error:.2g}" if known else ""
+        sources[key] = f"identified: {log}{given}"
+    sources |= dict.fromkeys(LATERAL, vehicle_values if model.lateral is None else f"identified: {estimates.log}")
+    sources |= dict.fromkeys(DRIVE, vehicle_values if model.drive is None else f"identified: {estimates.log}")
     sources["flap_rate"] = f"chosen: {base.name}'s wings without air, at its trim's command"
     return sources
 
@@ -232,8 +234,8 @@ def _notes(model: LinearModel, base: SimulatedVehicle) -> tuple[str, ...]:
     missing = [
         name for name, part in (("lateral derivatives", model.lateral), ("drive", model.drive)) if part is None
     ]
-    own = f"{base.name} with {base.aerodynamics.model}"
-    return tuple(f"{name} of the world: not identified, those of {own}" for name in missing)
+    vehicle_values = f"{base.name} with {base.aerodynamics.model}"
+    return tuple(f"{name} of the world: not identified, those of {vehicle_values}" for name in missing)
 
 
 def world_text(world: IdentifiedWorld, name: str, title: str, base: str) -> str:
@@ -261,6 +263,6 @@ def world_text(world: IdentifiedWorld, name: str, title: str, base: str) -> str:
     ]
     for key, value in world.values._asdict().items():
         unit = get_args(hints[key])[1].unit
-        told = json.dumps(list(value)) if isinstance(value, tuple) else repr(float(value))
-        lines.append(f'{key} = {{ value = {told}, unit = "{unit}", source = {json.dumps(world.sources[key])} }}')
+        given = json.dumps(list(value)) if isinstance(value, tuple) else repr(float(value))
+        lines.append(f'{key} = {{ value = {given}, unit = "{unit}", source = {json.dumps(world.sources[key])} }}')
     return "\n".join(lines) + "\n"

@@ -75,14 +75,14 @@ def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
     """Every mode of the stroke map, slowest first, the body's named; see `aliases`."""
     free = FreeMap(vehicle, orbit)
     multipliers, vectors = np.linalg.eig(free.jacobian())
-    found = []
+    solutions = []
     for multiplier, vector in zip(multipliers, vectors.T, strict=True):
         if multiplier.imag < 0.0 or abs(multiplier) < GONE:
             continue
         eigenvalue = complex(np.log(complex(multiplier))) * orbit.inputs.frequency
         shares, led_by = _shares(vector, orbit, free.coordinates)
-        found.append(Mode(eigenvalue, *shares, led_by=led_by))
-    return named(sorted(found, key=lambda mode: abs(mode.eigenvalue)))
+        solutions.append(Mode(eigenvalue, *shares, led_by=led_by))
+    return named(sorted(solutions, key=lambda mode: abs(mode.eigenvalue)))
 
 
 def aliases(mode: Mode, frequency: float) -> bool:
@@ -90,30 +90,30 @@ def aliases(mode: Mode, frequency: float) -> bool:
     return mode.eigenvalue.imag != 0.0 and mode.natural_frequency > math.pi * frequency
 
 
-def named(found: list[Mode]) -> list[Mode]:
-    """Name the body's modes among ``found``, slowest first.
+def named(solutions: list[Mode]) -> list[Mode]:
+    """Name the body's modes among ``solutions``, slowest first.
 
     Longitudinal: the slowest that is mainly speed and pitch, the slowest that is mainly angle of attack and pitch
     rate unless that motion swings up, as an insect's does, which has no short period: those and what else is mainly
     the body's are named after what leads them. Lateral: the slowest oscillation, the slowest and the next aperiodic
     one.
     """
-    body = [i for i, mode in enumerate(found) if mode.body_share > LEAST_BODY_SHARE]
-    along = [i for i in body if not found[i].lateral]
-    across = [i for i in body if found[i].lateral]
-    pitching = [i for i in along if found[i].pitching_share > 0.5]
-    swings_up = any(found[i].eigenvalue.imag and found[i].eigenvalue.real > 0.0 for i in pitching)
-    aperiodic = [i for i in across if found[i].eigenvalue.imag == 0.0]
+    body = [i for i, mode in enumerate(solutions) if mode.body_share > LEAST_BODY_SHARE]
+    along = [i for i in body if not solutions[i].lateral]
+    across = [i for i in body if solutions[i].lateral]
+    pitching = [i for i in along if solutions[i].pitching_share > 0.5]
+    swings_up = any(solutions[i].eigenvalue.imag and solutions[i].eigenvalue.real > 0.0 for i in pitching)
+    aperiodic = [i for i in across if solutions[i].eigenvalue.imag == 0.0]
     chosen = {
-        PHUGOID: [i for i in along if found[i].pitching_share <= 0.5][:1],
+        PHUGOID: [i for i in along if solutions[i].pitching_share <= 0.5][:1],
         SHORT_PERIOD: [] if swings_up else pitching[:1],
-        DUTCH_ROLL: [i for i in across if found[i].eigenvalue.imag > 0.0][:1],
+        DUTCH_ROLL: [i for i in across if solutions[i].eigenvalue.imag > 0.0][:1],
         SPIRAL: aperiodic[:1],
         ROLL_SUBSIDENCE: aperiodic[1:2],
     }
-    names = {i: _led(found[i]) for i in along if found[i].body_share > 0.5}
+    names = {i: _led(solutions[i]) for i in along if solutions[i].body_share > 0.5}
     names |= {i: name for name, places in chosen.items() for i in places}
-    return [mode._replace(name=names.get(i, "")) for i, mode in enumerate(found)]
+    return [mode._replace(name=names.get(i, "")) for i, mode in enumerate(solutions)]
 
 
 def _led(mode: Mode) -> str:
@@ -136,13 +136,13 @@ def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[tuple[float
     return (body / float(np.sum(weight)), pitching, lateral / max(body, 1e-300)), led_by
 
 
-def short_period(found: list[Mode]) -> Mode:
+def short_period(solutions: list[Mode]) -> Mode:
     """The short-period mode.
 
     Raises:
         BadInput: there is none.
     """
-    for mode in found:
+    for mode in solutions:
         if mode.name == SHORT_PERIOD:
             return mode
     raise BadInput("this flight has no short-period mode")

@@ -61,8 +61,8 @@ class _Point(NamedTuple):
 class _Search:
     """The equations of a trim at one airspeed and climb rate."""
 
-    def __init__(self, stroke: StrokeMap, airspeed: float, climb_rate: float, told: Told) -> None:
-        self.stroke, self.airspeed, self.climb_rate, self.told = stroke, airspeed, climb_rate, told
+    def __init__(self, stroke: StrokeMap, airspeed: float, climb_rate: float, on_progress: Told) -> None:
+        self.stroke, self.airspeed, self.climb_rate, self.on_progress = stroke, airspeed, climb_rate, on_progress
 
     def words(self) -> str:
         return f"{self.airspeed:.4g} m/s climbing {self.climb_rate:.3g} m/s"
@@ -70,9 +70,9 @@ class _Search:
     def at(self, x: Floats) -> _Point:
         size = self.stroke.size
         flown = self.stroke.fly(x[:size], inputs_of(self.stroke, x))
-        asked = [flown.means.airspeed - self.airspeed, flown.means.climb_rate - self.climb_rate]
+        requested = [flown.means.airspeed - self.airspeed, flown.means.climb_rate - self.climb_rate]
         turned = [flown.phase_error] if self.stroke.motor else []
-        return _Point(x, np.concatenate((flown.end - x[:size], asked, turned)), flown)
+        return _Point(x, np.concatenate((flown.end - x[:size], requested, turned)), flown)
 
     def jacobian(self, point: _Point) -> Floats:
         columns = []
@@ -81,7 +81,7 @@ class _Search:
             step = 1e-5 * max(1.0, abs(point.x[i]))
             moved[i] += step
             columns.append((self.at(moved).residual - point.residual) / step)
-            self.told(self.words())
+            self.on_progress(self.words())
         return np.array(columns).T
 
     def damped(self, point: _Point, step: Floats) -> _Point | None:
@@ -132,7 +132,9 @@ def _broyden(slope: Floats, old: _Point, new: _Point) -> Floats:
     return np.asarray(slope + np.outer(missed, moved) / max(float(moved @ moved), 1e-300))
 
 
-def trim(vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, told: Told = lambda words: None) -> Orbit:
+def trim(
+    vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, on_progress: Told = lambda words: None
+) -> Orbit:
     """Find elevator, drive and state at which the stroke repeats itself at a mean speed and climb.
 
     What sets the thrust is the commanded amplitude of servo drives, the frequency of a crank, a motor's throttle.
@@ -148,23 +150,25 @@ def trim(vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, told: To
     if not airspeed > abs(climb_rate):
         raise BadInput(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
     check_model(vehicle, airspeed)
-    return trim_stroke(StrokeMap(vehicle), airspeed, climb_rate, told)
+    return trim_stroke(StrokeMap(vehicle), airspeed, climb_rate, on_progress)
 
 
-def trim_stroke(stroke: StrokeMap, airspeed: float, climb_rate: float, told: Told = lambda words: None) -> Orbit:
+def trim_stroke(
+    stroke: StrokeMap, airspeed: float, climb_rate: float, on_progress: Told = lambda words: None
+) -> Orbit:
     """`trim` of a stroke map, whose plant or air may be another than those of its vehicle.
 
     Raises:
         BadInput: there is no orbit, or only beyond what the vehicle's servos and drive can do.
     """
     vehicle = stroke.vehicle
-    asked = f"{vehicle.name}: no trim at {airspeed:g} m/s climbing {climb_rate:g} m/s"
-    search = _Search(stroke, airspeed, climb_rate, told)
-    point = search.newton(_guess(stroke, airspeed, climb_rate)) or _continued(search, asked)
+    requested = f"{vehicle.name}: no trim at {airspeed:g} m/s climbing {climb_rate:g} m/s"
+    search = _Search(stroke, airspeed, climb_rate, on_progress)
+    point = search.newton(_guess(stroke, airspeed, climb_rate)) or _continued(search, requested)
     inputs = inputs_of(stroke, point.x)
     needs = excesses(vehicle, inputs)
     if needs:
-        raise BadInput(f"{asked}: it needs {' and '.join(needs)}")
+        raise BadInput(f"{requested}: it needs {' and '.join(needs)}")
     return Orbit(point.x[: stroke.size], inputs, point.stroke.means, point.largest)
 
 
@@ -207,32 +211,32 @@ def _throttle(motor: Motor, frequency: float, voltage: float) -> float:
     return float(min(back_emf / (0.75 * voltage), 1.0))
 
 
-def _continued(asked: _Search, refusal: str) -> _Point:
+def _continued(requested: _Search, refusal: str) -> _Point:
     """The trim followed from the vehicle's cruise.
 
     Raises:
         BadInput: it ends, or leaves what the vehicle can do, on the way.
     """
-    stroke, cruise = asked.stroke, asked.stroke.vehicle.cruise
-    start = _Search(stroke, cruise.airspeed, cruise.climb_rate, asked.told)
+    stroke, cruise = requested.stroke, requested.stroke.vehicle.cruise
+    start = _Search(stroke, cruise.airspeed, cruise.climb_rate, requested.on_progress)
     last = start.newton(_guess(stroke, cruise.airspeed, cruise.climb_rate))
     if last is None:
         warning = model_warning(stroke.vehicle)
         raise BadInput(f"{refusal}, nor at its cruise, {start.words()}{warning and f'; {warning}'}")
-    way = abs(asked.airspeed - cruise.airspeed) + abs(asked.climb_rate - cruise.climb_rate)
+    way = abs(requested.airspeed - cruise.airspeed) + abs(requested.climb_rate - cruise.climb_rate)
     done, step, failed, slope = 0.0, FIRST_STEP, False, np.zeros_like(last.x)
-    slope[:2] = last.x[:2] * (asked.airspeed / cruise.airspeed - 1.0) / max(way, LAST_STEP)
+    slope[:2] = last.x[:2] * (requested.airspeed / cruise.airspeed - 1.0) / max(way, LAST_STEP)
     reached = start
     while done < way:
         ahead = min(done + step, way)
-        there = _Search(stroke, *_between(start, asked, ahead / way), asked.told)
+        there = _Search(stroke, *_between(start, requested, ahead / way), requested.on_progress)
         found = there.newton(last.x + (ahead - done) * slope, JACOBIANS_ON)
         if found is None:
             step, failed = _shorter(step, way - done), True
             if step < LAST_STEP:
                 now, ahead_of_it = (inputs_of(stroke, x) for x in (last.x, last.x + LAST_STEP * slope))
                 raise BadInput(
-                    f"{refusal}: {_beyond(reached, asked)} {running_out(stroke.vehicle, now, ahead_of_it)}"
+                    f"{refusal}: {_beyond(reached, requested)} {running_out(stroke.vehicle, now, ahead_of_it)}"
                 )
             continue
         needs = excesses(stroke.vehicle, inputs_of(stroke, found.x))
@@ -250,9 +254,9 @@ def _shorter(step: float, rest: float) -> float:
     return step if step < rest else _shorter(step, rest)
 
 
-def _beyond(reached: _Search, asked: _Search) -> str:
-    if reached.climb_rate == asked.climb_rate:
-        return f"{'below' if asked.airspeed < reached.airspeed else 'above'} {reached.airspeed:.3g} m/s"
+def _beyond(reached: _Search, requested: _Search) -> str:
+    if reached.climb_rate == requested.climb_rate:
+        return f"{'below' if requested.airspeed < reached.airspeed else 'above'} {reached.airspeed:.3g} m/s"
     return f"beyond {reached.words()}"
 
 

@@ -67,7 +67,7 @@ def stroke_loads(
     now, then = (blank_loads(len(model.parts), strips, len(state)) for _ in range(2))
     names = (*model.parts, APPARENT)
     n = strips.chord.shape[0]
-    found = StrokeLoads(
+    result = StrokeLoads(
         names, np.zeros((count, len(names), 4, n)), np.zeros((count, len(names), 3)), np.zeros((count, len(names), 3))
     )
     last = (strokes if len(state) else 1) * count
@@ -75,22 +75,22 @@ def stroke_loads(
         i, following = step % count, motions[(step + 1) % count]
         model.loads(parameters, strips, motions[i], density, state, now)
         if step >= last - count:
-            _record(found, i, now, motions[i], stroke)
+            _record(result, i, now, motions[i], stroke)
         if len(state):
             model.loads(parameters, strips, following, density, state + dt * now.rates, then)
             state = state + 0.5 * dt * (now.rates + then.rates)
             model.advance(parameters, strips, following, density, state, dt)
-    return found
+    return result
 
 
-def _record(found: StrokeLoads, i: int, out: SectionLoads, motion: Motion, stroke: StrokeKinematics) -> None:
+def _record(result: StrokeLoads, i: int, out: SectionLoads, motion: Motion, stroke: StrokeKinematics) -> None:
     own = out.parts.shape[0]
-    found.sections[i, :own] = out.parts
-    found.sections[i, own, UPWARD] = -out.apparent[MASS] * stroke.normal_acceleration[i]
-    found.sections[i, own, NOSE_UP] = -out.apparent[INERTIA] * stroke.pitch_acceleration[i]
-    total = body_loads(motion, found.sections[i])
+    result.sections[i, :own] = out.parts
+    result.sections[i, own, UPWARD] = -out.apparent[MASS] * stroke.normal_acceleration[i]
+    result.sections[i, own, NOSE_UP] = -out.apparent[INERTIA] * stroke.pitch_acceleration[i]
+    total = body_loads(motion, result.sections[i])
     total[:own] += out.body
-    found.force[i], found.moment[i] = total[:, :3], total[:, 3:]
+    result.force[i], result.moment[i] = total[:, :3], total[:, 3:]
 
 
 def prescribed_loads(

@@ -140,7 +140,7 @@ def for_wing(values: AsMeasured, chord: float) -> AsMeasured:
     return values._replace(twist_stiffness=scaled_stiffness(values.twist_stiffness, REFERENCE_CHORD, chord))
 
 
-def flown(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight) -> Measures:
+def simulate_rows(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight) -> Measures:
     """What a flight of the vehicle measures with a fit's values.
 
     Raises:
@@ -153,16 +153,16 @@ def flown(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight)
 def fit(
     vehicles: Mapping[str, SimulatedVehicle],
     flights: Mapping[str, MeasuredFlight],
-    told: Callable[[float], None] = lambda share: None,
+    on_progress: Callable[[float], None] = lambda share: None,
 ) -> WingFit:
     """Fit one set of values to the flights of the vehicles of the same names.
 
-    ``told`` hears, before each trial of values, which share of the trials allowed has been made.
+    ``on_progress`` hears, before each trial of values, which share of the trials allowed has been made.
     """
     made = itertools.count()
 
     def residuals(shares: Floats) -> Floats:
-        told(next(made) / (ROUNDS * (len(RANGES) + 1)))
+        on_progress(next(made) / (ROUNDS * (len(RANGES) + 1)))
         values = from_shares(shares)
         rows = [_residuals(vehicles[name], values, flight) for name, flight in flights.items()]
         return np.concatenate((*rows, (shares - start) / PRIOR_SIGMA))
@@ -178,11 +178,11 @@ def fit(
 def leave_one_out(
     vehicles: Mapping[str, SimulatedVehicle],
     flights: Mapping[str, MeasuredFlight],
-    told: Callable[[float, str], None] = lambda share, words: None,
+    on_progress: Callable[[float, str], None] = lambda share, words: None,
 ) -> dict[str, Measures]:
     """What each flight measures with the values fitted to all the others.
 
-    ``told`` hears which share is done at least, and which flight is left out.
+    ``on_progress`` hears which share is done at least, and which flight is left out.
     """
     found: dict[str, Measures] = {}
     for name, flight in flights.items():
@@ -190,9 +190,9 @@ def leave_one_out(
         first = len(found)
 
         def progress(share: float, first: int = first, name: str = name) -> None:
-            told((first + share) / len(flights), f"{name} left out")
+            on_progress((first + share) / len(flights), f"{name} left out")
 
-        found[name] = flown(vehicles[name], fit(vehicles, others, progress).values, flight)
+        found[name] = simulate_rows(vehicles[name], fit(vehicles, others, progress).values, flight)
     return found
 
 

@@ -39,7 +39,7 @@ Pilot = Callable[[Observation], Sticks | None]
 """what a pilot does who sees the bird; None while the transmitter is off"""
 
 
-def standing_by(seen: Observation) -> Sticks:
+def standing_by(received: Observation) -> Sticks:
     """A pilot who leaves the flight to the autopilot: sticks centred, throttle closed, every switch low."""
     return Sticks()
 
@@ -53,7 +53,7 @@ class ReceiverSpec(NamedTuple):
     """m; at which half of the frames are lost"""
     fading: float = 60.0
     """m; over which that share falls to 27 %, nearer"""
-    patience: float = 0.3
+    timeout: float = 0.3
     """s; without a frame before the receiver itself says that the signal is lost"""
 
 
@@ -72,13 +72,13 @@ class Receiver:
         _, self._noise = split(seed)
         self._spec = spec
         self._pilot = pilot
-        self._held: tuple[int, ...] | None = None
-        self._heard_us = 0
+        self._last_sample: tuple[int, ...] | None = None
+        self._received_us = 0
 
     def read(self, observation: Observation) -> RawReceiver | None:
         """One frame; None where it was lost on the way, or before the first was heard.
 
-        Once nothing was heard for `ReceiverSpec.patience`, frames come again, the last ones, marked as lost.
+        Once nothing was heard for `ReceiverSpec.timeout`, frames come again, the last ones, marked as lost.
         """
         if self._pilot is None:
             return None
@@ -88,13 +88,13 @@ class Receiver:
         through = self._noise.random() >= self.lost_share(distance)
         time_us = observation.time_us
         if sticks is not None and through:
-            self._heard_us = time_us
+            self._received_us = time_us
             sent = zip(pulses(sticks), draws.tolist(), strict=True)
-            self._held = tuple(round(pulse + self._spec.jitter * draw) for pulse, draw in sent)
-            return RawReceiver(time_us, self._held, 0, self.strength(distance))
-        if self._held is None or time_us - self._heard_us < self._spec.patience * 1e6:
+            self._last_sample = tuple(round(pulse + self._spec.jitter * draw) for pulse, draw in sent)
+            return RawReceiver(time_us, self._last_sample, 0, self.strength(distance))
+        if self._last_sample is None or time_us - self._received_us < self._spec.timeout * 1e6:
             return None
-        return RawReceiver(time_us, self._held, 1, 0)
+        return RawReceiver(time_us, self._last_sample, 1, 0)
 
     def lost_share(self, distance: float) -> float:
         """Share of the frames that are lost ``distance`` m from the transmitter."""

@@ -42,8 +42,8 @@ class Script(NamedTuple):
     def pilot(self) -> Pilot:
         """Who moves the transmitter so; before the first time everything is neutral."""
 
-        def moved(seen: Observation) -> Sticks:
-            place = bisect_right(self.times, seen.time_us * 1e-6)
+        def moved(observed: Observation) -> Sticks:
+            place = bisect_right(self.times, observed.time_us * 1e-6)
             return self.sticks[place - 1] if place else Sticks()
 
         return moved

@@ -54,7 +54,7 @@ class Process(NamedTuple):
     """from the setpoint, past the controller, to what should follow it"""
 
 
-class Wish(NamedTuple):
+class LoopSpec(NamedTuple):
     """What a search may choose."""
 
     fastest: float
@@ -65,7 +65,7 @@ class Wish(NamedTuple):
     """whether there is a damping"""
     ranges: tuple[float, float, float]
     """greatest P, I, D the flight computer takes"""
-    held: float = 0.0
+    fixed: float = 0.0
     """the D of a loop whose damping is not chosen"""
     regulates: bool = False
     """whether the greatest integral is sought instead of the greatest bandwidth: feed-forwards do the following"""
@@ -118,54 +118,54 @@ def loop_bandwidth(process: Process, terms: Terms) -> float:
     return bandwidth(sampled.omega, _closed(sampled, terms)[1])
 
 
-def search(process: Process, wish: Wish) -> Terms:
+def search(process: Process, spec: LoopSpec) -> Terms:
     """The gains of greatest bandwidth within the limits.
 
     Raises:
         BadInput: no gains keep them.
     """
     sampled = _sample(process)
-    crossovers = wish.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
-    integrals, dampings = INTEGRALS if wish.integral else (math.inf,), DAMPINGS if wish.damping else (0.0,)
-    best = _best(process, sampled, wish, product(crossovers, integrals, dampings))
+    crossovers = spec.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
+    integrals, dampings = INTEGRALS if spec.integral else (math.inf,), DAMPINGS if spec.damping else (0.0,)
+    best = _best(process, sampled, spec, product(crossovers, integrals, dampings))
     if best is None:
         raise BadInput(
-            f"no gains give this loop {wish.limits.gain_margin_db:g} dB and"
-            f" {math.degrees(wish.limits.phase_margin):.0f} degrees below {wish.fastest:.3g} rad/s"
+            f"no gains give this loop {spec.limits.gain_margin_db:g} dB and"
+            f" {math.degrees(spec.limits.phase_margin):.0f} degrees below {spec.fastest:.3g} rad/s"
         )
     for share in REFINEMENTS:
-        best = _best(process, sampled, wish, _about(best, wish, share)) or best
+        best = _best(process, sampled, spec, _about(best, spec, share)) or best
     return best.terms
 
 
-def _about(best: _Candidate, wish: Wish, share: float) -> Iterable[tuple[float, float, float]]:
+def _about(best: _Candidate, spec: LoopSpec, share: float) -> Iterable[tuple[float, float, float]]:
     """Shapes around the best one, nearer with a smaller ``share``, itself among them."""
     crossover, integral, damping = best.shape
     steps = share * np.linspace(-1.0, 1.0, 7)
-    crossovers = np.minimum(crossover * 1.16**steps, wish.fastest)
-    dampings = np.maximum(damping + 0.15 * steps, 0.0) if wish.damping else (0.0,)
-    return product(crossovers, integral * 1.6**steps if wish.integral else (math.inf,), dampings)
+    crossovers = np.minimum(crossover * 1.16**steps, spec.fastest)
+    dampings = np.maximum(damping + 0.15 * steps, 0.0) if spec.damping else (0.0,)
+    return product(crossovers, integral * 1.6**steps if spec.integral else (math.inf,), dampings)
 
 
 def _best(
-    process: Process, sampled: _Sampled, wish: Wish, shapes: Iterable[tuple[float, float, float]]
+    process: Process, sampled: _Sampled, spec: LoopSpec, shapes: Iterable[tuple[float, float, float]]
 ) -> _Candidate | None:
     """The best of the shapes that keeps every limit; none where none does."""
     found = []
     for shape in shapes:
-        terms = _terms(sampled, shape, wish)
-        chosen = terms if wish.damping else terms[:2]
-        if all(0.0 <= value <= most for value, most in zip(chosen, wish.ranges, strict=False)):
-            speed = _speed(sampled, terms, wish)
-            if speed > 0.0 and terms.proportional <= wish.steepest and _stable(process, terms):
-                found.append(_Candidate(_worth(speed, terms, wish), terms, shape))
+        terms = _terms(sampled, shape, spec)
+        chosen = terms if spec.damping else terms[:2]
+        if all(0.0 <= value <= most for value, most in zip(chosen, spec.ranges, strict=False)):
+            speed = _speed(sampled, terms, spec)
+            if speed > 0.0 and terms.proportional <= spec.steepest and _stable(process, terms):
+                found.append(_Candidate(_worth(speed, terms, spec), terms, shape))
     return max(found, key=lambda candidate: candidate.worth, default=None)
 
 
-def _worth(speed: float, terms: Terms, wish: Wish) -> float:
-    if wish.regulates:
+def _worth(speed: float, terms: Terms, spec: LoopSpec) -> float:
+    if spec.regulates:
         return terms.integral
-    return speed * terms.integral**INTEGRAL_SHARE if wish.integral else speed
+    return speed * terms.integral**INTEGRAL_SHARE if spec.integral else speed
 
 
 def _stable(process: Process, terms: Terms) -> bool:
@@ -174,26 +174,26 @@ def _stable(process: Process, terms: Terms) -> bool:
     return bool(np.all(np.linalg.eigvals(a - b @ c).real < 0.0))
 
 
-def _terms(sampled: _Sampled, shape: tuple[float, float, float], wish: Wish) -> Terms:
+def _terms(sampled: _Sampled, shape: tuple[float, float, float], spec: LoopSpec) -> Terms:
     """The gains with a gain of one at the shape's crossover, a held damping aside."""
     crossover, integral, damping = shape
     i = int(np.searchsorted(sampled.omega, crossover))
     relative = 1.0 - 1j * crossover / (integral * sampled.omega[i])
     level = abs(relative * sampled.measured[i] + damping / crossover * sampled.rate[i])
     proportional = float(1.0 / level)
-    rate = proportional * damping / crossover if wish.damping else wish.held
+    rate = proportional * damping / crossover if spec.damping else spec.fixed
     return Terms(proportional, proportional * crossover / integral, rate)
 
 
-def _speed(sampled: _Sampled, terms: Terms, wish: Wish) -> float:
+def _speed(sampled: _Sampled, terms: Terms, spec: LoopSpec) -> float:
     """Bandwidth (rad/s) with these gains, 0 where they break a limit."""
-    limits = wish.limits
+    limits = spec.limits
     loop, closed = _closed(sampled, terms)
     if np.min(np.abs(1.0 + loop)) < SLACK / limits.sensitivity or np.max(np.abs(closed)) > limits.resonance:
         return 0.0
     level = np.log(np.abs(loop))
     crossing = np.flatnonzero(np.diff(np.sign(level)))
-    if len(crossing) == 0 or sampled.omega[crossing[-1]] > wish.fastest:
+    if len(crossing) == 0 or sampled.omega[crossing[-1]] > spec.fastest:
         return 0.0
     if np.min(np.abs(np.angle(-loop[crossing]))) < SLACK * limits.phase_margin:
         return 0.0

@@ -266,12 +266,16 @@ def model_text(model: LinearModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _identified_lines(found: Identified) -> list[str]:
+def _identified_lines(identified: Identified) -> list[str]:
     lines = ["", "[identified]  # rad at the trim; estimates with their 95 % intervals"]
-    lines += [f"{key} = {json.dumps(getattr(found, key))}" for key in ("log", "sha256", "method")]
-    numbers = {"elevator": found.elevator, "angle_of_attack": found.angle_of_attack, "density": found.density}
+    lines += [f"{key} = {json.dumps(getattr(identified, key))}" for key in ("log", "sha256", "method")]
+    numbers = {
+        "elevator": identified.elevator,
+        "angle_of_attack": identified.angle_of_attack,
+        "density": identified.density,
+    }
     lines += [f"{key} = {value:.{DIGITS}g}" for key, value in numbers.items() if value is not None]
-    for one in found.values:
+    for one in identified.values:
         lines += ["", f"[identified.estimates.{json.dumps(one.name)}]"]
         lines += [f"{key} = {getattr(one, key):.{DIGITS}g}" for key in ESTIMATE]
         lines.append(f"unit = {json.dumps(one.unit)}")
@@ -289,14 +293,14 @@ def _matrix(values: Floats) -> str:
 def _document(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
-        found = parse_json(text) if path.suffix == ".json" else parse_toml(text)
+        identified = parse_json(text) if path.suffix == ".json" else parse_toml(text)
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
     except DocumentError as error:
         raise BadInput(f"{path}: {error}") from None
-    if not isinstance(found, dict):
+    if not isinstance(identified, dict):
         raise BadInput(f"{path}: not a model: no [longitudinal]")
-    return found
+    return identified
 
 
 def _section(path: Path, document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -368,9 +372,9 @@ def _positive(path: Path, name: str, value: Any) -> float:
 def _numbers(path: Path, name: str, value: Any, shape: tuple[int, ...]) -> Floats:
     words = {(): "a number", (4,): "a list of 4 numbers", (4, 4): "4 lists of 4 numbers"}[shape]
     try:
-        found = np.array(value, dtype=np.float64)
+        identified = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        found = np.array(math.nan)
-    if found.shape != shape or not np.all(np.isfinite(found)) or isinstance(value, bool | str):
+        identified = np.array(math.nan)
+    if identified.shape != shape or not np.all(np.isfinite(identified)) or isinstance(value, bool | str):
         raise BadInput(f"{path}: {name} must be {words}")
-    return found
+    return identified

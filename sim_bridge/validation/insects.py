@@ -16,11 +16,11 @@ from sim_bridge.flight_mechanics.hover import (
     air_power,
     fly,
     growth,
-    hold_gain,
     hover,
     level_pitch,
     linearize,
     open_loop,
+    position_gain,
 )
 from sim_bridge.mechanism import total_mass
 from sim_bridge.validation.row import Row, figure, unreproducible
@@ -35,7 +35,7 @@ POWER = 30.0
 SHARE, STROKES = 0.95, 10
 """of hover's frequency, and how many strokes the open loop is followed"""
 TOLERANCES = np.array((0.2, 0.2, 2.0, 0.1, 0.02, 0.02, math.inf))
-"""of the regulator, as `hold_gain` takes them: as costly as one another, crank at will"""
+"""of the regulator, as `position_gain` takes them: as costly as one another, crank at will"""
 AUTHORITY = np.array((0.1, 0.1))
 """of throttle, and of elevator in rad"""
 PUSH = {U: 0.1, PITCH: 0.05}
@@ -123,7 +123,7 @@ def _detrended(values: Floats) -> Floats:
 
 def held_within(vehicle: SimulatedVehicle, orbit: HoverOrbit, strokes: int = 100) -> float:
     """m; greatest distance from the place of hover after `PUSH`, fed back once a stroke."""
-    gain = hold_gain(linearize(vehicle, orbit), TOLERANCES, AUTHORITY)
+    gain = position_gain(linearize(vehicle, orbit), TOLERANCES, AUTHORITY)
     course = fly(vehicle, orbit, pushed(orbit.state), gain, strokes)
     return float(np.max(np.hypot(course[:, X], course[:, Z])))
 

@@ -18,7 +18,7 @@ from avionics.link.dialect import mavlink
 from groundstation.command import avionics
 from groundstation.command.main import main
 from logs.reader import open_log
-from sim_bridge.bridge.server import BridgeServer, Tally
+from sim_bridge.bridge.server import BridgeServer, BridgeStatistics
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
 
@@ -30,7 +30,7 @@ def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[i
     """The command on a world of 2.5 s; its exit code and the board's address."""
     monkeypatch.setattr(avionics, "pin_to_core", lambda core: None)
     server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
-    told: list[Tally] = []
+    told: list[BridgeStatistics] = []
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(duration=2.5))
     serving = threading.Thread(target=lambda: told.append(server.serve(world)))
     serving.start()

@@ -20,7 +20,7 @@ from avionics.board import cores
 from avionics.board.board import BoardSilent
 from avionics.board.cores import idle_pair, pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
-from avionics.board.hil import Patience as BoardPatience
+from avionics.board.hil import Timeouts as BoardTimeouts
 from avionics.link import codec
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
@@ -39,12 +39,12 @@ from avionics.messages import (
 )
 from avionics.quantities import BadInput
 from sim_bridge.bridge.pace import Pacer
-from sim_bridge.bridge.server import BridgeServer, FlightComputerSilent, Patience, Tally
+from sim_bridge.bridge.server import BridgeServer, BridgeStatistics, FlightComputerSilent, Timeouts
 from sim_bridge.bridge.truth import encode_truth
 from sim_bridge.bridge.world import NEUTRAL, World
 from sim_bridge.messages import TruthState
 
-SHORT = Patience(connect=5.0, hello=5.0, reply=0.4, noise=0.05)
+SHORT = Timeouts(connect=5.0, hello=5.0, reply=0.4, noise=0.05)
 
 
 class ToyWorld:
@@ -98,10 +98,10 @@ def control(frame: SensorFrame) -> ActuatorCommand:
 class Serving:
     """A world served in a thread; ``result`` gives its tally or raises its error."""
 
-    def __init__(self, world: World, patience: Patience = SHORT) -> None:
-        self.server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}", patience=patience)
+    def __init__(self, world: World, timeouts: Timeouts = SHORT) -> None:
+        self.server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}", timeouts=timeouts)
         self.url = f"tcp:127.0.0.1:{self.server.port}"
-        self._outcome: list[Tally | BaseException] = []
+        self._outcome: list[BridgeStatistics | BaseException] = []
         self._thread = threading.Thread(target=self._run, args=(world,))
         self._thread.start()
 
@@ -111,7 +111,7 @@ class Serving:
         except BaseException as error:
             self._outcome.append(error)
 
-    def result(self) -> Tally:
+    def result(self) -> BridgeStatistics:
         self._thread.join(30.0)
         self.server.close()
         outcome = self._outcome[0]
@@ -190,16 +190,16 @@ def test_a_stranger_that_makes_noise_and_leaves_is_told() -> None:
 def test_a_world_that_is_not_there_or_says_nothing_is_named() -> None:
     port = free_port(socket.SOCK_STREAM)
     with pytest.raises(BoardSilent, match=f"the world at tcp:127.0.0.1:{port} did not answer for 0.1 s"):
-        HilBoard(f"tcp:127.0.0.1:{port}", BoardPatience(connect=0.1))
+        HilBoard(f"tcp:127.0.0.1:{port}", BoardTimeouts(connect=0.1))
     with socket.create_server(("127.0.0.1", port)) as mute:
-        board = HilBoard(f"hil:tcp:127.0.0.1:{port}", BoardPatience(first=0.2))
+        board = HilBoard(f"hil:tcp:127.0.0.1:{port}", BoardTimeouts(first=0.2))
         connected, _ = mute.accept()
         with pytest.raises(BoardSilent, match=r"sent no sensor frame for 0\.2 s: it never sent one"):
             board.read()
         writer = FrameWriter(1, 200)
         connected.sendall(writer.sensors(ToyWorld(1).step(NEUTRAL)))
         assert board.read() is not None
-        board._patience = BoardPatience(frame=0.1)
+        board._timeouts = BoardTimeouts(frame=0.1)
         connected.sendall(b"\xfd" * 500)
         with pytest.raises(BoardSilent, match=r"for 0\.1 s after the one of t = 0\.005 s"):
             board.read()
@@ -210,7 +210,7 @@ def test_a_world_that_is_not_there_or_says_nothing_is_named() -> None:
 
 def test_a_world_that_talks_without_end_and_never_closes_a_tick_is_still_bounded() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        board = HilBoard(f"tcp:127.0.0.1:{server.getsockname()[1]}", BoardPatience(first=0.2))
+        board = HilBoard(f"tcp:127.0.0.1:{server.getsockname()[1]}", BoardTimeouts(first=0.2))
         connected, _ = server.accept()
         stop = threading.Event()
 
@@ -252,7 +252,7 @@ class Noisy:
 def test_noise_on_the_wire_costs_no_frame() -> None:
     world = ToyWorld(40)
     serving = Serving(world)
-    board = HilBoard(serving.url, connect=lambda url, patience: Noisy(open_stream(url, patience), 3))
+    board = HilBoard(serving.url, connect=lambda url, timeouts: Noisy(open_stream(url, timeouts), 3))
     assert fly(board) == world.frames
     tally = serving.result()
     assert tally.frames == 40 and tally.bad_bytes > 100
@@ -365,13 +365,13 @@ def test_the_pacer_holds_a_simulation_to_its_speed_and_forgives_a_long_stop() ->
 
     pacer = Pacer(2.0, lambda: wall[0], sleep)
     for tick in range(201):
-        pacer.hold(tick * 5000)
+        pacer.wait(tick * 5000)
     assert wall[0] == pytest.approx(100.5)
     wall[0] += 10.0
-    pacer.hold(201 * 5000)
-    pacer.hold(202 * 5000)
+    pacer.wait(201 * 5000)
+    pacer.wait(202 * 5000)
     assert waits[-1] == pytest.approx(0.0025)
-    Pacer(None, lambda: 0.0, sleep).hold(10**9)
+    Pacer(None, lambda: 0.0, sleep).wait(10**9)
     assert wall[0] < 111.0
 
 

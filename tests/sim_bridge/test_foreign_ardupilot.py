@@ -36,7 +36,7 @@ from avionics.quantities import BadInput
 from groundstation.command.main import main
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import ardupilot_wire as wire
-from sim_bridge.bridge.foreign.ardupilot import ArduPilotServer, Order, Patience, Tally, order_of
+from sim_bridge.bridge.foreign.ardupilot import ArduPilotServer, BridgeStatistics, Order, Timeouts, order_of
 from sim_bridge.bridge.foreign.flight import Rig
 from sim_bridge.bridge.foreign.launch import Launch
 from sim_bridge.bridge.foreign.outputs import Pulses
@@ -45,12 +45,12 @@ from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario
 
 RECORDED = Path(__file__).parent.parent / "data" / "foreign" / "ardupilot_exchange.jsonl"
-BRIEF = Patience(stall=0.2, connect=1.0)
+BRIEF = Timeouts(stall=0.2, connect=1.0)
 MIDDLE = (1500, 1500, 1100, 1500)
 UP = (1500, 1500, 1900, 1500)
 
 
-def served(stages: Any, timeouts: Patience = BRIEF, rig: Rig = RIG) -> tuple[Serving, list[str]]:
+def served(stages: Any, timeouts: Timeouts = BRIEF, rig: Rig = RIG) -> tuple[Serving, list[str]]:
     told: list[str] = []
     url = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     return Serving(ArduPilotServer(Interface(url), rig, Pulses(), told.append, timeouts), stages), told
@@ -142,7 +142,7 @@ def test_each_packet_moves_the_world_by_one_step_of_its_frame_rate(frame_rate: i
     times = [plane.exchange(UP)["timestamp"] for _ in range(steps)]
     assert times == pytest.approx([number / frame_rate for number in range(1, steps + 1)], abs=1e-6)
     tally = serving.result()
-    assert tally == Tally(flights=1, frames=steps, ended="the simulation finished")
+    assert tally == BridgeStatistics(flights=1, frames=steps, ended="the simulation finished")
     assert f"has come with {frame_rate} frames/s" in told[0]
     assert sum(duration for _, duration in stages.worlds[0].asked) == pytest.approx(0.1)
     plane.close()
@@ -225,7 +225,7 @@ def test_a_second_autopilot_is_refused_and_the_first_flies_on() -> None:
 @given(st.lists(st.binary(max_size=90), min_size=1, max_size=6))
 def test_malformed_datagrams_are_refused_counted_and_change_nothing(noise: list[bytes]) -> None:
     stages = ToyStages(2 / 400)
-    serving, told = served(stages, Patience(stall=10.0, connect=10.0))
+    serving, told = served(stages, Timeouts(stall=10.0, connect=10.0))
     plane = ScriptedArduPlane(serving.server.port)
     plane.exchange(MIDDLE)
     for piece in noise:
@@ -238,7 +238,7 @@ def test_malformed_datagrams_are_refused_counted_and_change_nothing(noise: list[
 
 
 def test_who_falls_silent_is_told_with_his_last_frame_and_when_he_is_back() -> None:
-    serving, told = served(ToyStages(1.0), Patience(stall=0.05, connect=5.0))
+    serving, told = served(ToyStages(1.0), Timeouts(stall=0.05, connect=5.0))
     plane = ScriptedArduPlane(serving.server.port)
     for _ in range(4):
         plane.exchange(MIDDLE)
@@ -257,10 +257,10 @@ def test_who_falls_silent_is_told_with_his_last_frame_and_when_he_is_back() -> N
 
 
 def test_nobody_comes_or_somebody_who_is_no_ardupilot() -> None:
-    serving, _ = served(ToyStages(1.0), Patience(stall=0.02, connect=0.05))
+    serving, _ = served(ToyStages(1.0), Timeouts(stall=0.02, connect=0.05))
     with pytest.raises(AutopilotSilent, match=r"no ArduPilot spoke to 127.0.0.1:\d+ for 0.05 s$"):
         serving.result()
-    serving, _ = served(ToyStages(1.0), Patience(stall=0.02, connect=1.0))
+    serving, _ = served(ToyStages(1.0), Timeouts(stall=0.02, connect=1.0))
     stranger = ScriptedArduPlane(serving.server.port)
     stranger.socket.send(b"hello")
     with pytest.raises(AutopilotSilent, match=r"1 datagrams were no servo packets"):
@@ -350,7 +350,7 @@ def real_plane(stages: Stages, port: int, folder: Path, launch: Launch = Launch.
 def test_a_real_arduplane_reads_the_attitude_in_the_hand(tmp_path: Path) -> None:
     """Its own attitude and place are the truth's: every field it needs was found, in the units it takes."""
     stages = Stages()
-    serving, _ = served(stages, Patience(stall=1.0, connect=20.0))
+    serving, _ = served(stages, Timeouts(stall=1.0, connect=20.0))
     with real_plane(stages, serving.server.port, tmp_path) as ground:
         attitude = settled_attitude(ground)
         position = ground.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60.0)
@@ -368,7 +368,7 @@ def test_a_real_arduplane_takes_off_is_thrown_and_climbs(launch: Launch, tmp_pat
     """GIVEN it in the hand WHEN it arms in mode TAKEOFF THEN it is thrown, for its throttle or for its detection of
     the launch, and climbs as it says."""
     stages = Stages(IN_THE_HAND_FOR_LONG)
-    serving, told = served(stages, Patience(stall=1.0, connect=20.0), RIG._replace(launch=launch))
+    serving, told = served(stages, Timeouts(stall=1.0, connect=20.0), RIG._replace(launch=launch))
     with real_plane(stages, serving.server.port, tmp_path, launch) as ground:
         settled_attitude(ground)
         settled_place(ground)

@@ -21,19 +21,19 @@ from avionics.quantities import BadInput
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import px4_wire as wire
 from sim_bridge.bridge.foreign.outputs import Outputs
-from sim_bridge.bridge.foreign.px4 import Echo, Patience, Px4Server
+from sim_bridge.bridge.foreign.px4 import Echo, Px4Server, Timeouts
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.sensors.suite import ticks_of
 
-BRIEF = Patience(connect=5.0, hello=5.0, moment=0.05, stall=0.2, silence=0.6)
+BRIEF = Timeouts(connect=5.0, hello=5.0, moment=0.05, stall=0.2, silence=0.6)
 AIR = RIG.vehicle.gains.air_data
 FLYING = Outputs(0.1, -0.2, 0.6, 0.3, 1)
 
 
-def served(stages: Any, patience: Patience = BRIEF, speed: float | None = 1000.0) -> tuple[Serving, list[str]]:
+def served(stages: Any, timeouts: Timeouts = BRIEF, speed: float | None = 1000.0) -> tuple[Serving, list[str]]:
     told: list[str] = []
     url = f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    return Serving(Px4Server(Interface(url, speed), RIG, told.append, patience), stages), told
+    return Serving(Px4Server(Interface(url, speed), RIG, told.append, timeouts), stages), told
 
 
 def full_frame(time_us: int) -> SensorFrame:
@@ -118,12 +118,14 @@ def test_the_receiver_is_told_as_rc_channels() -> None:
 
 def test_the_echo_finds_the_distance_of_the_clocks_and_what_is_late() -> None:
     echo = Echo().sent(12_000)
-    assert not echo.begun and not echo.prompt
-    echo = echo.heard(wire.Controls(4000, (), 0, 1))  # the answer to 8000: 4000 late, which cannot be known yet
+    assert not echo.has_started and not echo.prompt
+    echo = echo.has_received(
+        wire.Controls(4000, (), 0, 1)
+    )  # the answer to 8000: 4000 late, which cannot be known yet
     assert echo.prompt and echo.lockstep
-    echo = echo.sent(16_000).heard(wire.Controls(12_000, (), 0, 1))  # PX4's time began at 4000
+    echo = echo.sent(16_000).has_received(wire.Controls(12_000, (), 0, 1))  # PX4's time began at 4000
     assert echo.prompt and echo.distance_us == 4000
-    echo = echo.sent(20_000).heard(wire.Controls(12_000, (), 0, 1))
+    echo = echo.sent(20_000).has_received(wire.Controls(12_000, (), 0, 1))
     assert not echo.prompt and echo.at_us == 16_000
 
 

@@ -29,9 +29,9 @@ from sim_bridge.flight_mechanics.hover import (
     Z,
     fly,
     growth,
-    hold_gain,
     hover,
     linearize,
+    position_gain,
     state_space,
 )
 from sim_bridge.flight_mechanics.orbit import trim
@@ -321,7 +321,7 @@ def test_small_steps_of_state_and_inputs_are_what_the_linear_model_foretells(nam
 @pytest.mark.parametrize("name", NAMES)
 def test_hover_is_held_from_a_push_for_a_hundred_strokes(name: str) -> None:
     vehicle, orbit, model = load_vehicle(name), orbit_of(name), model_of(name)
-    gain = hold_gain(model, TOLERANCES, AUTHORITY)
+    gain = position_gain(model, TOLERANCES, AUTHORITY)
     assert np.max(np.abs(np.linalg.eigvals(model.a - model.b @ gain))) < 1.0
     course = fly(vehicle, orbit, pushed(orbit.state), gain, 100) - orbit.state
     assert np.max(np.hypot(course[:, X], course[:, Z])) < 0.02

@@ -14,7 +14,7 @@ import pytest
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.board.board import BoardSilent, Surroundings
-from avionics.board.hil import HilBoard, Patience
+from avionics.board.hil import HilBoard, Timeouts
 from avionics.link import codec
 from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, SensorFrame
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo
 
 RAVEN = "robo_raven_ii_d"
 TICK = 0.005
-QUICK = Patience(first=2.0, frame=5.0)
+QUICK = Timeouts(first=2.0, frame=5.0)
 
 
 def table(duration: float = 1000.0) -> AtRest:
@@ -78,7 +78,7 @@ class Hardware:
         """Tick until the microcontroller has dealt with ``count`` actuator frames: a line takes its time."""
         for _ in range(60):
             assert self.controller is not None
-            tally = self.controller.tally
+            tally = self.controller.statistics
             if tally.commands + tally.stale + tally.rejected >= count:
                 return
             self.tick()
@@ -106,7 +106,7 @@ def test_what_the_microcontroller_measures_arrives_and_what_it_is_told_is_done()
     assert hardware.controller.command == codec.quantised_command(
         ActuatorCommand(frames[-1].time_us, 0.3, -0.3, 0.5, 0.1, 0.0, 1)
     )
-    tally = hardware.controller.tally
+    tally = hardware.controller.statistics
     assert (tally.commands, tally.stale, tally.rejected, tally.rests, tally.bad_bytes) == (100, 0, 0, 0, 0)
     assert hardware.board.losses == (0, 0, 0, 0) and hardware.said == []
 
@@ -121,8 +121,8 @@ def test_all_messages_fit_the_documented_baud_rate() -> None:
     hardware = Hardware()
     hardware.fly(200)
     assert hardware.controller is not None
-    seconds = hardware.controller.tally.frames * TICK
-    assert 460_800 < 10 * hardware.controller.tally.sent / seconds < 0.75 * 921_600
+    seconds = hardware.controller.statistics.frames * TICK
+    assert 460_800 < 10 * hardware.controller.statistics.sent / seconds < 0.75 * 921_600
 
 
 def test_frames_that_waited_are_read_in_order_and_counted_late() -> None:
@@ -133,7 +133,7 @@ def test_frames_that_waited_are_read_in_order_and_counted_late() -> None:
     frames = hardware.fly(70)
     assert [frame.time_us for frame in frames] == [5000 * n for n in range(21, 91)]
     # Of seven at once five are up to 20 ms old, two older: 25 and 30 ms.
-    assert hardware.board.tally.late == 20 and hardware.board.tally.lost == 0
+    assert hardware.board.counters.late == 20 and hardware.board.counters.lost == 0
 
 
 def test_noise_and_lost_bytes_cost_their_messages_which_are_counted_and_said() -> None:
@@ -162,7 +162,7 @@ def test_a_command_that_is_old_early_or_no_number_is_refused() -> None:
         hardware.board.write(told._replace(time_us=time_us, throttle=throttle))
     hardware.listen(14)
     assert hardware.controller is not None
-    tally = hardware.controller.tally
+    tally = hardware.controller.statistics
     assert (tally.commands, tally.stale, tally.rejected) == (10, 3, 1)
     assert hardware.controller.command.throttle == 0.5
 
@@ -172,9 +172,9 @@ def test_without_actuator_frames_it_holds_for_a_while_rests_and_obeys_again() ->
     hardware.fly(10)
     hardware.fly(round(REST_AFTER / TICK) - 2, answer=False)
     assert hardware.controller is not None
-    assert hardware.controller.command.throttle == 0.5 and hardware.controller.tally.rests == 0
+    assert hardware.controller.command.throttle == 0.5 and hardware.controller.statistics.rests == 0
     hardware.fly(6, answer=False)
-    assert hardware.controller.command == REST and hardware.controller.tally.rests == 1
+    assert hardware.controller.command == REST and hardware.controller.statistics.rests == 1
     hardware.fly(10)
     assert hardware.controller.command.throttle == 0.5 and hardware.controller.command.armed == 1
 
@@ -217,8 +217,8 @@ def test_pulled_out_and_plugged_in_again_it_is_said_and_flies_on(tmp_path: Path)
     assert after[-1].time_us - before[-1].time_us == pytest.approx(0.65e6, abs=0.05e6)  # its clock went on
     name = f"the board at serial:{device},921600"
     assert hardware.said[:2] == [f"{name} is gone: unplugged?", f"{name} is plugged in again"]
-    assert hardware.controller is not None and hardware.controller.tally.commands > 50
-    assert hardware.board.tally.restarts == 0
+    assert hardware.controller is not None and hardware.controller.statistics.commands > 50
+    assert hardware.board.counters.restarts == 0
 
 
 def test_a_board_that_restarts_is_told_and_the_flight_computer_follows_its_clock() -> None:
@@ -241,11 +241,11 @@ def test_a_board_that_restarts_is_told_and_the_flight_computer_follows_its_clock
         command = pilot.step(frame)
         assert command.time_us == frame.time_us
         hardware.board.write(command)
-    assert hardware.board.tally.restarts == 1 and hardware.board.losses.lost == 0
+    assert hardware.board.counters.restarts == 1 and hardware.board.losses.lost == 0
     assert hardware.said == [f"the board at {hardware.line.name} began anew"]
     assert any("followed from there" in text for text in said)
     assert pilot.memory.attitude.time_us > 2_900_000 - 22 * 5000
-    assert hardware.controller is not None and hardware.controller.tally.commands > 250
+    assert hardware.controller is not None and hardware.controller.statistics.commands > 250
 
 
 def test_a_write_that_nobody_reads_is_dropped_and_never_waits() -> None:

@@ -19,7 +19,7 @@ from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.modes import DUTCH_ROLL, modes
 from sim_bridge.flight_mechanics.orbit import trim
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, loop_margins, search
+from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_margins, search
 from sim_bridge.tuning.margins import bandwidth, frequencies, margins, response
 from sim_bridge.tuning.model import is_model_file, load_model, model_of, model_text, save_model
 from sim_bridge.vehicles import load_vehicle
@@ -87,7 +87,7 @@ def lagging_process() -> Process:
 
 def test_a_search_stays_in_its_limits_and_leaves_no_faster_gain_out() -> None:
     process = lagging_process()
-    found = search(process, Wish(20.0, False, False, (100.0, 0.0, 0.0)))
+    found = search(process, LoopSpec(20.0, False, False, (100.0, 0.0, 0.0)))
     assert found.integral == 0.0 and found.damping == 0.0
     assert loop_margins(process, found).phase >= math.radians(45.0)
     assert loop_margins(process, found).sensitivity <= 2.0
@@ -95,13 +95,13 @@ def test_a_search_stays_in_its_limits_and_leaves_no_faster_gain_out() -> None:
     resonance = np.max(np.abs(1.0 - 1.0 / (1.0 + response(process.followed, frequencies()) * faster.proportional)))
     beyond = loop_margins(process, faster)
     assert beyond.phase < math.radians(45.0) or beyond.sensitivity > 2.0 or resonance > 1.3
-    slowed = search(process, Wish(20.0, False, False, (100.0, 0.0, 0.0), steepest=0.2))
+    slowed = search(process, LoopSpec(20.0, False, False, (100.0, 0.0, 0.0), steepest=0.2))
     assert slowed.proportional <= 0.2
 
 
 def test_a_search_without_a_way_says_so() -> None:
     with pytest.raises(BadInput, match="no gains give this loop 6 dB and 45 degrees below 2 rad/s"):
-        search(lagging_process(), Wish(2.0, False, False, (1e-6, 0.0, 0.0)))
+        search(lagging_process(), LoopSpec(2.0, False, False, (1e-6, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -21,7 +21,7 @@ from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command.onboard import Onboard
 from sim_bridge import topics as truth_topics
-from sim_bridge.bridge.server import BridgeServer, Tally
+from sim_bridge.bridge.server import BridgeServer, BridgeStatistics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
@@ -94,7 +94,7 @@ class OnboardLog(MemoryLog):
         """Forget a file."""
 
 
-def over_the_bridge(vehicle: str, scenario: Scenario) -> tuple[MemoryLog, Tally]:
+def over_the_bridge(vehicle: str, scenario: Scenario) -> tuple[MemoryLog, BridgeStatistics]:
     """Fly with the world behind TCP and MAVLink, as two processes do; one log of both sides."""
     log, tallies = OnboardLog(), []
     world = SimulatedWorld(load_vehicle(vehicle), scenario, log.publish)

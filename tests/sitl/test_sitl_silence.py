@@ -14,11 +14,11 @@ from ports import free_port
 
 from avionics import topics
 from avionics.board import boards
-from avionics.board.hil import HilBoard, Patience
+from avionics.board.hil import HilBoard, Timeouts
 from groundstation.command import avionics
 from groundstation.command.main import main
 from logs.reader import open_log
-from sim_bridge.bridge.server import BridgeServer, Tally
+from sim_bridge.bridge.server import BridgeServer, BridgeStatistics
 from sim_bridge.flight.faults import parse_fault
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
@@ -30,11 +30,11 @@ SILENT_AT = 0.5
 def test_a_silent_simulator_is_named_the_log_is_whole_and_the_command_ends_with_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(boards, "HilBoard", functools.partial(HilBoard, patience=Patience(frame=0.3)))
+    monkeypatch.setattr(boards, "HilBoard", functools.partial(HilBoard, timeouts=Timeouts(frame=0.3)))
     monkeypatch.setattr(avionics, "pin_to_core", lambda core: None)
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(faults=(parse_fault(f"sim_silent@{SILENT_AT}"),)))
     server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
-    told: list[Tally] = []
+    told: list[BridgeStatistics] = []
     serving = threading.Thread(target=lambda: told.append(server.serve(world)))
     serving.start()
     log = tmp_path / "flight.mcap"

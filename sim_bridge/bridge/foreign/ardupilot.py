@@ -35,7 +35,7 @@ SENSOR_PERIOD_US = 5000
 """us; sensors are read at 200 Hz, for the recording and the receiver: ArduPilot makes its own of the true state"""
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long the world waits for ArduPilot, on the wall clock."""
 
     stall: float = 1.0
@@ -44,7 +44,7 @@ class Patience(NamedTuple):
     """s; without a packet before it is given up"""
 
 
-class Tally(NamedTuple):
+class BridgeStatistics(NamedTuple):
     """What went over the interface."""
 
     flights: int = 0
@@ -91,8 +91,8 @@ class ArduPilotServer:
         interface: Interface,
         rig: Rig,
         pulses: Pulses,
-        tell: Tell,
-        patience: Patience | None = None,
+        report: Tell,
+        timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Listen.
@@ -104,21 +104,21 @@ class ArduPilotServer:
         self._speed = interface.speed
         self._rig = rig
         self._pulses = pulses
-        self._tell = tell
-        self._patience = patience or Patience()
+        self._report = report
+        self._timeouts = timeouts or Timeouts()
         self._clock = clock
         self._peer: Any = None
         self._last: int | None = None
         self._answer = b""
         self._stalled = False
-        self.tally = Tally()
+        self.statistics = BridgeStatistics()
 
     @property
     def port(self) -> int:
         """The port that is listened on."""
         return int(self._socket.getsockname()[1])
 
-    def serve(self, next_stage: NextStage) -> Tally:
+    def serve(self, next_stage: NextStage) -> BridgeStatistics:
         """Answer packets until the simulation is finished, or none comes any more.
 
         Raises:
@@ -129,9 +129,9 @@ class ArduPilotServer:
         while flight is None or not flight.finished:
             received = self._receive()
             if received is None:
-                if self._clock() - heard_at >= self._patience.connect:
+                if self._clock() - heard_at >= self._timeouts.connect:
                     return self._abandoned()
-                self._tell_silence(flight)
+                self._report_timeout(flight)
                 continue
             servos, order = received
             heard_at = self._clock()
@@ -142,11 +142,11 @@ class ArduPilotServer:
                     self._respond(flight, servos, order)
                 except SimulationSilent as silence:
                     return self._fall_silent(str(silence))
-        return self.tally._replace(ended="the simulation finished")
+        return self.statistics._replace(ended="the simulation finished")
 
     def _receive(self) -> tuple[wire.Servos, Order] | None:
         """The next packet worth anything and its order, None after a while without one."""
-        deadline = self._clock() + self._patience.stall
+        deadline = self._clock() + self._timeouts.stall
         while (left := deadline - self._clock()) > 0.0:
             self._socket.settimeout(max(left, 1e-3))
             try:
@@ -175,24 +175,24 @@ class ArduPilotServer:
         return servos, order
 
     def _refuse(self, what: str, text: str) -> None:
-        if getattr(self.tally, what) == 0:
-            self._tell(f"{text} (told once, counted on)")
+        if getattr(self.statistics, what) == 0:
+            self._report(f"{text} (told once, counted on)")
         self._count(**{what: 1})
 
     def _begin(self, next_stage: NextStage, servos: wire.Servos) -> ArduPilotFlight:
-        again = "starts over" if self.tally.flights else "has come"
-        self._tell(
+        again = "starts over" if self.statistics.flights else "has come"
+        self._report(
             f"ArduPilot at {_named(self._peer)} {again} with {servos.frame_rate} frames/s:"
             " the vehicle is in the launcher's hand"
         )
         self._count(flights=1)
         self._last = None
-        return ArduPilotFlight(ForeignFlight(next_stage(), self._rig, self._tell), Pacer(self._speed, self._clock))
+        return ArduPilotFlight(ForeignFlight(next_stage(), self._rig, self._report), Pacer(self._speed, self._clock))
 
     def _respond(self, flight: ArduPilotFlight, servos: wire.Servos, order: Order) -> None:
         if self._stalled:
             self._stalled = False
-            flight.flight.say("ArduPilot is back")
+            flight.flight.report_stage("ArduPilot is back")
         if order is Order.STALE:
             self._count(stale=1)
             return
@@ -209,34 +209,36 @@ class ArduPilotServer:
         with contextlib.suppress(OSError):  # who is gone is told by his silence
             self._socket.sendto(self._answer, self._peer)
 
-    def _tell_silence(self, flight: ArduPilotFlight | None) -> None:
+    def _report_timeout(self, flight: ArduPilotFlight | None) -> None:
         if self._stalled or flight is None:
             return
         self._stalled = True
         text = f"ArduPilot at {_named(self._peer)} is silent after frame {self._last}; waiting for it"
-        flight.flight.say(text, Severity.WARNING)
+        flight.flight.report_stage(text, Severity.WARNING)
 
-    def _abandoned(self) -> Tally:
-        text = f"{self._socket_name} for {self._patience.connect:g} s"
-        if self.tally.flights == 0:
-            refused = self.tally.malformed
+    def _abandoned(self) -> BridgeStatistics:
+        text = f"{self._socket_name} for {self._timeouts.connect:g} s"
+        if self.statistics.flights == 0:
+            refused = self.statistics.malformed
             seen = f" ({refused} datagrams were no servo packets)" if refused else ""
             raise AutopilotSilent(f"no ArduPilot spoke to {text}{seen}")
-        return self.tally._replace(ended=f"ArduPilot said nothing to {text}")
+        return self.statistics._replace(ended=f"ArduPilot said nothing to {text}")
 
     @property
     def _socket_name(self) -> str:
         return _named(self._socket.getsockname())
 
-    def _fall_silent(self, reason: str) -> Tally:
+    def _fall_silent(self, reason: str) -> BridgeStatistics:
         """Leave what still comes without an answer, until no more does or for a minute: it may ask for ever."""
         deadline = self._clock() + LONGEST_SILENCE
         while self._receive() is not None and self._clock() < deadline:
             pass
-        return self.tally._replace(ended=reason)
+        return self.statistics._replace(ended=reason)
 
     def _count(self, **more: int) -> None:
-        self.tally = self.tally._replace(**{name: getattr(self.tally, name) + n for name, n in more.items()})
+        self.statistics = self.statistics._replace(
+            **{name: getattr(self.statistics, name) + n for name, n in more.items()}
+        )
 
     def close(self) -> None:
         """Release the port."""
@@ -262,7 +264,7 @@ class ArduPilotFlight:
         outputs = from_pulses(rig.channels, pulses, servos.widths)
         observation = self.flight.advance(outputs, 1.0 / servos.frame_rate)
         self._read_sensors(observation)
-        self._pacer.hold(observation.time_us)
+        self._pacer.wait(observation.time_us)
         world = self.flight.world
         return wire.encode_state(observation, world.truth(), world.truth_wing(), self._receiver)
 

@@ -36,11 +36,11 @@ _SENSORS: tuple[tuple[str, Topic], ...] = (
 )
 
 
-class Told(Enum):
+class Reported(Enum):
     """How far the flight has come, as the terminal knows it."""
 
-    HELD = 0
-    THROWN = 1
+    IN_HAND = 0
+    LAUNCHED = 1
     FLYING = 2
     LANDED = 3
 
@@ -56,16 +56,16 @@ class Rig(NamedTuple):
 class ForeignFlight:
     """From the launcher's hand to the end of the simulation, or until the autopilot starts over."""
 
-    def __init__(self, stage: Stage, rig: Rig, tell: Tell) -> None:
+    def __init__(self, stage: Stage, rig: Rig, report: Tell) -> None:
         self.world: ForeignWorld = stage.world
         self._publish = stage.publish
-        self._tell = tell
+        self._report = report
         self._gains = mixer.gains_of(rig.vehicle)
         self._by_throw = rig.launch is Launch.THROW
         self._launch = launch.gains_of(rig.launch, rig.vehicle.gains.altitude.throttle_trim)
         self._mixed = mixer.State()
         self._ready = launch.State()
-        self._told = Told.HELD
+        self._reported = Reported.IN_HAND
         self._next_record_us = 0
         self._flap, self._command = FlapCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0), NEUTRAL
         self._isolation = Isolation()
@@ -102,10 +102,10 @@ class ForeignFlight:
             for event in fault_events(fault, frame.time_us):
                 self._publish(truth_topics.EVENTS, event)
 
-    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+    def report_stage(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Tell the terminal and the recording."""
         self._publish(truth_topics.EVENTS, Event(self.world.time_us, severity, "world", text))
-        self._tell(f"{self.world.time_us * 1e-6:7.1f} s  {text}")
+        self._report(f"{self.world.time_us * 1e-6:7.1f} s  {text}")
 
     def _step(self, outputs: Outputs, dt: float) -> Observation:
         start_us = self.world.time_us
@@ -113,7 +113,7 @@ class ForeignFlight:
         waited = self._ready.ready
         self._ready, ready = launch.step(self._launch, self._ready, dt, outputs)
         if self._by_throw and not self.world.thrown and (waited > 0.0) != (self._ready.ready > 0.0):
-            self.say(f"armed: launch in {self._launch.time:g} s" if waited <= 0.0 else "disarmed: no launch")
+            self.report_stage(f"armed: launch in {self._launch.time:g} s" if waited <= 0.0 else "disarmed: no launch")
         if ready:
             self.world.release()
         self._flap, self._command = flap, command
@@ -126,11 +126,11 @@ class ForeignFlight:
         return observation
 
     def _watch_flight(self, outputs: Outputs) -> None:
-        if self._told is Told.HELD and self.world.thrown:
-            self._told = Told.THROWN
-            self.say(f"thrown, with a throttle of {100.0 * outputs.throttle:.0f} %")
-        elif self._told is Told.THROWN and not self.world.truth().on_ground:
-            self._told = Told.FLYING
-        elif self._told is Told.FLYING and self.world.truth().on_ground:
-            self._told = Told.LANDED
-            self.say("on the ground")
+        if self._reported is Reported.IN_HAND and self.world.thrown:
+            self._reported = Reported.LAUNCHED
+            self.report_stage(f"thrown, with a throttle of {100.0 * outputs.throttle:.0f} %")
+        elif self._reported is Reported.LAUNCHED and not self.world.truth().on_ground:
+            self._reported = Reported.FLYING
+        elif self._reported is Reported.FLYING and self.world.truth().on_ground:
+            self._reported = Reported.LANDED
+            self.report_stage("on the ground")

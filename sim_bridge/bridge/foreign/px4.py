@@ -34,7 +34,7 @@ TICK = 1.0 / IMU_RATE
 FIELD_TICKS = ticks_of(IMU_RATE).magnetometer
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long the world waits for PX4, on the wall clock."""
 
     connect: float = 600.0
@@ -49,7 +49,7 @@ class Patience(NamedTuple):
     """s; without a message before it is given up"""
 
 
-class Tally(NamedTuple):
+class BridgeStatistics(NamedTuple):
     """What went over the interface."""
 
     flights: int = 0
@@ -71,10 +71,10 @@ class Tally(NamedTuple):
     ended: str = ""
     """why it ended, one line"""
 
-    def plus(self, other: Tally) -> Tally:
+    def plus(self, other: BridgeStatistics) -> BridgeStatistics:
         """The sum, with the other's reason."""
         sums = {name: getattr(self, name) + getattr(other, name) for name in self._fields[:-1]}
-        return Tally(**sums, ended=other.ended)
+        return BridgeStatistics(**sums, ended=other.ended)
 
 
 class Px4Server:
@@ -84,8 +84,8 @@ class Px4Server:
         self,
         interface: Interface,
         rig: Rig,
-        tell: Tell,
-        patience: Patience | None = None,
+        report: Tell,
+        timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Listen.
@@ -96,8 +96,8 @@ class Px4Server:
         self._listener = Listener(interface.url)
         self._speed = interface.speed
         self._rig = rig
-        self._tell = tell
-        self._patience = patience or Patience()
+        self._report = report
+        self._timeouts = timeouts or Timeouts()
         self._clock = clock
 
     @property
@@ -105,29 +105,29 @@ class Px4Server:
         """The port that is listened on."""
         return self._listener.port
 
-    def serve(self, next_stage: NextStage) -> Tally:
+    def serve(self, next_stage: NextStage) -> BridgeStatistics:
         """Fly until a simulation is finished, or nobody comes back.
 
         Raises:
             AutopilotSilent: nobody came, or a PX4 fell silent in flight.
         """
-        total = Tally()
+        total = BridgeStatistics()
         while True:
-            stream = self._listener.accept(self._patience.connect)
+            stream = self._listener.accept(self._timeouts.connect)
             if stream is None:
                 return self._abandoned(total)
-            session = Px4Session(stream, self._rig, self._tell, self._patience, self._clock)
+            session = Px4Session(stream, self._rig, self._report, self._timeouts, self._clock)
             try:
                 if session.greet():
                     session.fly(next_stage(), self._speed)
             finally:
                 stream.close()
-                total = total.plus(session.tally)
+                total = total.plus(session.statistics)
             if not session.hung_up:
                 return total
 
-    def _abandoned(self, total: Tally) -> Tally:
-        text = f"{self._listener.url} for {self._patience.connect:g} s"
+    def _abandoned(self, total: BridgeStatistics) -> BridgeStatistics:
+        text = f"{self._listener.url} for {self._timeouts.connect:g} s"
         if total.flights == 0:
             others = f" ({total.strangers} connections were no PX4)" if total.strangers else ""
             raise AutopilotSilent(f"no PX4 connected to {text}{others}")
@@ -141,13 +141,15 @@ class Px4Server:
 class Px4Session:
     """One connection."""
 
-    def __init__(self, stream: Stream, rig: Rig, tell: Tell, patience: Patience, clock: Callable[[], float]) -> None:
-        self.tally = Tally()
+    def __init__(
+        self, stream: Stream, rig: Rig, report: Tell, timeouts: Timeouts, clock: Callable[[], float]
+    ) -> None:
+        self.statistics = BridgeStatistics()
         self.hung_up = False
         self._stream = stream
         self._rig = rig
-        self._tell = tell
-        self._patience = patience
+        self._report = report
+        self._timeouts = timeouts
         self._clock = clock
         self._reader = FrameReader(version_1=False)
         self._writer = codec.FrameWriter(1, 200)
@@ -156,20 +158,20 @@ class Px4Session:
         self._echo = Echo()
         self._truth_interval_us = 0
         self._next_truth_us = 0
-        self._heard_at = clock()
-        self._heard_us = 0
+        self._received_at = clock()
+        self._received_us = 0
         self._stalled = False
 
     def greet(self) -> bool:
         """Wait for the HEARTBEAT of a PX4; whoever is something else is told, and hung up on."""
-        deadline = self._clock() + self._patience.hello
+        deadline = self._clock() + self._timeouts.hello
         while self._autopilot is None and not self.hung_up and self._clock() < deadline:
             self._listen(0.05)
         if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
-            self._tell(f"PX4 connected from {self._stream.name}: the vehicle is in the launcher's hand")
+            self._report(f"PX4 connected from {self._stream.name}: the vehicle is in the launcher's hand")
             return True
         said = "sent no HEARTBEAT" if self._autopilot is None else f"is MAV_AUTOPILOT {self._autopilot}, not PX4 (12)"
-        self._tell(f"whoever connected from {self._stream.name} {said}: hung up")
+        self._report(f"whoever connected from {self._stream.name} {said}: hung up")
         self._count(strangers=1, bad_bytes=self._reader.bad_bytes)
         self.hung_up = True
         return False
@@ -180,29 +182,29 @@ class Px4Session:
         Raises:
             AutopilotSilent: PX4 is connected and says nothing any more.
         """
-        flight = ForeignFlight(stage, self._rig, self._tell)
+        flight = ForeignFlight(stage, self._rig, self._report)
         pace = Pace(speed, self._clock)
         self._count(flights=1)
-        self._heard_at = self._clock()
+        self._received_at = self._clock()
         ended = "the simulation finished"
         try:
             while not flight.world.finished and not self.hung_up:
                 frame = flight.sample(flight.advance(self._outputs, TICK))
-                pace.hold(frame.time_us, waiting=self._waits)
+                pace.wait_at_rest(frame.time_us, waiting=self._waits)
                 self._send(frame, flight)
                 armed = self._outputs.armed
                 self._await_answer(frame.time_us)
                 if self._outputs.armed != armed:
-                    flight.say("disarmed" if armed else "armed")
+                    flight.report_stage("disarmed" if armed else "armed")
                 self._watch_silence(flight)
         except SimulationSilent as silence:
             self._await_hanging_up()
             self.hung_up, ended = False, str(silence)
         if self.hung_up:
             ended = "PX4 hung up"
-            flight.say(f"PX4 at {self._stream.name} hung up; when it is back it starts from the hand again")
+            flight.report_stage(f"PX4 at {self._stream.name} hung up; when it is back it starts from the hand again")
         self._count(bad_bytes=self._reader.bad_bytes)
-        self.tally = self.tally._replace(ended=ended)
+        self.statistics = self.statistics._replace(ended=ended)
 
     @property
     def _waits(self) -> bool:
@@ -220,7 +222,9 @@ class Px4Session:
             parts.append(self._writer.frame(codec.HIL_GPS, codec.encode_gps(frame.gps)))
         if frame.receiver is not None and not frame.receiver.lost:
             parts.append(self._writer.pack(wire.rc_channels(frame.receiver)))
-        sensors = wire.encode_sensors(frame, self.tally.frames % FIELD_TICKS == 0, self._rig.vehicle.gains.air_data)
+        sensors = wire.encode_sensors(
+            frame, self.statistics.frames % FIELD_TICKS == 0, self._rig.vehicle.gains.air_data
+        )
         # HIL_SENSOR sets PX4's clock, so what belongs to this time is there before it.
         parts.append(self._writer.frame(wire.HIL_SENSOR, sensors))
         self.hung_up |= not self._stream.write(b"".join(parts))
@@ -228,7 +232,7 @@ class Px4Session:
 
     def _await_answer(self, time_us: int) -> None:
         waits = self._waits
-        deadline = self._clock() + (self._patience.moment if waits else 0.0)
+        deadline = self._clock() + (self._timeouts.moment if waits else 0.0)
         self._echo = self._echo.sent(time_us)
         self._listen(0.0)
         while waits and not self._echo.prompt and not self.hung_up and self._clock() < deadline:
@@ -242,7 +246,7 @@ class Px4Session:
             self.hung_up = True
             return
         for frame in self._reader.feed(data) if data else []:
-            self._heard_at = self._clock()
+            self._received_at = self._clock()
             if frame.message_id == wire.HIL_ACTUATOR_CONTROLS:
                 self._obey(wire.decode_controls(frame.payload))
             else:
@@ -254,7 +258,7 @@ class Px4Session:
             self._count(rejected=1)
             return
         self._outputs = outputs
-        self._echo = self._echo.heard(controls)
+        self._echo = self._echo.has_received(controls)
         self._count(answers=1, late=int(self._echo.lockstep and not self._echo.prompt))
 
     def _converse(self, frame: Frame) -> None:
@@ -279,26 +283,28 @@ class Px4Session:
         return True
 
     def _watch_silence(self, flight: ForeignFlight) -> None:
-        silent = self._clock() - self._heard_at
-        if self._stalled and silent < self._patience.stall:
+        silent = self._clock() - self._received_at
+        if self._stalled and silent < self._timeouts.stall:
             self._stalled = False
-            flight.say("PX4 answers again")
-        if silent < self._patience.stall or not self._echo.begun:
+            flight.report_stage("PX4 answers again")
+        if silent < self._timeouts.stall or not self._echo.has_started:
             return
         last = f"it answered last at t = {self._echo.at_us * 1e-6:.3f} s"
         if not self._stalled:
             self._stalled = True
-            flight.say(f"PX4 at {self._stream.name} is silent; {last}", Severity.WARNING)
-        if silent >= self._patience.silence:
+            flight.report_stage(f"PX4 at {self._stream.name} is silent; {last}", Severity.WARNING)
+        if silent >= self._timeouts.silence:
             raise AutopilotSilent(f"PX4 at {self._stream.name} has been silent for {silent:.0f} s; {last}")
 
     def _await_hanging_up(self) -> None:
-        deadline = self._clock() + self._patience.hello
+        deadline = self._clock() + self._timeouts.hello
         while not self.hung_up and self._clock() < deadline:
             self._listen(0.05)
 
     def _count(self, **more: int) -> None:
-        self.tally = self.tally._replace(**{name: getattr(self.tally, name) + n for name, n in more.items()})
+        self.statistics = self.statistics._replace(
+            **{name: getattr(self.statistics, name) + n for name, n in more.items()}
+        )
 
 
 class Echo(NamedTuple):
@@ -318,20 +324,20 @@ class Echo(NamedTuple):
     """PX4 says that it keeps our time"""
 
     @property
-    def begun(self) -> bool:
+    def has_started(self) -> bool:
         """An answer has come."""
         return self.distance_us is not None
 
     @property
     def prompt(self) -> bool:
         """The last answer belongs to the last frame."""
-        return self.begun and self.at_us >= self.sent_us
+        return self.has_started and self.at_us >= self.sent_us
 
     def sent(self, time_us: int) -> Echo:
         """After a sensor frame of that time."""
         return self._replace(sent_us=time_us)
 
-    def heard(self, controls: wire.Controls) -> Echo:
+    def has_received(self, controls: wire.Controls) -> Echo:
         """After an answer."""
         apart = self.sent_us - controls.time_us
         distance = apart if self.distance_us is None else min(apart, self.distance_us)
@@ -350,10 +356,10 @@ class Pace:
     def _now(self, waiting: bool) -> float | None:
         return 1.0 if self._speed is None and not waiting else self._speed
 
-    def hold(self, time_us: int, waiting: bool) -> None:
+    def wait_at_rest(self, time_us: int, waiting: bool) -> None:
         """Wait until simulated time ``time_us`` is due."""
         if waiting != self._waiting:
             # Another speed counts from here: what was flown at the last one is neither made up for nor waited for.
             self._waiting = waiting
             self._pacer = Pacer(self._now(waiting), self._clock)
-        self._pacer.hold(time_us)
+        self._pacer.wait(time_us)

@@ -40,11 +40,11 @@ def longitudinal(aircraft: Aircraft) -> Any:
         inputs, columns = [*inputs, "thrust"], [*columns, model.drive.b * stroke_slope(aircraft.gains, model.drive)]
         parts.append(blocks.lag(model.drive.lag, "throttle", "thrust"))
     outputs = ["pitch", "pitch_rate", "climb"]
-    plant = _plant(model.a, columns, _seen(model), inputs, outputs)
+    plant = _plant(model.a, columns, _measured(model), inputs, outputs)
     return blocks.joined([plant, *parts], ["elevator", "throttle"][: len(inputs)], outputs)
 
 
-def _seen(model: LinearModel) -> list[list[float]]:
+def _measured(model: LinearModel) -> list[list[float]]:
     """Outputs pitch, pitch rate, climb of u, w, q, theta; about level flight."""
     climb = [math.sin(model.pitch), -math.cos(model.pitch), 0.0, model.airspeed]
     return [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], climb]
@@ -58,9 +58,9 @@ def lateral(aircraft: Aircraft) -> Any:
     model, across = aircraft.model, aircraft.model.lateral
     assert across is not None
     rudder = across.rudder * aircraft.gains.tail.rudder_share
-    seen = [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0 / math.cos(model.pitch), 0.0]]
+    measured = [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0 / math.cos(model.pitch), 0.0]]
     outputs = ["roll", "roll_rate", "yaw_rate"]
-    plant = _plant(across.a, [rudder], seen, ["tail_angle"], outputs)
+    plant = _plant(across.a, [rudder], measured, ["tail_angle"], outputs)
     servo = blocks.lag(aircraft.airframe.tail_time_constant, "roll_command", "tail_angle")
     return blocks.joined([plant, servo], ["roll_command"], outputs)
 
@@ -91,10 +91,10 @@ def loop_delay(rate: float) -> float:
     return 1.0 / BASE_RATE + 0.5 / rate
 
 
-def _plant(a: Any, columns: list[Any], seen: list[list[float]], inputs: list[str], outputs: list[str]) -> Any:
+def _plant(a: Any, columns: list[Any], measured: list[list[float]], inputs: list[str], outputs: list[str]) -> Any:
     import control
 
     b = np.column_stack(columns)
     return control.ss(
-        a, b, seen, np.zeros((len(seen), len(columns))), inputs=inputs, outputs=outputs, name="aircraft"
+        a, b, measured, np.zeros((len(measured), len(columns))), inputs=inputs, outputs=outputs, name="aircraft"
     )

@@ -11,7 +11,7 @@ from sim_bridge.flight.tuning import climb
 from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
 from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
 
 APART = 4.0
@@ -43,6 +43,8 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     ranges = greatest(altitude.Gains, "proportional")
     file = aircraft.gains.altitude
     steepest = file.climb_rate_limit / max(file.climb_max, file.sink_max)
-    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE))
+    found = search(
+        process(aircraft), LoopSpec(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE)
+    )
     gains = file._replace(proportional=found.proportional)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

@@ -8,7 +8,7 @@ from avionics.stabilization import pitch, roll
 from avionics.stabilization.dynamic_pressure import share
 from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.flight.tuning.ranges import greatest
-from sim_bridge.tuning.loop import Process, Terms, Wish, search
+from sim_bridge.tuning.loop import LoopSpec, Process, Terms, search
 
 RATE = 100.0
 """Hz; of the loop"""
@@ -32,5 +32,5 @@ def designed(aircraft: Aircraft, process: Process, gains: Gains) -> Gains:
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(type(gains), "proportional", "integral", "damping")
-    found = search(process, Wish(fastest, True, True, ranges))
+    found = search(process, LoopSpec(fastest, True, True, ranges))
     return gains._replace(**found._asdict(), airspeed=aircraft.model.airspeed)

@@ -74,9 +74,9 @@ class Design(NamedTuple):
 
 
 def design(
-    model: LinearModel, vehicle: FlightVehicle, told: Callable[[int, int], None] = lambda done, of: None
+    model: LinearModel, vehicle: FlightVehicle, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> Design:
-    """Design every loop that the model has the motion for; ``told`` hears how many of how many are done.
+    """Design every loop that the model has the motion for; ``on_progress`` hears how many of how many are done.
 
     Raises:
         BadInput: a loop finds no gains that keep the margins.
@@ -89,7 +89,7 @@ def design(
             aircraft = _rounded(part.tuned(aircraft), part)
         except BadInput as error:
             raise BadInput(f"{part.name}: {error}") from None
-        told(i + 1, len(parts))
+        on_progress(i + 1, len(parts))
     before, after = (tuple(examined(part, one) for part in parts) for one in (start, aircraft))
     return Design(model, aircraft.gains, before, after)
 

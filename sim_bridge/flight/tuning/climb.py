@@ -13,7 +13,7 @@ from sim_bridge.flight.tuning import pitch
 from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
 from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, pick, search
+from sim_bridge.tuning.loop import LoopSpec, Process, Terms, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
 
 RATE = 50.0
@@ -79,6 +79,6 @@ def tuned(aircraft: Aircraft) -> Aircraft:
         greatest(altitude.Gains, "throttle_error", "throttle_integral"),
         aircraft.gains.altitude.pitch_error,
     )
-    found = search(process(aircraft), Wish(fastest, True, False, ranges, held, regulates=True, limits=GUIDANCE))
+    found = search(process(aircraft), LoopSpec(fastest, True, False, ranges, held, regulates=True, limits=GUIDANCE))
     gains = aircraft.gains.altitude._replace(throttle_error=found.proportional, throttle_integral=found.integral)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))

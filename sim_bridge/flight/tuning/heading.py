@@ -16,7 +16,7 @@ from sim_bridge.flight.tuning.altitude import APART
 from sim_bridge.flight.tuning.climb import RATE
 from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
-from sim_bridge.tuning.loop import Process, Terms, Wish, loop_bandwidth, pick, search
+from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
 
 
@@ -45,6 +45,8 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     ranges = greatest(heading.Gains, "proportional")
     file = aircraft.gains.heading
     steepest = file.roll_rate * aircraft.model.airspeed / (GRAVITY * math.tan(file.roll_max))
-    found = search(process(aircraft), Wish(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE))
+    found = search(
+        process(aircraft), LoopSpec(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE)
+    )
     gains = file._replace(proportional=found.proportional)
     return aircraft._replace(gains=aircraft.gains._replace(heading=gains))

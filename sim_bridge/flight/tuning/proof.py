@@ -48,7 +48,7 @@ _KEPT = {
 Array = NDArray[np.float64]
 
 
-class Flown(NamedTuple):
+class FlightQuality(NamedTuple):
     """One flight in numbers."""
 
     holds: int
@@ -91,8 +91,8 @@ class Comparison(StrEnum):
 class Proof(NamedTuple):
     """The same flight twice."""
 
-    before: Flown
-    after: Flown
+    before: FlightQuality
+    after: FlightQuality
 
     @property
     def error_ratio(self) -> float:
@@ -141,9 +141,9 @@ class _World(SimulatedWorld):
         return self._memory.over or super().finished
 
 
-def flown(
+def fly_quality(
     world: SimulatedVehicle, vehicle: FlightVehicle, gains: FlightGains, scenario: Scenario = SCENARIO
-) -> Flown:
+) -> FlightQuality:
     """Fly `MISSION` with these gains in one process.
 
     Raises:
@@ -155,20 +155,20 @@ def flown(
     return _measured(memory)
 
 
-def _measured(memory: _Memory) -> Flown:
+def _measured(memory: _Memory) -> FlightQuality:
     spans = _windows(memory)
     if not spans:
         raise BadInput(f"the flight did not come to its first hold at {HEIGHT:g} m")
     truth, time = _chosen(memory, truth_topics.STATE, spans), memory.column(truth_topics.STATE, "time_us")
     asked_altitude, asked_heading = (
-        _held(memory, name, truth("time_us")) for name in ("altitude_setpoint", "heading_setpoint")
+        _level_flight(memory, name, truth("time_us")) for name in ("altitude_setpoint", "heading_setpoint")
     )
     altitude = memory.column(truth_topics.STATE, "down")[0] - truth("down")
     course = np.arctan2(truth("v_east"), truth("v_north"))
     roll, actuators = _roll(truth), _chosen(memory, topics.ACTUATORS, spans)
     on_ground = memory.column(truth_topics.STATE, "on_ground")
     launched = int(np.argmin(on_ground))
-    return Flown(
+    return FlightQuality(
         len(spans),
         float(sum(end - begin for begin, end in spans)),
         bool(np.any(on_ground[launched:][time[launched:] <= spans[-1][1]])),
@@ -202,7 +202,7 @@ def _chosen(memory: _Memory, topic: Topic, spans: list[tuple[float, float]]) -> 
     return lambda name: memory.column(topic, name)[inside]
 
 
-def _held(memory: _Memory, name: str, times: Array) -> Array:
+def _level_flight(memory: _Memory, name: str, times: Array) -> Array:
     """(n,); what the navigation asked for at ``times`` in s."""
     places = np.searchsorted(memory.column(topics.NAVIGATION, "time_us"), times, side="right") - 1
     return np.asarray(memory.column(topics.NAVIGATION, name)[np.maximum(places, 0)])
