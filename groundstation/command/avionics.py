@@ -28,12 +28,12 @@ from avionics.missions.files import load_flight_plan
 from avionics.missions.script import plan_commands, scripted_start
 from avionics.quantities import BadInput, counted
 from avionics.recorder import Recorder
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import FlightVehicle, load_vehicle
 from groundstation.command import options
 from groundstation.command.bench import BoundedBoard, showing
 from groundstation.command.console_status import Account, FlightOutcome, ReportingBoard, event_record
 from groundstation.command.ending import WORDS
-from groundstation.command.onboard import Onboard
 from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from groundstation.views.json_document import print_document
 from logs.names import RECORDINGS
@@ -153,7 +153,7 @@ def run(arguments: Sequence[str]) -> int:
         isolation = Isolation()
         scene = isolation.guard("scene")
         seen = SceneRecorder(recorder, shape, recorder.start_epoch_ns, estimated=True, guard=scene)
-        onboard = Onboard(vehicle, plan.mission, seen, commands, isolation=isolation)
+        onboard = FlightComputer(vehicle, plan.mission, seen, commands, isolation=isolation)
         if kept is not None:
             onboard.keep_parameters(kept)
         _report(onboard, loaded)
@@ -200,7 +200,7 @@ def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path
     ]
 
 
-def _document(chosen: argparse.Namespace, onboard: Onboard, path: Path, outcome: Outcome) -> dict[str, Any]:
+def _document(chosen: argparse.Namespace, onboard: FlightComputer, path: Path, outcome: Outcome) -> dict[str, Any]:
     """The keys of `JSON_KEYS`."""
     attitude = onboard.view.autopilot.memory.attitude
     return {
@@ -225,7 +225,7 @@ def _close(link: GroundLink, recorder: Recorder) -> None:
         recorder.record(topics.LINK_EVENTS, event)
 
 
-def _report(onboard: Onboard, loaded: Loaded) -> None:
+def _report(onboard: FlightComputer, loaded: Loaded) -> None:
     """Say which parameters were loaded, or why none were; a damaged file on stderr too."""
     if loaded.text:
         severity = Severity.WARNING if loaded.damaged else Severity.INFO
@@ -240,7 +240,7 @@ def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
 
 
 def _fly(
-    chosen: argparse.Namespace, onboard: Onboard, link: GroundLink, account: Account, isolation: Isolation
+    chosen: argparse.Namespace, onboard: FlightComputer, link: GroundLink, account: Account, isolation: Isolation
 ) -> Outcome:
     """Fly; returns how far, and why it ended."""
     if not chosen.board.startswith(WITHOUT_LOCKSTEP):
@@ -273,7 +273,7 @@ def _run_flight(
     chosen: argparse.Namespace,
     board: HilBoard | RazorBoard,
     console: ReportingBoard,
-    onboard: Onboard,
+    onboard: FlightComputer,
     link: GroundLink,
     isolation: Isolation,
 ) -> tuple[str, bool]:

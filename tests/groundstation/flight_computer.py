@@ -15,8 +15,8 @@ from avionics.link.signing import Signing
 from avionics.link.vehicle import Identity
 from avionics.messages import ActuatorCommand, AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
 from avionics.recorder import NullRecorder
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import Onboard
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 TICK_US = 5000
@@ -68,7 +68,7 @@ def aboard(
     its, ours = ("udpout", "udpin") if calls else ("udpin", "udpout")
     port = free_port()
     file = ParameterFile(path, RAVEN)
-    onboard = Onboard(file.load().vehicle, (), NullRecorder())
+    onboard = FlightComputer(file.load().vehicle, (), NullRecorder())
     onboard.keep_parameters(file)
     link = GroundLink([f"{its}:127.0.0.1:{port}"], onboard.view, outdoors_as, files=Files(file, signing))
     board = Bench(outdoors_as is not None)

@@ -16,10 +16,10 @@ from rich.console import Console
 from avionics.board.line_watch import Losses
 from avionics.board.razor_protocol import Angles
 from avionics.messages import Attitude
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.state import zero
 from groundstation.command import avionics
 from groundstation.command.main import main
-from groundstation.command.onboard import Onboard
 from groundstation.views.bench import Bench, BenchView, plain_line, render
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
@@ -35,7 +35,7 @@ def leaning(time: float) -> Motion:
 def razor(monkeypatch: pytest.MonkeyPatch) -> FakeRazor:
     """A Razor that takes its turns whenever the flight computer has nothing else to do."""
     fake = FakeRazor(leaning)
-    monkeypatch.setattr(Onboard, "idle", lambda self: fake.pump())
+    monkeypatch.setattr(FlightComputer, "idle", lambda self: fake.pump())
     return fake
 
 

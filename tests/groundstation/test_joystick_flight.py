@@ -14,8 +14,8 @@ from avionics.link.vehicle import PROFILES
 from avionics.messages import ActuatorCommand, Mode, PilotSource, SensorFrame
 from avionics.missions import load_mission
 from avionics.recorder import NullRecorder
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import Onboard
 from groundstation.joystick.actions import Action, ActionKind, Assignments
 from groundstation.joystick.control import DEFAULT_RATE, ManualControl
 from groundstation.link.connection import Connection
@@ -51,7 +51,7 @@ class Flight:
         self.world = SimulatedWorld(load_world(VEHICLE), Scenario(waits_for_arming=True, launch_time=SETTLED))
         port = free_port()
         clock = lambda: self.time  # noqa: E731
-        self.onboard = Onboard(load_vehicle(VEHICLE), load_mission("circuit"), NullRecorder(), clock=clock)
+        self.onboard = FlightComputer(load_vehicle(VEHICLE), load_mission("circuit"), NullRecorder(), clock=clock)
         link = GroundLink([f"udpin:127.0.0.1:{port}"], self.onboard.view, PROFILES["ardupilot"])
         connection = Connection(f"udpout:127.0.0.1:{port}", stays=True, clock=clock)
         self.station = Station(connection, clock)

@@ -14,10 +14,10 @@ from avionics.missions import load_mission
 from avionics.missions.script import START_US, scripted_start
 from avionics.processors import WHOLE_TICK
 from avionics.recorder import NullRecorder
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
 from groundstation.command.console_status import Account, ReportingBoard
-from groundstation.command.onboard import Onboard
 
 TICK_US = 5000
 
@@ -78,7 +78,7 @@ class Ground:
 def fly(board: Rest, script: tuple[Command, ...] = (), link: Any = None) -> Memory:
     memory = Memory()
     clock = iter(range(10**6))
-    onboard = Onboard(
+    onboard = FlightComputer(
         load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory, script, clock=lambda: 0.005 * next(clock)
     )
     onboard.fly(board, link)
@@ -124,7 +124,7 @@ def test_a_recording_that_has_ended_is_told_once_and_the_flight_goes_on(link: An
     memory = Memory()
     memory.failure = "recording to flight.mcap ended: No space left on device"
     board = Rest(50)
-    Onboard(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(board, link)
+    FlightComputer(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(board, link)
     told = [message for topic, message in memory.kept if topic is topics.LINK_EVENTS and message.source == "recorder"]
     assert [(event.severity.name, event.text) for event in told] == [("ERROR", memory.failure)]
     assert len(board.answers) == 50
@@ -141,7 +141,7 @@ def test_a_tick_that_is_interrupted_while_it_is_written_down_is_recorded_whole()
 
     whole, memory = fly(Rest(3)), Interrupted()
     with pytest.raises(KeyboardInterrupt):
-        Onboard(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(Rest(10))
+        FlightComputer(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), memory).fly(Rest(10))
     told = [(topic.name, m.time_us) for topic, m in memory.kept]
     assert told == [(topic.name, m.time_us) for topic, m in whole.kept]
 
@@ -162,7 +162,7 @@ def test_what_a_link_takes_is_the_ticks_overrun_and_no_processors() -> None:
 
     memory, time = Memory(), iter(range(10**6))
     vehicle, mission = load_vehicle("robo_raven_ii_d"), load_mission("circuit")
-    onboard = Onboard(vehicle, mission, memory, (), lambda: 0.005 * next(time), lambda: now_ns[0])
+    onboard = FlightComputer(vehicle, mission, memory, (), lambda: 0.005 * next(time), lambda: now_ns[0])
     onboard.fly(Rest(201), Slow())  # type: ignore[arg-type]
     overruns = {each.processor: each.overruns for topic, each in memory.kept if topic is topics.TIMING}
     assert overruns == {0: 0, 1: 0, 2: 0, 3: 0, WHOLE_TICK: 201}
@@ -197,7 +197,7 @@ class Supplied:
 
 def test_the_power_of_a_line_is_the_mean_since_the_line_before_not_that_of_a_burst() -> None:
     class Lines(Account):
-        def say(self, text: str) -> None:
+        def report(self, text: str) -> None:
             told.append(text)
 
     told: list[str] = []

@@ -15,9 +15,9 @@ from avionics.isolation import Isolation
 from avionics.link.ground import GroundLink
 from avionics.messages import Event, ImuSample, Severity
 from avionics.missions import load_mission
+from avionics.runtime.flight_computer import UNRECORDED, FlightComputer
 from avionics.vehicles import load_vehicle
 from groundstation.command.console_status import Account, ReportingBoard
-from groundstation.command.onboard import UNRECORDED, Onboard
 from groundstation.command.sim import IsolatedOutputs
 from logs.noted import note_inputs
 from logs.reader import open_log
@@ -49,12 +49,12 @@ class Flight:
         self.board = Rest(TICKS)
         self.lines: list[str] = []
         vehicle, mission = load_vehicle(VEHICLE), load_mission(MISSION)
-        self.onboard = Onboard(
+        self.onboard = FlightComputer(
             vehicle, mission, self.memory, clock=lambda: self.now, clock_ns=lambda: 0, isolation=self.isolation
         )
         self.link = GroundLink([self.ear], self.onboard.view)
         account = Account(quiet=True)
-        account.say = self.lines.append  # type: ignore[method-assign]
+        account.report = self.lines.append  # type: ignore[method-assign]
         self.account = account
         self.console = ReportingBoard(
             self.board, self.onboard.view, account, self.link.announced, every=1.0,
@@ -132,7 +132,7 @@ def test_a_recorder_that_always_raises_is_retried_and_the_flight_goes_on() -> No
     flight.fly(break_recorder)
     assert len(flight.board.answers) == TICKS
     assert "recorder restarts in 1 s: " in flight.texts()
-    assert len(flight.onboard._said) <= UNRECORDED < 20 * TICKS, "what cannot be recorded fills no memory"
+    assert len(flight.onboard._announced) <= UNRECORDED < 20 * TICKS, "what cannot be recorded fills no memory"
 
 
 def test_a_terminal_that_is_gone_costs_no_flight() -> None:
@@ -140,7 +140,7 @@ def test_a_terminal_that_is_gone_costs_no_flight() -> None:
         def broken(text: str) -> None:
             raise BrokenPipeError(32, "Broken pipe")
 
-        flight.account.say = broken  # type: ignore[method-assign]
+        flight.account.report = broken  # type: ignore[method-assign]
 
     flight = Flight()
     flight.fly(close_terminal)

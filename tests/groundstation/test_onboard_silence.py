@@ -18,8 +18,8 @@ from avionics.link.transport import Packet, Peer
 from avionics.link.urls import parse_url
 from avionics.messages import CommandKind, Event
 from avionics.missions import load_mission
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import load_vehicle
-from groundstation.command.onboard import Onboard
 
 POLL = 0.05
 """s; a waiting board calls `idle` as often"""
@@ -66,7 +66,7 @@ class Bench(Rest):
         super().__init__(ticks)
         self.ear, self.memory, self.now = Ear(), Memory(), 0.0
         vehicle, mission = load_vehicle("robo_raven_ii_d"), load_mission("circuit")
-        self.onboard = Onboard(vehicle, mission, self.memory, clock=lambda: self.now)
+        self.onboard = FlightComputer(vehicle, mission, self.memory, clock=lambda: self.now)
         self._pauses = pauses
 
     def read(self) -> Any:

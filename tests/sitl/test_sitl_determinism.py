@@ -17,9 +17,9 @@ from avionics.board.hil import HilBoard
 from avionics.messages import ActuatorCommand, Command, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
+from avionics.runtime.flight_computer import FlightComputer
 from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from groundstation.command.onboard import Onboard
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.server import BridgeServer, BridgeStatistics
 from sim_bridge.flight.flight import fly
@@ -106,7 +106,7 @@ def over_the_bridge(vehicle: str, scenario: Scenario) -> tuple[MemoryLog, Bridge
     serving.start()
     board = HilBoard(url)
     try:
-        Onboard(load_flight_vehicle(vehicle), load_mission("circuit"), log, scripted_start()).fly(board)
+        FlightComputer(load_flight_vehicle(vehicle), load_mission("circuit"), log, scripted_start()).fly(board)
     finally:
         board.close()
         serving.join(30.0)

@@ -1,4 +1,4 @@
-"""What came from the ground and waits for the next tick: obeyed soon, or not at all.
+"""Inputs from the ground that wait for the next tick: applied soon, or not at all.
 
 Where a sensor frame is late, what waits for it grows old. What is older than `SILENCE` is forgotten, because nobody
 expects the wings to move half a minute after the button; only what stops them waits as long as it must.
@@ -16,7 +16,7 @@ SILENCE = 0.5
 """s; of wall-clock time without a sensor frame, after which nothing that moves is taken any more"""
 
 
-class Waiting(NamedTuple):
+class QueuedInput(NamedTuple):
     """One input."""
 
     since: float
@@ -24,17 +24,17 @@ class Waiting(NamedTuple):
     entry: Input
 
 
-class WaitingInputs:
+class InputQueue:
     """The inputs since the last tick, in the order in which they came."""
 
     def __init__(self) -> None:
-        self._waiting: list[Waiting] = []
+        self._waiting: list[QueuedInput] = []
 
     def add(self, now: float, entries: Iterable[Input]) -> None:
         """Keep what came at wall-clock time ``now`` (s); what may wait is kept once, however often it is said."""
         for entry in entries:
             if not (is_patient(entry) and any(_same(each.entry, entry) for each in self._waiting)):
-                self._waiting.append(Waiting(now, entry))
+                self._waiting.append(QueuedInput(now, entry))
 
     def take(self) -> list[Input]:
         """All that waits, for a tick."""

@@ -22,11 +22,11 @@ from avionics.link.vehicle import NO_FRAMES
 from avionics.messages import ChannelOverride, Command, Input, Severity
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
+from avionics.runtime.input_queue import SILENCE, InputQueue
 from avionics.timebase import NOMINAL_US
 from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from avionics.view import FlightView
-from groundstation.command.waiting_inputs import SILENCE, WaitingInputs
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
@@ -36,7 +36,7 @@ UNRECORDED = 4096
 """messages; of a recorder that restarts, beyond which the oldest are lost"""
 
 
-class Onboard:
+class FlightComputer:
     """One flight computer; its ``view`` is what a ground link reads."""
 
     def __init__(
@@ -71,7 +71,7 @@ class Onboard:
         self._polled_at = float("-inf")
         self._file: ParameterFile | None = None
         self._link: GroundLink | None = None
-        self._waiting = WaitingInputs()
+        self._waiting = InputQueue()
         self._ticked_at = float("-inf")
         self._unrecorded = False
         self._thinking = False
