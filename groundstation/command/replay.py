@@ -184,7 +184,9 @@ def _print_flight(done: Replayed) -> None:
     for each in (each for each in done.differences if not each.same):
         first = "" if each.first is None else f"{each.first:.3f} s"
         count = str(each.recorded) if each.recorded == each.replayed else f"{each.replayed} of {each.recorded}"
-        table.add_row(each.topic, count, str(each.differing or ""), first, "; ".join(map(_notices, _foremost(each))))
+        table.add_row(
+            each.topic, count, str(each.differing or ""), first, "; ".join(map(_difference_text, _foremost(each)))
+        )
     console.print(table)
     alike = sum(each.same for each in done.differences)
     console.print(f"{alike} of {counted(len(done.differences), 'topic')} the same in every bit", highlight=False)
@@ -194,7 +196,7 @@ def _foremost(each: TopicDifference) -> list[FieldDifference]:
     return sorted(each.fields, key=lambda field: -field.differing)[:SHOWN]
 
 
-def _notices(field: FieldDifference) -> str:
+def _difference_text(field: FieldDifference) -> str:
     unit = "" if field.unit == "-" else f" {field.unit}"
     if field.rounding:
         return f"{field.field} in the last bits alone, {field.largest:+.1g}{unit}"

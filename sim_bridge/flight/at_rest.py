@@ -27,7 +27,7 @@ class AtRest:
             sensor_spec(vehicle.sections), scenario.seed, scenario.home, scenario.sensor_corner, scenario.pilot
         )
         self._ticks = 0
-        self._stationary_time = _observation(vehicle, scenario)
+        self._at_rest = _observation(vehicle, scenario)
 
     @property
     def tick_us(self) -> int:
@@ -53,7 +53,7 @@ class AtRest:
     def step(self, command: ActuatorCommand) -> SensorFrame:
         """The next tick's readings."""
         self._ticks += 1
-        seen = self._stationary_time._replace(time_us=self.time_us)
+        seen = self._at_rest._replace(time_us=self.time_us)
         return sensor_frame(self.suite.sample(seen, self._ticks - 1))
 
     def record(self) -> None:
@@ -64,7 +64,7 @@ class AtRest:
         nothing = (0.0,) * 6
         wind = (0.0, 0.0, 0.0)
         return TruthState._make(
-            (self.time_us, *nothing, *self._stationary_time.quaternion, 0.0, 0.0, 0.0, *wind, 0.0, 0.0, 1)
+            (self.time_us, *nothing, *self._at_rest.quaternion, 0.0, 0.0, 0.0, *wind, 0.0, 0.0, 1)
         )
 
 

@@ -12,7 +12,7 @@ from ports import free_port
 from avionics.vehicles import FOLDER as FLIGHT
 from groundstation.command.main import main
 from groundstation.command.options import name_warnings
-from sim_bridge.flight.tuning.proof import Comparison, Flown, Proof
+from sim_bridge.flight.tuning.proof import Comparison, FlightQuality, Proof
 from sim_bridge.vehicles import FOLDER as WORLD
 from sim_bridge.vehicles import load_vehicle
 
@@ -70,7 +70,7 @@ def test_list_marks_which_vehicles_can_be_flown(capsys: Capture) -> None:
     assert any(flies.values()) and not all(flies.values())
 
 
-FLIGHT_BEFORE = Flown(2, 36.0, False, 0.5, 0.1, 0.05, 0.04, 0.1, 0.1, 0.02, 15.0)
+FLIGHT_BEFORE = FlightQuality(2, 36.0, False, 0.5, 0.1, 0.05, 0.04, 0.1, 0.1, 0.02, 15.0)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ FLIGHT_BEFORE = Flown(2, 36.0, False, 0.5, 0.1, 0.05, 0.04, 0.1, 0.1, 0.02, 15.0
         (FLIGHT_BEFORE._replace(altitude_rms=0.3, holds=1), Comparison.WORSE),
     ],
 )
-def test_flights_are_compared(after: Flown, expected: Comparison) -> None:
+def test_flights_are_compared(after: FlightQuality, expected: Comparison) -> None:
     assert Proof(FLIGHT_BEFORE, after).comparison is expected
     opposite = {Comparison.BETTER: Comparison.WORSE, Comparison.WORSE: Comparison.BETTER}
     assert Proof(after, FLIGHT_BEFORE).comparison is opposite.get(expected, expected)

@@ -14,7 +14,7 @@ from avionics.vehicles import load_vehicle, vehicle_names
 from groundstation.command import linearize, tune
 from groundstation.command.main import main
 from sim_bridge.flight.tuning.cascade import Design
-from sim_bridge.flight.tuning.proof import Flown
+from sim_bridge.flight.tuning.proof import FlightQuality
 from sim_bridge.tuning.model import LinearModel
 from sim_bridge.vehicles import load_vehicle as load_world
 from sim_bridge.vehicles import vehicle_names as world_names
@@ -88,7 +88,7 @@ def test_tuning_flies_before_and_after_and_tells_programs(capsys: Capture, tmp_p
     assert not all(loop["before"]["keeps"] for loop in told["loops"])
     assert told["written"] == []
     before, after = told["flights"]["before"], told["flights"]["after"]
-    assert set(before) == set(Flown._fields)
+    assert set(before) == set(FlightQuality._fields)
     for flight in (before, after):
         assert flight["holds"] == 2 and flight["airtime"] == pytest.approx(36.0) and not flight["touched"]
     # The lateral loops without margins chased the gusts with the rudder.

@@ -62,7 +62,7 @@ def test_the_signal_weakens_with_the_distance() -> None:
 def test_a_transmitter_that_is_switched_off_is_missed_and_then_said_to_be_lost() -> None:
     frames = heard(lambda seen: Sticks(roll=0.5) if seen.time_us < 1_000_000 else None, 2.0)
     assert all(frame is not None and not frame.lost for frame in frames[:50])
-    silence = round(SPEC.patience * 50) - 1
+    silence = round(SPEC.timeout * 50) - 1
     assert frames[50 : 50 + silence] == [None] * silence
     last = frames[49]
     assert last is not None

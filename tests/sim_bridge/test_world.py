@@ -169,7 +169,7 @@ def test_how_long_the_launcher_waits_for_what_the_air_does(
     """GIVEN a north wind and a gust (NED) that stays THEN thrown after so many times his patience."""
     monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
     monkeypatch.setattr(launching, "LONGEST_WAIT", 2.0)
-    monkeypatch.setattr(SimulatedWorld, "_blow", lambda _: None)
+    monkeypatch.setattr(SimulatedWorld, "_sample_gust", lambda _: None)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
     world._gust = Gust(gust, (0.0, 0.0, 0.0))
     waited = until_thrown(world).time_us * 1e-6 - 0.1

@@ -17,7 +17,7 @@ from logs.identification.modes.mode import ModesResult
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Array, Estimate
 from sim_bridge.flight.tuning.cascade import design, parts_of
-from sim_bridge.flight.tuning.proof import flown
+from sim_bridge.flight.tuning.proof import fly_quality
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.tuning.margins import LIMITS
@@ -160,7 +160,7 @@ def test_the_flight_code_flies_the_identified_world(cycle: Cycle) -> None:
     vehicle = load_flight_vehicle(NAME)
     found = design(cycle.model, vehicle)
     assert all(loop.margins.keeps(LIMITS) for loop in found.after)
-    flight = flown(cycle.world, vehicle, found.gains)
+    flight = fly_quality(cycle.world, vehicle, found.gains)
     assert flight.holds == 2 and not flight.touched
     assert flight.altitude_rms < 2.0
     assert flight.pitch_rms < 0.15
