@@ -193,9 +193,9 @@ def skipped_item(item: WireItem) -> MissionItem:
 
 
 def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
-    """What of a mission is flown in another way than it was sent, a line for each kind; for people.
+    """Describe what of a mission is flown differently from what was sent, one line for each kind.
 
-    Home is at its beginning where ``first_item`` is 1.
+    The list begins with home if ``first_item`` is 1.
     """
     skipped = [item.command for item in items if item.command in SKIPPED - {mavlink.MAV_CMD_DO_LAND_START}]
     names = dict.fromkeys(map(command_name, skipped))

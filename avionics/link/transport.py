@@ -618,8 +618,8 @@ class Listener:
         self._socket.close()
 
 
-def open_stream(url: str | LinkUrl, timeout_s: float) -> Stream | None:
-    """Reach a lockstep partner; None when it did not answer for ``timeout_s`` s.
+def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
+    """Reach a lockstep partner; None when it did not answer for ``timeout`` s.
 
     ``tcp`` connects and tries again while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
 
@@ -632,17 +632,17 @@ def open_stream(url: str | LinkUrl, timeout_s: float) -> Stream | None:
     if parsed.kind == "tcpin":
         listener = Listener(parsed)
         try:
-            return listener.accept(timeout_s)
+            return listener.accept(timeout)
         finally:
             listener.close()
     if parsed.kind != "tcp":
         raise BadInput(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
-    return _connect_stream(parsed, timeout_s)
+    return _connect_stream(parsed, timeout)
 
 
-def _connect_stream(url: LinkUrl, timeout_s: float) -> SocketStream | None:
+def _connect_stream(url: LinkUrl, timeout: float) -> SocketStream | None:
     family, address = _resolve(url, socket.SOCK_STREAM)
-    deadline = time.monotonic() + timeout_s
+    deadline = time.monotonic() + timeout
     while True:
         attempt = socket.socket(family, socket.SOCK_STREAM)
         attempt.settimeout(max(0.05, deadline - time.monotonic()))

@@ -80,7 +80,7 @@ def check_item(item: MissionItem) -> str:
 
 
 def check_climb(mission: Mission) -> str:
-    """Why a mission cannot be flown from the hand: it never climbs; empty when it does."""
+    """Return why a mission cannot be launched: no item climbs before a landing; empty if one does."""
     before_landing = itertools.takewhile(lambda item: item.kind != ItemKind.LAND, mission)
     if any(item.kind == ItemKind.RETURN or item.altitude > HAND_HEIGHT for item in before_landing):
         return ""

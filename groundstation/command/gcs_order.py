@@ -135,7 +135,7 @@ def _set_takeoff_altitude(session: Session, altitude: float) -> None:
 def know_modes(session: Session) -> None:
     """Learn whose vehicle it is and what its modes are called: what an order is, and how it shows, goes by that."""
     session.identify_vehicle()
-    session.connection.know_modes(session.request_mode_names_of())
+    session.connection.know_modes(session.read_mode_names())
 
 
 def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:

@@ -69,7 +69,7 @@ class Session(NamedTuple):
         with ProgressBar(label, quiet=self.json, reporting=True) as bar:
             return self.connection.run(exchange, lambda now: bar.show(*now.progress()), LONG)
 
-    def request_mode_names_of(self) -> dict[int, str]:
+    def read_mode_names(self) -> dict[int, str]:
         """Names of the modes as the vehicle announces them, kept in the state; empty where it has none to tell."""
         return dict(self.run_exchange(request_mode_names(self.target), "asking for modes").names)
 

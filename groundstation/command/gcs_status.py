@@ -26,7 +26,7 @@ def show(session: Session) -> None:
     """Listen, and print the picture or the document."""
     traffic = Traffic()
     session.connection.overhear(traffic.handle_frame)
-    names = session.request_mode_names_of()
+    names = session.read_mode_names()
     session.connection.listen(LISTENED)
     state = session.state._replace(mode_names=tuple(names.items()))
     quality = traffic.quality(session.connection.now())

@@ -38,14 +38,14 @@ def leaning(time: float) -> Motion:
 class Bench:
     """A fake Razor and the board that reads it, on the fake's clock; what the board says is kept."""
 
-    def __init__(self, fake: FakeRazor, options: str = "", patience: Timeouts = QUICK, address: str = "") -> None:
+    def __init__(self, fake: FakeRazor, options: str = "", timeouts: Timeouts = QUICK, address: str = "") -> None:
         self.fake = fake
         self.said: list[str] = []
         self.at: dict[int, Callable[[], None]] = {}
         """what happens at a turn of the fake's loop"""
         self.turn = 0
         around = Surroundings(lambda severity, text: self.said.append(text), self._pump)
-        self.board = RazorBoard((address or fake.address) + options, patience, lambda: self.fake.now, around)
+        self.board = RazorBoard((address or fake.address) + options, timeouts, lambda: self.fake.now, around)
 
     def _pump(self) -> None:
         self.turn += 1
@@ -226,7 +226,7 @@ def test_plugged_in_again_it_goes_on(tmp_path: Path) -> None:
     device = tmp_path / "razor"
     first, second = FakeRazor(leaning), FakeRazor(leaning, seed=2)
     device.symlink_to(first.line.device)
-    bench = Bench(first, address=f"razor:{device}", patience=QUICK._replace(loss=20.0))
+    bench = Bench(first, address=f"razor:{device}", timeouts=QUICK._replace(loss=20.0))
     earlier = bench.read(20)
 
     def put_back() -> None:

@@ -22,20 +22,20 @@ sys.path.insert(0, str(Path(__file__).parent))
 from flapping_airframe import SLOW_HAWK, Motion
 from modelled_sensors import GAINS, STILL, Estimate, Sensed, calibrated, estimated, sensed, shipped
 
-EnvelopeState = tuple[Motion, list[Sensed]]
+SensedFlight = tuple[Motion, list[Sensed]]
 LENGTH = 32.0
 
 
 @cache
-def flight(bank_deg: float, seed: int = 1, units: bool = False) -> EnvelopeState:
+def flight(bank_deg: float, seed: int = 1, units: bool = False) -> SensedFlight:
     """Noise, resolution and gyro bias of the modelled sensors; with ``units`` what calibration leaves as well."""
     spec = shipped() if units else calibrated(shipped())
     return sensed(spec, SLOW_HAWK._replace(bank=math.radians(bank_deg)), LENGTH, seed)
 
 
-def altered(flown: EnvelopeState, change: Callable[[float, Sensed], Sensed]) -> EnvelopeState:
+def altered(flight: SensedFlight, change: Callable[[float, Sensed], Sensed]) -> SensedFlight:
     """Sensors that fail: ``change`` is given the time since the throw."""
-    motion, given = flown
+    motion, given = flight
     return motion, [change(float(t) - STILL, now) for t, now in zip(motion.time, given, strict=True)]
 
 

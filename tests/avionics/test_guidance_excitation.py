@@ -223,7 +223,7 @@ def test_the_climb_loop_is_calm_while_a_trim_is_sought() -> None:
     )
 
 
-@pytest.mark.parametrize("asked", [SWEEP, SWEEP._replace(loops=1), THREE])
+@pytest.mark.parametrize("requested", [SWEEP, SWEEP._replace(loops=1), THREE])
 @pytest.mark.parametrize(
     "outside",
     [
@@ -234,8 +234,8 @@ def test_the_climb_loop_is_calm_while_a_trim_is_sought() -> None:
         FLOWN._replace(airspeed=math.nan),
     ],
 )
-def test_leaving_the_envelope_aborts_every_shape(asked: Excitation, outside: excitation.EnvelopeState) -> None:
-    state, status = excitation.step(GAINS, running(asked), 0, DT, True, outside)
+def test_leaving_the_envelope_aborts_every_shape(requested: Excitation, outside: excitation.EnvelopeState) -> None:
+    state, status = excitation.step(GAINS, running(requested), 0, DT, True, outside)
     assert (status.aborted, status.active, state.finished) == (1, 0, 1)
     assert status[3:6] == (0.0, 0.0, 0.0)
 

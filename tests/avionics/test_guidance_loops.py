@@ -215,10 +215,10 @@ DOUBLET = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.2, 0.5, 2)
 FLOWN = excitation.EnvelopeState(0.3, 0.0, 7.5, 40.0)
 
 
-def excite(asked: Excitation, seconds: float, flown: excitation.EnvelopeState = FLOWN, dt: float = 0.01):
-    state, statuses = excitation.start(excitation.State(), asked), []
+def excite(requested: Excitation, seconds: float, envelope: excitation.EnvelopeState = FLOWN, dt: float = 0.01):
+    state, statuses = excitation.start(excitation.State(), requested), []
     for i in range(round(seconds / dt)):
-        state, status = excitation.step(EXCITE, state, round(i * dt * 1e6), dt, True, flown)
+        state, status = excitation.step(EXCITE, state, round(i * dt * 1e6), dt, True, envelope)
         statuses.append(status)
     return state, statuses
 

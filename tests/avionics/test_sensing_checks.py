@@ -148,9 +148,9 @@ def test_the_attitude_alone_tells_a_disturbed_field(disturbed: int) -> None:
 BEATING = wing_check.CheckInputs(4.0, -4.0, 2.4, 0.02, 1)
 
 
-def watch(state: wing_check.State, seen: wing_check.CheckInputs, seconds: float) -> wing_check.State:
+def watch(state: wing_check.State, inputs: wing_check.CheckInputs, seconds: float) -> wing_check.State:
     for _ in range(round(seconds / DT)):
-        state = wing_check.step(WINGS, state, DT, seen)
+        state = wing_check.step(WINGS, state, DT, inputs)
     return state
 
 

@@ -120,7 +120,7 @@ class CommandService:
         return self._forward(self._command(CommandKind.KILL, request))
 
     def _mode(self, request: Request, mode: Mode | None, requested: float = math.nan) -> CommandResult:
-        """The change to ``mode``, which was asked for as custom mode ``requested`` or by a command of its own."""
+        """Change to ``mode``; ``requested`` is the custom mode of the command, NaN if it has none."""
         if mode is None:
             names = ", ".join(dict.fromkeys(entry.mode.name for entry in self._identity.modes))
             return CommandResult(_DENIED, (), f"no such mode; there are {names}")

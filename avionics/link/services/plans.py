@@ -54,7 +54,7 @@ def _decode_mission(items: Sequence[WireItem], home: Home | None) -> tuple[Missi
 
 
 def _decode_numbered(number: int, item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
-    """Home, where a client sends it first although this identity's list begins with the mission, is not flown."""
+    """Decode an item; a home that a client sends first is kept, but not flown."""
     return skipped_item(item) if number == 0 and is_home(item, home) else decode_item(item, home, earlier)
 
 

@@ -76,7 +76,7 @@ class Design(NamedTuple):
 def design(
     model: LinearModel, vehicle: FlightVehicle, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> Design:
-    """Design every loop that the model has the motion for; ``on_progress`` hears how many of how many are done.
+    """Design every loop that the model has the motion for; ``on_progress`` gets the loops done and their number.
 
     Raises:
         BadInput: a loop finds no gains that keep the margins.
