@@ -7,7 +7,6 @@ physics is asked.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from avionics.messages import (
     BURST_LENGTH,
@@ -160,16 +159,3 @@ class Bird:
         latitude = HOME[0] + self.north / 6.38e6
         longitude = HOME[1] + self.east / (6.39e6 * math.cos(HOME[0]))
         return GpsFix(self.time_us, latitude, longitude, 300.0 + self.altitude, *v, 2.0, 3.0, 3, 9)
-
-
-class EnvelopeState(NamedTuple):
-    """One row of a flight."""
-
-    time: float
-    north: float
-    east: float
-    altitude: float
-    airspeed: float
-    pitch: float
-    roll: float
-    yaw: float
